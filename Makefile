@@ -27,18 +27,20 @@ demo: setup
 	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
 	@echo "read       $(OUT)/demo.json  what it took"
 
-# Every test but the long ones.
+# Every test but the long ones and those of the training, which need a minute of building: `cargo test -p asperity-train`.
 test: setup-tests
-	$(CARGO) test --workspace --no-fail-fast
+	$(CARGO) test --workspace --exclude asperity-train --no-fail-fast
 
-# The tests that take minutes and, the hard cases, some hours: a million ticks without an allocation, a thousand swaps of the shipped graph, a million ticks live, ten
-# million ticks of nodes that fail, sixty times as many hostile cases, and every reader fuzzed for a minute.
+# The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
+# swaps of the shipped graph, a million ticks live, ten million ticks of nodes that fail, sixty times as many hostile
+# cases, and every reader fuzzed for a minute.
 test-long: setup-tests setup-fuzz
-	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test no_alloc
-	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test swap_long
-	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live_long -- --nocapture
-	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 $(CARGO) test -p asperity --test stability -- --nocapture
-	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test hostile -- --nocapture
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test alloc ticks::
+	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test alloc swap_long::
+	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live long:: -- --nocapture
+	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 \
+	    $(CARGO) test -p asperity --test stability -- --nocapture
+	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
 
 # Every reader, for so many seconds each.
@@ -64,21 +66,23 @@ plugins: setup
 	@echo "to have them in every graph and in compare:"
 	@echo "    export ASPERITY_PLUGIN_PATH=$(abspath $(OUT)/plugins)"
 
-# What accuracy costs in time: the shipped study, into docs/tradeoff. Under 15 minutes on 2 cores; stopped, it goes on where it was.
+# What accuracy costs in time: the shipped trade-off. Under 15 minutes on 2 cores; a stopped run resumes.
+# The report and pictures go to docs/tradeoff, the results that `asperity choose` has to graphs/tradeoffs.
 tradeoff: setup
 	$(CARGO) build --release -p asperity -p asperity-rtpghi -p asperity-gsrtisi-la
 	mkdir -p $(OUT)
-	target/release/asperity tradeoff graphs/studies/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
+	target/release/asperity tradeoff graphs/tradeoffs/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
 	    --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so
-	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/results.json $(OUT)/tradeoff/REPORT.md docs/tradeoff/
+	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/REPORT.md docs/tradeoff/
+	cp $(OUT)/tradeoff/results.json graphs/tradeoffs/
 
 # Writes the plugin interface's C header anew from its Rust.
 header: setup
-	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi --test header
+	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi header
 
 # Writes the hard cases into docs/stability.md anew.
 stability-docs: setup
-	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks --test docs
+	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks docs
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup
@@ -100,9 +104,9 @@ pictures: setup
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
 	$(CARGO) bench -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
 
-# And those of a run: the page in a browser while a pen strokes, and the terminal.
+# And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live_pictures
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live pictures::
 
 clean:
 	$(CARGO) clean

@@ -1,8 +1,9 @@
 //! How random a learned texture is, beside the simulated physics of the same strokes: pulses, repetition,
 //! kurtosis, level.
 //!
-//!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--only NAME] [--speeds 40,80,160,280]
-//!     [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--keep FOLDER] [--svg FILE]
+//!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--only NAME] [--speeds
+//!     40,80,160,280] [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--keep FOLDER]
+//!     [--svg FILE]
 //!
 //! Three parts: straight strokes (or circles) at constant speed and force over two materials of each
 //! family (or all), gratings straight across their ridges, and a hand's motion. `--keep` writes the signals
@@ -132,7 +133,7 @@ fn played(graph: &GraphFile, material: &str, seed: u64, way: &Path3, seconds: f6
     graph.set(&format!("texture.material={material}"), "bench").unwrap_or_else(|e| panic!("{e}"));
     let options = Options { sleep: false, ..Options::default() };
     let chain = Chain::new(&graph, &registry(), vec![way.clone()], options);
-    let heard = chain.unwrap_or_else(|e| panic!("{e}")).hear(seconds);
+    let heard = chain.unwrap_or_else(|e| panic!("{e}")).render(seconds);
     assert_eq!(heard.faults, 0);
     let rate = f64::from(heard.framing.expect("frames").rate_hz);
     let from = (SETTLES_S * rate) as usize;
@@ -262,7 +263,8 @@ fn steady(asked: &Asked) {
          {STEADY}), repetition by more than 0.1, kurtosis by more than 15 %.\n"
     );
     println!(
-        "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | holds |"
+        "| material | speed mm/s | modulation 15-25 Hz | repetition | kurtosis | deviation of level dB | \
+         holds |"
     );
     println!("|---|---|---|---|---|---|---|");
     let mut holding: Vec<(&str, &str)> = Vec::new();
@@ -290,7 +292,8 @@ fn steady(asked: &Asked) {
             let holds = !off.contains(&true);
             all_hold &= holds;
             println!(
-                "| {name} | {speed} | {m:.3} / {mt:.3}{} | {r:.2} / {rt:.2}{} | {k:.2} / {kt:.2}{} | {d:.2} / {dt:.2} | {} |",
+                "| {name} | {speed} | {m:.3} / {mt:.3}{} | {r:.2} / {rt:.2}{} | {k:.2} / {kt:.2}{} | \
+                 {d:.2} / {dt:.2} | {} |",
                 star[0],
                 star[1],
                 star[2],
@@ -313,7 +316,8 @@ fn steady(asked: &Asked) {
 fn gratings(asked: &Asked) {
     println!("\n## Gratings, straight across, {} N\n", asked.force_n);
     println!(
-        "| grating | speed mm/s | lag ms, rendered / true | correlation there | kurtosis | modulation 15-25 Hz |"
+        "| grating | speed mm/s | lag ms, rendered / true | correlation there | kurtosis | modulation \
+         15-25 Hz |"
     );
     println!("|---|---|---|---|---|---|");
     for name in GRATINGS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str()))) {
@@ -362,7 +366,8 @@ fn gratings(asked: &Asked) {
 fn hand(asked: &Asked) {
     println!("\n## A hand's motion: minimum-jerk strokes with tremor\n");
     println!(
-        "| material | 20 Hz power over the truth's dB | level over the truth's dB | level over that of phase retrieval alone dB | the same above 30 Hz | kurtosis |"
+        "| material | 20 Hz power over the truth's dB | level over the truth's dB | level over that of \
+         phase retrieval alone dB | the same above 30 Hz | kurtosis |"
     );
     println!("|---|---|---|---|---|---|");
     for name in MATERIALS.iter().filter(|n| asked.only.as_ref().is_none_or(|only| n.contains(only.as_str())))
@@ -412,7 +417,7 @@ fn hand(asked: &Asked) {
     }
 }
 
-/// What phase retrieval alone makes of the same network: the graph before. None of a graph that retrieves
+/// Signal of the same network by phase retrieval alone: the earlier graph. None of a graph that retrieves
 /// phase itself.
 fn retrieved(graph: &str) -> Option<GraphFile> {
     let mut graph = GraphFile::read(graph).unwrap_or_else(|e| panic!("{e}"));

@@ -1,9 +1,11 @@
-//! What a scene costs: of 1 to 10000 surfaces one is touched, and a tick is to cost what it would alone.
+//! Tick time of scenes with 1 to 10000 surfaces, one of them touched. It must not grow with the number of
+//! surfaces.
 //!
-//! All sizes of a table take turns tick by tick in one loop, so that what the machine does besides is the same for all; figures are medians. `far`: the other
-//! surfaces lie in a grid 200 mm and more away. `stacked`: all lie on each other, half a millimetre and less apart, so that any of them could be the one.
-//! `crowd`: boxes and balls of 2 mm, turned any way, 7 to 60 mm around the stylus, above, below and through each other.
-//! The goals are printed beside what was measured, and nothing fails on them: machines differ.
+//! All sizes of a table take turns tick by tick in one loop, so that what the machine does besides is the
+//! same for all; figures are medians. `far`: the other surfaces lie in a grid 200 mm and more away.
+//! `stacked`: all lie on each other, half a millimetre and less apart, so that any of them could be the one.
+//! `crowd`: boxes and balls of 2 mm, turned any way, 7 to 60 mm around the stylus, above, below and through
+//! each other. The goals are printed beside what was measured, and nothing fails on them: machines differ.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -27,7 +29,7 @@ impl Clock for Wall {
     }
 }
 
-/// How a stylus moves.
+/// Motion of the stylus.
 #[derive(Clone, Copy)]
 enum Hand {
     /// In circles on the surface.
@@ -44,7 +46,7 @@ enum Others {
     Crowd,
 }
 
-/// What surfaces do.
+/// Effects of the surfaces.
 #[derive(Clone, Copy)]
 struct What {
     name: &'static str,
@@ -62,7 +64,8 @@ const WAVEFORM: What = What {
 };
 const NETWORK: What = What {
     name: "network",
-    effects: "stiffness: (stiffness_n_per_mm: 0.5), friction: viscous_coulomb(coefficient: 0.3), texture: network",
+    effects: "stiffness: (stiffness_n_per_mm: 0.5), friction: viscous_coulomb(coefficient: 0.3), \
+              texture: network",
     sounds: true,
 };
 
@@ -71,14 +74,16 @@ fn scene(count: usize, what: What, others: Others, hand: Hand) -> String {
     let _ = match hand {
         Hand::Touching => writeln!(
             out,
-            "    input: stroke(shape: circle, extent_mm: 10.0, speed_mm_s: 60.0, duration_s: 100000.0, quantum_mm: 0.0),"
+            "    input: stroke(shape: circle, extent_mm: 10.0, speed_mm_s: 60.0, duration_s: 100000.0, \
+             quantum_mm: 0.0),"
         ),
         Hand::Air => writeln!(out, "    input: trajectory(file: \"air.csv\"),"),
     };
     if what.sounds {
         let _ = writeln!(
             out,
-            "    network: (model: \"{MODELS}/surfaces/texture.onnx\", library: \"{MODELS}/surfaces/materials.ron\"),\n    \
+            "    network: (model: \"{MODELS}/surfaces/texture.onnx\", \
+             library: \"{MODELS}/surfaces/materials.ron\"),\n    \
              actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),\n    \
              output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0),"
         );
@@ -106,7 +111,8 @@ fn scene(count: usize, what: What, others: Others, hand: Hand) -> String {
         let turn = if matches!(others, Others::Crowd) && i > 0 { 360.0 * part(0.438_579) } else { 0.0 };
         let _ = writeln!(
             out,
-            "        \"{i}\": (shape: {shape}, place_mm: ({x}, {y}, {z}), turn_deg: ({turn}, {}, 0), material: \"canvas\", effects: ({})),",
+            "        \"{i}\": (shape: {shape}, place_mm: ({x}, {y}, {z}), turn_deg: ({turn}, {}, 0), \
+             material: \"canvas\", effects: ({})),",
             0.5 * turn,
             what.effects
         );

@@ -1,5 +1,5 @@
-//! What a hot swap of the shipped graph costs, in one run: plain ticks, the tick of the takeover, ticks while it fades;
-//! and what it costs the control thread.
+//! Cost of a hot swap of the shipped graph, in one run: plain ticks, the tick of the takeover, ticks while
+//! it fades; and what it costs the control thread.
 
 use std::time::Instant;
 

@@ -1,9 +1,9 @@
-//! One table: what each node and the whole tick of the shipped graph cost, beside a plain read of the network's
-//! weights timed in the same run.
+//! One table: what each node and the whole tick of the shipped graph cost, beside a plain read of the
+//! network's weights timed in the same run.
 //!
-//! Back to back, ticks follow each other at once and caches stay warm. Once every 2 ms the thread sleeps between
-//! ticks, as live, and the caches are what the rest of the machine left. The goals are those of the design;
-//! they are printed beside what was measured and nothing fails on them: machines differ.
+//! Back to back, ticks follow each other at once and caches stay warm. Once every 2 ms the thread sleeps
+//! between ticks, as live, and the caches are what the rest of the machine left. The goals are those of the
+//! design; they are printed beside what was measured and nothing fails on them: machines differ.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ impl Clock for Wall {
     }
 }
 
-/// How ticks follow each other.
+/// Pace of the ticks.
 #[derive(Clone, Copy, PartialEq)]
 enum Pace {
     BackToBack,

@@ -2,7 +2,7 @@
 # Fuzzes what reads files, so many seconds each: scripts/fuzz.sh SECONDS [TARGET...]
 #
 # A target begins with fuzz/corpus/TARGET; what it finds beyond stays in fuzz/found. An input that makes it fail is put into fuzz/artifacts,
-# and ends the script. A failure is a panic, more than 20 s (TIMEOUT_S) for one input, or more memory than tests/common/readers.rs says (which the target counts
+# and ends the script. A failure is a panic, more than 20 s (TIMEOUT_S) for one input, or more memory than tests/stability/readers.rs says (which the target counts
 # itself); the whole process may have 2 GiB, and a single allocation 1 GiB where there is a sanitizer to look after it.
 #
 # Needs no nightly compiler. With one, SANITIZER=address CARGO="cargo +nightly" looks for errors of memory too, two to three times slower.

@@ -1,17 +1,23 @@
-//! What all targets do: read one input, in bounded memory and without a panic.
+//! Shared by all targets: reads one input, in bounded memory and without a panic.
 
-#[path = "../../tests/common/counting.rs"]
+#[path = "../../tests/harness/src/counting.rs"]
+#[allow(dead_code, unreachable_pub, reason = "tests ask more of it")]
 mod counting;
-#[path = "../../tests/common/readers.rs"]
+#[path = "../../tests/stability/readers.rs"]
+#[allow(dead_code, reason = "tests ask more of it")]
 mod readers;
 
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Mutex;
 
+/// Counts the bytes that a reader holds.
+#[global_allocator]
+static ALLOCATOR: counting::Counting = counting::Counting;
+
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
 
-/// What the last panic said.
+/// Message of the last panic.
 static SAID: Mutex<String> = Mutex::new(String::new());
 
 /// A panic that is caught where it belongs is none: tract's over a malformed model. Any other ends the run.

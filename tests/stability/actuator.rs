@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
-use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited, wrap};
+use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited};
 use asperity_node::{NodeKind, Param, Status};
 use proptest::prelude::*;
 
-use crate::{fails, graph, holds, plugin, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject, wrap};
 
-/// A kind whose output is changed sample by sample: by the sample, its number from the first that was asked for, and the sample before it.
+/// A kind whose output is changed sample by sample: by the sample, its number from the first that was asked
+/// for, and the sample before it.
 fn changed(
     subject: &Subject<'_>,
     kind: &str,
@@ -31,7 +32,8 @@ fn changed(
     )
 }
 
-/// A limiter that does something else with its input, sample by sample: by the sample, and the output before it.
+/// A limiter that does something else with its input, sample by sample: by the sample, and the output before
+/// it.
 fn in_place(
     subject: &Subject<'_>,
     does: impl Fn(f32, f32) -> f32 + Clone + Send + Sync + 'static,
@@ -164,7 +166,8 @@ fn the_mean_and_the_stroke_are_held() {
     };
     let dynamics = ActuatorProfile::shipped("hapcoil_one").expect("a profile").expect("a profile");
     let hz = Dynamics::new(&dynamics, 100.0).expect("dynamics").natural_hz();
-    // 0.05 A for ever, which the coil stands and a stylus feels as nothing; and all that is asked for, at resonance.
+    // 0.05 A for ever, which the coil stands and a stylus feels as nothing; and all that is asked for, at
+    // resonance.
     let passes_dc = in_place(&subject, |x, last| last + (x.clamp(-0.05, 0.05) - last).clamp(-1e-3, 1e-3));
     let open = in_place(&subject, |x, _| x);
     for (sound, mutant, why) in
@@ -184,7 +187,7 @@ fn own_limits() {
         let graph = graph(name);
         holds("own_limits", &subject(Some(&graph)));
     }
-    for name in ["every_effect.ron", "study.ron"] {
+    for name in ["every_effect.ron", "side_by_side.ron"] {
         let graph = scene(name);
         holds("own_limits", &subject(Some(&graph)));
     }
@@ -235,7 +238,8 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let drive = if voltage { Drive::Voltage } else { Drive::Current };
-        let place = Place { kind: "limiter", actuator: (profile, grams), drive, rate_hz, settings: (slew_hz, dc_hz) };
+        let settings = (slew_hz, dc_hz);
+        let place = Place { kind: "limiter", actuator: (profile, grams), drive, rate_hz, settings };
         let stood = limited(&subject(None), place, seed, &pieces);
         prop_assert!(stood.is_ok(), "{stood:?}");
     }

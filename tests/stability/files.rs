@@ -1,28 +1,24 @@
 //! Whatever stands in a file: it is read or refused, without a panic, in bounded time and memory.
 //!
-//! The corpora are those of the fuzz targets (`fuzz/corpus`), and what fuzzing found stands in them. A file whose name begins with
-//! `bad_` is one that is refused; all others are taken.
+//! The corpora are those of the fuzz targets (`fuzz/corpus`), and what fuzzing found stands in them. A file
+//! whose name begins with `bad_` is one that is refused; all others are taken.
 
 mod bent;
 mod models;
 pub(crate) use models::encoder;
-#[path = "../common/readers.rs"]
-mod readers;
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use crate::common::root;
-use crate::counting::{Held, held};
 use bent::bent;
-use readers::{READERS, Reader};
+use harness::counting::{Held, held};
+use harness::root;
 
-/// The folder of the shipped graphs.
-const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
+use crate::readers::{READERS, Reader};
 
-/// How long one small file may take on a machine that is busy with much else.
+/// Longest time for one small file on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn folder(name: &str) -> PathBuf {
@@ -50,7 +46,8 @@ fn inputs(name: &str, count: u64) -> Vec<Vec<u8>> {
     [whole, made].concat()
 }
 
-/// Whether a reader comes to an answer about each file within `patience`, without a panic and in the memory that it may hold.
+/// Whether a reader comes to an answer about each file within `patience`, without a panic and in the memory
+/// that it may hold.
 fn endures(reader: Reader, inputs: &[Vec<u8>], patience: Duration) -> Result<(), String> {
     let (answer, answers) = mpsc::channel();
     let files = inputs.to_vec();
@@ -181,7 +178,8 @@ fn the_fuzzers_dictionary_has_every_kind_and_parameter() {
     assert!(std::fs::read_to_string(&path).is_ok_and(|there| there == text), "{} is another", path.display());
 }
 
-/// Mutant: reserves room for as many numbers as the header claims, and only then looks whether they are there.
+/// Mutant: reserves room for as many numbers as the header claims, and only then looks whether they are
+/// there.
 fn reserves_what_is_claimed(bytes: &[u8]) -> bool {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(128)]).into_owned();
     let shape = head.split_once("'shape': (").map_or("", |(_, shape)| shape);

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use asperity_checks::{Effort, Subject, wrap};
+use asperity_checks::{Effort, Subject};
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
 use asperity_node::{Fault, NodeKind, Param, Status, time};
 
-use crate::{fails, graph, holds, plugin, scene, subject};
+use crate::{fails, graph, holds, plugin, scene, subject, wrap};
 
-/// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the call, and ticks a second.
+/// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the
+/// call, and ticks a second.
 fn changed(
     subject: &Subject<'_>,
     kind: &str,
@@ -108,7 +109,7 @@ fn uneven_hops() {
 }
 
 #[test]
-fn a_kind_of_phase_retrieval_that_has_to_be_set_is_left_out() {
+fn phase_retrieval_with_required_parameter_is_left_out() {
     let built_in = subject(None);
     let weights = Param::file("weights", "What it has learned.").required();
     let more = plugin(&built_in.kind("spsi").expect("the kind"), "learned_phase", |d| d.param(weights));
@@ -144,7 +145,7 @@ fn tail_of_graph() {
         let graph = graph(name);
         holds("tail_of_graph", &subject(Some(&graph)));
     }
-    for name in ["every_effect.ron", "study.ron", "twelve.ron"] {
+    for name in ["every_effect.ron", "side_by_side.ron", "twelve.ron"] {
         let graph = scene(name);
         holds("tail_of_graph", &subject(Some(&graph)));
     }
@@ -194,7 +195,8 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// What ticks keep time with: told of a callback (time in ns, frames), it says when a frame is asked for, and at which frame a time is.
+/// What ticks keep time with: told of a callback (time in ns, frames), it says when a frame is asked for,
+/// and at which frame a time is.
 trait Follows {
     fn heard(&mut self, now_ns: f64, frames: u64);
     fn time_ns(&self, position: f64) -> f64;
@@ -210,7 +212,8 @@ impl Follows for Dll {
     }
 }
 
-/// The mutant: a clock that is right at the first callback, and goes by the rate that is written on the device.
+/// The mutant: a clock that is right at the first callback, and goes by the rate that is written on the
+/// device.
 #[derive(Default)]
 struct Nominal {
     began_ns: Option<f64>,
@@ -226,9 +229,11 @@ impl Follows for Nominal {
     }
 }
 
-/// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames between the ticks that have been run and what the
-/// device has taken, the least and the most of them after the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks are
-/// run by the rule of the paced driver, each a period and 1.5 ms before its first frame is asked for: it is the driver's clock that is looked at here.
+/// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames
+/// between the ticks that have been run and what the device has taken, the least and the most of them after
+/// the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks
+/// are run by the rule of the paced driver, each a period and 1.5 ms before its first frame is asked for: it
+/// is the driver's clock that is looked at here.
 fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
     let frame_ns = 1e9 / (f64::from(RATE_HZ) * (1.0 + ppm * 1e-6));
     let lead_ns = PERIOD as f64 * frame_ns + 1.5e6;
@@ -266,7 +271,8 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
     (least, most, uneven)
 }
 
-/// Hard: a card's clock is off by 500 ppm for an hour. Must: no sample is missing, none piles up beyond a period, a tick and 3 ms, and ticks stay evenly apart within 0.1 ms.
+/// Hard: a card's clock is off by 500 ppm for an hour. Must: no sample is missing, none piles up beyond a
+/// period, a tick and 3 ms, and ticks stay evenly apart within 0.1 ms.
 #[test]
 fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
     let bound = PERIOD as f64 + 96.0 + 0.003 * f64::from(RATE_HZ);
@@ -280,9 +286,10 @@ fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
     }
 }
 
-/// Hard: the clock of a hand on another machine is off by 500 ppm for an hour, and its messages are 0 to 8 ms under way beyond the least. Must: each is at its time within 3 ms.
+/// Hard: the clock of a hand on another machine is off by 500 ppm for an hour, and its messages are 0 to 8
+/// ms under way beyond the least. Must: each is at its time within 3 ms.
 #[test]
-fn a_hand_whose_clock_is_off_by_500_ppm_is_followed_for_an_hour() {
+fn hand_clock_off_by_500_ppm_is_followed_for_an_hour() {
     for ppm in [500.0, -500.0] {
         let (mut clock, mut worst, mut last, mut first) = (RemoteClock::new(), 0.0_f64, 0.0_f64, None);
         let mut unmapped = 0.0_f64;

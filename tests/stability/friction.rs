@@ -1,9 +1,9 @@
-//! Friction and drag: forces that may only take.
+//! Friction and drag: forces that only take energy.
 
-use asperity_checks::{Effort, Subject, wrap};
+use asperity_checks::{Effort, Subject};
 use asperity_node::{Param, Tick};
 
-use crate::{fails, holds, mutated, plugin, scene, subject};
+use crate::{fails, holds, mutated, plugin, scene, subject, wrap};
 
 /// Where the node of friction has its velocity and the normal force.
 const VELOCITY: usize = 1;
@@ -92,10 +92,10 @@ fn beyond_its_bound() {
 
 #[test]
 fn own() {
-    for graph in [scene("every_effect.ron"), scene("study.ron")] {
+    for graph in [scene("every_effect.ron"), scene("side_by_side.ron")] {
         holds("own_friction", &subject(Some(&graph)));
     }
-    let graph = scene("study.ron");
+    let graph = scene("side_by_side.ron");
     let subject = subject(None);
     fails("own_friction", &late(&subject).graph(&graph), "has given");
     // Pushes along what has set off at 80 to 101 mm/s, as the device does and no way that is rubbed.
@@ -112,7 +112,7 @@ fn own() {
 }
 
 #[test]
-fn a_kind_of_friction_that_has_to_be_set_is_left_out() {
+fn friction_with_required_parameter_is_left_out() {
     let built_in = subject(None);
     let which = Param::text("surface", "", "What rubs.").required();
     let more = plugin(&built_in.kind("viscosity").expect("the kind"), "a_drag", |d| d.param(which));

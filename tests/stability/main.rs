@@ -1,12 +1,7 @@
-//! Hard cases that stay stable: one file a family. A case lives in `core/checks`, where `asperity selftest` runs it too; here it must hold for
-//! what is shipped, and fail for a mutant that is broken on purpose. What has no graph stands here alone.
-
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common/counting.rs"]
-mod counting;
-#[path = "../common/stage.rs"]
-mod stage;
+//! Hard cases, one file per family. A case lives in `core/checks`, and `asperity selftest` runs it too. Here
+//! it must hold for the shipped nodes and graphs, and fail for a mutant: a node that is broken on purpose.
+//! Cases that look at no user's graph or kinds live here alone.
+#![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod actuator;
 mod autoregressive;
@@ -18,17 +13,22 @@ mod graphs;
 mod motion;
 mod networks;
 mod phase;
+mod readers;
+mod shapes;
 mod stiff_walls;
+mod wrap;
 
 use std::sync::Arc;
 
-use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
+use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
 use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
-use asperity_scene::Scene;
-use asperity_scene::{Lowering, lower};
+use harness::graph::lowered;
 
-/// How long cases may take here; `ASPERITY_STABILITY=long` asks for all there is.
+/// The folder of the shipped graphs.
+const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
+
+/// Effort of the cases; `ASPERITY_STABILITY=long` asks for the most.
 fn effort() -> Effort {
     match std::env::var("ASPERITY_STABILITY").as_deref() {
         Ok("long") => Effort::Long,
@@ -44,32 +44,26 @@ fn case(name: &str) -> &'static Case {
 
 /// A shipped graph.
 fn graph(name: &str) -> GraphFile {
-    GraphFile::read(common::graphs(name)).expect("a shipped graph")
-}
-
-/// The graph of a scene.
-fn lowered(path: &std::path::Path) -> GraphFile {
-    let scene = Scene::read(path).expect("a scene");
-    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
+    GraphFile::read(harness::graphs(name)).expect("a shipped graph")
 }
 
 /// The graph of a shipped scene.
 fn scene(name: &str) -> GraphFile {
-    lowered(&common::graphs("scenes").join(name))
+    lowered(&harness::graphs("scenes").join(name))
 }
 
-/// The built-in kinds, with a graph or without.
+/// The built-in kinds, perhaps with a graph.
 fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
     let subject = Subject::new(asperity_nodes::registry()).effort(effort());
     if let Some(graph) = graph { subject.graph(graph) } else { subject }
 }
 
-/// The same kinds but for this one, without a graph.
+/// The same kinds with one replaced, without a graph.
 fn mutated(subject: &Subject<'_>, kind: Arc<dyn NodeKind>) -> Subject<'static> {
     Subject::new(subject.registry().clone()).effort(subject.allowed()).with(kind)
 }
 
-/// A kind as a plugin may have it: as another, under another name, with more in its descriptor.
+/// A kind as of a plugin: like another, with another name and more in its descriptor.
 fn plugin(
     like: &Arc<dyn NodeKind>,
     name: &'static str,
@@ -96,7 +90,7 @@ fn plugin(
     Arc::new(Plugin(like.clone(), more(descriptor)))
 }
 
-/// A case holds; answers what it found.
+/// Asserts that a case holds. Answers its figures.
 fn holds(name: &str, subject: &Subject<'_>) -> String {
     let Outcome { verdict, found } = case(name).run(subject);
     assert_eq!(verdict, Verdict::Holds, "{name}: {found}");
@@ -104,10 +98,34 @@ fn holds(name: &str, subject: &Subject<'_>) -> String {
     found
 }
 
-/// A case fails for a mutant, for a reason in which these words stand; it has no more time for that than with the other tests.
+/// Asserts that a case fails for a mutant, for a reason with these words. Its effort is `Full` at most.
 fn fails(name: &str, mutant: &Subject<'_>, why: &str) {
     let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
     let Outcome { verdict, found } = case(name).run(&brief);
     assert_eq!(verdict, Verdict::Fails, "{name} does not see the mutant: {found}");
     assert!(found.contains(why), "{name} fails for another reason: {found}");
+}
+
+/// Counts the bytes that readers and nodes hold.
+#[global_allocator]
+static ALLOCATOR: harness::counting::Counting = harness::counting::Counting;
+
+/// A case that lives here alone.
+type Own = fn(&Subject<'_>) -> Found;
+
+/// Asserts that a case of this program holds.
+fn passes(name: &str, case: Own, subject: &Subject<'_>) {
+    match case(subject) {
+        Ok(found) => println!("{name}: {found}"),
+        Err(wrong) => panic!("{name}: {wrong:?}"),
+    }
+}
+
+/// Asserts that a case of this program fails for a mutant, for a reason with these words.
+fn breaks(name: &str, case: Own, mutant: &Subject<'_>, why: &str) {
+    let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
+    match case(&brief) {
+        Err(Not::Held(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
+        other => panic!("{name} does not see the mutant: {other:?}"),
+    }
 }

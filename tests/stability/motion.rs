@@ -1,9 +1,9 @@
-//! A stylus that does what no hand does, or whose places come late, twice or not at all.
+//! Motions that no hand makes, and places that come late, twice or not at all.
 
-use asperity_checks::{Subject, wrap};
+use asperity_checks::Subject;
 use asperity_graph::GraphFile;
 
-use crate::{fails, graph, holds, mutated, scene, subject};
+use crate::{fails, graph, holds, mutated, scene, subject, wrap};
 
 #[test]
 fn teleport() {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use asperity_checks::{Effort, Subject, wrap};
+use asperity_checks::{Effort, Subject};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
 use asperity_texture::Library;
 
-use crate::{common, effort, fails, graph, holds, scene, subject};
+use crate::{effort, fails, graph, holds, scene, subject, wrap};
 
 /// Shipped graphs that are looked at where there is time.
 const SHIPPED: [&str; 4] = ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"];
@@ -143,7 +143,7 @@ fn network_steady() {
     pulsing.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
     fails("network_steady", &subject(Some(&pulsing)), "the envelope repeats by");
     // What repeats with place must not pulse either: a library of gratings alone.
-    let library = Library::read(common::graphs("models/surfaces/materials.ron")).expect("the library");
+    let library = Library::read(harness::graphs("models/surfaces/materials.ron")).expect("the library");
     let mut gratings = library.materials().to_vec();
     gratings.retain(|m| m.family.as_deref() == Some("grating"));
     let folder = tempfile::tempdir().expect("a folder");

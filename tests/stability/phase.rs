@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-use asperity_checks::{Subject, wrap};
+use asperity_checks::Subject;
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
 
-use crate::common::plugins;
-use crate::{effort, fails, holds};
+use crate::{effort, fails, holds, wrap};
+use harness::plugins;
 
 /// The built-in kinds and those of the plugins that retrieve phase.
 fn all() -> Subject<'static> {
@@ -36,7 +36,8 @@ fn mutant(
     subject.with(wrap::wrap(kind, Arc::new(make)))
 }
 
-/// What a mutant does to a spectrum: with what came in, the frame's number and first sample, and the spectrum.
+/// What a mutant does to a spectrum: with what came in, the frame's number and first sample, and the
+/// spectrum.
 type Change = fn(&mut f64, &[f32], (u64, u64), &mut [Complex<f32>]);
 
 /// `phase_vocoder` whose spectra are changed, with a number to remember something in.

@@ -39,10 +39,10 @@
 // Major version: a host refuses plugins of another one.
 #define ASPERITY_MAJOR 1
 
-// Minor version: what has been added to the major one.
+// Minor version: additions to the major one.
 #define ASPERITY_MINOR 0
 
-// A port that carries whatever the other ports with its `shape_var` carry. Not for a port of its own.
+// A port with the type of all ports with its `shape_var`. Not for a single port.
 #define ASPERITY_LIKE 1
 
 // `count` values (f64), held between ticks.
@@ -51,38 +51,42 @@
 // This tick's samples (f32) of one channel.
 #define ASPERITY_AUDIO 3
 
-// At most one frame of magnitudes (f32) a tick, as amplitudes: 2 |sum w x| / sum w with a periodic Hann window w.
+// At most one frame of magnitudes (f32) a tick, as amplitudes: 2 |sum w x| / sum w with a periodic Hann
+// window w.
 #define ASPERITY_MAGNITUDE 4
 
-// At most one frame of complex bins (pairs of f32: real, imaginary) a tick, in the same scale; phases are counted from
-// the first sample of the frame.
+// At most one frame of complex bins (pairs of f32: real, imaginary) a tick, in the same scale; phases
+// are counted from the first sample of the frame.
 #define ASPERITY_SPECTRUM 5
 
 // The node is reset when it wakes.
 #define ASPERITY_RESTART 0
 
-// The node is told by `elapsed` how many ticks it slept through.
+// `elapsed` tells the node how many ticks it slept.
 #define ASPERITY_ELAPSED 1
 
-// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it was called.
+// The node continues as it was: its output depends on the tick and its inputs, not on the number of
+// calls.
 #define ASPERITY_RESUME 2
 
-// The node never sleeps: what it remembers must stay up to date.
+// The node never sleeps, because its state must stay up to date.
 #define ASPERITY_NEVER 3
 
-// Flag of a kind: wanted for its own sake; what leads to no sink is not built.
+// Flag of a kind: a sink. Nodes that reach no sink are not built.
 #define ASPERITY_SINK 1
 
-// Flag of a kind: a sink that only looks on and keeps nothing awake.
+// Flag of a kind: a sink that only observes and keeps nothing awake.
 #define ASPERITY_PASSIVE 2
 
-// Flag of an input: may stay unconnected. A control then reads `default_value`, audio is silent, no frame comes.
+// Flag of an input: may stay unconnected. A control then reads `default_value`, audio is silent, no
+// frame comes.
 #define ASPERITY_OPTIONAL 1
 
-// Flag of a control input: a change wakes a node that said it sleeps. Audio and frames always do.
+// Flag of a control input: a change wakes a sleeping node. Audio and frames always do.
 #define ASPERITY_WAKES 2
 
-// Flag of an input: takes only a limited signal, which the built-in limiter promises; no output of a plugin may.
+// Flag of an input: accepts only a limited signal, which comes from the built-in limiter. No output of
+// a plugin may have it.
 #define ASPERITY_LIMITED 4
 
 // A finite number between `min` and `max`, in `default_number`.
@@ -97,7 +101,7 @@
 // Any text, in `default_text`.
 #define ASPERITY_TEXT 4
 
-// One of `words`; `default_text`, or the first where that is NULL.
+// One of `words`; `default_text`, or the first if that is NULL.
 #define ASPERITY_CHOICE 5
 
 // A file that must exist; never has a default. The node gets a path that it can open.
@@ -115,43 +119,46 @@
 // Flag of a parameter: has no default, and a graph may leave it out; it then has no value.
 #define ASPERITY_MAY_BE_LEFT_OUT 2
 
-// Flag of a parameter: `set_parameter` takes a new value while the node runs. Numbers, whole numbers, flags and choices only.
+// Flag of a parameter: `set_parameter` takes a new value while the node runs. Numbers, whole numbers,
+// flags and choices only.
 #define ASPERITY_LIVE 4
 
-// All went well. (`prepare`, `ports`, `reset`, `absorb`, `elapsed`, `set_parameter`, `restore`)
+// Success. (`prepare`, `ports`, `reset`, `absorb`, `elapsed`, `set_parameter`, `restore`)
 #define ASPERITY_OK 0
 
-// It failed. Of `process` the number that says how is in `AsperityTick::detail`.
+// Failure. For `process` its number is in `AsperityTick::detail`.
 #define ASPERITY_FAILED -1
 
 // A panic or an exception was caught on the plugin's side.
 #define ASPERITY_PANICKED -2
 
-// Answer of `process`: more to come.
+// Result of `process`: the node has more output.
 #define ASPERITY_CONTINUE 0
 
-// Answer of `process`: the outputs of this tick are silent; call again.
+// Result of `process`: the outputs of this tick are silent; call again.
 #define ASPERITY_QUIET 1
 
-// Answer of `process`: so many more ticks until silence, in `AsperityTick::detail`, unless an input wakes the node.
+// Result of `process`: so many more ticks until silence, in `AsperityTick::detail`, unless an input
+// wakes the node.
 #define ASPERITY_TAIL 2
 
-// Answer of `process`: nothing to come until an input that wakes carries something.
+// Result of `process`: no output until an input that wakes carries something.
 #define ASPERITY_ASLEEP 3
 
 // Flag of a buffer: a wire ends (or begins) there.
 #define ASPERITY_CONNECTED 1
 
-// Flag of a buffer: the value is to be trusted; a node before did not fail.
+// Flag of a buffer: the content is valid; no node before it failed.
 #define ASPERITY_VALID 2
 
-// Flag of a control input: the values are others than in the tick before.
+// Flag of a control input: the values differ from the tick before.
 #define ASPERITY_CHANGED 4
 
 // Flag of an audio input: known to be zero in all samples.
 #define ASPERITY_SILENT 8
 
-// Flag of a frame buffer: there is a frame. A node that puts a frame out sets it, and `frame_index` and `frame_start`.
+// Flag of a frame buffer: there is a frame. A node that outputs a frame sets it, and `frame_index` and
+// `frame_start`.
 #define ASPERITY_FRAME 16
 
 // Flag of an audio output: the node wrote samples. Without it the output is silent.
@@ -161,13 +168,13 @@
 typedef struct AsperityPort {
     // `sizeof(AsperityPort)`.
     uint32_t size;
-    // What a tick carries: `ASPERITY_CONTROL` and so on.
+    // Content of a tick: `ASPERITY_CONTROL` and so on.
     uint32_t carries;
     // Name in a graph file: lower case, words joined by `_`.
     const char *name;
-    // What it is, in a few words.
+    // Meaning, in a few words.
     const char *doc;
-    // Symbol of the unit, such as `mm/s`; `1` for none. NULL where `unit_var` is set.
+    // Symbol of the unit, such as `mm/s`; `1` for none. NULL if `unit_var` is set.
     const char *unit;
     // A letter: any unit, the same for every port with this letter. 0 for none.
     uint32_t unit_var;
@@ -177,8 +184,8 @@ typedef struct AsperityPort {
     const char *const *units;
     // Control: number of values.
     uint32_t count;
-    // Audio without `shape_var`: samples a second, 0 for the graph's audio rate. Frames without `shape_var`: samples a second of
-    // the signal they describe.
+    // Audio without `shape_var`: samples a second, 0 for the graph's audio rate. Frames without
+    // `shape_var`: samples a second of the signal they describe.
     uint32_t rate_hz;
     // Frames without `shape_var`: window and DFT length in samples.
     uint32_t length;
@@ -192,7 +199,7 @@ typedef struct AsperityPort {
     uint32_t flags;
     // 0.
     uint32_t reserved;
-    // What an unconnected control reads.
+    // Value of an unconnected control.
     double default_value;
 } AsperityPort;
 
@@ -200,11 +207,11 @@ typedef struct AsperityPort {
 typedef struct AsperityParam {
     // `sizeof(AsperityParam)`.
     uint32_t size;
-    // What it may be: `ASPERITY_NUMBER` and so on.
+    // Type of the value: `ASPERITY_NUMBER` and so on.
     uint32_t holds;
     // Name in a graph file: lower case, words joined by `_`.
     const char *name;
-    // What it is and what it does, in a sentence.
+    // Meaning and effect, in a sentence.
     const char *doc;
     // Symbol of the unit of a number; NULL for none.
     const char *unit;
@@ -240,11 +247,11 @@ typedef struct AsperityValue {
     uint32_t set;
     // Number or whole number.
     double number;
-    // Whole number, flag (0 or 1), or the place of a choice's word.
+    // Whole number, flag (0 or 1), or index of a choice's word.
     int64_t integer;
     // Text, word of a choice or path of a file; never NULL.
     const char *text;
-    // The folder that a relative path in `text` is relative to; never NULL, empty for the one the program runs in. Paths of files
+    // Folder of a relative path in `text`; never NULL, empty for the current folder. Paths of files
     // are ready to be opened.
     const char *base;
     // Numbers of a list, `count` of them.
@@ -257,19 +264,20 @@ typedef struct AsperityValue {
     uint32_t reserved;
 } AsperityValue;
 
-// How one port is connected. Arrays of these advance by the first one's `size`.
+// Connection of one port. Arrays of these advance by the first one's `size`.
 typedef struct AsperityWire {
     // `sizeof(AsperityWire)`.
     uint32_t size;
-    // 1 where a wire ends (or begins) there.
+    // 1 if a wire ends (or begins) there.
     uint32_t connected;
-    // What it carries: `ASPERITY_CONTROL` and so on; 0 for an unconnected port whose type nothing settles.
+    // Content of a tick: `ASPERITY_CONTROL` and so on; 0 for an unconnected port whose type nothing
+    // determines.
     uint32_t carries;
     // `ASPERITY_LIMITED`.
     uint32_t flags;
     // Control: number of values.
     uint32_t count;
-    // Audio: samples a second. Frames: samples a second of the signal they describe.
+    // Audio: samples a second. Frames: samples a second of the analysed signal.
     uint32_t rate_hz;
     // Frames: window and DFT length in samples.
     uint32_t length;
@@ -283,7 +291,7 @@ typedef struct AsperityWire {
     const char *unit;
 } AsperityWire;
 
-// What an instance is prepared for.
+// Configuration of an instance.
 typedef struct AsperitySetup {
     // `sizeof(AsperitySetup)`.
     uint32_t size;
@@ -293,7 +301,7 @@ typedef struct AsperitySetup {
     uint32_t every;
     // The graph's audio rate in Hz.
     uint32_t audio_hz;
-    // A seed of the node's own.
+    // Seed of this node.
     uint64_t seed;
     // The node's name in the graph.
     const char *id;
@@ -309,11 +317,12 @@ typedef struct AsperitySetup {
     uint32_t input_count;
     // Number of outputs.
     uint32_t output_count;
-    // 1 where this node closes a cycle: `process` then runs before its inputs are there, and `absorb` when they are.
+    // 1 if this node closes a cycle: then `process` runs before its inputs are ready, and `absorb`
+    // after.
     uint32_t closes_cycle;
 } AsperitySetup;
 
-// Where `AsperityKind::ports` says which ports there are. Valid during that call.
+// Receives ports from `AsperityKind::ports`. Valid during that call.
 typedef struct AsperityPortSink {
     // `sizeof(AsperityPortSink)`.
     uint32_t size;
@@ -321,51 +330,52 @@ typedef struct AsperityPortSink {
     uint32_t reserved;
     // The first argument of the functions below.
     void *context;
-    // Adds an input. What `port` points at is copied. To be called during that call only, on its thread.
+    // Adds an input, and copies the data of `port`. Call it only during that call, on its thread.
     void (*input)(void *context, const struct AsperityPort *port);
-    // Adds an output. What `port` points at is copied. To be called during that call only, on its thread.
+    // Adds an output, and copies the data of `port`. Call it only during that call, on its thread.
     void (*output)(void *context, const struct AsperityPort *port);
 } AsperityPortSink;
 
-// Where `prepare` and `ports` say what is wrong. Both texts are the host's memory, empty at first; what is longer is cut off.
+// Error of `prepare` or `ports`. Both texts are the host's memory, empty at first; longer ones are
+// cut.
 typedef struct AsperityError {
     // `sizeof(AsperityError)`.
     uint32_t size;
-    // Place of the parameter that is wrong; -1 (as it comes) for the node as a whole.
+    // Index of the wrong parameter; -1 (the initial value) for the node as a whole.
     int32_t param;
-    // Bytes at `message`, the zero included.
+    // Bytes at `message`, including the zero.
     uint32_t message_capacity;
-    // Bytes at `help`, the zero included.
+    // Bytes at `help`, including the zero.
     uint32_t help_capacity;
-    // What was found, in one sentence.
+    // The problem, in one sentence.
     char *message;
-    // What would fit.
+    // Suggested fix.
     char *help;
 } AsperityError;
 
-// What a prepared instance says of itself. Times are exact: `num / den` seconds; a `den` of 0 means none.
+// Properties of a prepared instance. Times are exact: `num / den` seconds; a `den` of 0 means none.
 typedef struct AsperityInfo {
     // `sizeof(AsperityInfo)`.
     uint32_t size;
-    // 1 (as it comes) where `process` does not allocate; a node that cannot keep that rule sets 0.
+    // 1 (the initial value) if `process` does not allocate; a node that allocates sets 0.
     uint32_t allocation_free;
-    // Latency from inputs to outputs, signed: a node that emits ahead of its input's time is early.
+    // Latency from inputs to outputs, signed; negative is early.
     int64_t latency_num;
     // Denominator of the latency.
     int64_t latency_den;
-    // How long the outputs go on once the inputs are silent.
+    // Duration of the outputs after the inputs become silent.
     int64_t tail_num;
     // Denominator of the tail.
     int64_t tail_den;
-    // Sources only: how long there is something to play.
+    // Sources only: duration of the output.
     int64_t duration_num;
     // Denominator of the duration.
     int64_t duration_den;
 } AsperityInfo;
 
-// What one port holds in a tick. Arrays of these advance by `AsperityTick::buffer_size`.
+// Content of one port in a tick. Arrays of these advance by `AsperityTick::buffer_size`.
 typedef struct AsperityBuffer {
-    // What it carries: `ASPERITY_CONTROL` and so on; 0 for an input that nothing settles.
+    // Type of the content: `ASPERITY_CONTROL` and so on; 0 for an input whose type nothing determines.
     uint32_t carries;
     // `ASPERITY_CONNECTED` and so on.
     uint32_t flags;
@@ -377,8 +387,8 @@ typedef struct AsperityBuffer {
     uint64_t frame_index;
     // First sample of the frame, at the layout's rate.
     uint64_t frame_start;
-    // `count` values: `double` for a control, `float` for audio and magnitudes, pairs of `float` for a spectrum. Inputs are
-    // not to be written to. NULL where `count` is 0.
+    // `count` values: `double` for a control, `float` for audio and magnitudes, pairs of `float` for a
+    // spectrum. Do not write to inputs. NULL if `count` is 0.
     void *data;
 } AsperityBuffer;
 
@@ -408,14 +418,14 @@ typedef struct AsperityTick {
 
 // A kind of node.
 //
-// The life of an instance: `create`, `prepare` once, then any number of the tick functions, `destroy`. Functions that are marked
-// optional may be NULL.
+// The life of an instance: `create`, `prepare` once, then any number of the tick functions, `destroy`.
+// Functions that are marked optional may be NULL.
 typedef struct AsperityKind {
     // `sizeof(AsperityKind)`.
     uint32_t size;
     // `ASPERITY_SINK`, `ASPERITY_PASSIVE`.
     uint32_t flags;
-    // How it wakes: `ASPERITY_RESTART` and so on.
+    // Behaviour on waking: `ASPERITY_RESTART` and so on.
     uint32_t resume;
     // Number of inputs.
     uint32_t input_count;
@@ -425,63 +435,67 @@ typedef struct AsperityKind {
     uint32_t param_count;
     // Name in a graph file: lower case, words joined by `_`; no other kind may have it.
     const char *kind;
-    // What it does, in a sentence that ends with a full stop.
+    // Purpose, in a sentence that ends with a full stop.
     const char *summary;
-    // What there is to say of latency and tail; NULL where both are 0.
+    // Notes on latency and tail; NULL if both are 0.
     const char *timing;
-    // Inputs. Where they depend on parameters, these are the ones of the defaults.
+    // Inputs. If they depend on parameters, those for the defaults.
     const struct AsperityPort *inputs;
-    // Outputs. Where they depend on parameters, these are the ones of the defaults.
+    // Outputs. If they depend on parameters, those for the defaults.
     const struct AsperityPort *outputs;
     // Parameters.
     const struct AsperityParam *params;
     // Name of the input that this node gates, with `wants`; NULL for none.
     const char *gate;
-    // Name of the parameter that says how long it delays, for a node that can close a cycle, with `absorb`; NULL for
-    // one that cannot.
+    // Name of the parameter with the node's delay, for a node that can close a cycle, with `absorb`;
+    // NULL for one that cannot.
     const char *feedback;
-    // Says which ports there are for these parameters; `inputs` and `outputs` of `setup` are empty. Optional: the ports above.
-    // `ASPERITY_OK`, or `ASPERITY_FAILED` with `error` filled in. Control thread.
+    // Reports the ports for these parameters; `inputs` and `outputs` of `setup` are empty. Optional:
+    // the ports above. `ASPERITY_OK`, or `ASPERITY_FAILED` with `error` filled in. Control thread.
     int32_t (*ports)(const struct AsperitySetup *setup,
                      const struct AsperityPortSink *sink,
                      struct AsperityError *error);
-    // Makes an instance that `prepare` fills; NULL where it cannot. `kind` is the very pointer that the plugin handed out. Control
-    // thread.
+    // Makes an instance that `prepare` fills; NULL on failure. `kind` is the pointer from the plugin.
+    // Control thread.
     void *(*create)(const struct AsperityKind *kind);
-    // Makes the instance ready for its place in a graph: allocates, reads files, and may fail with `error` filled in. Called once,
-    // before all below; if it fails only `destroy` follows. Control thread.
+    // Prepares the instance for its place in a graph: allocates, reads files, and may fail with
+    // `error` filled in. Called once, before all functions below. After a failure only `destroy`
+    // follows. Control thread.
     int32_t (*prepare)(void *instance, const struct AsperitySetup *setup, struct AsperityError *error);
-    // Says latency, tail and the like of a prepared instance. Optional: nothing to say. Control thread.
+    // Writes latency, tail and the like of a prepared instance. Optional. Control thread.
     void (*info)(void *instance, struct AsperityInfo *info);
-    // One tick: `ASPERITY_CONTINUE` and so on. Outputs arrive zeroed (audio), absent (frames) or as they were
-    // (controls). Tick thread.
+    // Runs one tick: `ASPERITY_CONTINUE` and so on. At the start audio outputs are zero, frames are
+    // absent, and controls hold their values. Tick thread.
     int32_t (*process)(void *instance, struct AsperityTick *tick);
-    // Back to the state after `prepare`, but for parameters that were set since. Tick thread.
+    // Restores the state after `prepare`, with the current parameters. Tick thread.
     int32_t (*reset)(void *instance);
-    // Gates only: 1 where the gated input is wanted this tick, else 0; or an error. Called once a tick, before `process`, with
-    // every input there but the gated one, and no outputs. Tick thread.
+    // Gates only: 1 if the gated input is wanted this tick, else 0; or an error. Called once a tick,
+    // before `process`, when all inputs but the gated one are ready, and without outputs. Tick thread.
     int32_t (*wants)(void *instance, struct AsperityTick *tick);
-    // Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them. Tick thread.
+    // Nodes that close a cycle only: takes this tick's inputs, after `process` has run without them.
+    // Tick thread.
     int32_t (*absorb)(void *instance, struct AsperityTick *tick);
-    // With `ASPERITY_ELAPSED` only, and then needed: how many ticks the node slept through. It leaves the state that as many calls
-    // would have left. Tick thread.
+    // Required with `ASPERITY_ELAPSED`, else unused: tells how many ticks the node slept. Its state
+    // must become that of as many calls. Tick thread.
     int32_t (*elapsed)(void *instance, uint64_t ticks);
-    // Takes a new value of the parameter at `index`, which is live; it lies in its range. A flag is 0 or 1, a choice the place of
-    // its word. Optional where no parameter is live. Tick thread.
+    // Sets the live parameter at `index` to a value in its range. A flag is 0 or 1, a choice the index
+    // of its word. Optional if no parameter is live. Tick thread.
     int32_t (*set_parameter)(void *instance, uint32_t index, double value);
-    // The most bytes that `save` writes; the same at any time. Optional together with `save` and `restore`. Control thread.
+    // Most bytes that `save` writes, always the same. Optional together with `save` and `restore`.
+    // Control thread.
     uint64_t (*state_size)(void *instance);
-    // Writes what the instance remembers to `bytes`, at most `capacity` of them, and answers how many; less than 0 where it
-    // cannot. Tick thread.
+    // Writes the instance's state to `bytes`, at most `capacity` of them, and returns its length; less
+    // than 0 on failure. Tick thread.
     int64_t (*save)(void *instance, uint8_t *bytes, uint64_t capacity);
-    // Goes on from what an instance of this kind saved, perhaps with other parameters or by another build of the
-    // plugin: check it. `ASPERITY_OK`, or `ASPERITY_FAILED`, and then the host calls `reset`. Tick thread.
+    // Continues from the state of an instance of this kind, perhaps with other parameters or from
+    // another build of the plugin: check it. `ASPERITY_OK`, or `ASPERITY_FAILED`, and then the
+    // host calls `reset`. Tick thread.
     int32_t (*restore)(void *instance, const uint8_t *bytes, uint64_t len);
     // Frees the instance. Control thread.
     void (*destroy)(void *instance);
 } AsperityKind;
 
-// What a plugin offers.
+// Description of a plugin.
 typedef struct AsperityPlugin {
     // `sizeof(AsperityPlugin)`.
     uint32_t size;
@@ -493,12 +507,12 @@ typedef struct AsperityPlugin {
     const char *name;
     // The plugin's version.
     const char *version;
-    // Finds an extension of the plugin by name and revision, such as `asperity.facts/1`; NULL where it has none of that name.
-    // Any thread. The pointer itself may be NULL.
+    // Finds an extension of the plugin by name and revision, such as `asperity.facts/1`; NULL if there
+    // is none. Any thread. The pointer itself may be NULL.
     const void *(*extension)(const char *name);
 } AsperityPlugin;
 
-// What the host says of itself.
+// Description of the host.
 typedef struct AsperityHost {
     // `sizeof(AsperityHost)`.
     uint32_t size;
@@ -510,12 +524,12 @@ typedef struct AsperityHost {
     const char *name;
     // The program's version.
     const char *version;
-    // Finds an extension of the host by name and revision, such as `asperity.random/1`; NULL where it has none of that
-    // name. Any thread.
+    // Finds an extension of the host by name and revision, such as `asperity.random/1`; NULL if there
+    // is none. Any thread.
     const void *(*extension)(const struct AsperityHost *host, const char *name);
 } AsperityHost;
 
-// What a plugin exports, as constant data under the name `asperity_entry`.
+// The symbol `asperity_entry` that a plugin exports, as constant data.
 //
 // The host reads `magic`, `size` and `major` before it calls anything.
 typedef struct AsperityEntry {
@@ -527,12 +541,13 @@ typedef struct AsperityEntry {
     uint16_t major;
     // `ASPERITY_MINOR` that the plugin was built with.
     uint16_t minor;
-    // Answers what the plugin offers, or NULL where this host does not suit it. Control thread; called once, before
-    // anything else. `host` stays valid for as long as the process lives.
+    // Returns the plugin's description, or NULL if this host does not suit it. Control thread; called
+    // once, before anything else. `host` stays valid for the life of the process.
     const struct AsperityPlugin *(*open)(const struct AsperityHost *host);
 } AsperityEntry;
 
-// The host's extension `asperity.random/1`: random numbers by index, so that skipped work does not change what follows.
+// The host's extension `asperity.random/1`: random numbers by index, so that skipped work does not
+// change later numbers.
 typedef struct AsperityRandom {
     // `sizeof(AsperityRandom)`.
     uint32_t size;
@@ -542,7 +557,8 @@ typedef struct AsperityRandom {
     double (*uniform)(uint64_t seed, uint64_t index);
 } AsperityRandom;
 
-// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to, on its thread.
+// Receives facts. Names are lower case, words joined by `_`. Valid during the call that gets it, on
+// its thread.
 typedef struct AsperityFactSink {
     // `sizeof(AsperityFactSink)`.
     uint32_t size;
@@ -558,13 +574,13 @@ typedef struct AsperityFactSink {
     void (*count)(void *context, const char *name, uint64_t count);
 } AsperityFactSink;
 
-// The plugin's extension `asperity.facts/1`: what an instance tells about itself in reports.
+// The plugin's extension `asperity.facts/1`: facts about an instance, for reports.
 typedef struct AsperityFacts {
     // `sizeof(AsperityFacts)`.
     uint32_t size;
     // 0.
     uint32_t reserved;
-    // Tells `sink` every fact of an instance of `kind` (the very pointer that the plugin handed out) that has been prepared.
+    // Reports every fact of a prepared instance of `kind` (the pointer from the plugin) to `sink`.
     // Control thread.
     void (*facts)(const struct AsperityKind *kind, void *instance, const struct AsperityFactSink *sink);
 } AsperityFacts;

@@ -1,25 +1,29 @@
 //! The C interface between Asperity and its plugins: plain data and function pointers, version 1.0.
 //!
-//! `include/asperity.h` is generated from this crate and serves C and C++. A Rust node needs neither: it implements
-//! `asperity_sdk::Node` and is exported with one line.
+//! `include/asperity.h` is generated from this crate and serves C and C++. A Rust node needs neither:
+//! it implements `asperity_sdk::Node` and is exported with one line.
 //!
-//! Rules that hold for every function and struct here:
+//! Rules for every function and struct:
 //!
-//! - **Growth.** Every struct that may grow begins with its own size in bytes as its maker knew it. A reader looks at a member
-//!   only where the size says it is there; members are added at the end and never change. A new minor version adds members,
-//!   constants and extensions; a new major version may change anything, and a host refuses a plugin of another one.
-//! - **Threads.** *Control thread* functions may allocate, lock and read files; the host calls them from any thread but never
-//!   two at once for one instance. *Tick thread* functions run in real time: no allocation, lock, log, system call or wait.
-//!   They too are never called two at once for one instance, but another thread than before may call. Different instances, and `ports` and
-//!   `create` of a kind, may be called at the same time from different threads.
-//! - **Texts** are UTF-8 and end with a zero byte. What a plugin hands out in [`AsperityPlugin`] stays valid for as long as the
-//!   process lives: a plugin is never unloaded. What a host hands in is valid during the call.
-//! - **Nothing unwinds** across a call: a C++ exception or a Rust panic must be caught on the plugin's side, and is then answered
-//!   as [`ASPERITY_PANICKED`].
+//! - **Growth.** Every struct that may grow begins with its size in bytes as its maker knew it. A
+//!   reader uses a member only if the size includes it. Members are added at the end and never change.
+//!   A new minor version adds members, constants and extensions. A new major version may change
+//!   anything, and a host refuses a plugin of another one.
+//! - **Threads.** *Control thread* functions may allocate, lock and read files. The host calls them
+//!   from any thread, but never two at once for one instance. *Tick thread* functions run in real time:
+//!   no allocation, lock, log, system call or wait. They too are never called two at once for one
+//!   instance, but the thread may change. Different instances, and `ports` and `create` of a kind, may
+//!   be called at the same time from different threads.
+//! - **Texts** are UTF-8 and end with a zero byte. Texts in [`AsperityPlugin`] stay valid for the life
+//!   of the process: a plugin is never unloaded. Texts from the host are valid during the call.
+//! - **Nothing unwinds** across a call. The plugin catches C++ exceptions and Rust panics and returns
+//!   [`ASPERITY_PANICKED`].
 //! - **Reserved** members and unknown flags are 0.
 
 mod kind;
 mod node;
+#[cfg(test)]
+mod tests;
 
 pub use kind::*;
 pub use node::*;
@@ -30,7 +34,7 @@ use std::ffi::{c_char, c_void};
 pub const ASPERITY_MAGIC: u64 = 0x5954_4952_4550_5341;
 /// Major version: a host refuses plugins of another one.
 pub const ASPERITY_MAJOR: u16 = 1;
-/// Minor version: what has been added to the major one.
+/// Minor version: additions to the major one.
 pub const ASPERITY_MINOR: u16 = 0;
 /// Name of the one symbol a plugin exports: an [`AsperityEntry`].
 pub const ASPERITY_ENTRY_SYMBOL: &str = "asperity_entry";
@@ -78,9 +82,9 @@ grows! {
     AsperityTick: size_1_0::<AsperityTick>(56),
 }
 
-/// A struct from the other side of the boundary, which may be of an older or a newer minor version: members that its maker did
-/// not know are zero here, and ones that are not known here are left alone. `None` where it is NULL, not aligned, or says a size
-/// that it cannot have.
+/// Reads a struct from the other side, which may be of an older or a newer minor version. Members
+/// unknown to its maker are zero; members unknown here are ignored. `None` if it is NULL, not aligned,
+/// or says an impossible size.
 ///
 /// # Safety
 /// `at` is NULL or points to at least 4 bytes and to as many as these say.
@@ -101,10 +105,10 @@ pub unsafe fn read_grown<T: Grows>(at: *const T) -> Option<T> {
     }
 }
 
-/// The largest struct that is believed, in bytes.
+/// Largest accepted struct in bytes.
 const MAX_STRUCT: usize = 1 << 12;
 
-/// What a plugin exports, as constant data under the name `asperity_entry`.
+/// The symbol `asperity_entry` that a plugin exports, as constant data.
 ///
 /// The host reads `magic`, `size` and `major` before it calls anything.
 #[repr(C)]
@@ -118,12 +122,12 @@ pub struct AsperityEntry {
     pub major: u16,
     /// [`ASPERITY_MINOR`] that the plugin was built with.
     pub minor: u16,
-    /// Answers what the plugin offers, or NULL where this host does not suit it. Control thread; called once, before
-    /// anything else. `host` stays valid for as long as the process lives.
+    /// Returns the plugin's description, or NULL if this host does not suit it. Control thread; called
+    /// once, before anything else. `host` stays valid for the life of the process.
     pub open: Option<unsafe extern "C" fn(host: *const AsperityHost) -> *const AsperityPlugin>,
 }
 
-/// What the host says of itself.
+/// Description of the host.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityHost {
@@ -137,13 +141,13 @@ pub struct AsperityHost {
     pub name: *const c_char,
     /// The program's version.
     pub version: *const c_char,
-    /// Finds an extension of the host by name and revision, such as `asperity.random/1`; NULL where it has none of that
-    /// name. Any thread.
+    /// Finds an extension of the host by name and revision, such as `asperity.random/1`; NULL if there
+    /// is none. Any thread.
     pub extension:
         Option<unsafe extern "C" fn(host: *const AsperityHost, name: *const c_char) -> *const c_void>,
 }
 
-/// What a plugin offers.
+/// Description of a plugin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityPlugin {
@@ -157,12 +161,13 @@ pub struct AsperityPlugin {
     pub name: *const c_char,
     /// The plugin's version.
     pub version: *const c_char,
-    /// Finds an extension of the plugin by name and revision, such as `asperity.facts/1`; NULL where it has none of that name.
-    /// Any thread. The pointer itself may be NULL.
+    /// Finds an extension of the plugin by name and revision, such as `asperity.facts/1`; NULL if there
+    /// is none. Any thread. The pointer itself may be NULL.
     pub extension: Option<unsafe extern "C" fn(name: *const c_char) -> *const c_void>,
 }
 
-/// The host's extension `asperity.random/1`: random numbers by index, so that skipped work does not change what follows.
+/// The host's extension `asperity.random/1`: random numbers by index, so that skipped work does not
+/// change later numbers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityRandom {
@@ -177,7 +182,7 @@ pub struct AsperityRandom {
 /// Name of [`AsperityRandom`].
 pub const ASPERITY_EXTENSION_RANDOM: &str = "asperity.random/1";
 
-/// The plugin's extension `asperity.facts/1`: what an instance tells about itself in reports.
+/// The plugin's extension `asperity.facts/1`: facts about an instance, for reports.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityFacts {
@@ -185,7 +190,7 @@ pub struct AsperityFacts {
     pub size: u32,
     /// 0.
     pub reserved: u32,
-    /// Tells `sink` every fact of an instance of `kind` (the very pointer that the plugin handed out) that has been prepared.
+    /// Reports every fact of a prepared instance of `kind` (the pointer from the plugin) to `sink`.
     /// Control thread.
     pub facts: Option<
         unsafe extern "C" fn(kind: *const AsperityKind, instance: *mut c_void, sink: *const AsperityFactSink),
@@ -195,7 +200,8 @@ pub struct AsperityFacts {
 /// Name of [`AsperityFacts`].
 pub const ASPERITY_EXTENSION_FACTS: &str = "asperity.facts/1";
 
-/// Where facts are told. Names are lower case, words joined by `_`. Valid during the call it is handed to, on its thread.
+/// Receives facts. Names are lower case, words joined by `_`. Valid during the call that gets it, on
+/// its thread.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityFactSink {

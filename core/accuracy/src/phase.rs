@@ -1,12 +1,13 @@
-//! How well a signal agrees with magnitude frames.
+//! Agreement of a signal with magnitude frames.
 //!
-//! The figures of the vectors in `tests/data/phase`: window 0.1 s, periodic Hann, frames 2 ms apart, magnitudes of the unscaled DFT
-//! of `w x`, bin 0 first. Spectral convergence is that of D. Griffin and J. Lim (IEEE Trans. ASSP 32(2), 1984) in dB,
-//! `20 log10(|| |STFT(y)| - S || / || S ||)`: 0 dB is silence, -5.7 dB a Gaussian noise against its own mean magnitudes.
+//! The vectors in `tests/data/phase` have periodic Hann windows of 0.1 s, frames 2 ms apart, and magnitudes
+//! of the unscaled DFT of `w x`, bin 0 first. Spectral convergence is that of D. Griffin and J. Lim (IEEE
+//! Trans. ASSP 32(2), 1984) in dB, `20 log10(|| |STFT(y)| - S || / || S ||)`. 0 dB is silence, -5.7 dB a
+//! Gaussian noise against its own mean magnitudes.
 
 use asperity_dsp::{Framing, Stft};
 
-/// Frames at each end that do not count: there a stream is fading in or out.
+/// Frames at each end that do not count, where a stream fades in or out.
 pub const EDGE_FRAMES: usize = 50;
 
 /// Agreement of a signal with magnitude frames.
@@ -16,9 +17,9 @@ pub struct Score {
     pub convergence_db: f64,
     /// Energy of the signal's bins over that of the magnitudes, in dB.
     pub gain_db: f64,
-    /// Root mean square of the error in dB of the long-term average spectrum, over bins within 40 dB of its top.
+    /// RMS error of the long-term average spectrum, over bins within 40 dB of its top \[dB\].
     pub ltas_rms_db: f64,
-    /// Energy in bins above those of the magnitudes, re their energy, in dB; none where there are no such bins.
+    /// Energy in bins above those of the magnitudes, over their energy \[dB\]; none without such bins.
     pub out_of_band_db: Option<f64>,
     /// Samples that are NaN or infinite (counted as 0 in all other figures): any is a failure.
     pub nonfinite: usize,
@@ -30,7 +31,7 @@ pub struct Score {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ScoreError {
-    /// No bins, more bins than the transform has, or a number of magnitudes that is not a multiple of the bins.
+    /// No bins, too many bins for the transform, or magnitudes that are not a multiple of the bins.
     Shape,
     /// Not more than twice [`EDGE_FRAMES`].
     TooFewFrames,

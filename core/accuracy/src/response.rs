@@ -1,38 +1,41 @@
-//! How long a signal takes to follow a step of level.
+//! The response lag: how long a signal takes to follow a step of level.
 //!
-//! This response lag is another figure than latency: an overlap-add of 0.1 s windows answers a step 50 ms late although
-//! every sample of it lies where the frames say.
+//! It is not the latency: an overlap-add of 0.1 s windows answers a step 50 ms late, although every sample
+//! lies where the frames say.
 
-/// Shares of a step whose times are told.
+/// Shares of a step whose times are returned.
 pub const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
 
-/// Width in seconds over which a level is taken.
+/// Window over which a level is taken \[s\].
 pub const WINDOW_S: f64 = 0.008;
 
-/// Where steps are and how much around them is looked at, all in samples.
+/// Positions of steps, and the samples around them that are analysed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steps<'a> {
     /// Samples a second.
     pub rate_hz: u32,
-    /// The sample at which each step is there to be followed.
+    /// Sample of each step.
     pub at: &'a [usize],
-    /// Samples before a step in which the level is the old one.
+    /// Samples before a step with the old level.
     pub before: usize,
-    /// Samples after a step at whose end the level is the new one: the mean of the last quarter is taken.
+    /// Samples after a step. The new level is the mean of their last quarter.
     pub after: usize,
 }
 
-/// Times in ms at which a signal has gone [`SHARES`] of the way to a new level, counted from each step on.
+/// Times \[ms\] from a step until a signal has gone [`SHARES`] of the way to the new level.
 ///
-/// `reference` is the same source without the steps. At i samples from a step the level is the square root of the
-/// energy of all samples within [`WINDOW_S`] of i (less near the step itself, so that what was before it is not seen
-/// through the window), summed over all steps, over the same of the reference. What both signals do alike, such as a
-/// beat between two lines, so drops out. What still wavers is replaced by the nearest squared level that never falls: energies, since
-/// pulses that follow one another 50 ms apart, as phase retrieval makes them of magnitudes that stay as they are, have the level of
-/// their energy, and the mean of their levels never comes up to it. The time at which that reaches each share of the way is answered, linearly between
-/// samples and never before the step. None where the reference is silent, the level does not rise, or no step lies within both signals.
+/// `reference` is the same source without the steps. The level at i samples from a step is the root of an
+/// energy ratio: of all samples within [`WINDOW_S`] of i, summed over all steps, over the same of the
+/// reference. Anything that both signals have, such as a beat between two lines, so cancels. Near the step
+/// the window is shorter, so that it does not reach before it.
 ///
-/// With 120 steps of a white noise at 2500 Hz that shares nothing with its reference, an overlap-add's 90 % comes out with a
+/// The squared levels are replaced by the nearest sequence that never falls. Squares, since pulses 50 ms
+/// apart, as phase retrieval makes of steady magnitudes, have the level of their energy, and the mean of
+/// their levels is lower. Each share is found by linear interpolation between samples, never before the step.
+///
+/// None where the reference is silent, the level does not rise, or no step lies within both signals.
+///
+/// With 120 steps of white noise at 2500 Hz and an independent reference, the 90 % of an overlap-add has a
 /// standard deviation of 2 ms, its 10 and 50 % of 1 ms.
 pub fn lag_ms(signal: &[f32], reference: &[f32], steps: &Steps<'_>) -> Option<[f64; 3]> {
     let &Steps { rate_hz, at, before, after } = steps;
@@ -74,8 +77,8 @@ pub fn lag_ms(signal: &[f32], reference: &[f32], steps: &Steps<'_>) -> Option<[f
     Some([a?, b?, c?])
 }
 
-/// The sequence nearest to this one in the mean square that never falls (isotonic regression): neighbours that fall are
-/// pooled to their mean until none do.
+/// The nearest sequence in the mean square that never falls (isotonic regression): falling neighbours are
+/// pooled to their mean until none are left.
 fn never_falling(values: &[f64]) -> Vec<f64> {
     let mut pools: Vec<(f64, usize)> = Vec::with_capacity(values.len());
     for &value in values {
@@ -92,7 +95,7 @@ fn never_falling(values: &[f64]) -> Vec<f64> {
     pools.into_iter().flat_map(|(sum, count)| std::iter::repeat_n(sum / count as f64, count)).collect()
 }
 
-/// Running sum, from 0 on, of the energy around all steps that lie within the signal with what is looked at.
+/// Cumulative energy around all steps that lie within the signal, from 0 on.
 fn energies(signal: &[f32], steps: &Steps<'_>) -> Option<Vec<f64>> {
     let length = steps.before.checked_add(steps.after)?;
     let mut sums = vec![0.0; length];
@@ -146,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_rise_is_timed_to_the_sample() {
+    fn straight_rise_is_timed_to_the_sample() {
         let carrier = noise(1, 121_000);
         let (signal, at) = stepped(&carrier, |t| (t - 0.02) / 0.1);
         let found = lag(&signal, &carrier, &at).unwrap();
@@ -156,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_answers_at_once_has_no_lag_and_never_a_negative_one() {
+    fn immediate_answer_has_lag_0() {
         let carrier = noise(2, 121_000);
         let (signal, at) = stepped(&carrier, |_| 1.0);
         assert_eq!(lag(&signal, &carrier, &at), Some([0.0; 3]));
@@ -164,7 +167,7 @@ mod tests {
         assert!(lag(&early, &carrier, &at).unwrap().iter().all(|ms| *ms >= 0.0));
     }
 
-    /// How far an overlap-add with Hann windows of 0.1 s is on its way: the part of the squared window that is new.
+    /// Progress of an overlap-add with Hann windows of 0.1 s: the new part of the squared window.
     fn overlap_added(t: f64) -> f64 {
         let x = (t / 0.1).clamp(0.0, 1.0);
         let (one, two) = (std::f64::consts::TAU * x, 2.0 * std::f64::consts::TAU * x);
@@ -172,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zero_of_the_reference_at_the_step_is_no_lag() {
+    fn zero_of_the_reference_is_no_lag() {
         let sine: Vec<f32> =
             (0..121_000).map(|i| (std::f64::consts::TAU * f64::from(i) / 10.0).sin() as f32).collect();
         let (signal, at) = stepped(&sine, |_| 1.0);
@@ -180,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_that_shares_nothing_with_its_reference_is_timed_all_the_same() {
+    fn independent_reference_gives_the_same_lag() {
         for seed in 0..5 {
             let (signal, at) = stepped(&noise(10 + seed, 121_000), overlap_added);
             let found = lag(&signal, &noise(20 + seed, 121_000), &at).unwrap();
@@ -191,8 +194,9 @@ mod tests {
     }
 
     #[test]
-    fn pulses_that_every_step_sets_off_are_there_with_the_first_of_them() {
-        // Before a step a noise; from 40 ms after it on, pulses of 4 ms every 50 ms with four times the noise's level.
+    fn pulses_answer_with_the_first_of_them() {
+        // Noise before a step; from 40 ms after it, pulses of 4 ms every 50 ms, at four times the noise's
+        // level.
         let carrier = noise(4, 121_000);
         let (mut signal, at) = stepped(&carrier, |_| 0.0);
         for &step in &at {
@@ -209,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_rise_there_is_no_lag() {
+    fn signal_without_a_rise_has_no_lag() {
         let carrier = noise(3, 121_000);
         let (signal, at) = stepped(&carrier, |t| t / 0.1);
         assert_eq!(lag(&carrier, &carrier, &at), None);

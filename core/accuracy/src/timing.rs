@@ -1,8 +1,8 @@
-//! How long things take: histograms that can be filled on the tick thread.
+//! Durations: histograms that can be filled on the tick thread.
 
 use hdrhistogram::Histogram;
 
-/// Longest duration that is told apart, in ns: 10 s. What takes longer counts as that.
+/// Longest duration that is distinguished \[ns\]: 10 s. Longer ones count as this.
 pub const LONGEST_NS: u64 = 10_000_000_000;
 
 /// A histogram of durations in nanoseconds.
@@ -44,14 +44,14 @@ impl Timing {
         }
     }
 
-    /// Forgets all durations. Does not allocate.
+    /// Clears all durations. Does not allocate.
     pub fn reset(&mut self) {
         if let Some(h) = &mut self.histogram {
             h.reset();
         }
     }
 
-    /// The duration in ns that a part of all, 0 to 1, does not pass; 0 where nothing was recorded.
+    /// Quantile of the durations \[ns\], of a part from 0 to 1; 0 where nothing was recorded.
     pub fn quantile_ns(&self, part: f64) -> u64 {
         self.histogram
             .as_ref()
@@ -59,7 +59,7 @@ impl Timing {
             .map_or(0, |h| h.value_at_quantile(part.clamp(0.0, 1.0)))
     }
 
-    /// The figures so far.
+    /// Figures so far.
     pub fn summary(&self) -> Summary {
         match &self.histogram {
             Some(h) if !h.is_empty() => Summary {
@@ -102,13 +102,13 @@ impl Recorder {
         }
     }
 
-    /// Forgets everything, for instance after warming up. Does not allocate.
+    /// Clears everything, for instance after warming up. Does not allocate.
     pub fn reset(&mut self) {
         self.tick.reset();
         self.nodes.iter_mut().for_each(Timing::reset);
     }
 
-    /// Goes on with other nodes: `from` names, for each new one, the old one whose calls it goes on with, if any.
+    /// Replaces the nodes. `from` has the old number of each new node; a node without one starts empty.
     pub fn renumber(&mut self, from: &[Option<usize>]) {
         let old = std::mem::take(&mut self.nodes);
         let of = |i: &Option<usize>| i.and_then(|i| old.get(i).cloned()).unwrap_or_else(|| Timing::new(2));
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn percentiles_are_those_of_the_sorted_durations() {
+    fn percentiles_match_sorted_durations() {
         let mut t = Timing::new(3);
         // 1..=100_000 in a scrambled order.
         for i in 0..100_000u64 {
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes_are_counted_and_nothing_is_lost() {
+    fn extremes_are_counted() {
         let mut r = Recorder::new(2);
         for ns in [0, 1, LONGEST_NS, u64::MAX] {
             r.tick(ns);

@@ -23,7 +23,7 @@ pub struct Dynamics {
     pub resistance: f64,
     /// Coil inductance L \[H\].
     pub inductance: f64,
-    /// How far the mover may go from its middle \[m\].
+    /// Largest displacement from the middle \[m\].
     pub stroke: f64,
     /// Thermal time constant of the coil \[s\].
     pub thermal_time_constant: f64,
@@ -39,8 +39,8 @@ impl Dynamics {
     /// The actuator of `profile` on a handle of `handle_mass_g` grams.
     ///
     /// # Errors
-    /// A mass outside 1 g to 10 kg; a resonance outside 5 to 1000 Hz or a damping ratio outside 0.002 to 2,
-    /// which the profile and this mass make together.
+    /// A mass outside 1 g to 10 kg. A resonance outside 5 to 1000 Hz, or a damping ratio outside 0.002
+    /// to 2, of this profile with this mass.
     pub fn new(profile: &ActuatorProfile, handle_mass_g: f64) -> Result<Self, ActuatorError> {
         ActuatorError::check("a handle's mass", handle_mass_g, 1.0, 10_000.0, "g")?;
         let this = Self {
@@ -82,12 +82,12 @@ impl Dynamics {
         self.damping / (2.0 * self.reduced_mass() * self.natural_rad_s())
     }
 
-    /// x/I \[m/A\]: where the mover goes, relative to the handle.
+    /// x/I \[m/A\]: displacement of the mover relative to the handle.
     pub fn displacement_per_current(&self) -> Section {
         Section { num: [0.0, 0.0, self.force_factor / self.reduced_mass()], den: self.characteristic() }
     }
 
-    /// A/I \[m/s^2 per A\]: how the handle accelerates.
+    /// A/I \[m/s^2 per A\]: acceleration of the handle.
     pub fn acceleration_per_current(&self) -> Section {
         Section { num: [-self.force_factor / self.handle_mass, 0.0, 0.0], den: self.characteristic() }
     }

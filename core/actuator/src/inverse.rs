@@ -1,31 +1,34 @@
-//! From a wanted acceleration of the handle to the current or voltage that causes it.
+//! The inverse: from a wanted acceleration of the handle to a current or voltage.
 //!
-//! A/I has a double zero at s = 0: an actuator on a free handle cannot push for ever. The inverse therefore
-//! puts in place of its double pole at 0 one of second order near 20 Hz (w_c, zeta_c). The wanted A* then gives
+//! A/I has a double zero at s = 0: an actuator on a free handle cannot push for ever. So the inverse
+//! does not use a double pole at 0, but a second-order pole near 20 Hz (w_c, zeta_c). A wanted A* then
+//! gives
 //!
 //! ```text
 //! I/A* = -(m_h / k_f) (s^2 + 2 zeta w_n s + w_n^2) / (s^2 + 2 zeta_c w_c s + w_c^2)
 //! A/A* = s^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 //! ```
 //!
-//! The inverse alone passes DC, with (w_n / w_c)^2 times its gain at high frequency; inverse and
+//! The inverse alone passes DC, with (w_n / w_c)^2 times its gain at high frequency. Inverse and
 //! actuator together are a high-pass.
 //!
-//! For a voltage, V = (R + L s) I + k_f s x. With x/I from the actuator, the mechanical resonance drops out
-//! of the back-EMF:
+//! For a voltage, V = (R + L s) I + k_f s x. With the actuator's x/I, the mechanical resonance cancels
+//! in the back-EMF:
 //!
 //! ```text
-//! s x / A* = (k_f / mu) s / (s^2 + 2 zeta w_n s + w_n^2) I/A* = -(m_h / mu) s / (s^2 + 2 zeta_c w_c s + w_c^2)
+//! s x / A* = (k_f / mu) s / (s^2 + 2 zeta w_n s + w_n^2) I/A*
+//!          = -(m_h / mu) s / (s^2 + 2 zeta_c w_c s + w_c^2)
 //! V/A* = [(R + L s) I/A* + k_f s x/A*] / (1 + s / w_r)
 //! ```
 //!
-//! All poles are at w_c and w_r, so it is stable for any actuator. Without the pole at w_r it would be improper,
-//! its gain rising with L s without end; w_r is 10 kHz, or a quarter of the rate if that is less, which is beside
-//! the 5.6 kHz of a coil of 4.5 ohm and 128 uH. Then A/A* is multiplied by 1 / (1 + s / w_r): 0.04 dB and 16 us
-//! at 1 kHz.
+//! All poles are at w_c and w_r, so it is stable for any actuator. Without the pole at w_r its gain
+//! would rise with L s without end. w_r is 10 kHz or a quarter of the rate, whichever is less. A coil
+//! of 4.5 ohm and 128 uH has its corner near that, at 5.6 kHz. A/A* is then multiplied by 1 / (1 + s /
+//! w_r): 0.04 dB and 16 us at 1 kHz.
 //!
-//! [`InverseModel`] says how much of this is kept. What is left out stays in A/A*: with H_c the high-pass above, `Z = R + L s + k_f s x/I`
-//! the coil's impedance, and `1 / (1 + s / w_r)` for the full model under a voltage alone,
+//! [`InverseModel`] selects how much of this is kept. A/A* shows what is left out. H_c is the high-pass
+//! above, `Z = R + L s + k_f s x/I` the coil's impedance. Only the full model under a voltage has `1 /
+//! (1 + s / w_r)`:
 //!
 //! ```text
 //! model          under a current                  under a voltage
@@ -42,32 +45,34 @@ use asperity_state::State;
 
 use super::{ActuatorError, Drive, Dynamics};
 
-/// Accelerations are held to this \[m/s^2\], ten times what the loudest of textures may ask for: the filters would remember 1e30 for 0.8 s, and
-/// keep the limiter at its peak all the while.
+/// Largest acceleration \[m/s^2\]: ten times the most that a texture may ask for. The filters would
+/// remember 1e30 for 0.8 s and hold the limiter at its peak.
 const MOST_M_S2: f64 = 1e6;
 
-/// How much of the actuator the inverse takes account of.
+/// Inverted part of the actuator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum InverseModel {
-    /// Mass, spring and damper, and for a voltage all that the coil is: of third order.
+    /// Mass, spring, damper, and for a voltage the whole coil: third order.
     #[default]
     Full,
-    /// Without the coil's inductance: of second order, with the back-EMF as one more damper.
+    /// Without the coil's inductance: second order, with the back-EMF as another damper.
     NoInductance,
-    /// Without inductance and back-EMF: mass, spring and damper behind the coil's resistance.
+    /// Without inductance and back-EMF: mass, spring and damper behind the resistance.
     NoEmf,
-    /// What is left far above resonance, -m_h / k_f, and for a voltage times R: a constant. There is no corner then.
+    /// The constant far above resonance, -m_h / k_f, for a voltage times R. It has no corner.
     Mass,
 }
 
-/// What may be chosen about the inverse.
+/// Settings of an inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseSettings {
-    /// Corner w_c / 2 pi of the high-pass that inverse and actuator make together \[Hz\], 5 to 60. [`InverseModel::Mass`] has none.
+    /// Corner w_c / 2 pi of the high-pass of inverse and actuator \[Hz\], 5 to 60.
+    /// [`InverseModel::Mass`] has none.
     pub corner_hz: f64,
-    /// Damping ratio zeta_c of that high-pass, 0.3 to 2; 0.707 is a Butterworth filter. [`InverseModel::Mass`] has none.
+    /// Damping ratio zeta_c of that high-pass, 0.3 to 2. 0.707 is a Butterworth filter.
+    /// [`InverseModel::Mass`] has none.
     pub corner_damping: f64,
-    /// What of the actuator is inverted.
+    /// Inverted part of the actuator.
     pub model: InverseModel,
 }
 
@@ -77,40 +82,41 @@ impl Default for InverseSettings {
     }
 }
 
-/// Turns the handle's wanted acceleration \[m/s^2\] into a drive \[A or V\]. Allocates nothing.
+/// Turns a wanted acceleration of the handle \[m/s^2\] into a drive \[A or V\]. Allocates nothing.
 ///
-/// Each section is transformed bilinearly and is exact at w_n. With the default corner the pair of inverse and
-/// actuator is within 0.3 dB of 1 from 40 to 1000 Hz (-0.26 dB at 40 Hz is the corner's own). 96 samples take
-/// 0.24 us (current) or 0.27 us (voltage), medians on one of 2 cores of a shared server-class x86-64 with
-/// AVX-512; `examples/actuator_cost.rs` measures it.
+/// Each section is bilinear and exact at w_n. With the default corner, inverse and actuator are within
+/// 0.3 dB of 1 from 40 to 1000 Hz; -0.26 dB at 40 Hz is the corner's own. 96 samples take 0.24 us
+/// (current) or 0.27 us (voltage): medians on one of 2 cores of a shared server-class x86-64 with
+/// AVX-512, by `benches/actuator.rs`.
 #[derive(Clone, Debug)]
 pub struct Inverse {
     path: Path,
     drive: Drive,
-    /// I/A*, k_f s x/A*, (R + L s) / (1 + s / w_r) and 1 / (1 + s / w_r). What a path leaves out stays at rest.
+    /// I/A*, k_f s x/A*, (R + L s) / (1 + s / w_r) and 1 / (1 + s / w_r). A section that the path does
+    /// not use stays at rest.
     sections: [Biquad; 4],
     rate_hz: f64,
     ignored: u64,
 }
 
-/// From acceleration to drive.
+/// The way from acceleration to drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Path {
     /// A constant.
     Gain(f64),
-    /// Current, times this: 1, or R where a voltage is to cause it.
+    /// The current times this: 1, or R for a voltage.
     Current(f64),
-    /// This R times the current, and the back-EMF.
+    /// This R times the current, plus the back-EMF.
     Resistance(f64),
-    /// Current through the whole coil, and the back-EMF.
+    /// The current through the whole coil, plus the back-EMF.
     Coil,
 }
 
 impl Inverse {
-    /// An inverse for an actuator on its handle, at a sampling rate.
+    /// An inverse for an actuator on its handle at a sampling rate.
     ///
     /// # Errors
-    /// Settings out of their ranges; a rate below 1 kHz, above 1 MHz, or below eight times the actuator's resonance.
+    /// A setting out of range; a rate below 1 kHz, above 1 MHz, or below eight times the resonance.
     pub fn new(
         dynamics: &Dynamics,
         drive: Drive,
@@ -146,13 +152,14 @@ impl Inverse {
         Ok(Self { path, drive, sections, rate_hz, ignored: 0 })
     }
 
-    /// Whether silence gives silence: nothing of what came in before is left.
+    /// Whether silence gives silence: no input is remembered.
     pub fn rests(&self) -> bool {
         self.sections.iter().all(Biquad::is_at_rest)
     }
 
-    /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]; blocks of any length give the same
-    /// samples. A sample that is not finite is taken as 0 and counted; one beyond 1e6 m/s^2 is held there.
+    /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]. The block length does not
+    /// matter. A sample that is not finite counts as 0 and is counted. Samples are clamped to 1e6
+    /// m/s^2.
     pub fn process(&mut self, acceleration: &[f32], drive: &mut [f32]) {
         let mut ignored = 0;
         let mut read = |x: &f32| {
@@ -182,7 +189,7 @@ impl Inverse {
         self.ignored = self.ignored.saturating_add(ignored);
     }
 
-    /// The inverse's own frequency response, drive over acceleration \[A or V per m/s^2\].
+    /// Frequency response of the inverse alone, drive over acceleration \[A or V per m/s^2\].
     pub fn response(&self, hz: f64) -> Complex64 {
         let [current, emf, coil, roof] = self.sections.map(|section| section.response(hz, self.rate_hz));
         match self.path {
@@ -193,13 +200,14 @@ impl Inverse {
         }
     }
 
-    /// Samples that were not finite and were taken as 0, since construction.
+    /// Number of samples that were not finite, since construction.
     pub fn ignored(&self) -> u64 {
         self.ignored
     }
 
-    /// What its filters remember of the input. An inverse for another handle, actuator, corner or model can go on from it, with a
-    /// transient that decays as fast as the corner lets it; refused is what an inverse for another kind of drive remembers.
+    /// State of its filters. An inverse for another handle, actuator, corner or model can go on from
+    /// it; the transient decays as fast as the corner lets it. The state for another kind of drive is
+    /// refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut volts = self.drive == Drive::Voltage;
         state.keep(&mut volts);
@@ -218,7 +226,7 @@ impl Inverse {
         }
     }
 
-    /// Forgets all input; keeps the count.
+    /// Clears all memory of input. The count stays.
     pub fn reset(&mut self) {
         self.sections.iter_mut().for_each(Biquad::reset);
     }

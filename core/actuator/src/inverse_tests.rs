@@ -1,4 +1,4 @@
-//! Against the equations of motion, and a simulated actuator.
+//! The inverse against the equations of motion and a simulated actuator.
 
 use super::super::testing::{RungeKutta, hapcoil, lock_in};
 use super::super::{Drive, Plant};
@@ -10,12 +10,12 @@ fn inverse(grams: f64, drive: Drive, rate: f64) -> Inverse {
     Inverse::new(&hapcoil(grams), drive, rate, InverseSettings::default()).unwrap()
 }
 
-/// A/A* of inverse and a simulated actuator at `hz`, by a sine of 1 m/s^2.
+/// A/A* of the default inverse and a simulated actuator at `hz`, by a sine of 1 m/s^2.
 fn pair(drive: Drive, hz: f64, handle: impl FnMut(f64) -> f64) -> Complex64 {
     pair_of(inverse(100.0, drive, RATE), hz, RATE, handle)
 }
 
-/// The same of any inverse, from one second to two.
+/// A/A* of any inverse, measured from one second to two.
 fn pair_of(mut inverse: Inverse, hz: f64, rate: f64, mut handle: impl FnMut(f64) -> f64) -> Complex64 {
     let second = rate as usize;
     let wanted: Vec<f32> = (0..2 * second).map(|n| (TAU * hz * n as f64 / rate).sin() as f32).collect();
@@ -28,7 +28,7 @@ fn pair_of(mut inverse: Inverse, hz: f64, rate: f64, mut handle: impl FnMut(f64)
 }
 
 #[test]
-fn inverse_and_simulated_actuator_are_flat_from_40_to_1000_hz() {
+fn inverse_and_plant_are_flat_from_40_to_1000_hz() {
     for drive in [Drive::Current, Drive::Voltage] {
         for hz in [40.0, 65.0, 100.0, 250.0, 500.0, 1000.0] {
             let mut plant = Plant::new(&hapcoil(100.0), drive, RATE);
@@ -38,7 +38,7 @@ fn inverse_and_simulated_actuator_are_flat_from_40_to_1000_hz() {
             assert!((exact - integrated).norm() < 1e-4, "{drive:?} {hz} Hz: {exact} {integrated}");
             let db = 20.0 * exact.norm().log10();
             assert!(db.abs() < 0.3, "{drive:?} {hz} Hz: {db} dB");
-            // And it is the high-pass it is said to be, with the roof's fall under a voltage.
+            // It is the stated high-pass, with the pole at w_r under a voltage.
             let mut stated = Section::high_pass(20.0, FRAC_1_SQRT_2).response(hz);
             if drive == Drive::Voltage {
                 stated /= Complex64::new(1.0, hz / 10_000.0);
@@ -50,7 +50,7 @@ fn inverse_and_simulated_actuator_are_flat_from_40_to_1000_hz() {
 }
 
 #[test]
-fn the_pair_passes_no_dc_though_the_inverse_does() {
+fn inverse_passes_dc_and_the_pair_does_not() {
     for drive in [Drive::Current, Drive::Voltage] {
         let (d, inv) = (hapcoil(100.0), inverse(100.0, drive, RATE));
         if drive == Drive::Current {
@@ -68,12 +68,12 @@ fn the_pair_passes_no_dc_though_the_inverse_does() {
 }
 
 #[test]
-fn the_sections_of_the_voltage_inverse_add_up_to_its_transfer_function() {
+fn voltage_inverse_has_its_transfer_function() {
     let d = hapcoil(60.0);
     let inv = inverse(60.0, Drive::Voltage, 480_000.0);
     for hz in [5.0, 20.0, 71.0, 300.0, 3000.0] {
         let s = Complex64::new(0.0, TAU * hz);
-        // From the equations of motion, with no section in common.
+        // From the equations of motion, without any section.
         let mu = d.reduced_mass();
         let x_per_i = d.force_factor / (s * s * mu + s * d.damping + d.stiffness);
         let a_per_i = -s * s * mu / d.handle_mass * x_per_i;
@@ -87,7 +87,7 @@ fn the_sections_of_the_voltage_inverse_add_up_to_its_transfer_function() {
 }
 
 #[test]
-fn any_block_length_gives_the_same_samples_and_what_is_not_finite_passes_over() {
+fn block_length_does_not_matter_and_nan_passes_over() {
     let x: Vec<f32> = (0..500)
         .map(|n| {
             if n == 100 {
@@ -128,9 +128,9 @@ fn settings_and_rates_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn what_a_model_leaves_out_is_what_the_pair_of_inverse_and_simulated_actuator_shows() {
+fn each_model_shows_exactly_what_it_leaves_out() {
     use InverseModel::{Full, Mass, NoEmf, NoInductance};
-    // So high that a hold's half sample is a thousandth of a turn at 1 kHz.
+    // So high that half a sample is a thousandth of a turn at 1 kHz.
     let rate = 480_000.0;
     let d = hapcoil(100.0);
     for drive in [Drive::Current, Drive::Voltage] {
@@ -141,7 +141,7 @@ fn what_a_model_leaves_out_is_what_the_pair_of_inverse_and_simulated_actuator_sh
                 let s = Complex64::new(0.0, TAU * hz);
                 let wc = TAU * 20.0;
                 let corner = s * s / (s * s + s * (2.0 * FRAC_1_SQRT_2 * wc) + wc * wc);
-                // Newton's law for the mover and the handle, which differ by x; no section and no formula of the inverse.
+                // Newton's law for mover and handle, without any section or formula of the inverse.
                 let mu = d.moving_mass * d.handle_mass / (d.moving_mass + d.handle_mass);
                 let resonance = s * s * mu / (s * s * mu + s * d.damping + d.stiffness);
                 let emf = s * d.force_factor * d.force_factor / (s * s * mu + s * d.damping + d.stiffness);
@@ -157,7 +157,7 @@ fn what_a_model_leaves_out_is_what_the_pair_of_inverse_and_simulated_actuator_sh
                 let mut plant = Plant::new(&d, drive, rate);
                 let got = pair_of(inverse.clone(), hz, rate, |u| plant.step(u).acceleration);
                 assert!((got / want - 1.0).norm() < 0.01, "{model:?} {drive:?} {hz} Hz: {got} {want}");
-                // And what the inverse says of itself is what it does.
+                // The stated response is the actual one.
                 let stated = inverse.response(hz) * d.acceleration_per_current().response(hz)
                     / if drive == Drive::Voltage { coil } else { Complex64::new(1.0, 0.0) };
                 assert!((stated / want - 1.0).norm() < 0.001, "{model:?} {drive:?} {hz} Hz: {stated} {want}");
@@ -167,7 +167,7 @@ fn what_a_model_leaves_out_is_what_the_pair_of_inverse_and_simulated_actuator_sh
 }
 
 #[test]
-fn an_inverse_goes_on_from_another_model_but_not_from_another_drive() {
+fn inverse_goes_on_from_another_model_not_another_drive() {
     use InverseModel::{Full, Mass, NoEmf, NoInductance};
     let make = |drive, model| {
         let settings = InverseSettings { model, ..InverseSettings::default() };
@@ -187,7 +187,7 @@ fn an_inverse_goes_on_from_another_model_but_not_from_another_drive() {
         for to in [Full, NoInductance, NoEmf, Mass] {
             let mut new = make(Drive::Voltage, to);
             assert!(State::restore(&bytes, |s| new.state(s)), "{from:?} {to:?}");
-            // Nothing is left in a section that is never run and so never comes to rest.
+            // A section that never runs must be at rest.
             let mut silence = vec![0.0; 480_000];
             new.process(&vec![0.0; silence.len()], &mut silence);
             assert!(new.rests(), "{from:?} {to:?}");
@@ -200,7 +200,7 @@ fn an_inverse_goes_on_from_another_model_but_not_from_another_drive() {
 }
 
 #[test]
-fn what_no_actuator_could_follow_is_not_remembered_longer_than_a_large_signal() {
+fn huge_acceleration_decays_like_a_large_one() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut inv = inverse(100.0, drive, RATE);
         let mut u = vec![0.0; 4800];
@@ -208,7 +208,7 @@ fn what_no_actuator_could_follow_is_not_remembered_longer_than_a_large_signal() 
         assert!(u.iter().all(|u| u.is_finite()));
         let mut rest = vec![0.0; 24_000];
         inv.process(&[0.0; 24_000], &mut rest);
-        // exp(-w_c zeta_c t) of the corner, 20 Hz, is 309 dB in 0.4 s.
+        // exp(-w_c zeta_c t) at 20 Hz is 309 dB in 0.4 s.
         assert!(rest[19_200..].iter().all(|u| u.abs() < 1e-6), "{drive:?} {}", rest[19_200]);
     }
 }

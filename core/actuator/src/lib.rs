@@ -1,9 +1,11 @@
-//! The voice coil that is driven: what it is, how it moves, how to make it accelerate a handle, and what it
-//! must be spared.
+//! A voice-coil actuator: its profile, its motion on a handle, its inverse, its limiter, a simulation
+//! and identification.
 //!
 //! A voice coil on a handle is two masses and a spring. The mover (mass m_a) hangs in the housing on a
-//! suspension (k, c) and is pushed by the coil with k_f I; the housing is fixed to the handle (together m_h),
-//! which gets the opposite push. With x the mover's place relative to the handle and mu = m_a m_h / (m_a + m_h):
+//! suspension (k, c). The coil pushes it with k_f I. The housing is fixed to the handle (together m_h),
+//! which gets the opposite push. With x the mover's place relative to the handle and mu = m_a m_h /
+//! (m_a + m_h):
+//! / (m_a + m_h):
 //!
 //! ```text
 //! mu x'' + c x' + k x = k_f I        x/I = (k_f / mu) / (s^2 + 2 zeta w_n s + w_n^2)
@@ -11,10 +13,10 @@
 //! V = (R + L s) I + k_f s x          w_n^2 = k / mu,  2 zeta w_n = c / mu
 //! ```
 //!
-//! [`ActuatorProfile`] is the actuator as a file in `graphs/actuators/` describes it, [`Dynamics`] the same on a
-//! handle of a given mass, [`Inverse`] turns a wanted acceleration into a current or a voltage, [`Limiter`]
-//! is the last stage before the device, and [`Plant`] simulates what the coil and the handle do. [`identify`] finds the
-//! figures of a profile from what an accelerometer on the handle heard.
+//! [`ActuatorProfile`] is an actuator as its file in `graphs/actuators/` describes it. [`Dynamics`] is
+//! the same on a handle of a given mass. [`Inverse`] turns a wanted acceleration into a current or a
+//! voltage. [`Limiter`] is the last stage before the device. [`Plant`] simulates coil and handle.
+//! [`identify`] finds a profile's figures from the signal of an accelerometer on the handle.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -36,13 +38,14 @@ pub use limiter::{ChannelGuard, Limiter, LimiterReport, LimiterSettings, Limits}
 pub use plant::{Motion, Plant};
 pub use profile::{ActuatorProfile, Quantity};
 
-/// What the amplifier makes of a sample.
+/// The meaning of a sample to the amplifier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Drive {
     /// A current \[A\]: a transconductance amplifier, such as one of 1 A/V.
     #[default]
     Current,
-    /// A voltage \[V\]: an ordinary amplifier, whose current follows through resistance, inductance and back-EMF.
+    /// A voltage \[V\]: an ordinary amplifier, whose current follows through resistance, inductance and
+    /// back-EMF.
     Voltage,
 }
 
@@ -56,31 +59,31 @@ impl Drive {
     }
 }
 
-/// What does not go together.
+/// An actuator or setting that does not fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ActuatorError {
     /// A value outside of its range.
     Range {
-        /// What the value is.
+        /// The value's name.
         what: &'static str,
-        /// What was given.
+        /// The value.
         found: f64,
         /// The least that fits.
         from: f64,
         /// The most that fits.
         to: f64,
-        /// The unit of the three.
+        /// Unit of all three.
         unit: &'static str,
     },
-    /// An actuator that could pass its stroke in the time its current takes to end.
+    /// The actuator could pass its stroke while its current dies away.
     TooStrong {
-        /// What part of the stroke's speed the peak current gives it in that time.
+        /// Part of the stroke's speed that the peak current gives in that time.
         share: f64,
-        /// The most that can be limited.
+        /// The largest part that can be limited.
         most: f64,
     },
-    /// An actuator whose back-EMF acts faster than samples of a voltage can.
+    /// The back-EMF acts faster than samples of a voltage can.
     TooQuick {
         /// mu R / k_f^2 \[s\].
         emf_s: f64,
@@ -117,13 +120,14 @@ impl fmt::Display for ActuatorError {
             }
             Self::TooStrong { share, most } => write!(
                 f,
-                "this actuator gains {share:.2} of the speed that its stroke bears before its peak current has \
-                 ended, and at most {most} can be limited: a higher rate or slew, or a lower peak current"
+                "this actuator gains {share:.2} of the speed that its stroke bears before its peak \
+                 current has \
+                 ended, and at most {most} can be limited: use a higher rate or slew, or a lower peak current"
             ),
             Self::TooQuick { emf_s, least_s } => write!(
                 f,
-                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: a higher \
-                 rate, or a current drive",
+                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: use a \
+                 higher rate, or a current drive",
                 emf_s * 1e6,
                 least_s * 1e6
             ),

@@ -1,11 +1,11 @@
-//! What coil, mover and handle do with a current or a voltage.
+//! Simulation of coil, mover and handle under a current or a voltage.
 
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
 use super::{Drive, Dynamics};
 
-/// The actuator at an instant. SI units.
+/// Motion of the actuator at one instant, in SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Place of the mover relative to the handle \[m\].
@@ -18,11 +18,10 @@ pub struct Motion {
     pub acceleration: f64,
 }
 
-/// A linear simulation of an actuator on a free handle, exact for a drive that is held between samples.
+/// Linear simulation of an actuator on a free handle, exact for a drive that is held between samples.
 ///
-/// The state (w_n x, x', I) goes from one sample to the next by the matrix exponential of the whole
-/// electromechanical system (zero-order hold). There are no end stops: a displacement beyond the stroke is
-/// what would have happened without them.
+/// The state (w_n x, x', I) advances by the matrix exponential of the whole electromechanical system
+/// (zero-order hold). There are no end stops: the displacement may exceed the stroke.
 #[derive(Clone, Debug)]
 pub struct Plant {
     pub(crate) a: [[f64; 3]; 3],
@@ -35,7 +34,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// The actuator at rest; `rate_hz` must be positive and finite, otherwise nothing ever moves.
+    /// The actuator at rest. `rate_hz` must be positive and finite, or nothing moves.
     pub fn new(dynamics: &Dynamics, drive: Drive, rate_hz: f64) -> Self {
         let w = dynamics.natural_rad_s();
         let (c, kf) = (dynamics.damping / dynamics.reduced_mass(), dynamics.force_factor);
@@ -67,8 +66,8 @@ impl Plant {
         Self { a, b, state: [0.0; 3], natural: w, drive, read }
     }
 
-    /// Applies `drive` \[A or V\] from now to the next sample. The answer is the motion now, with the drive just
-    /// applied; a sample that is not finite is taken as 0.
+    /// Applies `drive` \[A or V\] until the next sample and returns the motion now, with this drive. A
+    /// sample that is not finite counts as 0.
     pub fn step(&mut self, drive: f64) -> Motion {
         let u = if drive.is_finite() { drive } else { 0.0 };
         if self.drive == Drive::Current {
@@ -80,7 +79,7 @@ impl Plant {
         Motion { displacement: x / self.natural, velocity: v, current: i, acceleration }
     }
 
-    /// Goes on to the next sample.
+    /// Advances to the next sample.
     #[inline(always)]
     pub(crate) fn advance(&mut self, u: f64) {
         let [x, v, i] = self.state;
@@ -88,8 +87,8 @@ impl Plant {
         self.state = [row(0), row(1), row(2)];
     }
 
-    /// Where the mover is, how fast it is and what current flows. Another actuator, drive or rate can go on from it.
-    /// Refused, with everything at rest, is what no coil can come to: 10^9 m/s, or as many amperes.
+    /// State: displacement, speed and current. Another actuator, drive or rate can go on from it.
+    /// Values that no coil reaches (10^9 m/s or A) are refused and put it at rest.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut natural = self.natural;
         state.keep(&mut self.state).keep(&mut natural);
@@ -141,7 +140,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn exact_steps_agree_with_a_fine_runge_kutta_integration() {
+    fn plant_agrees_with_runge_kutta() {
         for drive in [Drive::Current, Drive::Voltage] {
             let d = hapcoil(100.0);
             let (mut plant, mut fine) =
@@ -161,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driven_handle_answers_as_the_transfer_function_says() {
+    fn plant_has_the_transfer_function() {
         let d = hapcoil(100.0);
         for hz in [30.0, 65.0, 200.0, 1000.0] {
             let mut plant = Plant::new(&d, Drive::Current, 480_000.0);
@@ -170,7 +169,7 @@ mod tests {
                 .collect();
             let (got, want) =
                 (lock_in(&a[480_000..], hz, 480_000.0), d.acceleration_per_current().response(hz));
-            // The hold delays what the mover does by half a sample, but not the push that is read with it.
+            // The hold delays the mover by half a sample, but not the push read with it.
             let push = -d.force_factor / d.handle_mass;
             let held = Complex64::from_polar(1.0, -TAU * hz / 480_000.0 / 2.0) * (want - push) + push;
             assert!((got - held).norm() < 1e-5 * held.norm(), "{hz}: {got} {held}");
@@ -178,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn constant_current_moves_the_mover_by_the_static_deflection_and_the_handle_not_at_all() {
+    fn constant_current_gives_static_deflection_only() {
         let d = hapcoil(250.0);
         let mut plant = Plant::new(&d, Drive::Voltage, 48_000.0);
         let mut last = Motion::default();

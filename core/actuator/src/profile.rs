@@ -1,4 +1,4 @@
-//! An actuator as a file describes it.
+//! The file of an actuator.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -6,25 +6,25 @@ use std::sync::Arc;
 use asperity_diagnostics::ron::{Value, parse};
 use asperity_diagnostics::{Diagnostic, Source};
 
-/// A value, and how it is known.
+/// A value and its origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantity {
-    /// In SI units, whatever the unit of the file.
+    /// Value in SI units, whatever the unit in the file.
     pub value: f64,
-    /// Where it is from: a document, or how it was estimated.
+    /// A document, or how it was estimated.
     pub source: String,
     /// Whether it is an estimate rather than a published or measured figure.
     pub estimate: bool,
 }
 
-/// An actuator: the figures that do not depend on what it is fixed to.
+/// An actuator: the figures that do not depend on its handle.
 ///
-/// In the file every value stands with its unit and its source,
-/// `m_a: (g: 4.4, source: "data sheet")`, and is an estimate where `estimate: true` says so. All fields are
-/// required; ranges are listed in [`ActuatorProfile::parse`].
+/// In the file each value has a unit and a source, `m_a: (g: 4.4, source: "data sheet")`. With
+/// `estimate: true` it is an estimate. All fields are required. [`ActuatorProfile::parse`] lists the
+/// ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuatorProfile {
-    /// What the actuator is called.
+    /// Name of the actuator.
     pub name: String,
     /// Moving mass m_a \[kg\].
     pub moving_mass: Quantity,
@@ -38,11 +38,11 @@ pub struct ActuatorProfile {
     pub resistance: Quantity,
     /// Coil inductance \[H\].
     pub inductance: Quantity,
-    /// How far the mover may go to either side \[m\].
+    /// Largest displacement to either side \[m\].
     pub stroke: Quantity,
     /// Thermal time constant of the coil \[s\].
     pub thermal_time_constant: Quantity,
-    /// Current borne for ever \[A rms\].
+    /// Current that the coil bears for ever \[A rms\].
     pub rated_current: Quantity,
     /// Largest current at any time \[A\].
     pub peak_current: Quantity,
@@ -50,10 +50,10 @@ pub struct ActuatorProfile {
     pub peak_voltage: Quantity,
 }
 
-/// The one version of this format.
+/// The only version of this format.
 const VERSION: i64 = 1;
 
-/// Field, unit as it stands in the file, unit for a person, least, most, SI of one unit.
+/// Field, unit in the file, unit for people, least, most, SI value of one unit.
 pub(super) type Field = (&'static str, &'static str, &'static str, f64, f64, f64);
 
 pub(super) const FIELDS: [Field; 11] = [
@@ -96,8 +96,8 @@ impl ActuatorProfile {
     /// | `peak_voltage` | `v` | 0.05 to 200 |
     ///
     /// # Errors
-    /// What is no RON, an unknown or missing field, another unit, a value out of range, a missing source; a
-    /// coil with L/R above 2 ms, which no voice coil has. Each with its line and column.
+    /// Each with line and column: text that is not RON; an unknown or missing field; another unit; a
+    /// value out of range; a missing source; a coil with L/R above 2 ms, which no voice coil has.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let root = parse(source)?;
         let mut record = root.record("ActuatorProfile")?;

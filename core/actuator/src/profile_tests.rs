@@ -14,11 +14,11 @@ fn error_after(replace: &str, with: &str) -> Diagnostic {
 }
 
 #[test]
-fn the_shipped_hapcoil_has_its_published_figures_and_resonates_at_65_hz_on_100_g() {
+fn shipped_hapcoil_resonates_at_65_hz_on_100_g() {
     let p = ActuatorProfile::parse(&shipped("hapcoil_one.ron")).unwrap();
     let d = Dynamics::new(&p, 100.0).unwrap();
     assert!((d.natural_hz() - 65.0).abs() < 0.01, "{}", d.natural_hz());
-    // What the estimates are said to follow from.
+    // The basis of the estimates.
     assert!((d.resistance + d.force_factor.powi(2) / d.damping - 1.41 / 0.1478).abs() < 0.02);
     let shorted =
         (d.damping + d.force_factor.powi(2) / d.resistance) / (2.0 * d.reduced_mass() * d.natural_rad_s());
@@ -34,7 +34,7 @@ fn the_shipped_hapcoil_has_its_published_figures_and_resonates_at_65_hz_on_100_g
 }
 
 #[test]
-fn the_other_shipped_profile_is_all_estimates_and_fits_a_handle() {
+fn shipped_haptuator_is_all_estimates() {
     let p = ActuatorProfile::parse(&shipped("haptuator_mark_ii.ron")).unwrap();
     assert!(p.quantities().iter().all(|(_, q)| q.estimate && !q.source.is_empty()));
     let d = Dynamics::new(&p, 100.0).unwrap();
@@ -43,7 +43,7 @@ fn the_other_shipped_profile_is_all_estimates_and_fits_a_handle() {
 }
 
 #[test]
-fn a_heavier_handle_lowers_the_resonance_toward_that_of_the_mover_alone() {
+fn heavier_handle_lowers_the_resonance() {
     let p = ActuatorProfile::parse(&shipped("hapcoil_one.ron")).unwrap();
     let hz = |g| Dynamics::new(&p, g).unwrap().natural_hz();
     let alone = (p.stiffness.value / p.moving_mass.value).sqrt() / std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! Profiles that can be named without a file.
+//! Profiles that a graph names without a file.
 
 use std::path::{Path, PathBuf};
 
@@ -12,10 +12,10 @@ const SHIPPED: [(&str, &str); 2] = [
 ];
 
 impl ActuatorProfile {
-    /// The shipped profile of that name, such as `hapcoil_one`; none where nothing of that name is shipped.
+    /// The shipped profile of this name, such as `hapcoil_one`, if there is one.
     ///
     /// # Errors
-    /// None in practice: what is shipped can be read.
+    /// None in practice: shipped profiles are valid.
     pub fn shipped(name: &str) -> Option<Result<Self, Diagnostic>> {
         let (name, text) = SHIPPED.iter().find(|(n, _)| *n == name)?;
         Some(Self::parse(&Source::new(format!("actuators/{name}.ron (shipped)"), *text)))
@@ -26,15 +26,15 @@ impl ActuatorProfile {
         SHIPPED.iter().map(|(name, _)| *name)
     }
 
-    /// The file that [`find`](Self::find) reads; none for a shipped profile.
+    /// Path of the file that [`find`](Self::find) reads. None for a shipped profile.
     pub fn file(name: &str, base: &Path) -> Option<PathBuf> {
         Self::shipped_names().all(|shipped| shipped != name).then(|| base.join(name))
     }
 
-    /// What a graph may call a profile: the name of a shipped one, or a RON file relative to `base`.
+    /// A profile as a graph names it: a shipped one by name, or a RON file relative to `base`.
     ///
     /// # Errors
-    /// A name of none that is shipped, a file that is not there or is no profile.
+    /// An unknown name; a file that is missing or not a profile.
     pub fn find(name: &str, base: &Path) -> Result<Self, Diagnostic> {
         if let Some(shipped) = Self::shipped(name) {
             return shipped;

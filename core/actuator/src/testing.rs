@@ -1,4 +1,4 @@
-//! Independent references for the tests of this folder.
+//! Independent references for the tests of this crate.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use asperity_dsp::filter::Complex64;
 
 use super::{Drive, Dynamics, Motion};
 
-/// The shipped profile's actuator, in numbers, on a handle of `grams`.
+/// The shipped profile's figures on a handle of `grams`.
 pub(crate) fn hapcoil(grams: f64) -> Dynamics {
     Dynamics {
         moving_mass: 4.4e-3,
@@ -24,7 +24,7 @@ pub(crate) fn hapcoil(grams: f64) -> Dynamics {
     }
 }
 
-/// Fourth-order Runge-Kutta on the equations of the two masses themselves, not of their difference.
+/// Fourth-order Runge-Kutta on the equations of both masses, not of their difference.
 pub(crate) struct RungeKutta {
     d: Dynamics,
     drive: Drive,
@@ -79,7 +79,7 @@ impl RungeKutta {
     }
 }
 
-/// Amplitude and phase, against a sine, of the part of `y` at `hz`; over whole periods.
+/// Amplitude and phase of the part of `y` at `hz` against a sine, over whole periods.
 pub(crate) fn lock_in(y: &[f64], hz: f64, rate_hz: f64) -> Complex64 {
     let sum: Complex64 =
         y.iter().enumerate().map(|(n, y)| Complex64::from_polar(*y, -TAU * hz * n as f64 / rate_hz)).sum();

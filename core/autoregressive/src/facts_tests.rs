@@ -1,4 +1,4 @@
-//! What holds of a texture as it is rendered, on the shipped ones.
+//! Facts about rendered textures, on the shipped ones.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -11,17 +11,13 @@ use super::made_tests::{level, shipped};
 use super::{Filter, Model, Synthesis, Texture, line_spectrum};
 use asperity_numbers::Random;
 
-/// Places of the plane of speed and force.
+/// Speed and force.
 type Place = [f64; 2];
-
-fn place(m: &Model) -> Place {
-    [m.speed_mm_s, m.force_n]
-}
 
 /// A point in a triangle by weights.
 fn within(texture: &Texture, triangle: [usize; 3], weights: [f64; 3]) -> Place {
     std::array::from_fn(|axis| {
-        triangle.iter().zip(weights).map(|(i, w)| w * place(&texture.models()[*i])[axis]).sum()
+        triangle.iter().zip(weights).map(|(i, w)| w * texture.models()[*i].place()[axis]).sum()
     })
 }
 
@@ -32,7 +28,7 @@ fn weights(random: &mut Random) -> [f64; 3] {
 }
 
 #[test]
-fn frequencies_variance_and_gain_are_mixed_by_barycentric_weights() {
+fn mixture_has_barycentric_weights() {
     let mut random = Random::new(3);
     for (name, file) in shipped() {
         let texture = &file.texture;
@@ -61,12 +57,12 @@ fn frequencies_variance_and_gain_are_mixed_by_barycentric_weights() {
     }
 }
 
-/// The nearest point of the convex hull, counted in parts of the ranges, by the hull's sides alone: those pairs of points that have all
-/// others on one side.
+/// The nearest point of the convex hull, in parts of the ranges. Uses only the hull's sides: pairs of
+/// points with all others on one side.
 fn nearest_of_hull(points: &[Place], at: Place) -> Place {
     let range = [0, 1].map(|k| {
-        let of = points.iter().map(|p| p[k]);
-        of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min)
+        let [low, high] = super::triangles::range(points.iter().map(|p| p[k]));
+        high - low
     });
     let mut nearest = (f64::INFINITY, at);
     for a in points {
@@ -87,12 +83,12 @@ fn nearest_of_hull(points: &[Place], at: Place) -> Place {
 }
 
 #[test]
-fn beyond_the_hull_the_nearest_point_of_it_answers_as_just_inside() {
+fn outside_the_hull_its_nearest_point_counts() {
     let mut random = Random::new(8);
     for (name, file) in shipped() {
         // Without the silent corners the hull is no rectangle.
         let models: Vec<Model> = file.texture.models().iter().filter(|m| m.variance > 0.0).cloned().collect();
-        let points: Vec<Place> = models.iter().map(place).collect();
+        let points: Vec<Place> = models.iter().map(Model::place).collect();
         let texture = Texture::new(1000.0, models, None).unwrap();
         let centre = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
         let mut beyond = 0;
@@ -121,7 +117,7 @@ fn beyond_the_hull_the_nearest_point_of_it_answers_as_just_inside() {
 }
 
 #[test]
-fn without_variance_it_is_silent_to_the_last_bit() {
+fn zero_variance_is_silent_to_the_last_bit() {
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
         let mut synthesis = Synthesis::new(texture.clone(), 3);
@@ -132,7 +128,7 @@ fn without_variance_it_is_silent_to_the_last_bit() {
             assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{name}");
         }
     }
-    // Moving and pressing within a triangle whose corners all are silent, beside one that is not.
+    // Moving and pressing within a triangle whose corners are all silent, beside one that sounds.
     let corner = |speed_mm_s, force_n, variance| Model {
         ar: vec![-1.2, 0.9],
         ma: vec![0.3],
@@ -163,9 +159,10 @@ fn without_variance_it_is_silent_to_the_last_bit() {
     assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
 }
 
-/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])` as it is written down, from the noise of a texture without coefficients, which is the noise itself.
+/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])`, written out. A texture without coefficients gives
+/// the noise itself.
 #[test]
-fn a_steady_signal_is_the_recursion() {
+fn steady_signal_is_the_recursion() {
     let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
     let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
     noise.touch(1.0, 1.0);
@@ -196,12 +193,13 @@ fn a_steady_signal_is_the_recursion() {
     }
 }
 
-/// A place in the texture's plane, by the number of a jump.
+/// A speed and force by the number of a jump.
 type Jumps = fn(u64) -> Place;
 
-/// The recursion over the signal's own past, which was here once, grew without end: `ringing.ron` on all of these, `rough.ron` on the second.
+/// The recursion over the signal's own past, used once, grew without end: `ringing.ron` on all of
+/// these, `rough.ron` on the second.
 #[test]
-fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() {
+fn jumps_are_never_louder_than_the_loudest_place() {
     let anywhere: Jumps = |k| {
         let mut random = Random::new(k);
         [random.range(1.0, 301.0), random.range(0.1, 3.1)]
@@ -217,9 +215,7 @@ fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() 
                 let mut loudest: f64 = 0.0;
                 for (k, out) in out.chunks_mut(samples).enumerate() {
                     let [speed, force] = jumps(k as u64);
-                    let mut square = [0.0];
-                    texture.at(speed, force).autocovariance(&mut square);
-                    loudest = loudest.max(square[0].sqrt());
+                    loudest = loudest.max(level(&texture.at(speed, force)));
                     synthesis.touch(speed, force);
                     synthesis.process((k * samples) as u64, out);
                 }
@@ -229,7 +225,8 @@ fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() 
                 println!(
                     "{name}, {way}, every {samples}: rms {rms:.3}, peak {peak:.3}, loudest {loudest:.3}"
                 );
-                // The deviation is at most that; a draw of 30 s of a resonance of 6 Hz is off by 5 %, and of normal noise nothing comes as far as 6 of it.
+                // 30 s of a resonance of 6 Hz are off by up to 5 %. Normal noise does not reach 6
+                // deviations here.
                 assert!(rms < 1.15 * loudest, "{name}, {way}, every {samples}: {rms}, not {loudest}");
                 assert!(
                     f64::from(peak) < 6.0 * loudest,
@@ -240,8 +237,8 @@ fn however_fast_speed_and_force_jump_nothing_is_louder_than_the_loudest_place() 
     }
 }
 
-/// Largest steps from sample to sample on the way from one place to another and back, again and again, each way in some ticks of 2 ms; and of
-/// steady signals at places along it.
+/// Largest steps between samples of two signals: one that moves from one place to another and back in
+/// this many ticks of 2 ms, and steady ones at places on the way.
 fn largest_steps(texture: &Arc<Texture>, [from, to]: [Place; 2], ticks: u64) -> [f32; 2] {
     let run = |way: &dyn Fn(u64) -> f64| {
         let mut synthesis = Synthesis::new(texture.clone(), 21);
@@ -264,13 +261,15 @@ fn largest_steps(texture: &Arc<Texture>, [from, to]: [Place; 2], ticks: u64) -> 
     [changing, steady]
 }
 
-/// From one corner to any other, however fast, no step is larger than those of steady signals on the way, but for a quarter.
+/// From corner to corner, however fast, a step is at most a quarter larger than those of steady signals
+/// on the way.
 #[test]
-fn a_change_of_speed_and_force_does_not_click() {
+fn change_of_speed_and_force_does_not_click() {
     let mut random = Random::new(5);
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
-        let sounding: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
+        let sounding: Vec<Place> =
+            texture.models().iter().filter(|m| m.variance > 0.0).map(Model::place).collect();
         let mut worst = [0.0f32; 3];
         for _ in 0..10 {
             let pair = [0; 2].map(|_| sounding[random.below(sounding.len())]);
@@ -284,7 +283,7 @@ fn a_change_of_speed_and_force_does_not_click() {
     }
 }
 
-/// Power by bins, a mean over windows of 4 s that overlap by half.
+/// Power by bins: a mean over windows of 4 s that overlap by half.
 struct Welch {
     len: usize,
     window: Vec<f64>,
@@ -313,10 +312,11 @@ impl Welch {
     }
 }
 
-/// At every corner and somewhere in every triangle, over 120 s. In the band of 25 Hz, 5.8 Hz wide, the power of 120 s of noise deviates by 0.16 dB by
-/// itself; all places have the same noise, so that it is one draw for all of them.
+/// At every corner and at a place in every triangle, over 120 s. In the band of 25 Hz, 5.8 Hz wide, the
+/// power of 120 s of noise has a deviation of 0.16 dB. All places have the same noise, so that it is
+/// one draw for all of them.
 #[test]
-fn the_rendered_spectrum_is_the_closed_form_in_every_third_of_an_octave() {
+fn rendered_third_octaves_match_the_closed_form() {
     const SECONDS: usize = 120;
     let welch = Welch::new(4000);
     let mut random = Random::new(1);
@@ -324,7 +324,8 @@ fn the_rendered_spectrum_is_the_closed_form_in_every_third_of_an_octave() {
     let mut places = 0;
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
-        let mut all: Vec<Place> = texture.models().iter().filter(|m| m.variance > 0.0).map(place).collect();
+        let mut all: Vec<Place> =
+            texture.models().iter().filter(|m| m.variance > 0.0).map(Model::place).collect();
         for &triangle in texture.triangles().corners() {
             let at = within(&texture, triangle, weights(&mut random));
             if texture.at(at[0], at[1]).deviation > 0.0 {
@@ -336,7 +337,7 @@ fn the_rendered_spectrum_is_the_closed_form_in_every_third_of_an_octave() {
             synthesis.touch(speed, force);
             let mut out = vec![0.0; 1000 * (SECONDS + 1)];
             synthesis.process(0, &mut out);
-            // The first second is before it has settled.
+            // The first second settles.
             let found = welch.power(&out[1000..]);
             let filter = texture.at(speed, force);
             for band in 14..=26 {
@@ -361,21 +362,21 @@ fn the_rendered_spectrum_is_the_closed_form_in_every_third_of_an_octave() {
 }
 
 #[test]
-fn the_noise_of_a_sample_is_its_number_s() {
+fn noise_depends_on_the_sample_number_only() {
     let (_, file) = shipped().remove(2);
     let texture = Arc::new(file.texture);
     let mut random = Random::new(9);
     let touch = |synthesis: &mut Synthesis, n: usize| {
         synthesis.touch(20.0 + 0.01 * n as f64, 1.0 + 0.0001 * n as f64);
     };
-    // Whatever the pieces are that it is asked for in.
+    // Samples do not depend on how they are asked for.
     let mut whole = Synthesis::new(texture.clone(), 4);
     let mut want = vec![0.0; 8000];
     for (i, part) in want.chunks_mut(2).enumerate() {
         touch(&mut whole, 2 * i);
         whole.process(2 * i as u64, part);
     }
-    // One that sleeps and begins anew where it wakes is as one that went on, and was reset there.
+    // A signal that sleeps and starts anew equals one that went on and was reset there.
     let mut awake = Synthesis::new(texture.clone(), 4);
     let mut asleep = Synthesis::new(texture, 4);
     let (mut a, mut b) = (vec![0.0; 2], vec![0.0; 2]);
@@ -405,7 +406,7 @@ fn the_noise_of_a_sample_is_its_number_s() {
     let mut found = vec![0.0; 8000];
     let mut at = 0;
     while at < found.len() {
-        // Ticks are not cut; some are asked for one sample at a time.
+        // Ticks are not cut. Some are asked for one sample at a time.
         touch(&mut again, at);
         if random.chance(0.5) {
             again.process(at as u64, &mut found[at..at + 2]);
@@ -419,7 +420,7 @@ fn the_noise_of_a_sample_is_its_number_s() {
 }
 
 #[test]
-fn ten_minutes_at_every_corner_stay_finite_and_at_their_level() {
+fn ten_minutes_stay_finite_and_at_their_level() {
     for (name, file) in shipped() {
         let texture = Arc::new(file.texture);
         for m in texture.models().iter().filter(|m| m.variance > 0.0) {
@@ -440,9 +441,9 @@ fn ten_minutes_at_every_corner_stay_finite_and_at_their_level() {
     }
 }
 
-/// What is rendered from a texture is fitted: the fit sounds as the texture does.
+/// The rendered signal is fitted. The fit sounds as the texture does.
 #[test]
-fn a_fit_to_what_a_texture_renders_is_that_texture() {
+fn fit_of_a_rendering_is_its_texture() {
     let limits = [("rough", 1.5), ("smooth", 1.5), ("ringing", 2.5)];
     for ((name, file), (_, limit)) in shipped().into_iter().zip(limits) {
         let texture = Arc::new(file.texture);
@@ -453,7 +454,7 @@ fn a_fit_to_what_a_texture_renders_is_that_texture() {
         let mut from = corners[0];
         for &to in &corners {
             for n in 0..7000 {
-                // A second on the way, six there.
+                // A second on the way, six at the place.
                 let part = 0.5 - 0.5 * (PI * f64::from(n.min(1000)) / 1000.0).cos();
                 let [v, f] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
                 speed.push(v);
@@ -483,7 +484,7 @@ fn a_fit_to_what_a_texture_renders_is_that_texture() {
     }
 }
 
-/// The largest difference in third-octave bands that hold a thousandth of the power or more, in dB.
+/// The largest difference in dB in third-octave bands that hold a thousandth of the power or more.
 fn worst_band(found: &Filter, want: &Filter) -> f64 {
     let power = |filter: &Filter, centre: f64| {
         let at = |i: i32| centre * 10f64.powf((f64::from(i) + 0.5) / 1000.0 - 0.05);

@@ -21,8 +21,8 @@
 //! )
 //! ```
 //!
-//! `ar` is `a_1 .. a_p` and `ma` is `b_1 .. b_q` of the [model](super). `gain` may be left out and is 1 then, `ma` and is empty then; without
-//! `triangles` Delaunay's triangulation is made.
+//! `ar` is `a_1 .. a_p` and `ma` is `b_1 .. b_q` of the [model](super). Without `gain` it is 1, without
+//! `ma` it is empty. Without `triangles` Delaunay's triangulation is made.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -35,24 +35,25 @@ use super::frames::RATES_HZ;
 use super::{MAX_ORDER, Model, Texture, Triangles, toolkit};
 use asperity_motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
 
-/// Most models of a file. The Penn toolkit's textures have some tens; a tick looks at every triangle.
+/// Most models of a file. The Penn toolkit's textures have some tens. A tick searches all triangles.
 pub const MAX_MODELS: usize = 256;
 
-/// Largest text in bytes: the most models of the most coefficients fit. Reading so much takes 110 MB at most, whatever is in it.
+/// Largest text in bytes: room for the most models with the most coefficients. Reading takes at most
+/// 110 MB, whatever the content.
 const MAX_BYTES: usize = 1 << 20;
 /// Largest variance in (m/s^2)^2 and largest gain.
 const LARGEST: f64 = 1e12;
-/// Largest root mean square of what a model puts out in m/s^2.
+/// Largest root mean square of a model's signal in m/s^2.
 const LOUDEST_M_S2: f64 = 1e5;
-/// Corners are told apart by this much speed in mm/s or force in N.
+/// Least distance between models, in speed [mm/s] or force [N].
 const APART: f64 = 1e-6;
 
 /// A texture as it stands in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureFile {
-    /// What it feels like, in a sentence.
+    /// A sentence on how it feels.
     pub description: String,
-    /// Where it came from: made, or fitted to which recording.
+    /// Origin: made, or the recording it was fitted to.
     pub origin: String,
     /// The texture.
     pub texture: Texture,
@@ -70,16 +71,17 @@ impl TextureFile {
     /// Reads a texture from its text.
     ///
     /// # Errors
-    /// Each with its place: text that is not RON or longer than 1 MiB, an unknown or missing field, another version, a rate outside 100 Hz to 100 kHz, no
-    /// model or more than [`MAX_MODELS`], a number that is not finite or out of range, more than [`MAX_ORDER`] coefficients, a polynomial that is not
-    /// stable, a model louder than 1e5 m/s^2, models of different orders, two models at one speed and force, triangles that are none or do
-    /// not tile the hull of the models.
+    /// Each with its place: text that is not RON or longer than 1 MiB; an unknown or missing field;
+    /// another version; a rate outside 100 Hz to 100 kHz; no model or more than [`MAX_MODELS`]; a
+    /// number that is not finite or out of range; more than [`MAX_ORDER`] coefficients; a polynomial
+    /// that is not stable; a model louder than 1e5 m/s^2; models of different orders; two models at one
+    /// speed and force; triangles with bad corners or that do not tile the hull of the models.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         if source.text().len() > MAX_BYTES {
             return Err(Diagnostic::new(format!("a texture of {} bytes", source.text().len()))
                 .in_file(source.path())
                 .help(format!(
-                    "at most {MAX_BYTES} are read: {MAX_MODELS} models of {MAX_ORDER} and {MAX_ORDER} coefficients"
+                    "at most {MAX_BYTES}: {MAX_MODELS} models of {MAX_ORDER} and {MAX_ORDER} coefficients"
                 )));
         }
         let whole = ron::parse(source)?;
@@ -107,7 +109,7 @@ impl TextureFile {
         Ok(Self { description, origin, texture })
     }
 
-    /// The text of a file. It reads back to the same bits; triangles are written, so that they stay what they are.
+    /// The text of a file. It reads back to the same bits, triangles too.
     ///
     /// # Errors
     /// A texture that [`parse`](Self::parse) would refuse.
@@ -118,11 +120,15 @@ impl TextureFile {
         let _ = writeln!(text, "    origin: {},", quoted(&self.origin));
         let _ = writeln!(text, "    rate_hz: {:?},\n    models: [", self.texture.rate_hz());
         for m in self.texture.models() {
-            let _ = writeln!(
-                text,
-                "        (\n            speed_mm_s: {:?},\n            force_n: {:?},\n            variance: {:?},\n            gain: {:?},",
-                m.speed_mm_s, m.force_n, m.variance, m.gain
-            );
+            text.push_str("        (\n");
+            for (name, value) in [
+                ("speed_mm_s", m.speed_mm_s),
+                ("force_n", m.force_n),
+                ("variance", m.variance),
+                ("gain", m.gain),
+            ] {
+                let _ = writeln!(text, "            {name}: {value:?},");
+            }
             row(&mut text, "ar", &m.ar);
             row(&mut text, "ma", &m.ma);
             text.push_str("        ),\n");
@@ -136,7 +142,7 @@ impl TextureFile {
             text.push_str("    ],\n");
         }
         text.push_str(")\n");
-        // What was written must be what was meant.
+        // The text must read back to this texture.
         match Self::parse(&Source::new("texture", text.as_str())) {
             Ok(read) if read == *self => Ok(text),
             Ok(_) => Err(Diagnostic::new("this texture cannot be written so that it stays what it is")),
@@ -146,7 +152,8 @@ impl TextureFile {
 }
 
 impl Texture {
-    /// Reads a texture from a file: the Penn [toolkit]'s where its name ends in `.xml`, else a [`TextureFile`].
+    /// Reads a texture from a file: of the Penn [toolkit] if its name ends in `.xml`, else a
+    /// [`TextureFile`].
     ///
     /// # Errors
     /// A file that cannot be read, and all of [`toolkit::parse`] or [`TextureFile::parse`].
@@ -159,7 +166,7 @@ impl Texture {
     }
 }
 
-/// Coefficients, some to a line; nothing for none.
+/// Coefficients, five a line. An empty `ma` is left out.
 fn row(text: &mut String, name: &str, coefficients: &[f64]) {
     if coefficients.is_empty() && name == "ma" {
         return;
@@ -176,7 +183,7 @@ fn row(text: &mut String, name: &str, coefficients: &[f64]) {
     text.push_str("],\n");
 }
 
-/// An error with the place of a value.
+/// Gives an error the place of a value.
 fn at(e: Diagnostic, value: &Value) -> Diagnostic {
     e.at(value.source(), value.span())
 }
@@ -199,9 +206,7 @@ fn model(value: &Value) -> Result<Model, Diagnostic> {
 
 /// Refuses a model that is too loud.
 fn quiet(model: &Model, value: &Value) -> Result<(), Diagnostic> {
-    let mut square = [0.0];
-    model.filter().autocovariance(&mut square);
-    let level = square[0].sqrt();
+    let level = model.filter().variance().sqrt();
     if level <= LOUDEST_M_S2 {
         return Ok(());
     }
@@ -260,7 +265,7 @@ fn triangles(value: &Value, models: &[Model]) -> Result<Vec<[usize; 3]>, Diagnos
         }
     };
     let given = rows.iter().map(corners).collect::<Result<Vec<[usize; 3]>, _>>()?;
-    let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+    let points: Vec<[f64; 2]> = models.iter().map(Model::place).collect();
     if Triangles::given(&points, &given).is_none() {
         return Err(value
             .error("triangles that do not tile the hull of the models")

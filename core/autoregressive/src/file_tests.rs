@@ -1,8 +1,8 @@
-//! What is written reads back, and what cannot be is refused where it stands.
+//! Files read back; bad ones are refused with their place.
 
 use proptest::prelude::*;
 
-use super::super::line_spectrum;
+use super::super::testing::stable;
 use super::*;
 use asperity_numbers::Random;
 
@@ -14,10 +14,11 @@ fn error(text: &str) -> String {
     parse(text).unwrap_err().to_string()
 }
 
-/// A file of the models, each on a line of its own from line 3 on.
+/// A file with these models, one a line, from line 3 on.
 fn with(models: &str, after: &str) -> String {
     format!(
-        "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000,\nmodels: [\n{models}\n], {after})"
+        "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000,\n\
+         models: [\n{models}\n], {after})"
     )
 }
 
@@ -29,26 +30,10 @@ fn square() -> String {
     [[20.0, 0.5], [200.0, 0.5], [200.0, 2.0], [20.0, 2.0]].map(|[v, f]| line("-1.2, 0.81", v, f)).concat()
 }
 
-/// Models of random frequencies, which are stable whatever they are.
+/// Models with random frequencies; they are always stable.
 fn drawn(seed: u64, count: usize, orders: [usize; 2]) -> Vec<Model> {
     let mut random = Random::new(seed);
-    let mut polynomial = |order: usize| {
-        // Rising, and well apart.
-        let least = if order > 30 { 0.9 } else { 0.3 };
-        let steps: Vec<f64> = (0..=order).map(|_| random.range(least, 1.0)).collect();
-        let whole: f64 = steps.iter().sum();
-        let mut sum = 0.0;
-        let lines: Vec<f64> = steps[..order]
-            .iter()
-            .map(|s| {
-                sum += s / whole * std::f64::consts::PI;
-                sum
-            })
-            .collect();
-        let mut a = vec![0.0; order];
-        line_spectrum::to_polynomial(&lines, &mut a);
-        a
-    };
+    let mut polynomial = |order: usize| stable(&mut random, order, if order > 30 { 0.9 } else { 0.3 });
     let polynomials: Vec<[Vec<f64>; 2]> = (0..count).map(|_| orders.map(&mut polynomial)).collect();
     let mut random = Random::new(seed ^ 0x55);
     polynomials
@@ -67,8 +52,9 @@ fn drawn(seed: u64, count: usize, orders: [usize; 2]) -> Vec<Model> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn what_is_written_reads_back_to_the_same_bits(
-        seed: u64, count in 1..30usize, p in 0..24usize, q in 0..6usize, rate_hz in 100.0..1e5f64, words in ".{0,40}",
+    fn written_file_reads_back_to_the_same_bits(
+        seed: u64, count in 1..30usize, p in 0..24usize, q in 0..6usize,
+        rate_hz in 100.0..1e5f64, words in ".{0,40}",
     ) {
         let texture = Texture::new(rate_hz, drawn(seed, count, [p, q]), None).unwrap();
         let file = TextureFile { description: words.clone(), origin: words, texture };
@@ -84,7 +70,7 @@ proptest! {
 }
 
 #[test]
-fn triangles_of_ones_own_are_kept_and_others_made() {
+fn given_triangles_are_kept_and_missing_ones_made() {
     let corners =
         |after: &str| parse(&with(&square(), after)).unwrap().texture.triangles().corners().to_vec();
     let (one, other) = ([[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]);
@@ -112,7 +98,7 @@ fn gain_and_moving_average_may_be_left_out() {
 }
 
 #[test]
-fn a_model_of_zeros_alone_and_one_without_coefficients_read_back() {
+fn model_without_ar_or_any_coefficients_reads_back() {
     for orders in [[0, 1], [0, 0]] {
         let texture = Texture::new(100.0, drawn(0, 1, orders), None).unwrap();
         let file = TextureFile { description: String::new(), origin: String::new(), texture };
@@ -121,7 +107,7 @@ fn a_model_of_zeros_alone_and_one_without_coefficients_read_back() {
 }
 
 #[test]
-fn every_error_stands_where_it_is() {
+fn every_error_has_its_place() {
     let good = square();
     let second = |what: &str, by: &str| {
         let at = good.find("200").unwrap() - 12;
@@ -130,7 +116,7 @@ fn every_error_stands_where_it_is() {
         error(&with(&format!("{before}{}", after.replacen(what, by, 1)), ""))
     };
     for (found, want) in [
-        // What `Model::check` says.
+        // From `Model::check`.
         (second("-1.2, 0.81", "-2.2, 1.21"), "t.ron:4:1: the autoregressive part of a model is not stable"),
         (second("[0.3]", "[1.3]"), "t.ron:4:1: the moving-average part of a model is not of minimum phase"),
         (second("-1.2, 0.81", &"0, ".repeat(65)), "t.ron:4:64: 65 coefficients"),
@@ -142,12 +128,12 @@ fn every_error_stands_where_it_is() {
         (second("0.04", "NaN"), "t.ron:4:43: not a finite number"),
         (second("0.81", "inf"), "t.ron:4:71: not a finite number"),
         (second("0.81", "\"x\""), "t.ron:4:71: expected a number"),
-        // What `Texture::new` says.
+        // From `Texture::new`.
         (second("-1.2, 0.81", "0.5"), "t.ron:4:1: 1 and 1 coefficients, where the first has 2 and 1"),
         (second("[0.3]", "[]"), "t.ron:4:1: 2 and 0 coefficients, where the first has 2 and 1"),
         (error(&with("", "")), "t.ron:2:9: a texture of 0 models"),
         (error(&with(&good, "").replace("1000", "0")), "t.ron:1:68: 0 Hz is out of range"),
-        // And the file.
+        // From the file.
         (second("200", "20"), "t.ron:4:1: a second model at 20 mm/s and 0.5 N"),
         (second("0.04", "1e12"), "t.ron:4:1: a model whose signal has a root mean square of"),
         (second("gain", "gian"), "t.ron:4:49: unknown field `gian` (did you mean `gain`?)"),
@@ -176,12 +162,12 @@ fn every_error_stands_where_it_is() {
 }
 
 #[test]
-fn hostile_files_are_refused_before_they_cost_anything() {
+fn hostile_files_are_refused_early() {
     let many = error(&with(&"(),".repeat(300_000), ""));
     assert!(many.starts_with("t.ron:2:9: a texture of 300000 models (1 to 256)"), "{many}");
     let million = error(&with(&line("-0.5", 1.0, 1.0).repeat(1_000_000), ""));
     assert!(million.starts_with("t.ron: a texture of ") && million.contains("1048576"), "{million}");
-    // Poles together near the circle: stable, and louder than any number a sample can hold.
+    // Poles close together near the circle: stable, but louder than any sample can hold.
     let mut ar = [0.0; 21];
     ar[0] = 1.0;
     for _ in 0..20 {
@@ -195,9 +181,9 @@ fn hostile_files_are_refused_before_they_cost_anything() {
     assert!(loud.contains("root mean square") || loud.contains("not stable"), "{loud}");
 }
 
-/// The most models of the most coefficients, as long as numbers get.
+/// The most models with the most coefficients and the longest numbers.
 #[test]
-fn the_largest_texture_fits_into_a_file() {
+fn largest_texture_fits_into_a_file() {
     let models: Vec<Model> = drawn(3, MAX_MODELS, [MAX_ORDER, MAX_ORDER])
         .into_iter()
         .map(|m| Model { variance: 1.234_567_890_123_456_7e-10, ..m })

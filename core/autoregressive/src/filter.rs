@@ -6,13 +6,13 @@ use super::polynomial;
 /// Most coefficients of either polynomial.
 pub const MAX_ORDER: usize = 64;
 
-/// What a texture is at one speed and force: the noise's level and the two polynomials, in place, so that making one anew
-/// allocates nothing.
+/// A texture at one speed and force: level of the noise and the two polynomials. It is stored in place,
+/// so that nothing is allocated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {
     /// Standard deviation of the noise in m/s^2; 0 is silence.
     pub deviation: f64,
-    /// What the noise is multiplied by, with what the moving average adds to it.
+    /// Factor on the noise and on its moving average.
     pub gain: f64,
     orders: [usize; 2],
     ar: [f64; MAX_ORDER],
@@ -20,14 +20,14 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// A silent filter of these orders, `[p, q]`; an order above [`MAX_ORDER`] is taken as that.
+    /// A silent filter of orders `[p, q]`, each at most [`MAX_ORDER`].
     pub(super) fn silent(orders: [usize; 2]) -> Self {
         let orders = orders.map(|n| n.min(MAX_ORDER));
         Self { deviation: 0.0, gain: 1.0, orders, ar: [0.0; MAX_ORDER], ma: [0.0; MAX_ORDER] }
     }
 
-    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation in m/s^2; the gain
-    /// is 1. Whether it is stable is not asked.
+    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation
+    /// in m/s^2. The gain is 1. Stability is not checked.
     pub fn new(ar: &[f64], ma: &[f64], deviation: f64) -> Self {
         let mut filter = Self::silent([ar.len(), ma.len()]);
         filter.ar.iter_mut().zip(ar).for_each(|(to, x)| *to = *x);
@@ -46,12 +46,13 @@ impl Filter {
         &self.ma[..self.orders[1]]
     }
 
-    /// Both, to write.
+    /// Both polynomials, to write.
     pub(super) fn coefficients(&mut self) -> [&mut [f64]; 2] {
         [&mut self.ar[..self.orders[0]], &mut self.ma[..self.orders[1]]]
     }
 
-    /// `S(w)`, the power spectrum a sample at `w` radians a sample, in (m/s^2)^2: its mean over all `w` is the variance of the signal.
+    /// Power spectrum `S(w)` at `w` radians a sample, in (m/s^2)^2. Its mean over all `w` is the
+    /// signal's variance.
     pub fn power(&self, w: f64) -> f64 {
         let at = |coefficients: &[f64]| {
             let z = polar(1.0, -w);
@@ -60,13 +61,20 @@ impl Filter {
         (self.deviation * self.gain).powi(2) * at(self.ma()).norm_sqr() / at(self.ar()).norm_sqr()
     }
 
-    /// The autocovariance of the signal at lags 0, 1, .. `out.len() - 1`, in (m/s^2)^2, exactly.
+    /// Exact variance of the signal in (m/s^2)^2.
+    pub fn variance(&self) -> f64 {
+        let mut variance = [0.0];
+        self.autocovariance(&mut variance);
+        variance[0]
+    }
+
+    /// Exact autocovariance of the signal at lags 0, 1, .. `out.len() - 1`, in (m/s^2)^2.
     pub fn autocovariance(&self, out: &mut [f64]) {
         let q = self.ma().len();
         let mut of_ar = vec![0.0; out.len() + q];
         polynomial::autocovariance(self.ar(), &mut of_ar);
         let b = |i: usize| if i == 0 { 1.0 } else { self.ma.get(i - 1).copied().unwrap_or(0.0) };
-        // What the moving average adds: the correlation of its coefficients with themselves, over lags -q to q.
+        // Correlation of the moving average's coefficients with themselves, over lags -q to q.
         let spread: Vec<f64> = (0..=q).map(|d| (d..=q).map(|i| b(i) * b(i - d)).sum()).collect();
         let scale = (self.deviation * self.gain).powi(2);
         for (lag, r) in out.iter_mut().enumerate() {
@@ -90,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn first_order_has_the_covariance_of_the_textbook() {
+    fn first_order_has_textbook_covariance() {
         let mut r = [0.0; 20];
         // var / (1 - phi^2) phi^m
         Filter::new(&[-0.9], &[], 2.0).autocovariance(&mut r);
@@ -105,8 +113,9 @@ mod tests {
     }
 
     #[test]
-    fn a_resonance_has_the_covariance_of_the_textbook() {
-        // AR(2) with poles radius e^{+-i angle}: r0 = (1 + R^2) / ((1 - R^2) (1 - 2 R^2 cos 2t + R^4)), r1 = -a1 / (1 + a2) r0
+    fn resonance_has_textbook_covariance() {
+        // AR(2) with poles radius e^{+-i angle}: r0 = (1 + R^2) / ((1 - R^2) (1 - 2 R^2 cos 2t + R^4)),
+        // r1 = -a1 / (1 + a2) r0
         let (radius, angle) = (0.97f64, 0.7f64);
         let (a1, a2) = (-2.0 * radius * angle.cos(), radius * radius);
         let mut r = [0.0; 60];
@@ -120,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn covariance_and_spectrum_are_of_one_signal() {
+    fn covariance_is_the_transform_of_the_spectrum() {
         let ar = [-1.1, 0.9, -0.3, 0.1];
         assert!(is_stable(&ar));
         let filter = Filter::new(&ar, &[0.4, -0.2, 0.1], 1.5);

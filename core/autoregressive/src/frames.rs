@@ -7,15 +7,15 @@ use asperity_dsp::window::hann;
 use super::Filter;
 use asperity_dsp::frame::{BIN_HZ, BINS, WINDOW_S};
 
-/// Rates of models, in Hz.
+/// Rates of models [Hz].
 pub(super) const RATES_HZ: std::ops::RangeInclusive<f64> = 100.0..=100_000.0;
 
-/// What magnitudes frames of a signal have on average, for signals of one rate.
+/// Mean magnitudes of frames of a signal, for signals of one rate.
 #[derive(Clone, Debug)]
 pub struct Frames {
-    /// The window's correlation with itself at lags 0, 1, .., twice beyond 0, and scaled so that amplitudes come out.
+    /// Autocorrelation of the window at lags 0, 1, .., twice beyond 0, scaled to give amplitudes.
     correlation: Vec<f64>,
-    /// `cos(w_k m)`, a row of lags for each bin that is known.
+    /// `cos(w_k m)`: a row of lags for each known bin.
     cosines: Vec<f64>,
 }
 
@@ -40,7 +40,7 @@ impl Frames {
                 if lag == 0 { scale * sum } else { 2.0 * scale * sum }
             })
             .collect();
-        // Up to the Nyquist frequency itself, and no rounding may cost it.
+        // Includes the Nyquist frequency itself, whatever the rounding.
         let known = ((0.5 * rate_hz / BIN_HZ * (1.0 + 1e-12)) as usize).min(BINS);
         let cosines = (1..=known)
             .flat_map(|bin| {
@@ -51,13 +51,13 @@ impl Frames {
         Ok(Self { correlation, cosines })
     }
 
-    /// How many bins lie at or below half the rate. Of those above, a model of that rate says nothing.
+    /// Number of bins at or below half the rate. A model says nothing about bins above.
     pub fn known_bins(&self) -> usize {
         self.cosines.len() / self.correlation.len().max(1)
     }
 
-    /// `E[A_k^2]` in (m/s^2)^2 of amplitudes `A_k = 2 |sum w x| / sum w` at 10, 20 .. 1000 Hz, exactly. Bins above
-    /// [`known_bins`](Self::known_bins) are 0.
+    /// Exact `E[A_k^2]` in (m/s^2)^2 of amplitudes `A_k = 2 |sum w x| / sum w` at 10, 20 .. 1000 Hz.
+    /// Bins above [`known_bins`](Self::known_bins) are 0.
     pub fn expected_power(&self, filter: &Filter) -> [f64; BINS] {
         let mut power = [0.0; BINS];
         if filter.deviation == 0.0 || filter.gain == 0.0 {
@@ -68,7 +68,7 @@ impl Frames {
         products.iter_mut().zip(&self.correlation).for_each(|(r, c)| *r *= c);
         for (power, cosines) in power.iter_mut().zip(self.cosines.chunks_exact(products.len())) {
             let sum: f64 = products.iter().zip(cosines).map(|(p, c)| p * c).sum();
-            // Rounding may take what is nothing below it.
+            // Rounding may go below 0.
             *power = sum.max(0.0);
         }
         power

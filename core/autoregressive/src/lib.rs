@@ -1,36 +1,44 @@
-//! Textures as autoregressive models of the tool's acceleration, one for each of some speeds and forces, and what lies between them.
+//! Textures as autoregressive models of the tool's acceleration: one model for each of some speeds and
+//! forces, mixed in between.
 //!
 //! # The model
 //!
-//! At a constant speed and force the acceleration is white Gaussian noise `e` of variance `var` through a filter,
+//! At a constant speed and force the acceleration is white Gaussian noise `e` of variance `var` through
+//! a filter,
 //!
 //! ```text
 //! x[n] = - a_1 x[n-1] - .. - a_p x[n-p] + gain (e[n] + b_1 e[n-1] + .. + b_q e[n-q])
 //! S(w) = var gain^2 |B(w) / A(w)|^2,    A = 1 + a_1 e^-iw + ..,    B = 1 + b_1 e^-iw + ..
 //! ```
 //!
-//! stable when all roots of `A` lie within the unit circle. Between models everything is interpolated as Culbertson, Unwin and Kuchenbecker 2014
-//! do ("Modeling and rendering realistic textures from unconstrained tool-surface interactions"): the plane of speed and force is cut into
-//! triangles with models as corners, and the three around a point are mixed by their barycentric weights; the variance and the gain
-//! linearly, the polynomials by their line spectral frequencies, which keep every mixture stable. Outside the triangles the nearest point
-//! of their hull answers, near in parts of the models' range of speed and of force. No speed or no force is no vibration.
+//! It is stable when all roots of `A` lie within the unit circle. Models are mixed as in Culbertson,
+//! Unwin and Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained
+//! tool-surface interactions"). Triangles with models as corners cover the plane of speed and force.
+//! The three models around a point are mixed by barycentric weights: variance and gain linearly,
+//! polynomials by line spectral frequencies, so that every mixture is stable. Outside the triangles the
+//! nearest point of their hull counts; distances are in parts of the models' range of speed and of
+//! force. Without speed or force there is no vibration.
 //!
-//! Textures come from a [file](TextureFile), from a recording by a [fit], or from the Penn [toolkit]'s files.
+//! A texture comes from a [file](TextureFile), from a recording by a [fit], or from a file of the Penn
+//! [toolkit].
 //!
 //! # Magnitudes in closed form
 //!
-//! A frame is a Hann window `w` of 0.1 s. The mean square of its transform follows from the autocovariance `r` of the model,
+//! A frame is a Hann window `w` of 0.1 s. The mean square of its transform follows from the model's
+//! autocovariance `r`,
 //!
 //! ```text
 //! E|X_k|^2 = sum_m r(m) c(m) cos(w_k m),    c(m) = sum_n w[n] w[n+m]
 //! ```
 //!
-//! which is exact: the spectrum smoothed by the window's kernel. The short form `S(w_k) sum w^2` takes the spectrum at the bin alone. It is as good
-//! where the spectrum is flat over the 40 Hz of the window's lobe, and wrong at resonances: for a pole of radius 0.998 at 200 Hz under
-//! 1 kHz it is 11.9 dB too high at the peak and 12.4 dB too low 10 Hz beside it. The exact form is the one that is used.
+//! This is exact: the spectrum smoothed by the window's kernel. The short form `S(w_k) sum w^2` takes
+//! the spectrum at the bin alone. It is as good where the spectrum is flat over the 40 Hz of the
+//! window's lobe, but wrong at resonances. For a pole of radius 0.998 at 200 Hz and a rate of 1 kHz it
+//! is 11.9 dB too high at the peak and 12.4 dB too low 10 Hz beside it. So the exact form is used.
 //!
-//! On a virtual AMD EPYC core, 60 models of 16 and 4 coefficients: [`Texture::fill`] within their hull 0.33 us, a sample of [`Synthesis`] 40 ns,
-//! [`Frames::expected_power`] with its filter 14 us at 1 kHz and 90 us at 10 kHz.
+//! Times on a virtual AMD EPYC core with 60 models of 16 and 4 coefficients: [`Texture::fill`] within
+//! the hull 0.33 us, one sample of [`Synthesis`] 40 ns, [`Frames::expected_power`] with its filter 14
+//! us at 1 kHz and 90 us at 10 kHz.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -50,6 +58,8 @@ mod triangles;
 mod facts_tests;
 #[cfg(test)]
 mod made_tests;
+#[cfg(test)]
+mod testing;
 
 pub use file::{MAX_MODELS, TextureFile};
 pub use filter::{Filter, MAX_ORDER};

@@ -1,18 +1,20 @@
-//! Line spectral frequencies of a monic polynomial (Itakura 1975; Soong and Juang 1984, "Line spectrum pair (LSP) and speech data
-//! compression").
+//! Line spectral frequencies of a monic polynomial (Itakura 1975; Soong and Juang 1984, "Line spectrum
+//! pair (LSP) and speech data compression").
 //!
-//! A polynomial `A` of order p is half the sum of `P = A + z^-(p+1) A(1/z)` and `Q = A - z^-(p+1) A(1/z)`. All roots of `A` lie within
-//! the unit circle exactly when those of `P` and `Q` lie on it and take turns. Their p angles between 0 and pi, rising, `P` first, are the line
-//! spectral frequencies in radians a sample. Any rising p numbers between 0 and pi are those of a stable polynomial, so a mixture of
-//! stable polynomials taken here is stable.
+//! A polynomial `A` of order p is half the sum of `P = A + z^-(p+1) A(1/z)` and `Q = A - z^-(p+1)
+//! A(1/z)`. All roots of `A` lie within the unit circle exactly when those of `P` and `Q` lie on it and
+//! alternate. Their p angles between 0 and pi, rising, `P` first, are the line spectral frequencies in
+//! radians a sample. Any p rising numbers between 0 and pi belong to a stable polynomial. So mixing
+//! frequencies of stable polynomials gives a stable one.
 
 use asperity_numbers::Elementary;
 use std::f64::consts::PI;
 
 use super::{MAX_ORDER, is_stable};
 
-/// The line spectral frequencies of `1 + a_1 z^-1 + ..` in radians a sample, rising; none if it is not stable, its order is above
-/// [`MAX_ORDER`], or its roots are too near the unit circle to tell the frequencies apart.
+/// The line spectral frequencies of `1 + a_1 z^-1 + ..` in radians a sample, rising. None if the
+/// polynomial is not stable, its order is above [`MAX_ORDER`], or its roots are so near the unit circle
+/// that frequencies coincide.
 pub fn from_polynomial(a: &[f64]) -> Option<Vec<f64>> {
     let p = a.len();
     if p > MAX_ORDER || !is_stable(a) {
@@ -21,7 +23,7 @@ pub fn from_polynomial(a: &[f64]) -> Option<Vec<f64>> {
     let at = |k: usize| if k == 0 { 1.0 } else { a.get(k - 1).copied().unwrap_or(0.0) };
     let mut sum: Vec<f64> = (0..=p + 1).map(|k| at(k) + at(p + 1 - k)).collect();
     let mut difference: Vec<f64> = (0..=p + 1).map(|k| at(k) - at(p + 1 - k)).collect();
-    // Roots at z = 1 and z = -1, which every such polynomial has, are divided out.
+    // Every such polynomial has roots at z = 1 and z = -1. They are divided out.
     if p.is_multiple_of(2) {
         divide(&mut sum, 1, -1.0);
         divide(&mut difference, 1, 1.0);
@@ -42,8 +44,8 @@ pub fn are_valid(frequencies: &[f64]) -> bool {
     within && frequencies.windows(2).all(|pair| pair[0] < pair[1])
 }
 
-/// The coefficients `a_1 .. a_p` of the polynomial with these frequencies, written to as many of `a`. At most [`MAX_ORDER`] are
-/// taken. Nothing is allocated.
+/// Writes the coefficients `a_1 .. a_p` of the polynomial with these frequencies, as many as `a` holds.
+/// At most [`MAX_ORDER`] frequencies count. Nothing is allocated.
 pub fn to_polynomial(frequencies: &[f64], a: &mut [f64]) {
     let frequencies = &frequencies[..frequencies.len().min(MAX_ORDER)];
     let mut halves = [[0.0; MAX_ORDER + 2]; 2];
@@ -76,8 +78,8 @@ pub fn to_polynomial(frequencies: &[f64], a: &mut [f64]) {
     }
 }
 
-/// The numbers below `count` in the order of their bits reversed, so that those before any place are spread evenly: of roots taken one beside the
-/// other the product would grow by twos and lose as many digits, at order 64 all that there are.
+/// Numbers below `count` in bit-reversed order, which spreads them evenly. In rising order the product
+/// of the roots would grow by twos and lose as many digits: at order 64 all of them.
 fn spread(count: usize) -> impl Iterator<Item = usize> {
     let bits = count.next_power_of_two().trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);
@@ -91,7 +93,7 @@ fn multiply(polynomial: &mut [f64], step: usize, c: f64) {
     }
 }
 
-/// Divides by `1 - c z^-step`, of which it is a multiple.
+/// Divides by `1 - c z^-step`, a factor of the polynomial.
 fn divide(polynomial: &mut Vec<f64>, step: usize, c: f64) {
     for k in step..polynomial.len() {
         polynomial[k] += c * polynomial[k - step];
@@ -99,8 +101,8 @@ fn divide(polynomial: &mut Vec<f64>, step: usize, c: f64) {
     polynomial.truncate(polynomial.len() - step);
 }
 
-/// The angles of the roots of a symmetric polynomial of degree 2m, all of whose roots lie on the unit circle: there it is
-/// `e^-imw` times a Chebyshev series in `cos w`.
+/// Angles of the roots of a symmetric polynomial of degree 2m with all roots on the unit circle. There
+/// it is `e^-imw` times a Chebyshev series in `cos w`.
 fn angles(symmetric: &[f64]) -> Vec<f64> {
     let m = symmetric.len() / 2;
     let series: Vec<f64> =
@@ -108,8 +110,8 @@ fn angles(symmetric: &[f64]) -> Vec<f64> {
     roots(series).into_iter().map(Elementary::arc_cosine).collect()
 }
 
-/// The roots of a Chebyshev series, all of which are real and within -1 to 1: between two neighbouring roots of its
-/// derivative, or one of them and an end, lies exactly one of its own.
+/// Roots of a Chebyshev series whose roots are all real and within -1 to 1. Exactly one lies between
+/// two neighbouring roots of the derivative, or between one of them and an end.
 fn roots(series: Vec<f64>) -> Vec<f64> {
     let mut all = vec![series];
     while let Some(last) = all.last().filter(|s| s.len() > 2) {
@@ -128,7 +130,7 @@ fn roots(series: Vec<f64>) -> Vec<f64> {
 
 fn root_between(series: &[f64], mut low: f64, mut high: f64) -> f64 {
     let rises = value(series, low) < value(series, high);
-    // Halved until the middle is one of the ends.
+    // Halves until the middle is one of the ends.
     loop {
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {
@@ -151,7 +153,7 @@ fn value(series: &[f64], x: f64) -> f64 {
     x * last - before + series[0]
 }
 
-/// The derivative of a Chebyshev series of degree 1 at least, scaled to keep its size.
+/// The derivative of a Chebyshev series of degree 1 or more, scaled to keep its size.
 fn derivative(series: &[f64]) -> Vec<f64> {
     let n = series.len() - 1;
     let mut lower = vec![0.0; n + 2];
@@ -167,11 +169,12 @@ fn derivative(series: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::frequencies;
     use super::*;
     use proptest::prelude::*;
 
     #[test]
-    fn first_and_second_order_have_the_frequencies_of_the_textbook() {
+    fn low_orders_have_textbook_frequencies() {
         let near = |a: &[f64], want: &[f64]| {
             let found = from_polynomial(a).unwrap();
             assert!(found.iter().zip(want).all(|(x, y)| (x - y).abs() < 1e-12), "{found:?} {want:?}");
@@ -189,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_stable_has_none() {
+    fn unstable_polynomial_has_no_frequencies() {
         assert_eq!(from_polynomial(&[-1.0]), None);
         assert_eq!(from_polynomial(&[-2.1, 1.2]), None);
         assert_eq!(from_polynomial(&[f64::NAN]), None);
@@ -210,21 +213,14 @@ mod tests {
         a
     }
 
-    /// Frequencies in steps of 0.5 to 1 parts of each other. Multiplied up in their order, those of order 64 come back wrong by 0.04,
-    /// and most of the polynomials are not stable.
+    /// Frequencies whose steps differ by a factor of up to 2. Multiplied in rising order, those of
+    /// order 64 come back wrong by 0.04, and most of the polynomials are not stable.
     #[test]
     fn high_orders_keep_their_digits() {
         let mut random = asperity_numbers::Random::new(1);
         for order in [16, 33, 48, 63, MAX_ORDER] {
             for _ in 0..100 {
-                let steps: Vec<f64> = (0..=order).map(|_| random.range(0.5, 1.0)).collect();
-                let whole: f64 = steps.iter().sum();
-                let mut sum = 0.0;
-                let mut next = |step: &f64| {
-                    sum += step / whole * PI;
-                    sum
-                };
-                let lines: Vec<f64> = steps[..order].iter().map(&mut next).collect();
+                let lines = frequencies(&mut random, order, 0.5);
                 let mut a = vec![0.0; order];
                 to_polynomial(&lines, &mut a);
                 let back = from_polynomial(&a).unwrap();
@@ -241,7 +237,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_stable_polynomial_comes_back(reflections in proptest::collection::vec(-0.95..0.95f64, 1..32)) {
+        fn stable_polynomial_comes_back(reflections in proptest::collection::vec(-0.95..0.95f64, 1..32)) {
             let a = from_reflections(&reflections);
             let frequencies = from_polynomial(&a).unwrap();
             let mut back = vec![0.0; a.len()];
@@ -253,7 +249,7 @@ mod tests {
         }
 
         #[test]
-        fn any_mixture_of_stable_polynomials_is_stable(
+        fn mixture_of_stable_polynomials_is_stable(
             one in proptest::collection::vec(-0.98..0.98f64, 12),
             other in proptest::collection::vec(-0.98..0.98f64, 12),
             part in 0.0..1.0f64,

@@ -1,5 +1,5 @@
-//! The textures of `graphs/models/made_ar`: from resonances, zeros and levels that grow with speed and force. `ASPERITY_WRITE_TEXTURES=1`
-//! writes them anew.
+//! Makes the textures of `graphs/models/made_ar` from resonances, zeros and levels that grow with speed
+//! and force. `ASPERITY_WRITE_TEXTURES=1` writes them.
 
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
@@ -8,13 +8,13 @@ use super::{Filter, Model, Texture, TextureFile, is_stable, line_spectrum};
 
 const RATE_HZ: f64 = 1000.0;
 
-/// Speeds in mm/s and forces in N with models, and a little off them as a hand would be.
+/// Speeds in mm/s and forces in N with models. Models lie a little beside them, as a hand would.
 const SPEEDS: [f64; 5] = [20.0, 60.0, 120.0, 200.0, 300.0];
 const FORCES: [f64; 3] = [0.3, 1.0, 3.0];
-/// Where nothing sounds: no speed or no force.
+/// Silent places: no speed or no force.
 const SILENT: [[f64; 2]; 5] = [[0.0, 0.0], [150.0, 0.0], [300.0, 0.0], [0.0, 1.0], [0.0, 3.0]];
 
-/// What sounds at a speed and force.
+/// The sound at a speed and force.
 struct Sound {
     /// Resonances: frequency and bandwidth in Hz.
     poles: Vec<[f64; 2]>,
@@ -32,7 +32,8 @@ type Made = (&'static str, &'static str, fn(f64, f64) -> Sound);
 const ALL: [Made; 3] = [
     (
         "rough",
-        "Coarse cloth, as a steel tip feels it: ribs 1.2 mm apart, whose frequency grows with the speed, and the tool's own resonance.",
+        "Coarse cloth, as a steel tip feels it: ribs 1.2 mm apart, whose frequency grows with the speed, \
+         and the tool's own resonance.",
         |speed, force| {
             let ribs = speed / 1.2;
             Sound {
@@ -57,9 +58,10 @@ const ALL: [Made; 3] = [
     }),
     (
         "ringing",
-        "A glazed tile under a light tool: sharp resonances on the contact, whose stiffness grows with the third root of the force.",
+        "A glazed tile under a light tool: sharp resonances on the contact, whose stiffness grows with the \
+         third root of the force.",
         |speed, force| Sound {
-            // Of a ball on a plane (Hertz 1882).
+            // A ball on a plane (Hertz 1882).
             poles: [[70.0, 6.0], [82.0, 7.0], [230.0, 10.0], [270.0, 12.0]]
                 .map(|[hz, bandwidth_hz]| [hz * (force / 0.3).powf(1.0 / 6.0), bandwidth_hz])
                 .to_vec(),
@@ -71,7 +73,8 @@ const ALL: [Made; 3] = [
     ),
 ];
 
-/// `c_1 ..` of a polynomial with these pairs of roots and real ones, to six digits behind the point.
+/// `c_1 ..` of a polynomial with these pairs of roots and real roots, rounded to six digits after the
+/// point.
 fn polynomial(pairs: &[[f64; 2]], real: &[f64]) -> Vec<f64> {
     let mut factors: Vec<[f64; 3]> = real.iter().map(|r| [1.0, -r, 0.0]).collect();
     factors.extend(pairs.iter().map(|[hz, bandwidth_hz]| {
@@ -96,9 +99,8 @@ fn polynomial(pairs: &[[f64; 2]], real: &[f64]) -> Vec<f64> {
 fn model(sound: &Sound, [speed_mm_s, force_n]: [f64; 2], silent: bool) -> Model {
     let ar = polynomial(&sound.poles, &sound.real);
     let ma = polynomial(&sound.zeros, &[]);
-    let mut unit = [0.0];
-    Filter::new(&ar, &ma, 1.0).autocovariance(&mut unit);
-    let variance = if silent { 0.0 } else { (sound.level / sound.gain).powi(2) / unit[0] };
+    let unit = Filter::new(&ar, &ma, 1.0).variance();
+    let variance = if silent { 0.0 } else { (sound.level / sound.gain).powi(2) / unit };
     // To four digits.
     Model {
         ar,
@@ -136,9 +138,9 @@ pub(super) fn shipped() -> Vec<(&'static str, TextureFile)> {
     ALL.iter().map(|(name, ..)| (*name, TextureFile::read(path(name)).unwrap())).collect()
 }
 
-/// Coefficients are rounded so that no machine's sine can tell.
+/// Rounded coefficients do not depend on a machine's sine.
 #[test]
-fn the_shipped_files_are_what_is_made() {
+fn shipped_files_are_the_made_ones() {
     for texture in &ALL {
         if std::env::var_os("ASPERITY_WRITE_TEXTURES").is_some() {
             std::fs::write(path(texture.0), made(texture).to_ron().unwrap()).unwrap();
@@ -150,9 +152,7 @@ fn the_shipped_files_are_what_is_made() {
 
 /// Root mean square in m/s^2.
 pub(super) fn level(filter: &Filter) -> f64 {
-    let mut square = [0.0];
-    filter.autocovariance(&mut square);
-    square[0].sqrt()
+    filter.variance().sqrt()
 }
 
 #[test]
@@ -175,7 +175,8 @@ fn harder_and_faster_is_louder() {
     }
 }
 
-/// Edges on which some mixture of the coefficients themselves, in hundredths, is not stable, and edges in all.
+/// Number of edges on which some mixture of coefficients, in hundredths, is not stable; and of all
+/// edges.
 pub(super) fn unstable_edges(texture: &Texture) -> [usize; 2] {
     let mut edges: Vec<[usize; 2]> = texture
         .triangles()
@@ -198,19 +199,17 @@ pub(super) fn unstable_edges(texture: &Texture) -> [usize; 2] {
 }
 
 #[test]
-fn mixed_by_coefficients_some_edges_are_unstable_and_by_frequencies_none() {
+fn mixture_by_frequencies_is_stable_by_coefficients_not() {
     for (name, file) in shipped() {
         let texture = &file.texture;
         let [unstable, edges] = unstable_edges(texture);
         println!("{name}: {unstable} of {edges}");
-        // Polynomials of second order are stable in a triangle of the plane, and so are mixtures of them; above, they need not be.
+        // Second-order polynomials are stable in a triangle of the plane, and so are their mixtures.
+        // Higher orders need not be.
         assert_eq!([unstable, edges], [if name == "ringing" { 22 } else { 0 }, 48], "{name}");
         for &[a, b, c] in texture.triangles().corners() {
             for (from, to) in [(a, b), (b, c), (c, a)] {
-                let [from, to] = [from, to].map(|i| {
-                    let m = &texture.models()[i];
-                    [m.speed_mm_s, m.force_n]
-                });
+                let [from, to] = [from, to].map(|i| texture.models()[i].place());
                 for i in 0..=100 {
                     let part = f64::from(i) / 100.0;
                     let [speed, force] = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));

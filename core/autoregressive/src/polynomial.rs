@@ -1,7 +1,7 @@
 //! Monic polynomials `1 + a_1 z^-1 + .. + a_p z^-p`, given by `a_1 .. a_p`.
 
-/// Whether all roots lie within the unit circle, by the step-down recursion: every reflection coefficient is smaller than 1.
-/// False for coefficients that are not finite.
+/// Whether all roots lie within the unit circle. The step-down recursion tells: every reflection
+/// coefficient is smaller than 1. False for coefficients that are not finite.
 pub fn is_stable(a: &[f64]) -> bool {
     let mut lower = a.to_vec();
     while let Some(k) = lower.pop() {
@@ -13,7 +13,7 @@ pub fn is_stable(a: &[f64]) -> bool {
     true
 }
 
-/// From the coefficients of order p without the last, which is `k`, to those of order p - 1.
+/// Steps from order p down to p - 1. `lower` holds the coefficients without the last, which is `k`.
 fn step_down(lower: &mut [f64], k: f64) {
     let scale = 1.0 / (1.0 - k * k);
     let n = lower.len();
@@ -26,8 +26,8 @@ fn step_down(lower: &mut [f64], k: f64) {
 
 /// Autocovariance at lags `0 .. out.len()` of unit white noise through `1 / A`, `A` stable.
 ///
-/// The predictors of all lower orders come from stepping down; each gives one more lag by the equation that it solves
-/// (Levinson's recursion, run backwards and then forwards).
+/// Stepping down gives the predictors of all lower orders. Each gives one more lag (Levinson's
+/// recursion, run backwards, then forwards).
 pub(super) fn autocovariance(a: &[f64], out: &mut [f64]) {
     let mut predictors = vec![a.to_vec()];
     let mut variance = 1.0;

@@ -6,15 +6,15 @@ use super::ladder::Ladder;
 use super::{Filter, MAX_ORDER, Texture};
 use asperity_numbers::Random;
 
-/// Below this a tail is nothing; it ends before its samples are denormal.
+/// A tail below this is over. It ends before samples are denormal.
 const TINY: f64 = 1e-30;
 
-/// The acceleration of a texture as it is touched: noise through the filter of the moment.
+/// The acceleration of a touched texture: noise through the current filter.
 ///
-/// However fast speed and force change, the signal's deviation is never above the largest of the filters that it went through: they are rotations of one
-/// another's states, which keep lengths.
+/// However fast speed and force change, the signal's deviation never exceeds the largest of the filters
+/// that it went through. The filters rotate one another's states, which keeps lengths.
 ///
-/// Noise is counted by sample number from the seed, so that what is skipped changes nothing of the noise that follows. Only
+/// Noise is indexed by sample number from the seed, so that skipping does not change later noise. Only
 /// [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct Synthesis {
@@ -22,7 +22,7 @@ pub struct Synthesis {
     seed: u64,
     filter: Filter,
     ladder: Ladder,
-    /// What the ladder remembers of the sample before.
+    /// States of the ladder.
     states: [f64; MAX_ORDER],
 }
 
@@ -38,15 +38,15 @@ impl Synthesis {
         &self.texture
     }
 
-    /// Moves on to a speed in mm/s and a force in N; 0, less or not a number is silence, into which the signal dies away.
+    /// Moves to a speed in mm/s and a force in N. If either is not above 0 the signal dies away.
     ///
-    /// What sounded goes on through the new filter, as loud as it was.
+    /// The current sound goes on through the new filter, as loud as it was.
     pub fn touch(&mut self, speed_mm_s: f64, force_n: f64) {
         self.texture.fill(speed_mm_s, force_n, &mut self.filter);
         self.ladder.set(&self.filter);
     }
 
-    /// The samples in m/s^2 from number `first` on, at the texture's rate.
+    /// Renders the samples in m/s^2 from number `first` on, at the texture's rate.
     pub fn process(&mut self, first: u64, out: &mut [f32]) {
         for (i, out) in out.iter_mut().enumerate() {
             let noise =
@@ -56,12 +56,12 @@ impl Synthesis {
         self.settle();
     }
 
-    /// Forgets what sounded.
+    /// Clears the signal's memory.
     pub fn reset(&mut self) {
         self.states.fill(0.0);
     }
 
-    /// What is remembered of the signal.
+    /// State of the signal.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.states);
         if state.restores() {
@@ -70,7 +70,7 @@ impl Synthesis {
         }
     }
 
-    /// Ends a tail that is as good as over, and what is not finite; false for the latter.
+    /// Ends a tail that is over, or a state that is not finite. False for the latter.
     fn settle(&mut self) -> bool {
         let largest = self.states.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let finite = self.states.iter().all(|x| x.is_finite());
@@ -81,7 +81,7 @@ impl Synthesis {
     }
 }
 
-/// Normal noise of deviation 1 by sample number.
+/// Normal noise of deviation 1, by sample number.
 fn noise(seed: u64, sample: u64) -> f64 {
     Random::new(seed ^ Random::new(sample).bits()).normal()
 }

@@ -1,4 +1,4 @@
-//! What is synthesised has the magnitudes that the closed form says.
+//! Synthesised signals have the magnitudes of the closed form.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ fn model(ar: Vec<f64>, ma: Vec<f64>, speed_mm_s: f64, force_n: f64) -> Model {
     Model { ar, ma, variance: 0.04, gain: 1.5, speed_mm_s, force_n }
 }
 
-/// Mean square amplitudes of `count` frames that follow each other by half a window, by the sum that defines them.
+/// Mean square amplitudes of `count` frames that overlap by half, by the defining sum.
 fn averaged(synthesis: &mut Synthesis, rate_hz: usize, count: usize) -> [f64; BINS] {
     let len = rate_hz / 10;
     let mut signal = vec![0.0f32; len / 2 * (count + 1) + 4000];
@@ -44,7 +44,7 @@ fn decibels(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn frames_of_the_signal_have_the_powers_of_the_closed_form() {
+fn frames_have_the_powers_of_the_closed_form() {
     let with_zeros = model([-1.3, 0.95, -0.2].to_vec(), vec![0.5, 0.2], 50.0, 1.0);
     let sharp = model(resonance(0.998, 200.0, 1000.0), vec![], 50.0, 1.0);
     for (name, m) in [("broad", with_zeros), ("sharp", sharp)] {
@@ -54,7 +54,8 @@ fn frames_of_the_signal_have_the_powers_of_the_closed_form() {
         synthesis.touch(50.0, 1.0);
         let found = averaged(&mut synthesis, 1000, 6000);
         for bin in 0..50 {
-            // 6000 overlapping frames of a sharp resonance are some 1500 independent ones: 0.11 dB of deviation.
+            // 6000 overlapping frames of a sharp resonance are some 1500 independent ones: a deviation
+            // of 0.11 dB.
             let off = decibels(found[bin], expected[bin]);
             assert!(off.abs() < 0.6, "{name}, {} Hz: {off} dB", 10 * (bin + 1));
         }
@@ -63,7 +64,7 @@ fn frames_of_the_signal_have_the_powers_of_the_closed_form() {
 }
 
 #[test]
-fn the_short_form_is_wrong_at_a_resonance_and_right_beside_none() {
+fn short_form_is_wrong_at_a_resonance() {
     let frames = Frames::new(1000.0).unwrap();
     // S(w_k) sum w^2 as an amplitude: 4 / (sum w)^2 * 3 N / 8 = 6 / N
     let off = |filter: &Filter, bin: usize| {
@@ -78,7 +79,7 @@ fn the_short_form_is_wrong_at_a_resonance_and_right_beside_none() {
 }
 
 #[test]
-fn a_rate_of_ten_kilohertz_reaches_every_bin() {
+fn rate_of_10_khz_reaches_every_bin() {
     let frames = Frames::new(10_000.0).unwrap();
     assert_eq!((frames.known_bins(), Frames::new(1000.0).unwrap().known_bins()), (100, 50));
     let texture = Arc::new(Texture::new(10_000.0, vec![model(vec![-0.9], vec![], 1.0, 1.0)], None).unwrap());
@@ -103,7 +104,7 @@ fn three() -> Texture {
 }
 
 #[test]
-fn at_a_model_the_model_answers_and_between_two_the_resonance_lies_between() {
+fn resonance_between_models_lies_between_theirs() {
     let texture = three();
     for m in texture.models() {
         let (at, own) = (texture.at(m.speed_mm_s, m.force_n), m.filter());
@@ -118,7 +119,7 @@ fn at_a_model_the_model_answers_and_between_two_the_resonance_lies_between() {
 }
 
 #[test]
-fn outside_the_hull_it_is_held_and_without_touch_it_is_silent() {
+fn texture_holds_outside_the_hull_and_is_silent_untouched() {
     let texture = three();
     assert_eq!(texture.at(20.0, 0.01), texture.at(20.0, 0.5));
     assert_eq!(texture.at(1e12, 0.5), texture.at(200.0, 0.5));
@@ -130,7 +131,7 @@ fn outside_the_hull_it_is_held_and_without_touch_it_is_silent() {
 }
 
 #[test]
-fn skipped_samples_leave_the_noise_that_follows_as_it_is() {
+fn skipped_samples_keep_later_noise() {
     let white = Texture::new(1000.0, vec![model(vec![], vec![], 50.0, 1.0)], None).unwrap();
     let mut all = Synthesis::new(Arc::new(white), 11);
     let mut late = all.clone();
@@ -144,7 +145,7 @@ fn skipped_samples_leave_the_noise_that_follows_as_it_is() {
 }
 
 #[test]
-fn a_signal_goes_on_from_its_state_and_dies_away_when_it_is_let_go() {
+fn signal_resumes_from_state_and_dies_away_untouched() {
     let texture = Arc::new(three());
     let mut one = Synthesis::new(texture.clone(), 5);
     one.touch(100.0, 1.0);
@@ -166,7 +167,7 @@ fn a_signal_goes_on_from_its_state_and_dies_away_when_it_is_let_go() {
 }
 
 #[test]
-fn textures_that_cannot_be_are_refused_with_the_models_number() {
+fn bad_textures_are_refused_with_the_model_number() {
     let good = || model(vec![-0.5], vec![], 1.0, 1.0);
     let error = |models: Vec<Model>| Texture::new(1000.0, models, None).unwrap_err().to_string();
     assert!(error(vec![]).contains("without models"));

@@ -11,7 +11,7 @@ pub struct Model {
     pub ma: Vec<f64>,
     /// Variance of the noise in (m/s^2)^2, 0 or more.
     pub variance: f64,
-    /// What the noise is multiplied by, 0 or more.
+    /// Factor on the noise, 0 or more.
     pub gain: f64,
     /// Speed in mm/s, 0 or more.
     pub speed_mm_s: f64,
@@ -20,6 +20,11 @@ pub struct Model {
 }
 
 impl Model {
+    /// Speed in mm/s and force in N.
+    pub(super) fn place(&self) -> [f64; 2] {
+        [self.speed_mm_s, self.force_n]
+    }
+
     /// The model as a filter.
     pub fn filter(&self) -> Filter {
         let mut filter = Filter::new(&self.ar, &self.ma, self.variance.sqrt());
@@ -27,10 +32,11 @@ impl Model {
         filter
     }
 
-    /// Whether the model can be.
+    /// Checks the model.
     ///
     /// # Errors
-    /// A number that is not finite or below 0, more than [`MAX_ORDER`] coefficients, a polynomial with a root on or outside the unit circle.
+    /// A number that is not finite or below 0; more than [`MAX_ORDER`] coefficients; a polynomial with
+    /// a root on or outside the unit circle.
     pub fn check(&self) -> Result<(), Diagnostic> {
         self.lines().map(drop)
     }
@@ -68,7 +74,7 @@ impl Model {
     }
 }
 
-/// A texture: models at some speeds and forces, and what lies between them.
+/// A texture: models at some speeds and forces, mixed in between.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     rate_hz: f64,
@@ -79,12 +85,12 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// A texture of models for signals at `rate_hz`. `triangles` are corners by number, from 0; without them, or where they do not
-    /// tile the hull of the models, Delaunay's triangulation is made.
+    /// A texture of models for signals at `rate_hz`. `triangles` are corners by number, from 0. Without
+    /// them, or where they do not tile the hull of the models, Delaunay's triangulation is made.
     ///
     /// # Errors
-    /// A rate that is not positive and finite, no model, a model that is not stable or has a number out of range, models of different
-    /// orders. Errors of a model name it by number, from 1.
+    /// A rate that is not positive and finite; no model; a model that is not stable or has a number out
+    /// of range; models of different orders. An error of a model names its number, from 1.
     pub fn new(
         rate_hz: f64,
         models: Vec<Model>,
@@ -96,7 +102,7 @@ impl Texture {
         })
     }
 
-    /// As [`new`](Self::new); an error comes with the number of the model that it is of, from 0.
+    /// Like [`new`](Self::new), but an error comes with the number of its model, from 0.
     pub(super) fn checked(
         rate_hz: f64,
         models: Vec<Model>,
@@ -123,14 +129,14 @@ impl Texture {
                 return Err((Some(i), e));
             }
         }
-        let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+        let points: Vec<[f64; 2]> = models.iter().map(Model::place).collect();
         let triangles = triangles
             .and_then(|t| Triangles::given(&points, t))
             .unwrap_or_else(|| Triangles::delaunay(&points));
         Ok(Self { rate_hz, models, lines, orders, triangles })
     }
 
-    /// The rate of its signals in Hz.
+    /// Rate of its signals in Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
@@ -150,15 +156,15 @@ impl Texture {
         Filter::silent(self.orders)
     }
 
-    /// The filter at a speed in mm/s and a force in N, where neither nor a number that is not one is silence.
+    /// The filter at a speed in mm/s and a force in N. It is silent where either is not above 0.
     pub fn at(&self, speed_mm_s: f64, force_n: f64) -> Filter {
         let mut filter = self.silence();
         self.fill(speed_mm_s, force_n, &mut filter);
         filter
     }
 
-    /// As [`at`](Self::at), into a filter of this texture. Nothing is allocated. Silence keeps the nearest model's resonances, so that what
-    /// sounds dies away.
+    /// Like [`at`](Self::at), but writes a filter of this texture. Nothing is allocated. A silent
+    /// filter keeps the resonances at the nearest point, so that a signal dies away.
     pub fn fill(&self, speed_mm_s: f64, force_n: f64, filter: &mut Filter) {
         let blend = self.triangles.at(speed_mm_s, force_n);
         let mut lines = [[0.0; MAX_ORDER]; 2];

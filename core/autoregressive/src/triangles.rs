@@ -1,36 +1,37 @@
 use delaunator::{Point, triangulate};
 
-/// Which models speak at a point and how much each counts.
+/// The models at a point and their weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blend {
-    /// Three models by number; one may stand there twice, then with weight 0.
+    /// Three models by number. One may stand there twice, then with weight 0.
     pub models: [usize; 3],
-    /// Weights, 0 to 1, that sum to 1.
+    /// Weights, 0 to 1, with a sum of 1.
     pub weights: [f64; 3],
 }
 
-/// Points of the plane of speed in mm/s and force in N, and triangles between them.
+/// Points (speed in mm/s, force in N) and triangles between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Triangles {
-    /// In parts of the range of each axis.
+    /// In parts of the range on each axis.
     points: Vec<[f64; 2]>,
     origin: [f64; 2],
     extent: [f64; 2],
     triangles: Vec<[usize; 3]>,
-    /// Of all triangles, as pairs of points, each once.
+    /// Edges of all triangles as pairs of points, each once.
     edges: Vec<[usize; 2]>,
 }
 
-/// Twice the least area of a triangle, in parts of the range: thinner ones hold no point that their edges do not.
+/// Twice the least area of a triangle, in parts of the range. Thinner ones hold no point that their
+/// edges do not.
 const LEAST_AREA: f64 = 1e-12;
-/// How much the areas of triangles may differ from that of the hull they tile.
+/// Allowed difference between the triangles' area and the hull's, as a part.
 const AREA_TOLERANCE: f64 = 0.01;
-/// Beyond any speed or force.
+/// Larger than any speed or force.
 const FAR: f64 = 1e9;
 
 impl Triangles {
-    /// Delaunay's triangulation of points (speed in mm/s, force in N), finite ones and one at least, each axis counted in parts of the range
-    /// that the points have on it. Points on a line are joined along it.
+    /// Delaunay's triangulation of points (speed in mm/s, force in N): finite, at least one. Each axis
+    /// counts in parts of its range. Points on a line are joined along it.
     pub fn delaunay(points: &[[f64; 2]]) -> Self {
         let mut it = Self::unconnected(points);
         let places: Vec<Point> = it.points.iter().map(|&[x, y]| Point { x, y }).collect();
@@ -40,8 +41,8 @@ impl Triangles {
         it
     }
 
-    /// These triangles, corners by number. None where a corner is no point, or they do not tile the hull of the points: where
-    /// their areas do not sum to its area within 1 %.
+    /// Takes given triangles, corners by number. None where a corner is no point, or where the
+    /// triangles do not tile the hull: their areas must sum to its area within 1 %.
     pub fn given(points: &[[f64; 2]], triangles: &[[usize; 3]]) -> Option<Self> {
         let mut it = Self::unconnected(points);
         if triangles.iter().flatten().any(|&i| i >= points.len()) {
@@ -58,20 +59,17 @@ impl Triangles {
         &self.triangles
     }
 
-    /// Points on the convex hull, by number, around it; of points on a line all, from one end to the other.
+    /// Numbers of the points on the convex hull, around it. Of points on a line it is all, from one end
+    /// to the other.
     pub fn hull(&self) -> Vec<usize> {
         let places: Vec<Point> = self.points.iter().map(|&[x, y]| Point { x, y }).collect();
         triangulate(&places).hull
     }
 
     fn unconnected(points: &[[f64; 2]]) -> Self {
-        let bounds = |axis: usize| {
-            let values = points.iter().map(|p| p[axis]);
-            (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
-        };
-        let (x, y) = (bounds(0), bounds(1));
-        let origin = [x.0, y.0];
-        let extent = [x.1 - x.0, y.1 - y.0].map(|e| if e > 0.0 { e } else { 1.0 });
+        let ranges = [0, 1].map(|axis| range(points.iter().map(|p| p[axis])));
+        let origin = ranges.map(|[low, _]| low);
+        let extent = ranges.map(|[low, high]| if high > low { high - low } else { 1.0 });
         let mut it = Self { points: Vec::new(), origin, extent, triangles: Vec::new(), edges: Vec::new() };
         it.points = points.iter().map(|&p| it.place(p)).collect();
         it
@@ -85,7 +83,7 @@ impl Triangles {
         cross(self.points[a], self.points[b], self.points[c])
     }
 
-    /// Takes triangles that have an area, and their edges.
+    /// Keeps the triangles that have an area, and lists their edges.
     fn connect(&mut self, mut triangles: Vec<[usize; 3]>) {
         triangles.retain(|t| self.doubled_area(t).abs() > LEAST_AREA);
         self.triangles = triangles;
@@ -100,7 +98,7 @@ impl Triangles {
         self.edges = if edges.is_empty() { self.chain() } else { edges };
     }
 
-    /// Neighbours along the line on which all points lie; a lone point is its own neighbour.
+    /// Neighbours along the line on which all points lie. A lone point is its own neighbour.
     fn chain(&self) -> Vec<[usize; 2]> {
         let mut order: Vec<usize> = (0..self.points.len()).collect();
         let along = |i: &usize| self.points[*i];
@@ -114,8 +112,8 @@ impl Triangles {
         }
     }
 
-    /// Who speaks at a speed in mm/s and a force in N: the corners of the triangle around the point, or else those of the edge that
-    /// is nearest, at its nearest point. A number that is not one counts as the least there is.
+    /// Weights at a speed in mm/s and a force in N: of the corners of the triangle around the point,
+    /// else of the nearest edge at its nearest point. NaN counts as the least value of its axis.
     pub fn at(&self, speed_mm_s: f64, force_n: f64) -> Blend {
         let given = [speed_mm_s, force_n];
         let point =
@@ -130,8 +128,8 @@ impl Triangles {
         around.unwrap_or_else(|| self.at_edge(point))
     }
 
-    /// The nearest point of any edge. What lies outside is nearest to the hull's; what rounding puts outside both triangles of an inner edge
-    /// is on that.
+    /// The nearest point of any edge. Points outside are nearest to the hull. Points that rounding puts
+    /// outside both triangles of an inner edge are on that edge.
     fn at_edge(&self, point: [f64; 2]) -> Blend {
         let mut nearest = (f64::INFINITY, Blend { models: [0; 3], weights: [1.0, 0.0, 0.0] });
         for &[a, b] in &self.edges {
@@ -150,6 +148,11 @@ impl Triangles {
     }
 }
 
+/// Least and greatest value.
+pub(super) fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
 /// Twice the signed area of a triangle.
 fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -160,7 +163,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a blend stands for.
+    /// The point that a blend stands for.
     fn point(points: &[[f64; 2]], blend: &Blend) -> [f64; 2] {
         std::array::from_fn(|axis| {
             blend.models.iter().zip(blend.weights).map(|(m, w)| w * points[*m][axis]).sum()
@@ -168,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn inside_the_weights_give_the_point_back_and_outside_the_nearest_of_the_hull() {
+    fn weights_give_the_point_or_its_nearest_on_the_hull() {
         let points = [[10.0, 0.5], [100.0, 0.5], [100.0, 2.5], [10.0, 2.5], [40.0, 1.2]];
         let all = Triangles::delaunay(&points);
         assert_eq!(all.corners().len(), 4);
@@ -192,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_on_an_edge_between_two_triangles_is_within_one_of_them() {
+    fn point_on_an_edge_is_within_a_triangle() {
         let mut random = asperity_numbers::Random::new(8);
         let points: Vec<[f64; 2]> =
             (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
@@ -209,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn no_corner_lies_in_the_circle_around_a_triangle() {
+    fn circumcircle_holds_no_other_corner() {
         let mut random = asperity_numbers::Random::new(4);
         let points: Vec<[f64; 2]> = (0..40).map(|_| [random.unit(), random.unit()]).collect();
         let all = Triangles::delaunay(&points);
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn one_point_and_points_on_a_line_answer_too() {
+    fn one_point_and_a_line_have_weights() {
         let one = Triangles::delaunay(&[[50.0, 1.0]]);
         assert_eq!(point(&[[50.0, 1.0]], &one.at(3.0, 0.2)), [50.0, 1.0]);
         let line = [[90.0, 1.0], [30.0, 1.0], [60.0, 1.0]];
@@ -240,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hull_is_what_has_all_points_on_one_side() {
+    fn hull_has_all_points_on_one_side() {
         let mut random = asperity_numbers::Random::new(6);
         let mut points: Vec<[f64; 2]> =
             (0..30).map(|_| [random.range(0.0, 300.0), random.range(0.1, 3.0)]).collect();
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_do_not_tile_the_hull_are_refused() {
+    fn triangles_not_tiling_the_hull_are_refused() {
         let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         assert!(Triangles::given(&points, &[[0, 1, 3], [1, 2, 3]]).is_some());
         assert!(Triangles::given(&points, &[[0, 1, 3]]).is_none());
@@ -269,7 +272,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn weights_are_weights_wherever_one_asks(
+        fn weights_are_valid_everywhere(
             points in proptest::collection::vec((0.0..300.0f64, 0.0..4.0f64), 1..20),
             speed in -50.0..500.0f64,
             force in -1.0..6.0f64,

@@ -1,10 +1,11 @@
-//! What a wire holds in a tick, number by number.
+//! The numbers that a wire carries in a tick.
 
+use std::iter::once;
 use std::num::FpCategory;
 
 use asperity_node::Buffer;
 
-/// Shows `each` the kind of every number; a frame that did not come has none.
+/// Calls `each` with the class of every number. A frame that did not come has none.
 fn look(buffer: &Buffer, mut each: impl FnMut(FpCategory)) {
     match buffer {
         Buffer::Control { values, .. } => values.iter().for_each(|x| each(x.classify())),
@@ -17,40 +18,46 @@ fn look(buffer: &Buffer, mut each: impl FnMut(FpCategory)) {
     }
 }
 
-/// Whether no number is a NaN or an infinity.
+/// Whether every number is finite.
 pub(crate) fn finite(buffer: &Buffer) -> bool {
     let mut finite = true;
     look(buffer, |class| finite &= !matches!(class, FpCategory::Nan | FpCategory::Infinite));
     finite
 }
 
-/// How many numbers are not zero and below the least normal one.
+/// Number of denormal numbers.
 pub(crate) fn denormals(buffer: &Buffer) -> u64 {
     let mut count = 0;
     look(buffer, |class| count += u64::from(class == FpCategory::Subnormal));
     count
 }
 
-/// Whether two hold the same to the bit, and are trusted alike.
+/// A buffer's content in words: its type, the number of its frame, and the bits of each number that is heard.
+pub(crate) fn words(buffer: &Buffer) -> Box<dyn Iterator<Item = u64> + '_> {
+    let bits = |x: &f32| u64::from(x.to_bits());
+    match buffer {
+        Buffer::Control { values, .. } => Box::new(once(1).chain(values.iter().map(|x| x.to_bits()))),
+        Buffer::Audio { samples, len, .. } => Box::new(once(2).chain(samples.iter().take(*len).map(bits))),
+        Buffer::Magnitude { bins, frame: Some((frame, start)), .. } => {
+            Box::new([3, *frame, *start].into_iter().chain(bins.iter().map(bits)))
+        }
+        Buffer::Spectrum { bins, frame: Some((frame, start)), .. } => {
+            let bins = bins.iter().map(move |z| bits(&z.re) << 32 | bits(&z.im));
+            Box::new([4, *frame, *start].into_iter().chain(bins))
+        }
+        Buffer::Magnitude { .. } | Buffer::Spectrum { .. } => Box::new(once(5)),
+    }
+}
+
+/// A hash of some words.
+pub(crate) fn hash(words: impl IntoIterator<Item = u64>) -> u64 {
+    let add = |hash: u64, word: u64| (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    words.into_iter().fold(0, add)
+}
+
+/// Whether two buffers hold the same to the bit, and are both valid or both not.
 pub(crate) fn same(a: &Buffer, b: &Buffer) -> bool {
-    let alike = |a: &[f32], b: &[f32]| a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()));
-    let holds = match (a, b) {
-        (Buffer::Control { values: a, .. }, Buffer::Control { values: b, .. }) => {
-            a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
-        }
-        (Buffer::Audio { samples: a, len: m, .. }, Buffer::Audio { samples: b, len: n, .. }) => {
-            m == n && alike(a.get(..*m).unwrap_or(a), b.get(..*n).unwrap_or(b))
-        }
-        (Buffer::Magnitude { bins: a, frame: f, .. }, Buffer::Magnitude { bins: b, frame: g, .. }) => {
-            f == g && (f.is_none() || alike(a, b))
-        }
-        (Buffer::Spectrum { bins: a, frame: f, .. }, Buffer::Spectrum { bins: b, frame: g, .. }) => {
-            let alike = || a.iter().zip(b).all(|(a, b)| alike(&[a.re, a.im], &[b.re, b.im]));
-            f == g && (f.is_none() || a.len() == b.len() && alike())
-        }
-        _ => false,
-    };
-    holds && a.is_valid() == b.is_valid()
+    words(a).eq(words(b)) && a.is_valid() == b.is_valid()
 }
 
 #[cfg(test)]
@@ -59,7 +66,7 @@ mod tests {
 
     use asperity_node::{FrameLayout, FrameRate, PortType, Shape, Unit};
 
-    /// A frame of two bins, the second of which is this.
+    /// A frame of two bins, of which the second has this value.
     fn spectrum(re: f32, im: f32, came: bool) -> Buffer {
         let frame_rate = FrameRate::new(500, 1).unwrap();
         let layout = FrameLayout { rate_hz: 2500, length: 250, bins: 2, frame_rate };
@@ -77,17 +84,17 @@ mod tests {
     }
 
     #[test]
-    fn a_spectrum_whose_zero_changes_its_sign_is_another() {
+    fn spectrum_with_negative_zero_differs() {
         let one = spectrum(1.0, 0.0, true);
         assert!(same(&one, &one.clone()));
         assert!(!same(&one, &spectrum(1.0, -0.0, true)));
         assert!(!same(&one, &spectrum(1.0, 0.0, false)));
-        // Where no frame came, what is left of the last one is nothing.
+        // Without a frame, the bins of the last one do not count.
         assert!(same(&spectrum(1.0, 0.0, false), &spectrum(2.0, f32::NAN, false)));
     }
 
     #[test]
-    fn only_what_is_heard_in_a_tick_counts() {
+    fn samples_past_the_tick_do_not_count() {
         let (a, b) = (samples(&[1.0, 2.0, f32::NAN], 2), samples(&[1.0, 2.0, 1e-40], 2));
         assert!(same(&a, &b) && finite(&a) && denormals(&b) == 0);
         let (a, b) = (samples(&[1.0, 2.0, f32::NAN], 3), samples(&[1.0, 2.0, 1e-40], 3));
@@ -99,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_trusted_is_not_the_same() {
+    fn invalid_buffer_differs_from_a_valid_one() {
         let (one, mut other) = (Buffer::constant(2, 1.0), Buffer::constant(2, 1.0));
         assert!(same(&one, &other));
         other.set_valid(false);

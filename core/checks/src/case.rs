@@ -1,89 +1,38 @@
-//! What a case is, and what becomes of it.
-
-use std::fmt;
+//! A case, and what comes of it.
 
 use crate::subject::Subject;
 
-/// What cases have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[allow(missing_docs)]
-pub enum Family {
-    StiffWalls,
-    Motion,
-    Networks,
-    Autoregressive,
-    Phase,
-    Actuator,
-    Friction,
-    FiltersAndRates,
-    Graphs,
-}
-
-impl Family {
-    /// Its name: lower case, words joined by `_`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StiffWalls => "stiff_walls",
-            Self::Motion => "motion",
-            Self::Networks => "networks",
-            Self::Autoregressive => "autoregressive",
-            Self::Phase => "phase",
-            Self::Actuator => "actuator",
-            Self::Friction => "friction",
-            Self::FiltersAndRates => "filters_and_rates",
-            Self::Graphs => "graphs",
-        }
-    }
-
-    /// A case of this family, with what is hard and what must hold.
-    pub(crate) const fn case(
-        self,
-        name: &'static str,
-        of_graph: bool,
-        run: fn(&Subject<'_>) -> Found,
-        [hard, must]: [&'static str; 2],
-    ) -> Case {
-        Case { family: self, name, hard, must, of_graph, run }
-    }
-}
-
-impl fmt::Display for Family {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// What became of a case.
+/// What came of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// What must hold holds.
+    /// Everything that must hold holds.
     Holds,
-    /// It does not.
+    /// Something does not.
     Fails,
-    /// There is nothing here that the case is about.
+    /// The subject has nothing that the case is about.
     NotApplicable,
 }
 
-/// A verdict and what was found.
+/// A verdict and its reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// The verdict.
     pub verdict: Verdict,
-    /// What was found, with figures.
+    /// Figures where the case holds, else the reason.
     pub found: String,
 }
 
 /// Why a case does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Not {
-    /// What went wrong.
+    /// It failed, for this reason.
     Held(String),
-    /// Why the case says nothing here.
+    /// It says nothing here, for this reason.
     Applicable(String),
 }
 
 impl Not {
-    /// The same, with what it is about before it.
+    /// Puts a subject before the reason of a failure.
     #[must_use]
     pub fn after(self, about: &str) -> Self {
         match self {
@@ -105,10 +54,10 @@ impl From<asperity_diagnostics::Diagnostic> for Not {
     }
 }
 
-/// What was found where all is well.
+/// Figures of a case that holds, or why it does not.
 pub type Found = Result<String, Not>;
 
-/// There is nothing here that a case is about.
+/// Ends a case that says nothing here.
 ///
 /// # Errors
 /// Always, with the reason.
@@ -116,10 +65,15 @@ pub fn not_applicable<T>(why: impl Into<String>) -> Result<T, Not> {
     Err(Not::Applicable(why.into()))
 }
 
-/// What came of those to which a case applies; `none` says what there would have to be.
+/// Ends a case that fails.
+pub(crate) fn fails<T>(why: impl Into<String>) -> Result<T, Not> {
+    Err(Not::Held(why.into()))
+}
+
+/// Results of those items to which a case applies. `none` is the reason where there is no item at all.
 ///
 /// # Errors
-/// The first that does not hold; where it applies to none, why not to the first, or that there is `none`.
+/// The first failure. Where the case applies to no item, the first reason for that.
 pub(crate) fn applicable<T>(
     all: impl IntoIterator<Item = Result<T, Not>>,
     none: &str,
@@ -137,10 +91,10 @@ pub(crate) fn applicable<T>(
     if found.is_empty() { not_applicable(why_not.unwrap_or_else(|| none.to_owned())) } else { Ok(found) }
 }
 
-/// Goes on where something holds.
+/// Checks a condition.
 ///
 /// # Errors
-/// What to say where it does not.
+/// The text of `else_say`, where it does not hold.
 pub fn holds(it: bool, else_say: impl FnOnce() -> String) -> Result<(), Not> {
     if it { Ok(()) } else { Err(Not::Held(else_say())) }
 }
@@ -148,21 +102,49 @@ pub fn holds(it: bool, else_say: impl FnOnce() -> String) -> Result<(), Not> {
 /// Something hard, and what must hold in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
-    /// Its family.
-    pub family: Family,
-    /// Its name: lower case, words joined by `_`; no other case has it.
+    /// The group of cases to which it belongs: lower case, words joined by `_`.
+    pub family: &'static str,
+    /// Unique name: lower case, words joined by `_`.
     pub name: &'static str,
-    /// What is hard, in a sentence.
+    /// The difficulty.
     pub hard: &'static str,
-    /// What must hold, with its bound, in a sentence.
+    /// The requirement, with its bounds.
     pub must: &'static str,
-    /// Whether it looks at the subject's graph; else only at kinds of nodes.
+    /// Whether it looks at the subject's graph; else it looks at kinds of nodes only.
     pub of_graph: bool,
-    pub(crate) run: fn(&Subject<'_>) -> Found,
+    run: fn(&Subject<'_>) -> Found,
+}
+
+/// Makes the cases of one family.
+#[derive(Clone, Copy)]
+pub(crate) struct Family(pub &'static str);
+
+impl Family {
+    /// A case over kinds of nodes.
+    pub(crate) const fn kinds(
+        self,
+        name: &'static str,
+        run: fn(&Subject<'_>) -> Found,
+        hard: &'static str,
+        must: &'static str,
+    ) -> Case {
+        Case { family: self.0, name, hard, must, of_graph: false, run }
+    }
+
+    /// A case over the subject's graph.
+    pub(crate) const fn graph(
+        self,
+        name: &'static str,
+        run: fn(&Subject<'_>) -> Found,
+        hard: &'static str,
+        must: &'static str,
+    ) -> Case {
+        Case { of_graph: true, ..self.kinds(name, run, hard, must) }
+    }
 }
 
 impl Case {
-    /// Finds out whether it holds.
+    /// Runs the case.
     pub fn run(&self, subject: &Subject<'_>) -> Outcome {
         let (verdict, found) = match (self.run)(subject) {
             Ok(found) => (Verdict::Holds, found),
@@ -178,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_to_which_a_case_does_not_apply_leaves_the_others_to_it() {
+    fn items_without_the_case_leave_it_to_the_others() {
         let no = |why: &str| not_applicable::<i32>(why);
         assert_eq!(applicable([no("a"), Ok(1), no("b"), Ok(2)], "c"), Ok(vec![1, 2]));
         assert_eq!(applicable([no("a"), no("b")], "c"), Err(Not::Applicable("a".into())));

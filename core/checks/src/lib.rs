@@ -1,26 +1,30 @@
-//! Hard cases: what a graph and its nodes must live through, and within which bounds.
+//! Checks of graphs and nodes: hard cases, each with bounds that must hold.
 //!
-//! A [`Case`] says what is hard and what must hold, and finds out over a [`Subject`]: all kinds of nodes there are, and, where there is one, a
-//! user's graph. It puts the kinds into graphs by the real compiler and runs them by the real engine. What a stylus does, and what else comes from
-//! outside, is [played](played) from memory.
+//! A [`Case`] looks at a [`Subject`]: kinds of nodes, and perhaps a user's graph. It puts the kinds into
+//! graphs by the compiler and runs them in the engine ([`Rig`]). Styluses and other inputs are
+//! [played](played) from memory. There is one table of cases, in three parts: [`cases`] over graphs and over
+//! kinds, which `asperity selftest` runs, and [`node_cases`] over one kind, which `asperity plugin check`
+//! runs.
 //!
-//! A case is only worth having where something fails it: kinds can be [wrapped](wrap) so that they go wrong, and the tests at the top
-//! of the house have at least one such mutant for every case.
+//! A case is worth nothing that no fault fails. For each case, the tests at the top of the repository have a
+//! mutant that must fail it: a node that is broken on purpose, by [`wrap`](wrap::wrap).
 
 mod buffers;
 mod case;
-pub mod conformance;
+#[cfg(test)]
+mod docs_tests;
 mod families;
 mod handle;
+mod node;
 pub mod played;
 mod rig;
-mod small;
 mod subject;
 mod wall;
 pub mod wrap;
 
-pub use case::{Case, Family, Found, Not, Outcome, Verdict, holds, not_applicable};
-pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, drawn, limited};
+pub use case::{Case, Found, Not, Outcome, Verdict, holds, not_applicable};
+pub use families::autoregressive as textures;
+pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, drawn, limited, node_cases};
+pub use node::{TickTime, tick_time};
 pub use rig::Rig;
-pub use small::Small;
-pub use subject::{Effort, Subject};
+pub use subject::{Effort, Heap, Subject, Touched, Witness};

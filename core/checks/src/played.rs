@@ -1,45 +1,27 @@
-//! What comes from outside, from memory: kinds of nodes that no file can name, since their names have spaces.
+//! Kinds that play from memory. Their names have spaces, so that no graph file can name them.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fault, FrameLayout, Input, LayoutSpec, NodeKind, Output, Ports,
-    Processor, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Processor, RateSpec, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
-/// Where a stylus is, x, y, z in mm, z up, by the number of the tick.
+use crate::node::{Feed, Signal};
+
+/// Place of a stylus by the number of the tick: x, y, z in mm, z up.
 pub type Motion = Arc<dyn Fn(u64) -> [f64; 3] + Send + Sync>;
 /// Values by the number of the tick.
 pub type Values = Arc<dyn Fn(u64, &mut [f64]) + Send + Sync>;
-/// The samples from a sample on.
+/// Samples from the sample of this number on.
 pub type Samples = Arc<dyn Fn(u64, &mut [f32]) + Send + Sync>;
-/// The bins of a frame by its number; false for a frame that does not come.
+/// Bins of a frame by its number; false for a frame that does not come.
 pub type Frames = Arc<dyn Fn(u64, &mut [f32]) -> bool + Send + Sync>;
 
-/// Where a stylus is, as a case says from tick to tick: for a motion that depends on what the graph answers.
-#[derive(Debug, Default)]
-pub struct Place([AtomicU64; 3]);
-
-impl Place {
-    /// Puts the stylus there, x, y, z in mm.
-    pub fn put(&self, at: [f64; 3]) {
-        self.0.iter().zip(at).for_each(|(to, x)| to.store(x.to_bits(), Ordering::Relaxed));
-    }
-
-    /// The motion of a stylus that is always where it was put last.
-    pub fn motion(self: &Arc<Self>) -> Motion {
-        let place = self.clone();
-        Arc::new(move |_| {
-            std::array::from_fn(|k| place.0.get(k).map_or(0.0, |x| f64::from_bits(x.load(Ordering::Relaxed))))
-        })
-    }
-}
-
-/// Stiffness with which a played stylus presses where nothing else says how hard \[N/mm\].
+/// Stiffness with which a played stylus presses on a floor at z = 0 \[N/mm\].
 const STIFFNESS_N_PER_MM: f64 = 0.5;
 
-/// What is played.
+/// What a node plays.
 #[derive(Clone)]
 enum What {
     Motion(Motion),
@@ -47,6 +29,7 @@ enum What {
     Control(Values),
     Audio(Samples),
     Magnitude(Frames, FrameLayout),
+    Signal(Signal, u64),
 }
 
 /// A kind that plays.
@@ -56,23 +39,36 @@ pub struct Played {
 }
 
 impl Played {
-    /// A stylus, in the place of a kind that moves one: with the same outputs, of which `position` is played, `force` is that of a floor at z = 0,
-    /// and the others stay 0.
+    /// The input of a stylus whose place a case feeds.
+    pub(crate) const PLACE: &str = "place";
+
+    /// A stylus with the outputs of `like`: `position` is played, `force` is that of a floor at z = 0, and
+    /// the others stay 0.
     pub fn stylus(name: &str, like: &Descriptor, motion: Motion) -> Arc<dyn NodeKind> {
         let mut descriptor = Descriptor::new(name.to_owned(), "Plays a motion from memory.");
         descriptor.outputs = like.outputs.clone();
         Arc::new(Self { descriptor, what: What::Motion(motion) })
     }
 
-    /// The same, whose place the case gives from tick to tick, as a host does, with the mark whether it is to be trusted: at the input 0.
-    pub fn fed_stylus(name: &str, like: &Descriptor) -> Arc<dyn NodeKind> {
-        let place = Input::new("place", ShapeSpec::Control(3), Unit::MILLIMETRE).fed();
+    /// The same, with a place that the case feeds from tick to tick to input 0, valid or not.
+    pub(crate) fn fed_stylus(name: &str, like: &Descriptor) -> Arc<dyn NodeKind> {
+        let place = Input::new(Self::PLACE, ShapeSpec::Control(3), Unit::MILLIMETRE).fed();
         let mut descriptor = Descriptor::new(name.to_owned(), "Passes on the places of a case.").input(place);
         descriptor.outputs = like.outputs.clone();
         Arc::new(Self { descriptor, what: What::Fed })
     }
 
-    /// So many values a tick, at the output `out`.
+    /// One value, which the case feeds to input 0, at the output `out`.
+    pub(crate) fn fed(name: &str, unit: Unit) -> Arc<dyn NodeKind> {
+        let one = ShapeSpec::Control(1);
+        let input = Input::new("value", one, unit.clone()).fed();
+        let descriptor = Descriptor::new(name.to_owned(), "Passes on a value of a case.")
+            .input(input)
+            .output(Output::new("out", one, unit));
+        Arc::new(Self { descriptor, what: What::Fed })
+    }
+
+    /// `count` values a tick, at the output `out`.
     pub fn control(name: &str, count: usize, unit: Unit, values: Values) -> Arc<dyn NodeKind> {
         Self::of(name, ShapeSpec::Control(count), unit, What::Control(values))
     }
@@ -82,8 +78,8 @@ impl Played {
         Self::of(name, ShapeSpec::Audio(RateSpec::Graph), unit, What::Audio(samples))
     }
 
-    /// Audio at the graph's rate, at the output `out`, which is to be trusted only while the host vouches for the input `hand`.
-    pub fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+    /// The same, valid only while the host feeds a valid value to the input `hand`.
+    pub(crate) fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
         let hand = Input::new("hand", ShapeSpec::Control(1), Unit::NONE).fed();
         let output = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), unit);
         let descriptor =
@@ -92,14 +88,21 @@ impl Played {
     }
 
     /// Audio at a rate of its own, at the output `out`.
-    pub fn audio_at(name: &str, rate_hz: u32, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+    pub(crate) fn audio_at(name: &str, rate_hz: u32, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
         Self::of(name, ShapeSpec::Audio(RateSpec::Hz(rate_hz)), unit, What::Audio(samples))
     }
 
-    /// Frames of magnitudes in m/s^2, one each time the node runs, at the output `out`.
+    /// Frames of magnitudes \[m/s^2\], one each time the node runs, at the output `out`.
     pub fn magnitudes(name: &str, layout: FrameLayout, frames: Frames) -> Arc<dyn NodeKind> {
         let shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout));
         Self::of(name, shape, Unit::METRE_PER_SECOND_SQUARED, What::Magnitude(frames, layout))
+    }
+
+    /// A random signal for an input like `output`.
+    pub(crate) fn signal(name: String, output: Output, signal: Signal, seed: u64) -> Arc<dyn NodeKind> {
+        // The output depends on the tick alone.
+        let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Resume);
+        Arc::new(Self { descriptor, what: What::Signal(signal, seed) })
     }
 
     fn of(name: &str, shape: ShapeSpec, unit: Unit, what: What) -> Arc<dyn NodeKind> {
@@ -120,12 +123,19 @@ impl NodeKind for Played {
 
     fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
         let place = |name: &str| self.descriptor.outputs.iter().position(|o| o.name == name);
+        let feed = match (&self.what, setup.output(0)) {
+            (What::Signal(signal, seed), Some(port)) => {
+                Some(Feed::new(*signal, *seed, port, setup.tick_hz, setup.every))
+            }
+            _ => None,
+        };
         Ok(Box::new(Player {
             what: self.what.clone(),
             position: place("position"),
             force: place("force"),
             rate_hz: setup.output_rate(0),
             every: u64::from(setup.every),
+            feed,
         }))
     }
 }
@@ -136,10 +146,11 @@ struct Player {
     force: Option<usize>,
     rate_hz: u32,
     every: u64,
+    feed: Option<Feed>,
 }
 
 impl Player {
-    /// The outputs of a stylus that is there.
+    /// Writes the outputs of a stylus at a place.
     fn put(&self, tick: &mut Tick<'_>, at: [f64; 3]) {
         if let Some(output) = self.position {
             tick.outputs.control(output).copy_from_slice(&at);
@@ -154,10 +165,10 @@ impl Processor for Player {
     fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
         match &self.what {
             What::Motion(motion) => self.put(tick, motion(tick.index)),
-            What::Fed => {
-                let at = tick.inputs.control(0).try_into().unwrap_or_default();
-                self.put(tick, at);
-            }
+            What::Fed => match tick.inputs.control(0) {
+                &[x, y, z] => self.put(tick, [x, y, z]),
+                values => tick.outputs.control(0).copy_from_slice(values),
+            },
             What::Control(values) => values(tick.index, tick.outputs.control(0)),
             What::Audio(samples) => {
                 let first = tick.samples(self.rate_hz).start;
@@ -172,6 +183,12 @@ impl Processor for Player {
                     return Ok(Status::Quiet);
                 }
                 tick.outputs.magnitude(0, frame, start).copy_from_slice(bins);
+            }
+            What::Signal(..) => {
+                let (index, hz) = (tick.index, tick.tick_hz);
+                for (buffer, feed) in tick.outputs.buffers().iter_mut().zip(&self.feed) {
+                    feed.fill(buffer, index, hz, false);
+                }
             }
         }
         Ok(Status::Continue)

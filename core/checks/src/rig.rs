@@ -1,4 +1,4 @@
-//! A subject's graph under a stylus that moves as a case wants it to.
+//! A graph that runs under a case: the subject's own, or one that the case builds.
 
 use std::sync::Arc;
 
@@ -10,45 +10,116 @@ use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
 use crate::subject::Subject;
 
-/// What a limiter says that it holds a drive to.
+/// The name of a case's own graph in errors.
+const ORIGIN: &str = "the case";
+
+/// Whether a graph has to set a parameter of a kind other than these. No case knows a value for it.
+pub(crate) fn has_to_be_set(d: &Descriptor, beside: &[&str]) -> bool {
+    d.params.iter().any(|p| p.default.is_none() && !p.optional && !beside.contains(&&*p.name))
+}
+
+/// A graph that a case builds: of the subject's kinds, and of kinds that play from memory.
+#[derive(Clone)]
+pub(crate) struct CaseGraph {
+    pub graph: GraphFile,
+    pub kinds: Vec<Arc<dyn NodeKind>>,
+}
+
+impl CaseGraph {
+    /// An empty graph with these rates \[Hz\].
+    pub(crate) fn new(tick_hz: u32, audio_hz: u32) -> Self {
+        let mut graph = GraphFile::empty(ORIGIN);
+        (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
+        Self { graph, kinds: Vec::new() }
+    }
+
+    /// Adds a node with parameters as RON texts.
+    ///
+    /// # Errors
+    /// A text that is no value; an id that is taken.
+    pub(crate) fn node(mut self, id: &str, kind: &str, params: &[(&str, &str)]) -> Result<Self, Not> {
+        self.graph.add_node(id, kind, params, ORIGIN)?;
+        Ok(self)
+    }
+
+    /// Adds a node of a kind of the case's own.
+    ///
+    /// # Errors
+    /// An id that is taken.
+    pub(crate) fn plays(mut self, id: &str, kind: Arc<dyn NodeKind>) -> Result<Self, Not> {
+        self.graph.add_node(id, &kind.descriptor().kind, &[], ORIGIN)?;
+        self.kinds.push(kind);
+        Ok(self)
+    }
+
+    /// Adds a wire.
+    pub(crate) fn wire(mut self, from: &str, to: &str) -> Self {
+        self.graph.add_wire(from, to, ORIGIN);
+        self
+    }
+
+    /// Adds wires from each end to the next.
+    pub(crate) fn chain(self, ends: &[&str]) -> Self {
+        ends.windows(2).fold(self, |all, pair| all.wire(pair[0], pair[1]))
+    }
+
+    /// Compiles it.
+    ///
+    /// # Errors
+    /// Those of the compiler.
+    pub(crate) fn rig(&self, subject: &Subject<'_>) -> Result<Rig, Not> {
+        Rig::of(subject, &self.graph, &self.kinds)
+    }
+}
+
+/// Limits of a drive, as its limiter states them.
 #[derive(Clone, Copy, Debug)]
-pub struct DriveLimits {
+pub(crate) struct DriveLimits {
     /// Largest sample \[A or V\].
     pub peak: f64,
     /// Largest step from sample to sample \[A or V\].
     pub step: f64,
 }
 
-/// A graph that runs, with what goes to its devices.
+/// A graph that runs, and its outputs to devices.
 pub struct Rig {
-    /// Runs it.
+    /// Runs the graph.
     pub engine: Engine,
-    /// What is run.
+    /// The compiled graph.
     pub schedule: Arc<Schedule>,
-    /// What is played on sound cards: node and input.
+    /// Inputs that are played on sound cards: node and input.
     drives: Vec<(usize, usize)>,
     /// The acceleration nearest to the actuator: node and output.
     felt: Option<(usize, usize)>,
-    /// What moves the stylus, where the case gives its place.
+    /// Styluses that [`place`](Self::place) moves.
     styluses: Vec<usize>,
 }
 
 impl Rig {
-    /// The subject's graph with `motion` in the place of whatever moves its stylus, and `changes` as `--set` has them.
+    /// The subject's graph with `motion` in place of each node that moves a stylus. `changes` are written as
+    /// for `--set`.
     ///
     /// # Errors
-    /// No graph, nothing in it that moves a stylus, a change that it does not take.
+    /// No graph; no stylus in it; a change that it refuses.
     pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Not> {
         let (mut graph, kinds) =
             Self::with_stylus(subject.its_graph()?, subject.registry(), &motion).or_else(not_applicable)?;
         for change in changes {
-            graph.set(change, "the case")?;
+            graph.set(change, ORIGIN)?;
         }
         Self::of(subject, &graph, &kinds)
     }
 
-    /// A graph with a played stylus in the place of every node that moves one, which has an output `position` of three values and no input that
-    /// needs a wire; and the kinds that it needs beside the registry's.
+    /// The subject's graph with the motion of `new`, or as it is where nothing in it moves a stylus.
+    pub(crate) fn moved_if_possible(subject: &Subject<'_>, motion: Motion) -> Result<Self, Not> {
+        match Self::new(subject, motion, &[]) {
+            Err(Not::Applicable(_)) => Self::of(subject, subject.its_graph()?, &[]),
+            rig => rig,
+        }
+    }
+
+    /// A graph with a played stylus in place of each node that moves one, and the kinds that it needs. Such a
+    /// node has an output `position` of three values and no input that needs a wire.
     ///
     /// # Errors
     /// Nothing in the graph moves a stylus.
@@ -57,68 +128,51 @@ impl Rig {
         registry: &Registry,
         motion: &Motion,
     ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
-        Self::with_stylus_of(graph, registry, |name, like| Played::stylus(name, like, motion.clone()))
+        with_stylus_of(graph, registry, |name, like| Played::stylus(name, like, motion.clone()))
     }
 
-    /// The subject's graph with a stylus whose place the case gives from tick to tick by [`place`](Self::place).
+    /// A graph whose stylus [`place`](Self::place) moves from tick to tick.
     ///
     /// # Errors
-    /// No graph, nothing in it that moves a stylus.
-    pub fn fed(subject: &Subject<'_>) -> Result<Self, Not> {
-        let (graph, kinds) =
-            Self::with_stylus_of(subject.its_graph()?, subject.registry(), Played::fed_stylus)
-                .or_else(not_applicable)?;
-        let mut rig = Self::of(subject, &graph, &kinds)?;
-        let is = |name: &str| kinds.iter().any(|kind| kind.descriptor().kind == name);
-        rig.styluses = (0..rig.schedule.nodes.len()).filter(|&i| is(&rig.schedule.nodes[i].kind)).collect();
-        Ok(rig)
+    /// Nothing in it moves a stylus.
+    pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Not> {
+        let (graph, kinds) = Self::with_fed_stylus(graph, subject.registry())?;
+        Self::of(subject, &graph, &kinds)
     }
 
-    /// Gives a fed stylus its place for the next tick and those after it \[mm\], and whether that is to be trusted.
-    pub fn place(&mut self, at: [f64; 3], valid: bool) {
+    /// The graph and the kinds of [`fed`](Self::fed).
+    pub(crate) fn with_fed_stylus(
+        graph: &GraphFile,
+        registry: &Registry,
+    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), Not> {
+        with_stylus_of(graph, registry, Played::fed_stylus).or_else(not_applicable)
+    }
+
+    /// Sets the place of each fed stylus from the next tick on \[mm\], and whether it is valid.
+    pub(crate) fn place(&mut self, at: [f64; 3], valid: bool) {
         for &stylus in &self.styluses {
             self.engine.feed_control(stylus, 0, &at, valid);
         }
     }
 
-    fn with_stylus_of(
-        graph: &GraphFile,
-        registry: &Registry,
-        make: impl Fn(&str, &Descriptor) -> Arc<dyn NodeKind>,
-    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
-        let mut graph = graph.clone();
-        let mut kinds = Vec::new();
-        for node in &mut graph.nodes {
-            let Some(kind) = registry.get(&node.kind) else { continue };
-            let d = kind.descriptor();
-            let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
-                && d.inputs.iter().all(|i| i.optional || i.fed);
-            if !moves {
-                continue;
-            }
-            let name = format!("{} from memory", node.kind);
-            kinds.push(make(&name, d));
-            node.kind = name;
-            node.params.clear();
-            // What was wired into the place of a device plays no more.
-            let id = node.id.clone();
-            graph.wires.retain(|w| w.to.node != id);
-        }
-        if kinds.is_empty() { Err("nothing in this graph moves a stylus".into()) } else { Ok((graph, kinds)) }
-    }
-
     /// A graph as it is, with kinds of the case's own.
     ///
     /// # Errors
-    /// What the compiler says.
+    /// Those of the compiler.
     pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<dyn NodeKind>]) -> Result<Self, Not> {
-        Ok(Self::from(subject.compiled(graph, kinds)?))
+        let mut rig = Self::from(subject.compiled(graph, kinds)?);
+        let fed = |name: &str| {
+            let kind = kinds.iter().map(|k| k.descriptor()).find(|d| d.kind == name);
+            kind.is_some_and(|d| d.inputs.iter().any(|i| i.fed && i.name == Played::PLACE))
+        };
+        rig.styluses = (0..rig.schedule.nodes.len()).filter(|&i| fed(&rig.schedule.nodes[i].kind)).collect();
+        Ok(rig)
     }
 
-    /// Runs so many ticks; `each` is shown the rig after each of them.
+    /// Runs so many ticks, and calls `each` after each of them.
     ///
     /// # Errors
-    /// What `each` says.
+    /// Those of `each`.
     pub fn run(
         &mut self,
         ticks: u64,
@@ -132,18 +186,27 @@ impl Rig {
         Ok(())
     }
 
-    /// Ticks of so many seconds.
+    /// Number of ticks in so many seconds.
     pub fn ticks(&self, seconds: f64) -> u64 {
         (seconds * f64::from(self.schedule.tick_hz)).round() as u64
     }
 
-    /// What this tick plays on the sound card, of every `audio_out`: A or V at the coil.
+    /// Checks that no node has failed so far.
+    ///
+    /// # Errors
+    /// The number of faults.
+    pub(crate) fn sound(&self) -> Result<(), Not> {
+        let faults = self.engine.faults();
+        crate::case::holds(faults == 0, || format!("{faults} faults"))
+    }
+
+    /// This tick's samples of each sound card: A or V at the coil.
     pub fn drive(&self) -> impl Iterator<Item = &[f32]> {
         self.drives.iter().map(|&(node, input)| samples(self.engine.input(node, input)))
     }
 
-    /// What holds each [drive](Self::drive), where the node before it tells.
-    pub fn drive_limits(&self) -> Vec<Option<DriveLimits>> {
+    /// Limits of each [drive](Self::drive), where the node before it states them.
+    pub(crate) fn drive_limits(&self) -> Vec<Option<DriveLimits>> {
         let told = |&(node, input): &(usize, usize)| {
             let (limiter, _) = self.schedule.nodes.get(node)?.inputs.get(input)?.from?;
             let facts = &self.schedule.nodes.get(limiter)?.facts;
@@ -156,24 +219,38 @@ impl Rig {
         self.drives.iter().map(told).collect()
     }
 
-    /// Whether what goes to every device is to be trusted in this tick: else it fades.
-    pub fn trusted(&self) -> bool {
+    /// Whether the output to each device is valid in this tick; else it fades.
+    pub(crate) fn trusted(&self) -> bool {
         self.drives.iter().all(|&(node, input)| self.engine.input(node, input).is_none_or(Buffer::is_valid))
     }
 
-    /// Where the stylus is \[mm\]; none where nothing tells.
-    pub fn position(&self) -> Option<[f64; 3]> {
-        let place = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
+    /// All outputs: node and output.
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let nodes = self.schedule.nodes.iter().enumerate();
+        nodes.flat_map(|(i, node)| (0..node.outputs.len()).map(move |o| (i, o)))
+    }
+
+    /// The first output whose buffer is so, as `node.port`.
+    pub(crate) fn first_output(&self, is: impl Fn(&Buffer) -> bool) -> Option<String> {
+        let (i, o) = self.outputs().find(|&(i, o)| self.engine.output(i, o).is_some_and(&is))?;
+        Some(self.name(i, o))
+    }
+
+    /// The name of an output, as `node.port`.
+    pub(crate) fn name(&self, node: usize, output: usize) -> String {
+        let node = &self.schedule.nodes[node];
+        format!("{}.{}", node.id, node.outputs[output].name)
+    }
+
+    /// Place of the stylus \[mm\], where an output `position` tells it.
+    pub(crate) fn position(&self) -> Option<[f64; 3]> {
+        let (node, output) = self.schedule.nodes.iter().enumerate().find_map(|(i, node)| {
             let tells = |o: &asperity_graph::ScheduledOutput| {
                 o.name == "position" && o.port.shape == Shape::Control { count: 3 }
             };
-            Some((i, n.outputs.iter().position(tells)?))
-        };
-        let (node, output) = self.schedule.nodes.iter().enumerate().find_map(place)?;
-        match self.engine.output(node, output)? {
-            Buffer::Control { values, .. } => <[f64; 3]>::try_from(&values[..]).ok(),
-            _ => None,
-        }
+            Some((i, node.outputs.iter().position(tells)?))
+        })?;
+        self.values(node, output).try_into().ok()
     }
 
     /// Whether anything is played on a sound card.
@@ -181,7 +258,7 @@ impl Rig {
         !self.drives.is_empty()
     }
 
-    /// This tick's acceleration \[m/s^2\] before the inverse of the actuator; empty where there is none.
+    /// This tick's acceleration before the actuator's inverse \[m/s^2\]; empty where there is none.
     pub fn felt(&self) -> &[f32] {
         self.felt.map_or(&[], |(node, output)| samples(self.engine.output(node, output)))
     }
@@ -192,12 +269,35 @@ impl Rig {
     }
 
     /// This tick's values of an output.
-    pub fn control(&self, node: &str, output: usize) -> &[f64] {
-        match self.schedule.index_of(node).and_then(|i| self.engine.output(i, output)) {
-            Some(Buffer::Control { values, .. }) => values,
-            _ => &[],
-        }
+    pub(crate) fn values(&self, node: usize, output: usize) -> &[f64] {
+        values(self.engine.output(node, output))
     }
+}
+
+fn with_stylus_of(
+    graph: &GraphFile,
+    registry: &Registry,
+    make: impl Fn(&str, &Descriptor) -> Arc<dyn NodeKind>,
+) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
+    let mut graph = graph.clone();
+    let mut kinds = Vec::new();
+    for node in &mut graph.nodes {
+        let Some(kind) = registry.get(&node.kind) else { continue };
+        let d = kind.descriptor();
+        let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
+            && d.inputs.iter().all(|i| i.optional || i.fed);
+        if !moves {
+            continue;
+        }
+        let name = format!("{} from memory", node.kind);
+        kinds.push(make(&name, d));
+        node.kind = name;
+        node.params.clear();
+        // The played stylus has none of the inputs of a device.
+        let id = node.id.clone();
+        graph.wires.retain(|w| w.to.node != id);
+    }
+    if kinds.is_empty() { Err("nothing in this graph moves a stylus".into()) } else { Ok((graph, kinds)) }
 }
 
 impl From<Compiled> for Rig {
@@ -211,7 +311,15 @@ impl From<Compiled> for Rig {
     }
 }
 
-/// This tick's samples of a buffer.
+/// This tick's values of a buffer of controls.
+pub(crate) fn values(buffer: Option<&Buffer>) -> &[f64] {
+    match buffer {
+        Some(Buffer::Control { values, .. }) => values,
+        _ => &[],
+    }
+}
+
+/// This tick's samples of a buffer of audio.
 fn samples(buffer: Option<&Buffer>) -> &[f32] {
     match buffer {
         Some(Buffer::Audio { samples, len, .. }) => samples.get(..*len).unwrap_or(&[]),

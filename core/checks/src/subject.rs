@@ -1,55 +1,142 @@
-//! What is looked at.
+//! The kinds and the graph that cases look at.
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{NodeKind, Registry};
 
 use crate::case::{Not, not_applicable};
+use crate::node::Place;
 
 /// How long a case may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Effort {
-    /// A second or less: as often as one likes.
+    /// A second or less.
     Quick,
-    /// Some seconds: with the other tests.
+    /// Some seconds.
     Full,
-    /// As long as it takes: minutes and more.
+    /// Minutes and more.
     Long,
 }
 
-/// Kinds of nodes, and the graph that they stand in.
-#[derive(Clone, Debug)]
+/// How often the calling thread used the heap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Touched {
+    /// Allocations and changes of size.
+    pub taken: u64,
+    /// Frees.
+    pub freed: u64,
+}
+
+/// Counts the allocations of the calling thread.
+pub trait Heap {
+    /// Starts to count, from 0.
+    fn begin(&self);
+    /// Stops, and answers the counts.
+    fn end(&self) -> Touched;
+}
+
+/// Hears about the progress of a case over one kind.
+pub trait Witness {
+    /// The node answers. Called now and then.
+    fn alive(&self) {}
+    /// The next step.
+    fn doing(&self, _what: &str) {}
+}
+
+/// Kinds of nodes, and perhaps a graph of them. Cases of the family `node` look at one kind only.
+#[derive(Clone)]
 pub struct Subject<'a> {
     registry: Registry,
     graph: Option<&'a GraphFile>,
     effort: Effort,
+    one: Option<Arc<dyn NodeKind>>,
+    pub(crate) settings: Vec<(String, String)>,
+    pub(crate) ticks: u64,
+    pub(crate) heap: Option<&'a dyn Heap>,
+    witness: Option<&'a dyn Witness>,
+    pub(crate) main: OnceCell<Result<Place, String>>,
+}
+
+impl std::fmt::Debug for Subject<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let one = self.one.as_ref().map(|kind| &kind.descriptor().kind);
+        f.debug_struct("Subject").field("graph", &self.graph).field("one", &one).finish_non_exhaustive()
+    }
 }
 
 impl<'a> Subject<'a> {
-    /// Kinds alone.
+    /// Kinds without a graph.
     pub fn new(registry: Registry) -> Self {
-        Self { registry, graph: None, effort: Effort::Quick }
+        Self {
+            registry,
+            graph: None,
+            effort: Effort::Quick,
+            one: None,
+            settings: Vec::new(),
+            ticks: 100_000,
+            heap: None,
+            witness: None,
+            main: OnceCell::new(),
+        }
     }
 
-    /// With a graph, of these kinds.
+    /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults.
+    pub fn one(kind: Arc<dyn NodeKind>) -> Self {
+        Self { one: Some(kind), ..Self::new(Registry::new()) }
+    }
+
+    /// Adds a graph of these kinds.
     #[must_use]
     pub fn graph(mut self, graph: &'a GraphFile) -> Self {
         self.graph = Some(graph);
         self
     }
 
-    /// How long a case may take; [`Effort::Quick`] unless this says otherwise.
+    /// Sets how long a case may take; [`Effort::Quick`] without it.
     #[must_use]
     pub fn effort(mut self, effort: Effort) -> Self {
         self.effort = effort;
         self
     }
 
-    /// The same with another kind in the place of one of its name: what a mutant is made of.
+    /// Adds a kind, or replaces the one of its name.
     #[must_use]
     pub fn with(mut self, kind: Arc<dyn NodeKind>) -> Self {
         self.registry.add(kind);
+        self
+    }
+
+    /// Sets a parameter of the one kind, as text of a graph file. It replaces an earlier value.
+    #[must_use]
+    pub fn set(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
+        let name = name.into();
+        self.settings.retain(|(known, _)| *known != name);
+        self.settings.push((name, value.into()));
+        self.main = OnceCell::new();
+        self
+    }
+
+    /// Sets the number of random ticks; 100 000 without it.
+    #[must_use]
+    pub fn ticks(mut self, ticks: u64) -> Self {
+        self.ticks = ticks;
+        self
+    }
+
+    /// Has allocations counted.
+    #[must_use]
+    pub fn heap(mut self, heap: &'a dyn Heap) -> Self {
+        self.heap = Some(heap);
+        self
+    }
+
+    /// Tells a witness about the progress.
+    #[must_use]
+    pub fn witness(mut self, witness: &'a dyn Witness) -> Self {
+        self.witness = Some(witness);
         self
     }
 
@@ -66,20 +153,28 @@ impl<'a> Subject<'a> {
         self.registry.get(name).cloned().ok_or_else(|| Not::Applicable(format!("there is no kind `{name}`")))
     }
 
+    /// The one kind.
+    ///
+    /// # Errors
+    /// None was given.
+    pub(crate) fn its_kind(&self) -> Result<&Arc<dyn NodeKind>, Not> {
+        self.one.as_ref().map_or_else(|| not_applicable("no kind was given"), Ok)
+    }
+
     /// The graph.
     ///
     /// # Errors
-    /// There is none: the case says nothing.
+    /// None was given.
     pub fn its_graph(&self) -> Result<&'a GraphFile, Not> {
         self.graph.map_or_else(|| not_applicable("no graph was given"), Ok)
     }
 
-    /// How long it may take.
+    /// How long a case may take.
     pub fn allowed(&self) -> Effort {
         self.effort
     }
 
-    /// One of three numbers, by how long it may take.
+    /// One of three values, by the effort.
     pub fn by_effort<T>(&self, quick: T, full: T, long: T) -> T {
         match self.effort {
             Effort::Quick => quick,
@@ -88,15 +183,23 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Compiles a graph of these kinds, and of more where a case brings its own.
+    pub(crate) fn alive(&self) {
+        self.witness.iter().for_each(|w| w.alive());
+    }
+
+    pub(crate) fn doing(&self, what: &str) {
+        self.witness.iter().for_each(|w| w.doing(what));
+    }
+
+    /// Compiles a graph of these kinds and of `more`.
     ///
     /// # Errors
-    /// What the compiler says.
+    /// Those of the compiler.
     pub fn compile(
         &self,
         graph: &GraphFile,
         more: &[Arc<dyn NodeKind>],
-    ) -> Result<Compiled, Vec<asperity_diagnostics::Diagnostic>> {
+    ) -> Result<Compiled, Vec<Diagnostic>> {
         let mut registry = self.registry.clone();
         for kind in more {
             registry.add(kind.clone());
@@ -104,14 +207,13 @@ impl<'a> Subject<'a> {
         compile(graph, &registry, Default::default())
     }
 
-    /// The same, with what the compiler says in one line.
+    /// The same, with the compiler's errors in one line.
     ///
     /// # Errors
     /// That line.
     pub fn compiled(&self, graph: &GraphFile, more: &[Arc<dyn NodeKind>]) -> Result<Compiled, String> {
-        let told = |errors: Vec<asperity_diagnostics::Diagnostic>| {
-            errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
-        };
-        self.compile(graph, more).map_err(told)
+        let line =
+            |errors: Vec<Diagnostic>| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        self.compile(graph, more).map_err(line)
     }
 }

@@ -1,4 +1,4 @@
-//! A kind in a wrapping that changes what it puts out, or does something else in its place.
+//! Wraps a kind, so that its nodes are called in another way.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,19 +8,18 @@ use asperity_node::{
     Tick,
 };
 
-/// Called in the place of a node's `process`, with the node.
+/// Called instead of a node's `process`, with the node.
 pub type Process = Box<dyn FnMut(&mut dyn Processor, &mut Tick<'_>) -> Result<Status, Fault> + Send>;
 
-/// Makes a [`Process`] for a node in its place.
+/// Makes a [`Process`] for a node.
 pub type Maker = Arc<dyn Fn(&Setup<'_>) -> Process + Send + Sync>;
 
-/// A kind whose nodes are called by way of something else.
 struct Wrapped {
     inner: Arc<dyn NodeKind>,
     make: Maker,
 }
 
-/// A kind of the same name, ports and parameters whose nodes are called as `make` says.
+/// A kind with the same name, ports and parameters. Its nodes are called by the process that `make` makes.
 pub fn wrap(inner: Arc<dyn NodeKind>, make: Maker) -> Arc<dyn NodeKind> {
     Arc::new(Wrapped { inner, make })
 }
@@ -30,26 +29,16 @@ pub fn after(
     inner: Arc<dyn NodeKind>,
     change: impl Fn(&mut Tick<'_>) + Clone + Send + Sync + 'static,
 ) -> Arc<dyn NodeKind> {
-    with_memory::<()>(inner, move |_, tick| change(tick))
-}
-
-/// The same, where the change has a memory for each node, which a reset leaves as it is.
-pub fn with_memory<M: Default + Send + 'static>(
-    inner: Arc<dyn NodeKind>,
-    change: impl Fn(&mut M, &mut Tick<'_>) + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
-    wrap(
-        inner,
-        Arc::new(move |_| {
-            let (change, mut memory) = (change.clone(), M::default());
-            Box::new(move |node, tick| {
-                let status = node.process(tick)?;
-                change(&mut memory, tick);
-                // What was silent may no longer be so.
-                Ok(if status == Status::Quiet { Status::Continue } else { status })
-            })
-        }),
-    )
+    let make = move |_: &Setup<'_>| -> Process {
+        let change = change.clone();
+        Box::new(move |node, tick| {
+            let status = node.process(tick)?;
+            change(tick);
+            // A quiet output may have changed.
+            Ok(if status == Status::Quiet { Status::Continue } else { status })
+        })
+    };
+    wrap(inner, Arc::new(make))
 }
 
 impl NodeKind for Wrapped {

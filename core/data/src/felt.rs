@@ -1,4 +1,4 @@
-//! What a tool felt along a stroke, to hold what is rendered of the same stroke against.
+//! Acceleration of a tool along a stroke, to compare renderings with.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_motion::{Cursor, Stroke, StrokeParams, Trajectory};
@@ -10,15 +10,16 @@ use crate::history::STIFFNESS_N_PER_MM;
 pub const LONGEST_S: f64 = 600.0;
 /// Shortest stroke in seconds.
 pub const SHORTEST_S: f64 = 0.1;
-/// Time over which recorded places are averaged, three times over, in seconds.
+/// Time in seconds over which recorded places are averaged, three times.
 const AVERAGED_S: f64 = 0.016;
 
-/// The tool's acceleration along a stroke that begins with the first sample.
+/// Acceleration of the tool along a stroke, from its first sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Felt {
-    /// Samples a second.
+    /// Sampling rate in Hz.
     pub rate_hz: f64,
-    /// In m/s^2, by axes, one to three of one length. What one signal has to carry is the sum of their powers.
+    /// Acceleration in m/s^2 by axes: one to three, of one length. One signal must carry the sum of
+    /// their powers.
     pub acceleration_m_s2: Vec<Vec<f64>>,
 }
 
@@ -28,26 +29,28 @@ impl Felt {
         self.acceleration_m_s2.iter().map(Vec::as_slice).collect()
     }
 
-    /// How long it is in seconds.
+    /// Length in seconds.
     pub fn duration_s(&self) -> f64 {
         let samples = self.acceleration_m_s2.iter().map(Vec::len).min().unwrap_or(0);
         samples as f64 / self.rate_hz
     }
 }
 
-/// Where a hand is along a stroke: x, y, z in mm at [`SAMPLE_HZ`], z up, the surface at z = 0. Below it presses with 0.5 N/mm.
+/// A hand's path along a stroke: x, y, z in mm at [`SAMPLE_HZ`], z up, the surface at z = 0. Below it
+/// the hand presses with 0.5 N/mm.
 ///
-/// These are the hand's own places, not what a sensor reads: where they jump by a sensor's steps of 0.055 mm the tool would be struck at every step.
+/// These are true places, not a sensor's readings. Jumps by a sensor's step of 0.055 mm would strike
+/// the tool at every step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hand {
     position_mm: Vec<[f64; 3]>,
 }
 
 impl Hand {
-    /// From places over time in seconds, exact ones.
+    /// From exact places over time in seconds.
     ///
     /// # Errors
-    /// A duration that is not 0.1 to 600 s; a place that is not finite.
+    /// A duration outside 0.1 to 600 s; a place that is not finite.
     pub fn new(duration_s: f64, mut at: impl FnMut(f64) -> [f64; 3]) -> Result<Self, Diagnostic> {
         if !(SHORTEST_S..=LONGEST_S).contains(&duration_s) {
             return Err(Diagnostic::new(format!("a stroke of {duration_s} s"))
@@ -64,20 +67,21 @@ impl Hand {
         }
     }
 
-    /// A made stroke, as it is without the sensor's step.
+    /// A made stroke without the sensor's step.
     ///
     /// # Errors
-    /// Those of the stroke's parameters; a duration of more than 600 s.
+    /// A bad parameter of the stroke; a duration of more than 600 s.
     pub fn stroke(params: &StrokeParams) -> Result<Self, Diagnostic> {
         let stroke = Stroke::new(StrokeParams { quantum_mm: 0.0, ..params.clone() })?;
         Self::new(stroke.duration_s(), |t| stroke.sample(t).position)
     }
 
-    /// A recorded stroke, with the steps of its sensor averaged out: over 16 ms around each moment, three times over, a window of 8 ms of standard deviation. It takes 0.3 dB of a
-    /// swing of 5 Hz, 1.1 of one of 10 Hz, and leaves 0.4 mm/s of the steps of 0.055 mm at 500 Hz, where one step is 27.5 mm/s.
+    /// A recorded stroke with its sensor's steps averaged out: over 16 ms around each moment, three
+    /// times, a window with a standard deviation of 8 ms. It takes 0.3 dB of a swing of 5 Hz, 1.1 dB at
+    /// 10 Hz. Of steps of 0.055 mm at 500 Hz, each 27.5 mm/s, it leaves 0.4 mm/s.
     ///
     /// # Errors
-    /// A duration that is not 0.1 to 600 s.
+    /// A duration outside 0.1 to 600 s.
     pub fn trajectory(trajectory: &Trajectory) -> Result<Self, Diagnostic> {
         let mut cursor = Cursor::default();
         let mut hand =
@@ -86,12 +90,12 @@ impl Hand {
         Ok(hand)
     }
 
-    /// How long it is in seconds.
+    /// Length in seconds.
     pub fn duration_s(&self) -> f64 {
         self.position_mm.len().saturating_sub(1) as f64 / f64::from(SAMPLE_HZ)
     }
 
-    /// Places in mm at [`SAMPLE_HZ`], the first and the last moment included.
+    /// Places in mm at [`SAMPLE_HZ`], first and last moment included.
     pub fn position_mm(&self) -> &[[f64; 3]] {
         &self.position_mm
     }
@@ -108,15 +112,15 @@ impl Hand {
     }
 }
 
-/// The force in N with which a hand presses at a height in mm.
+/// Force in N of a hand at a height in mm.
 pub(crate) fn force_n(z_mm: f64) -> f64 {
     (-z_mm * STIFFNESS_N_PER_MM).max(0.0)
 }
 
-/// Means over `around` values before and behind each; the first and the last value go on beyond the ends.
+/// Means over `around` values to each side. The first and the last value continue beyond the ends.
 fn averaged(values: &[f64], around: usize) -> Vec<f64> {
     let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
-    // Sums from the first value on, so that they are of the order of the way, not of the place.
+    // Sums relative to the first value have the size of the way, not of the place.
     let mut total = 0.0;
     let mut sums = vec![0.0];
     let before = std::iter::repeat_n(first, around);
@@ -136,7 +140,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn a_mean_over_time_keeps_lines_and_takes_of_a_swing_what_its_window_does() {
+    fn mean_over_time_keeps_lines_and_damps_a_swing_as_its_window() {
         let line: Vec<f64> = (0..4000).map(|i| 1e5 + 0.01 * f64::from(i)).collect();
         let mean = averaged(&line, 80);
         assert_eq!(mean.len(), line.len());
@@ -146,14 +150,14 @@ mod tests {
         let mut hand = Hand::new(2.0, |t| [(TAU * hz * t).sin(), 0.0, 1.0]).unwrap();
         hand.smooth();
         let most = hand.position_mm()[5000..15_000].iter().map(|p| p[0]).fold(0.0, f64::max);
-        // The window's transform at 10 Hz, three times: sin(161 x) / (161 sin x), x = pi 10 / 10000.
+        // The window's transform at 10 Hz, cubed: sin(161 x) / (161 sin x), x = pi 10 / 10000.
         let x = std::f64::consts::PI * hz / 10_000.0;
         let want = ((161.0 * x).sin() / (161.0 * x.sin())).powi(3);
         assert!((most - want).abs() < 1e-6, "{most}, not {want}");
     }
 
     #[test]
-    fn a_recorded_stroke_moves_as_the_hand_did_before_it_was_rounded() {
+    fn recorded_stroke_moves_as_before_sensor_rounding() {
         let params = StrokeParams { quantum_mm: 0.055, tremor_mm: 0.0, ..StrokeParams::default() };
         let (exact, rounded) = (Hand::stroke(&params).unwrap(), Stroke::new(params).unwrap());
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");

@@ -1,4 +1,4 @@
-//! Folders of data that a user has: what files there are, and the pictures among them.
+//! Folders of a user's data: their files, and the pictures among them.
 
 use std::path::{Path, PathBuf};
 
@@ -7,10 +7,10 @@ use asperity_texture::picture::{self, Image};
 
 use crate::example::{Note, Parts};
 
-/// How deep folders are looked into.
+/// Depth to which folders are searched.
 const MAX_DEPTH: usize = 8;
 
-/// What stands in a folder, sorted by name. What begins with a point is hidden and left out.
+/// Entries of a folder, sorted by name. Names that begin with a point are hidden and left out.
 pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(folder);
     let mut paths = Vec::new();
@@ -24,7 +24,7 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
     Ok(paths)
 }
 
-/// The files in a folder and the folders in it, sorted.
+/// All files in a folder and its folders, sorted.
 pub(crate) fn tree(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
     let mut files = Vec::new();
     let mut folders = vec![(folder.to_owned(), 0)];
@@ -51,18 +51,18 @@ pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Whether a file's name ends so, after a point, in any case.
+/// Whether a file has one of these extensions, in any case.
 pub(crate) fn ends_with(path: &Path, extensions: &[&str]) -> bool {
     let found = path.extension().unwrap_or_default();
     extensions.iter().any(|e| found.eq_ignore_ascii_case(e))
 }
 
-/// Whether a file is a picture by its name.
+/// Whether a file's name is a picture's.
 pub(crate) fn is_picture(path: &Path) -> bool {
     ends_with(path, &["png", "jpg", "jpeg", "bmp"])
 }
 
-/// Reads pictures, and what is to be said of them. Of two or more the last fifth, one at least, is held apart.
+/// Reads pictures and notes about them. Of two or more the last fifth, at least one, is held apart.
 pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<Note>), Diagnostic> {
     let mut notes = Vec::new();
     let mut read = |paths: &[PathBuf]| -> Result<Vec<Image>, Diagnostic> {
@@ -78,7 +78,7 @@ pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<Note>), D
     Ok((parts, notes))
 }
 
-/// How many of so many are held apart: a fifth, one of two at least, none of one.
+/// Number to hold apart: a fifth, at least one of two, none of one.
 pub(crate) fn held_of(count: usize) -> usize {
     if count < 2 { 0 } else { (count / 5).max(1) }
 }

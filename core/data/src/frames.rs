@@ -7,17 +7,17 @@ use asperity_dsp::frame::{BINS, WINDOW_S};
 use realfft::num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Takes the magnitudes of frames at some rate.
+/// Computes magnitudes of frames at one rate.
 pub struct Spectrometer {
     window: Vec<f64>,
     transform: Transform,
 }
 
-/// How the sums at 10, 20, .. Hz are taken.
+/// Computation of the sums at 10, 20, .. Hz.
 enum Transform {
-    /// Where a frame has a whole number of samples.
+    /// For frames with a whole number of samples.
     Fast { plan: Arc<dyn RealToComplex<f64>>, room: Vec<f64>, bins: Vec<Complex64> },
-    /// Elsewhere, one by one: e^(-i w t) of the samples, for each bin below half the rate.
+    /// For others: e^(-i w t) at the samples, for each bin below half the rate.
     Direct(Vec<Vec<Complex64>>),
 }
 
@@ -41,15 +41,16 @@ impl Spectrometer {
         Self { window, transform }
     }
 
-    /// Samples of a frame.
+    /// Samples in a frame.
     pub fn length(&self) -> usize {
         self.window.len()
     }
 
-    /// Amplitudes `2 |sum w x| / sum w` at 10, 20, .. 1000 Hz, `w` Hann's window, of a signal on several axes, as one: the root of their summed squares,
-    /// which is what is left of each axis' energy when they are made one signal (Landin, Romano, McMahan, Kuchenbecker 2010, "Dimensional reduction of
-    /// high-frequency accelerations for haptic rendering"). What lies beyond half the rate is 0. Axes of another
-    /// [length](Self::length) count as far as they go.
+    /// Amplitudes `2 |sum w x| / sum w` at 10, 20, .. 1000 Hz with Hann's window `w`. Several axes
+    /// count as one signal: the root of their summed squares, which keeps each axis' energy (Landin,
+    /// Romano, McMahan, Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for
+    /// haptic rendering"). Bins above half the rate are 0. Axes of another [length](Self::length) count
+    /// as far as they go.
     pub fn magnitudes(&mut self, axes: &[&[f64]]) -> [f32; BINS] {
         let mut powers = [0.0; BINS];
         let scale = 2.0 / self.window.iter().sum::<f64>();
@@ -59,7 +60,7 @@ impl Spectrometer {
                 Transform::Fast { plan, room, bins } => {
                     room.fill(0.0);
                     room.iter_mut().zip(seen).for_each(|(room, x)| *room = x);
-                    // Lengths are the plan's own.
+                    // The lengths are the plan's own.
                     if plan.process(room, bins).is_ok() {
                         let found = bins.iter().skip(1);
                         powers
@@ -86,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_has_its_amplitude_in_its_bin_and_half_of_it_beside() {
+    fn sine_has_its_amplitude_in_its_bin_and_half_beside() {
         for rate in [1000.0, 1024.0, 2500.0, 4096.5, 10_000.0] {
             let mut spectrometer = Spectrometer::new(rate);
             let wave = |amplitude: f64, hz: f64| -> Vec<f64> {
@@ -96,7 +97,7 @@ mod tests {
             };
             let (x, y) = (wave(3.0, 120.0), wave(4.0, 120.0));
             let magnitudes = spectrometer.magnitudes(&[&x, &y]);
-            // of a frame that does not end with a sample a little is missing
+            // A frame that does not end with a sample lacks a little.
             let near = if rate % 10.0 == 0.0 { 1e-5 } else { 5e-3 };
             assert!((magnitudes[11] - 5.0).abs() < near, "{}", magnitudes[11]);
             assert!((magnitudes[10] - 2.5).abs() < near && (magnitudes[12] - 2.5).abs() < near);

@@ -1,5 +1,4 @@
-//! What the chain measures of a stroke: the network's inputs, with the sensor's faults, and what they stand
-//! for.
+//! The network's inputs as the chain measures them, with the sensor's faults, and their true values.
 
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_numbers::Random;
@@ -15,30 +14,29 @@ pub const MAX_FORCE_N: f64 = 3.5;
 
 /// Corner of the chain's velocity filter at rest [Hz].
 const CUTOFF_HZ: f64 = 20.0;
-/// The same of fast motion, for every mm/s [Hz].
+/// Rise of that corner with speed [Hz per mm/s].
 const CUTOFF_HZ_PER_MM_S: f64 = 1.0;
-/// The sensor's step [mm].
+/// Step of the sensor [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
-/// Stiffness of the floor [N/mm], which makes force of the sensor's step.
+/// Stiffness of the floor [N/mm]: turns depth into force.
 pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
-/// Ticks a drawn motion runs before its history begins: five time constants of the filter.
+/// Ticks before a drawn history begins: five time constants of the filter.
 const WARM_UP: usize = 30;
 
-/// One input of the network and what it stands for.
+/// One input of the network and its true values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// Forces [N], oldest first.
     pub force: [f32; HISTORY],
     /// 10 vx, then 10 vy [mm/s], oldest first, as measured.
     pub velocity: [f32; 2 * HISTORY],
-    /// (speed [mm/s], force [N]) that it stands for. The force is as measured. The speed of a
-    /// [drawn](History::draw) motion is that of positions that were not rounded, through the same filter.
+    /// True speed [mm/s] and force [N]. The force is as measured. The speed of a [drawn](History::draw)
+    /// motion is that of unrounded positions through the same filter.
     pub clean: [(f64, f64); HISTORY],
 }
 
 impl History {
-    /// Draws one for training. One in ten begins less than ten ticks before its end, with zeros for what
-    /// was not seen.
+    /// Draws one for training. One in ten begins less than ten ticks before its end, with zeros before.
     pub fn draw(random: &mut Random) -> Self {
         let motion = Motion::draw(random);
         let force = draw_force(random);
@@ -78,7 +76,8 @@ impl History {
     }
 }
 
-/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with speed.
+/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with
+/// speed.
 #[derive(Clone, Debug, Default)]
 struct Velocity {
     filters: [LowPass; 2],
@@ -103,7 +102,7 @@ impl Velocity {
     }
 }
 
-/// Knowledge of a stroke as the chain has it, tick by tick of 2 ms; none at first.
+/// Measures a stroke as the chain does, in ticks of 2 ms. It starts without history.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     velocity: Velocity,
@@ -123,7 +122,7 @@ fn rounded(x: f64) -> f64 {
     (x / SENSOR_STEP_MM).round() * SENSOR_STEP_MM
 }
 
-/// A drawn motion: an ellipse of any flatness and slowness, and a tremor, in closed form.
+/// A drawn motion in closed form: an ellipse of any flatness and speed, plus a tremor.
 struct Motion {
     start: [f64; 2],
     along: [f64; 2],
@@ -174,7 +173,7 @@ impl Motion {
     }
 }
 
-/// Draws forces over a history: level, slope, tremor, contact made or lost on the way, the sensor's steps.
+/// Draws the forces of a history: level, slope, tremor, contact made or lost, sensor steps.
 fn draw_force(random: &mut Random) -> [f64; HISTORY] {
     let none = random.chance(0.08);
     let level =
@@ -202,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn drawn_histories_cover_the_stated_ranges_and_never_leave_them() {
+    fn drawn_histories_cover_exactly_the_stated_ranges() {
         let mut random = Random::new(5);
         let (mut fastest, mut strongest, mut still, mut partly) = (0.0f64, 0.0f64, 0, 0);
         for _ in 0..20_000 {
@@ -221,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sensors_step_shows_in_the_measured_velocity_as_small_noise() {
+    fn sensor_step_adds_small_noise_to_velocity() {
         let mut random = Random::new(6);
         let (mut squares, mut n) = (0.0, 0);
         for _ in 0..5000 {

@@ -1,12 +1,12 @@
-//! What a texture model is trained on and judged by: tactile images of materials, and pairs of what a hand
-//! did and what it felt.
+//! Data to train and judge texture models: tactile images of materials, and strokes with what they feel
+//! like.
 //!
-//! All sources give the same [`Subject`]s. An [`Example`] is what the chain measures of a stroke at one
-//! instant, the last ten forces and velocities 2 ms apart, and the magnitudes of the 0.1 s of acceleration
-//! that begin there.
+//! All sources give [`Subject`]s. An [`Example`] is one instant of a stroke as the chain measures it:
+//! the last ten forces and velocities, 2 ms apart, and the magnitudes of the 0.1 s of acceleration that
+//! begin there.
 //!
-//! What is rendered of a stroke is held against what a tool [felt] along it: simulated over a piece of a
-//! [made surface](made::Ground), or [recorded](recordings::recording).
+//! A rendered stroke is compared with what a tool [felt] along it: simulated over a piece of a [made
+//! surface](made::Ground), or [recorded](recordings::recording).
 
 mod example;
 pub mod felt;

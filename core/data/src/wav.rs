@@ -1,4 +1,4 @@
-//! WAV files, as parts of their full scale.
+//! WAV files, in parts of full scale.
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -6,25 +6,25 @@ use std::path::Path;
 use asperity_diagnostics::{Diagnostic, file};
 use hound::{SampleFormat, WavReader};
 
-/// Largest WAV file in bytes: its header counts what follows its first 8 bytes in 32 bits.
+/// Largest WAV file in bytes: its header counts the bytes after its first 8 in 32 bits.
 const MAX_BYTES: u64 = (1 << 32) + 8;
 
-/// The samples of a WAV file of integers of 8 to 32 bits or of floats.
+/// Samples of a WAV file of integers of 8 to 32 bits or of floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wav {
-    /// Samples a second of each channel.
+    /// Sampling rate of each channel in Hz.
     pub rate_hz: u32,
-    /// How many channels there are, 1 at least.
+    /// Number of channels, at least 1.
     pub channels: usize,
-    /// All channels by turns; 1 is full scale.
+    /// Samples, channel by channel in turn; 1 is full scale.
     pub samples: Vec<f64>,
 }
 
 impl Wav {
-    /// Reads a file of at most `most` samples a channel.
+    /// Reads a file with at most `most` samples a channel.
     ///
     /// # Errors
-    /// A file that cannot be read or is no WAV file, one without channels, one that is longer.
+    /// A file that cannot be read or is not a WAV file; one without channels; one that is longer.
     pub fn read(path: &Path, most: u32) -> Result<Self, Diagnostic> {
         let file = file::open(path, MAX_BYTES)?;
         Self::parse(BufReader::new(file), most).map_err(|e| e.in_file(path))
@@ -56,7 +56,7 @@ impl Wav {
         Ok(Self { rate_hz: spec.sample_rate, channels: usize::from(spec.channels), samples })
     }
 
-    /// The samples of one channel, from 0; none of one that is not there.
+    /// The samples of one channel, from 0. A channel that does not exist is empty.
     pub fn channel(&self, number: usize) -> impl Iterator<Item = f64> {
         let there = if number < self.channels { self.samples.get(number..) } else { None };
         there.unwrap_or_default().iter().step_by(self.channels.max(1)).copied()
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn integers_and_floats_are_parts_of_full_scale_and_channels_come_apart() {
+    fn integers_and_floats_are_scaled_and_channels_separated() {
         let spec =
             WavSpec { channels: 2, sample_rate: 8000, bits_per_sample: 16, sample_format: SampleFormat::Int };
         let dir = written(spec, |w| {

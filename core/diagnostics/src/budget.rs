@@ -1,9 +1,9 @@
-//! A limit on the program's memory, looked at before much of it is taken.
+//! A limit on the program's memory, checked before large allocations.
 //!
-//! A program sets it once, with a function that counts the bytes it holds. Who is about to take memory in
-//! proportion to a file or a parameter asks [`needs`] first, and passes the error on. Nothing is reserved:
-//! threads that ask at the same time may go beyond the limit by what one of them asked for. A library that
-//! sets nothing has no limit.
+//! A program sets it once, with a function that counts the bytes it holds. Code that allocates in
+//! proportion to a file or a parameter asks [`needs`] first, and passes the error on. Nothing is
+//! reserved: threads that ask at the same time may exceed the limit by one request. Without a call of
+//! [`set`] there is no limit.
 
 use std::sync::OnceLock;
 
@@ -16,15 +16,15 @@ struct Budget {
     held: fn() -> u64,
 }
 
-/// Limits the program to `most` bytes; `held` counts those that it holds. Later calls change nothing.
+/// Limits the program to `most` bytes; `held` counts the bytes it holds. Later calls change nothing.
 pub fn set(most: u64, held: fn() -> u64) {
     let _ = BUDGET.set(Budget { most, held });
 }
 
-/// Asks for `bytes` more.
+/// Checks whether `bytes` more are allowed.
 ///
 /// # Errors
-/// The program would then hold more than its limit. The caller adds the place.
+/// The program would exceed its limit. The caller adds the position.
 pub fn needs(bytes: u64) -> Result<(), Diagnostic> {
     BUDGET.get().map_or(Ok(()), |budget| budget.needs(bytes))
 }

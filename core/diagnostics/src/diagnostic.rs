@@ -1,4 +1,4 @@
-//! Sources, places in them, and errors that point there.
+//! Sources, positions in them, and errors that point there.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -7,18 +7,18 @@ use std::sync::Arc;
 use crate::file;
 use crate::quote::cut;
 
-/// A text and the name it goes by in errors, usually a path.
+/// A text and its name in errors, usually a path.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Source {
     path: PathBuf,
     text: String,
 }
 
-/// Largest text file that is read, in bytes: far beyond any graph, and small enough to never fill memory.
+/// Largest text file in bytes: far beyond any graph, and too small to fill memory.
 pub const MAX_TEXT_BYTES: u64 = 256 << 20;
 
 impl Source {
-    /// A source that is already in memory.
+    /// Makes a source from a text in memory.
     pub fn new(path: impl Into<PathBuf>, text: impl Into<String>) -> Arc<Self> {
         Arc::new(Self { path: path.into(), text: text.into() })
     }
@@ -65,7 +65,7 @@ impl Source {
         }
     }
 
-    /// The span of a whole line, counted from 1, without its line end.
+    /// Span of a whole line, counted from 1, without its line end.
     pub fn line_span(&self, line: usize) -> Span {
         let mut start = 0;
         for _ in 1..line {
@@ -120,25 +120,25 @@ impl Place {
     }
 }
 
-/// An error with its place and a help text. Texts in quotes longer than 80 characters are cut.
+/// An error with its position and a help text. Quoted texts longer than 80 characters are cut.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostic {
-    /// What was found, in one sentence.
+    /// The problem, in one sentence.
     pub message: String,
-    /// What stands under the caret; empty for none.
+    /// Text under the caret; empty for none.
     pub label: String,
-    /// What would fit.
+    /// Suggested fix.
     pub help: Option<String>,
-    /// The place in a text.
+    /// Position in a text.
     pub place: Option<Place>,
-    /// The file, where no text of it can be shown.
+    /// The file, if its text cannot be shown.
     pub file: Option<PathBuf>,
-    /// Second places that belong to the error, each with a label.
+    /// Further positions that belong to the error, each with a label.
     pub related: Vec<(Place, String)>,
 }
 
 impl Diagnostic {
-    /// An error without a place yet.
+    /// Makes an error without a position.
     pub fn new(message: impl Into<String>) -> Self {
         Self { message: cut(message.into()), ..Self::default() }
     }
@@ -150,6 +150,12 @@ impl Diagnostic {
         self
     }
 
+    /// Points at a place.
+    #[must_use]
+    pub fn at_place(self, place: &Place) -> Self {
+        self.at(&place.source, place.span)
+    }
+
     /// Names a file whose text cannot be shown (missing, binary).
     #[must_use]
     pub fn in_file(mut self, path: impl Into<PathBuf>) -> Self {
@@ -157,28 +163,28 @@ impl Diagnostic {
         self
     }
 
-    /// What stands under the caret.
+    /// Sets the text under the caret.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Self {
         self.label = cut(label.into());
         self
     }
 
-    /// What would fit.
+    /// Sets the suggested fix.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(cut(help.into()));
         self
     }
 
-    /// A second place that belongs to the error.
+    /// Adds a further position that belongs to the error.
     #[must_use]
     pub fn related(mut self, source: &Arc<Source>, span: Span, label: impl Into<String>) -> Self {
         self.related.push((Place { source: source.clone(), span }, cut(label.into())));
         self
     }
 
-    /// The file this error is in, if it is in one.
+    /// File of this error, if there is one.
     pub fn path(&self) -> Option<&Path> {
         self.place.as_ref().map(|p| p.source.path()).or(self.file.as_deref())
     }
@@ -223,14 +229,14 @@ mod tests {
     }
 
     #[test]
-    fn a_diagnostic_prints_file_line_and_column() {
+    fn diagnostic_prints_file_line_and_column() {
         let s = Source::new("g.ron", "one\ntwo");
         let d = Diagnostic::new("wrong").at(&s, Span { start: 5, end: 6 }).help("try 2");
         assert_eq!(d.to_string(), "g.ron:2:2: wrong (try 2)");
     }
 
     #[test]
-    fn a_missing_file_is_named() {
+    fn missing_file_is_named() {
         let e = Source::read("no/such/file").unwrap_err();
         assert!(e.to_string().starts_with("no/such/file: cannot read"), "{e}");
     }

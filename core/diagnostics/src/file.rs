@@ -1,4 +1,4 @@
-//! Files that somebody names, to be read: regular ones, and no larger than their reader expects.
+//! Reads regular files up to a size limit.
 
 use std::fs::{File, Metadata};
 use std::io::{Read, Take};

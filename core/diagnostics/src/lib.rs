@@ -1,9 +1,9 @@
-//! Text that people write, and what is wrong with it.
+//! Text files and errors about them.
 //!
 //! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and [`ron`] a strict
-//! reader for RON that keeps the place of every value (its parser is the feature `ron`). Graphs, materials and actuator profiles are all read
-//! through here, so that every bad file is reported in one way: file, line, column, what was found and what
-//! would fit.
+//! reader for RON that keeps the position of every value (its parser is the feature `ron`). Graphs, materials and
+//! actuator profiles are read with it. So every bad file is reported in one way: file, line, column,
+//! what was found and what would fit.
 
 pub mod budget;
 mod diagnostic;

@@ -1,9 +1,9 @@
-//! Suggestions for names that are not there.
+//! Suggestions for unknown names.
 
-/// Longest name for which one like it is looked for: the search takes the product of both lengths.
+/// Longest name for which suggestions are made: the search takes the product of both lengths.
 const LONGEST: usize = 80;
 
-/// The name most like `wanted`, if any is like it at all.
+/// The name most similar to `wanted`, if any is similar.
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let wanted = wanted.to_lowercase();
     let length = wanted.chars().count();
@@ -13,7 +13,7 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
     let distance = |n: &str| {
         let other = n.chars().count();
         let most = 1 + other.max(length) / 3;
-        // Names differ by at least as much as their lengths do.
+        // Names differ by at least the difference of their lengths.
         let alike = || strsim::damerau_levenshtein(&wanted, &n.to_lowercase());
         (other.abs_diff(length) <= most).then(alike).filter(|d| *d <= most)
     };
@@ -23,7 +23,7 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
 /// Most names that are listed.
 const MOST: usize = 100;
 
-/// Help for an unknown name: the nearest one if there is one, else the list of them all, or of the first of very many.
+/// Help for an unknown name: the nearest one if there is one, else a list of all, or of the first ones.
 pub fn one_of<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str> + Clone) -> String {
     if let Some(n) = nearest(wanted, names.clone()) {
         return format!("did you mean `{n}`?");
@@ -43,14 +43,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_misspelt_name_finds_its_neighbour() {
+    fn misspelt_name_finds_its_neighbour() {
         assert_eq!(nearest("overlap_ad", ["spsi", "overlap_add"]), Some("overlap_add"));
         assert_eq!(nearest("Velocty", ["velocity", "gain"]), Some("velocity"));
         assert_eq!(nearest("zzzzzz", ["velocity", "gain"]), None);
     }
 
     #[test]
-    fn of_very_many_names_the_first_are_listed() {
+    fn long_list_of_names_is_cut() {
         let names: Vec<String> = (0..5000).map(|i| format!("n{i}")).collect();
         let help = one_of("zzzzzzzz", names.iter().map(String::as_str));
         assert!(help.ends_with("`n98`, `n99`, and 4900 more") && help.len() < 1000, "{help}");

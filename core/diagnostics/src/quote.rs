@@ -1,11 +1,12 @@
-//! Text that an error quotes.
+//! Cuts long quotations in errors.
 
-/// Longest text that is quoted whole, in characters.
+/// Longest quotation in characters.
 const MOST: usize = 80;
 
-/// Cuts every text that stands in `` ` `` or `"` to 80 characters, with `…` for the rest.
+/// Cuts every text in `` ` `` or `"` to 80 characters, with `…` for the rest.
 ///
-/// Every part of a [`Diagnostic`](crate::Diagnostic) goes through here: a long name must not hide the rest.
+/// Every part of a [`Diagnostic`](crate::Diagnostic) goes through here, so that a long name does not
+/// hide the rest.
 pub(crate) fn cut(text: String) -> String {
     if text.len() <= MOST {
         return text;

@@ -1,9 +1,9 @@
-//! What was made lately, so that it is not made again.
+//! A small cache of recent values.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Mutex, PoisonError};
 
-/// The last few values that were made of keys.
+/// The most recent values by key.
 #[derive(Debug)]
 pub struct Recent<K, V> {
     most: usize,
@@ -12,15 +12,16 @@ pub struct Recent<K, V> {
 }
 
 impl<K: PartialEq, V: Clone> Recent<K, V> {
-    /// None yet, and never more than `most`.
+    /// Makes an empty cache of at most `most` values.
     pub const fn new(most: usize) -> Self {
         Self { most, entries: Mutex::new(Vec::new()) }
     }
 
-    /// The value of a key, made if it is not there. Two threads that ask at once may both make it; what cannot be made is not kept.
+    /// Returns the value of a key, and makes it if it is missing. Two threads that ask at once may both
+    /// make it. Failures are not kept.
     ///
     /// # Errors
-    /// What `make` says.
+    /// The errors of `make`.
     pub fn of<E>(&self, key: K, make: impl FnOnce(&K) -> Result<V, E>) -> Result<V, E> {
         let known = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let mut entries = known();
@@ -43,14 +44,15 @@ impl<K: PartialEq, V: Clone> Recent<K, V> {
     }
 }
 
-/// What tells bytes from others, in this process.
+/// Length and hash of some bytes, valid in this process only.
 pub fn fingerprint(bytes: &[u8]) -> (usize, u64) {
     let mut hasher = DefaultHasher::new();
     bytes.hash(&mut hasher);
     (bytes.len(), hasher.finish())
 }
 
-/// What tells bytes from others, the same on every machine: FNV-1a of 64 bits (Fowler, Noll, Vo). Nobody is kept out by it.
+/// Hash of some bytes, the same on every machine: FNV-1a of 64 bits (Fowler, Noll, Vo). Not for
+/// security.
 pub fn fnv(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
 }
@@ -60,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_asked_for_lately_is_made_once() {
+    fn recent_value_is_made_once() {
         let recent = Recent::new(2);
         let made = std::cell::RefCell::new(Vec::new());
         let ask = |key: u32| {
@@ -76,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_bytes_have_the_same_number_on_every_machine() {
+    fn fingerprint_is_equal_on_every_machine() {
         // FNV-1a of "a", as its authors publish it.
         assert_eq!(fnv(b"a"), 0xaf63_dc4c_8601_ec8c);
         assert_eq!(fnv(b""), 0xcbf2_9ce4_8422_2325);

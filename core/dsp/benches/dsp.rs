@@ -1,4 +1,4 @@
-//! What one frame costs each kernel, back to back.
+//! Time of each kernel for one frame, back to back.
 
 use asperity_dsp::sample_commit::{SampleCommit, Settings};
 use asperity_dsp::shaped_noise::ShapedNoise;

@@ -1,22 +1,22 @@
 //! Recursive filters of first and second order, designed in the s-domain and run with f64 state.
 //!
-//! A [`Section`] is a transfer function in s; [`Section::bilinear`] turns it into a [`Biquad`], which filters
-//! samples. State is f64 whatever the samples are: with poles at 20 Hz under a rate of 48 kHz,
-//! 1 + a1 + a2 is 7e-6, and f32 state would leave only two digits of the passband.
+//! A [`Section`] is a transfer function in s. [`Section::bilinear`] turns it into a [`Biquad`], which
+//! filters samples. The state is f64 for every sample type: with poles at 20 Hz and a rate of 48 kHz, 1
+//! + a1 + a2 is 7e-6. An f32 state would leave two digits of the pass band.
 
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
-use std::fmt;
+use thiserror::Error;
 
 use asperity_state::State;
 
 pub use realfft::num_complex::Complex64;
 
-/// A sample that a filter reads or writes; the arithmetic between is f64.
+/// Sample type of a filter. The arithmetic in between is f64.
 pub trait Sample: Copy {
-    /// Widens.
+    /// Converts to f64, exactly.
     fn widen(self) -> f64;
-    /// Narrows; finite values beyond the type's range become its largest finite value.
+    /// Converts from f64. A finite value beyond the type's range becomes its largest finite value.
     fn narrow(x: f64) -> Self;
 }
 
@@ -38,39 +38,28 @@ impl Sample for f32 {
     }
 }
 
-/// What cannot be made into a filter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Reason why a filter cannot be made.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FilterError {
-    /// A coefficient, a rate or a frequency that is not finite, or a rate that is not positive.
+    /// A coefficient, rate or frequency is not finite, or the rate is not positive.
+    #[error("a filter needs finite coefficients and a positive rate")]
     NotFinite,
-    /// A frequency \[Hz\] that is not between 0 and half the rate \[Hz\].
+    /// The frequency \[Hz\] is not between 0 and half the rate \[Hz\].
+    #[error("{hz} Hz is not between 0 and half the rate of {rate_hz} Hz")]
     Frequency {
-        /// What was asked for \[Hz\].
+        /// Requested frequency \[Hz\].
         hz: f64,
-        /// The sampling rate \[Hz\].
+        /// Sampling rate \[Hz\].
         rate_hz: f64,
     },
     /// The order of the numerator is above that of the denominator.
+    #[error("the numerator's order is above the denominator's")]
     Improper,
-    /// A pole that is not in the left half plane.
+    /// A pole is not in the left half plane.
+    #[error("a pole is not in the left half plane")]
     Unstable,
 }
-
-impl fmt::Display for FilterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotFinite => f.write_str("a filter needs finite coefficients and a positive rate"),
-            Self::Frequency { hz, rate_hz } => {
-                write!(f, "{hz} Hz is not between 0 and half the rate of {rate_hz} Hz")
-            }
-            Self::Improper => f.write_str("the numerator's order is above the denominator's"),
-            Self::Unstable => f.write_str("a pole is not in the left half plane"),
-        }
-    }
-}
-
-impl std::error::Error for FilterError {}
 
 /// A transfer function `(n0 s^2 + n1 s + n2) / (d0 s^2 + d1 s + d2)` in s \[rad/s\], highest power first.
 ///
@@ -101,26 +90,28 @@ impl Section {
         Self { num: [1.0, 0.0, 0.0], den: [1.0, 2.0 * zeta * w, w * w] }
     }
 
-    /// The same section with its numerator multiplied by `gain`.
+    /// Multiplies the numerator by `gain`.
     #[must_use]
     pub fn scaled(self, gain: f64) -> Self {
         Self { num: self.num.map(|n| n * gain), den: self.den }
     }
 
-    /// H(j 2 pi hz) in continuous time.
+    /// Frequency response H(j 2 pi hz) in continuous time.
     pub fn response(&self, hz: f64) -> Complex64 {
         let s = Complex64::new(0.0, TAU * hz);
         let at = |p: [f64; 3]| (s * p[0] + p[1]) * s + p[2];
         at(self.num) / at(self.den)
     }
 
-    /// The bilinear transform, exact at `exact_hz`: the discrete filter has there the gain and phase of the
-    /// continuous one; 0 maps DC exactly and nothing else (no prewarping).
+    /// Applies the bilinear transform, with prewarping that makes it exact at `exact_hz`: there the
+    /// discrete filter has the gain and phase of the continuous one. With 0 there is no prewarping, and
+    /// only DC is exact.
     ///
     /// s becomes `c (z - 1) / (z + 1)` with `c = w / tan(w / 2 rate)`, `w = 2 pi exact_hz`.
     ///
     /// # Errors
-    /// Values that are not finite, `exact_hz` outside 0 to half the rate, an improper or unstable section.
+    /// Values that are not finite, `exact_hz` outside 0 to half the rate, an improper or unstable
+    /// section.
     pub fn bilinear(&self, rate_hz: f64, exact_hz: f64) -> Result<Biquad, FilterError> {
         let finite = self.num.iter().chain(&self.den).chain([&rate_hz, &exact_hz]).all(|x| x.is_finite());
         if !finite || rate_hz <= 0.0 {
@@ -143,7 +134,8 @@ impl Section {
         } else {
             TAU * exact_hz / (PI * exact_hz / rate_hz).tangent()
         };
-        // A first-order section must not be given the pole and zero at z = -1 that the general form would add.
+        // A first-order section must not be given the pole and zero at z = -1 that the general form would
+        // add.
         let map = |[p, q, r]: [f64; 3]| {
             if d0 == 0.0 {
                 [q * c + r, r - q * c, 0.0]
@@ -174,11 +166,11 @@ pub struct Biquad {
     s: [f64; 2],
 }
 
-/// State below this is nothing: far under any signal, far above what f32 or f64 hold as denormals.
+/// State below this is set to 0. It is far below any signal and far above the denormals of f32 and f64.
 const TINY: f64 = 1e-30;
 
 impl Biquad {
-    /// A filter from its coefficients, with a0 = 1.
+    /// Makes a filter from its coefficients, with a0 = 1.
     ///
     /// # Errors
     /// Coefficients that are not finite, or a pole on or outside the unit circle.
@@ -203,8 +195,8 @@ impl Biquad {
         self.a
     }
 
-    /// Filters one sample. A caller of this, unlike of [`Biquad::process`], calls [`Biquad::settle`] now and
-    /// then (once a tick).
+    /// Filters one sample. The caller also calls [`Biquad::settle`] once a tick; [`Biquad::process`]
+    /// does so itself.
     #[inline(always)]
     pub fn step(&mut self, x: f64) -> f64 {
         let y = self.b[0] * x + self.s[0];
@@ -213,8 +205,8 @@ impl Biquad {
         y
     }
 
-    /// Filters `input` into `output`; what one has more than the other is left alone. Blocks of any length
-    /// give the same samples. A sample that is not finite is taken as 0.
+    /// Filters `input` into `output`, up to the length of the shorter one. The length of blocks changes
+    /// no sample. A sample that is not finite counts as 0.
     pub fn process<T: Sample>(&mut self, input: &[T], output: &mut [T]) {
         let mut run = *self;
         for (x, y) in input.iter().zip(output) {
@@ -236,9 +228,8 @@ impl Biquad {
         self.settle();
     }
 
-    /// Ends a decayed tail before it becomes denormal, and resets state that is not finite.
-    ///
-    /// Answers false when there was something not finite to reset.
+    /// Sets a decayed state to 0 before it becomes denormal, and resets a state that is not finite.
+    /// Returns false when the state was not finite.
     #[inline]
     pub fn settle(&mut self) -> bool {
         let [p, q] = self.s;
@@ -252,18 +243,18 @@ impl Biquad {
         true
     }
 
-    /// Whether nothing of its input is left: of zeros follow zeros, without a sign.
+    /// Whether the state is exactly 0, so that an input of zeros gives zeros.
     pub fn is_at_rest(&self) -> bool {
         self.s.iter().all(|s| s.to_bits() == 0)
     }
 
-    /// Forgets all input.
+    /// Sets the state to 0.
     pub fn reset(&mut self) {
         self.s = [0.0; 2];
     }
 
-    /// What is remembered of the input. A filter with other coefficients can go on from it: what it puts
-    /// out then differs from what it would have by a transient of its own.
+    /// Saves or restores the state. A filter with other coefficients can continue from it; its output
+    /// then has a transient.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.s);
         if state.restores() {
@@ -272,7 +263,7 @@ impl Biquad {
         }
     }
 
-    /// Puts the filter into the state it would be in after constant input `x`: no transient follows.
+    /// Sets the state to that of a constant input `x`, so that no transient follows.
     pub fn reset_to(&mut self, x: f64) {
         let y = x * self.dc_gain();
         self.s[1] = self.b[2] * x - self.a[1] * y;
@@ -285,14 +276,14 @@ impl Biquad {
         self.b.iter().sum::<f64>() / (1.0 + self.a[0] + self.a[1])
     }
 
-    /// H(e^(j 2 pi hz / rate)).
+    /// Frequency response H(e^(j 2 pi hz / rate)).
     pub fn response(&self, hz: f64, rate_hz: f64) -> Complex64 {
         let z1 = polar(1.0, -TAU * hz / rate_hz);
         let num = (z1 * self.b[2] + self.b[1]) * z1 + self.b[0];
         num / ((z1 * self.a[1] + self.a[0]) * z1 + 1.0)
     }
 
-    /// Group delay at DC, in samples; not finite for a filter that passes no DC.
+    /// Group delay at DC in samples. It is not finite for a filter that passes no DC.
     ///
     /// -d(phase)/dw at w = 0 is `sum k b_k / sum b_k - sum k a_k / sum a_k`.
     pub fn dc_group_delay(&self) -> f64 {

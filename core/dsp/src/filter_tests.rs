@@ -3,9 +3,11 @@
 //! ```text
 //! b, a = scipy.signal.butter(2, 20, fs=fs); scipy.signal.group_delay((b, a), w=[0.0], fs=fs)
 //! scipy.signal.lfilter(b, a, numpy.ones(12))                                       # fs = 500
-//! w = 2*pi*65; c = w / (2*48000*tan(w/(2*48000))); wn = w; wc = 2*pi*20            # s -> c s: prewarped at 65 Hz
+//! w = 2*pi*65; c = w / (2*48000*tan(w/(2*48000)))                         # s -> c s: prewarped at 65 Hz
+//! wn = w; wc = 2*pi*20
 //! num = [c*c, c*2*0.18*wn, wn**2]; den = [c*c, c*2*sqrt(.5)*wc, wc**2]
-//! b, a = scipy.signal.bilinear(num, den, 48000); scipy.signal.freqz(b, a, worN=[0, 10, 65, 1000, 10000], fs=48000)
+//! b, a = scipy.signal.bilinear(num, den, 48000)
+//! scipy.signal.freqz(b, a, worN=[0, 10, 65, 1000, 10000], fs=48000)
 //! ```
 
 use super::*;
@@ -15,7 +17,7 @@ fn near(a: f64, b: f64, tolerance: f64) {
 }
 
 #[test]
-fn butterworth_coefficients_and_group_delay_are_scipys() {
+fn butterworth_coefficients_and_delay_match_scipy() {
     let expect = [
         (100.0, 0.20657208382614792, -0.3695273773512414, 0.19581571265583306, 0.97324899),
         (500.0, 0.013359200027856505, -1.6474599810769768, 0.7008967811884027, 5.59732653),
@@ -35,7 +37,7 @@ fn butterworth_coefficients_and_group_delay_are_scipys() {
 }
 
 #[test]
-fn a_step_through_the_velocity_filter_is_scipys() {
+fn velocity_filter_step_matches_scipy() {
     let expect = [
         0.013359200027856505,
         0.06208634750866554,
@@ -57,7 +59,7 @@ fn a_step_through_the_velocity_filter_is_scipys() {
 }
 
 #[test]
-fn prewarping_is_exact_where_it_was_asked_for() {
+fn prewarped_response_is_exact_at_its_frequency() {
     let (wn, wc) = (TAU * 65.0, TAU * 20.0);
     let s = Section { num: [1.0, 2.0 * 0.18 * wn, wn * wn], den: [1.0, 2.0 * FRAC_1_SQRT_2 * wc, wc * wc] };
     let f = s.bilinear(48_000.0, 65.0).unwrap();
@@ -79,7 +81,7 @@ fn prewarping_is_exact_where_it_was_asked_for() {
 }
 
 #[test]
-fn a_slow_filter_keeps_its_passband_over_minutes_of_samples() {
+fn slow_filter_keeps_its_passband_for_minutes() {
     // A sine at the cutoff after ten million samples: phase and level as in closed form.
     let (rate, hz) = (48_000.0, 20.0);
     let mut f = Section::butterworth_low_pass(hz).bilinear(rate, hz).unwrap();
@@ -110,7 +112,7 @@ fn first_order_sections_follow_the_closed_form() {
 }
 
 #[test]
-fn blocks_of_any_length_give_the_same_samples_in_f32_and_in_place() {
+fn block_length_changes_no_sample() {
     let x: Vec<f32> = (0..1000).map(|n| ((n * n) as f32 * 0.37).sin()).collect();
     let mut whole = vec![0.0; x.len()];
     let made = Section::high_pass(30.0, 0.6).bilinear(2500.0, 30.0).unwrap();
@@ -130,7 +132,7 @@ fn blocks_of_any_length_give_the_same_samples_in_f32_and_in_place() {
 }
 
 #[test]
-fn samples_that_are_not_finite_leave_nothing_behind() {
+fn sample_that_is_not_finite_leaves_no_trace() {
     let mut f = Section::butterworth_low_pass(20.0).bilinear(500.0, 20.0).unwrap();
     let mut y = [0.0f32; 5];
     f.process(&[1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38], &mut y);
@@ -141,7 +143,7 @@ fn samples_that_are_not_finite_leave_nothing_behind() {
 }
 
 #[test]
-fn a_tail_ends_in_zero_without_denormals() {
+fn tail_ends_in_zero_without_denormals() {
     let mut f = Section::butterworth_low_pass(20.0).bilinear(48_000.0, 20.0).unwrap();
     let mut block = [1.0f32; 96];
     f.process_in_place(&mut block);
@@ -154,7 +156,7 @@ fn a_tail_ends_in_zero_without_denormals() {
 }
 
 #[test]
-fn reset_to_a_constant_leaves_no_transient() {
+fn reset_to_constant_leaves_no_transient() {
     let mut f = Section::butterworth_low_pass(20.0).bilinear(48_000.0, 20.0).unwrap();
     f.reset_to(3.5);
     for _ in 0..100 {
@@ -163,7 +165,7 @@ fn reset_to_a_constant_leaves_no_transient() {
 }
 
 #[test]
-fn what_cannot_be_a_filter_is_refused() {
+fn impossible_filter_is_refused() {
     let low = Section::butterworth_low_pass(20.0);
     assert!(matches!(low.bilinear(40.0, 20.0), Err(FilterError::Frequency { .. })));
     assert_eq!(low.bilinear(f64::NAN, 20.0), Err(FilterError::NotFinite));

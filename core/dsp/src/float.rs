@@ -1,12 +1,13 @@
-//! The two sample types.
+//! Single and double precision.
 
+use crate::Complex;
 use crate::lanes::Lanes;
 use crate::plans::Plans;
 use asperity_numbers::Elementary as _;
 use asperity_state::{Keep, State};
 use std::ops::{AddAssign, MulAssign, SubAssign};
 
-/// `f32` or `f64`: what every kernel here is generic over.
+/// Sample type of all kernels: `f32` or `f64`.
 pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep + Lanes + Plans {
     /// Largest finite value.
     const MAX: Self;
@@ -14,22 +15,40 @@ pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep
     fn of(x: f64) -> Self;
     /// This value, exactly.
     fn f64(self) -> f64;
-    /// The nearest value of another width; beyond its range, infinite.
+    /// Converts to the nearest value of another type. Beyond its range the result is infinite.
     #[inline]
     #[must_use]
     fn to<U: Float>(self) -> U {
         U::of(self.f64())
     }
+    /// Whether it is neither NaN nor infinite.
+    #[inline]
+    fn finite(self) -> bool {
+        self >= -Self::MAX && self <= Self::MAX
+    }
+    /// The nearest value from `-most` to `most`; NaN stays NaN.
+    #[inline]
+    #[must_use]
+    fn limited(self, most: Self) -> Self {
+        if self > most {
+            most
+        } else if self < -most {
+            -most
+        } else {
+            self
+        }
+    }
     /// Square root.
     #[must_use]
     fn root(self) -> Self;
-    /// Natural logarithm of a positive normal number, to a few parts of the last place.
+    /// Natural logarithm of a positive normal number, to a few units in the last place.
     #[must_use]
     fn natural_log(self) -> Self;
-    /// The exponential function, to a few parts of the last place; of more than 80 in size that of 80.
+    /// Exponential function, to a few units in the last place. The argument is clamped to -80 .. 80.
     #[must_use]
     fn exponential(self) -> Self;
-    /// Cosine and sine of a phase in rad of up to some hundred turns, to a few parts of the last place of 1.
+    /// Cosine and sine of a phase in rad, up to some hundred turns, to a few units in the last place of
+    /// 1.
     #[must_use]
     fn cos_sin(self) -> (Self, Self);
 }
@@ -49,11 +68,11 @@ impl Float for f32 {
     fn root(self) -> Self {
         self.sqrt()
     }
-    /// `ln m` by the series of `2 artanh((m - 1) / (m + 1))`. It is plain arithmetic, which a compiler puts
-    /// into lanes.
+    /// Computes `ln m` as the series of `2 artanh((m - 1) / (m + 1))`. This is plain arithmetic, which
+    /// the compiler vectorises.
     #[inline]
     fn natural_log(self) -> Self {
-        // The exponent so that the rest lies between sqrt(1/2) and sqrt(2).
+        // Chooses the exponent so that the rest lies between sqrt(1/2) and sqrt(2).
         let shifted = self.to_bits().wrapping_sub(std::f32::consts::FRAC_1_SQRT_2.to_bits());
         let exponent = (shifted as i32) >> 23;
         let m = f32::from_bits(self.to_bits().wrapping_sub((exponent as u32) << 23));
@@ -62,35 +81,36 @@ impl Float for f32 {
         let series = 2.0 + s2 * (2.0 / 3.0 + s2 * (2.0 / 5.0 + s2 * (2.0 / 7.0 + s2 * (2.0 / 9.0))));
         exponent as f32 * std::f32::consts::LN_2 + s * series
     }
-    /// `2^n e^x` with `|x| < ln(2) / 2`, by Taylor's series.
+    /// Computes `2^n e^x` with `|x| < ln(2) / 2`, by Taylor's series.
     #[inline]
     fn exponential(self) -> Self {
-        // Adding and taking away 1.5 * 2^23 rounds to the nearest integer and leaves it in the low bits.
+        // Adding and subtracting 1.5 * 2^23 rounds to the nearest integer and leaves it in the low
+        // bits.
         const ROUND: f32 = 12_582_912.0;
         let held = self.clamp(-80.0, 80.0);
         let shifted = held * std::f32::consts::LOG2_E + ROUND;
         let n = shifted - ROUND;
-        // ln 2 in two parts, of which the first times n is exact.
+        // ln 2 in two parts; the first times n is exact.
         let x = (held - n * 0.693_359_4) - n * -2.121_944_4e-4;
         let series = 1.0 / 6.0 + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x * (1.0 / 720.0 + x / 5040.0)));
         let series = 1.0 + x * (1.0 + x * (0.5 + x * series));
         f32::from_bits(series.to_bits().wrapping_add((shifted.to_bits() << 23) & 0xff80_0000))
     }
-    /// Taylor's series on an eighth of a turn, without a branch.
+    /// Evaluates Taylor's series on an eighth of a turn, without a branch.
     #[inline]
     fn cos_sin(self) -> (Self, Self) {
         // As in `exponential`.
         const ROUND: f32 = 12_582_912.0;
         let shifted = self * std::f32::consts::FRAC_2_PI + ROUND;
         let quarters = shifted - ROUND;
-        // A quarter of a turn in two parts, of which the first times quarters is exact.
+        // A quarter of a turn in two parts; the first times `quarters` is exact.
         let x = (self - quarters * 1.570_312_5) - quarters * 4.838_268e-4;
         let x2 = x * x;
         let cos = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 / 40_320.0)));
         let sin = x + x * x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0)));
         let quarter = shifted.to_bits();
         let (a, b) = if quarter & 1 == 0 { (cos, sin) } else { (sin, cos) };
-        // The cosine is below 0 in the quarters 1 and 2, the sine in 2 and 3.
+        // The cosine is negative in quarters 1 and 2, the sine in 2 and 3.
         let cos_sign = ((quarter >> 1) ^ quarter) & 1;
         let sin_sign = (quarter >> 1) & 1;
         (f32::from_bits(a.to_bits() ^ (cos_sign << 31)), f32::from_bits(b.to_bits() ^ (sin_sign << 31)))
@@ -125,8 +145,8 @@ impl Float for f64 {
     }
 }
 
-/// Keeps values in double precision whatever their own, so that a kernel of either width goes on from what
-/// one of the other remembers. In single precision a value beyond its range becomes infinite.
+/// Saves or restores values in double precision, so that a kernel of either precision continues from
+/// the other's state. In single precision a value beyond the range becomes infinite.
 pub(crate) fn keep_wide<T: Float>(values: &mut [T], state: &mut State<'_>) {
     let mut len = values.len();
     state.keep(&mut len);
@@ -146,9 +166,10 @@ pub(crate) fn keep_wide<T: Float>(values: &mut [T], state: &mut State<'_>) {
     }
 }
 
-/// `(cos, sin)` of a phase in turns, any finite value, to 1e-15.
+/// `(cos, sin)` of any finite phase in turns, to 1e-15.
 ///
-/// A Taylor series on an eighth of a turn: no library call, so the same bits on every machine.
+/// It evaluates a Taylor series on an eighth of a turn. No library is called, so every machine gives
+/// the same bits.
 #[inline]
 pub(crate) fn unit_circle(turns: f64) -> (f64, f64) {
     const COS: [f64; 8] = [
@@ -172,7 +193,7 @@ pub(crate) fn unit_circle(turns: f64) -> (f64, f64) {
         1.0 / 355_687_428_096_000.0,
     ];
     let quarters = turns * 4.0;
-    // Adding and taking away 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits.
+    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let shifted = quarters + ROUND;
     let x = (quarters - (shifted - ROUND)) * std::f64::consts::FRAC_PI_2;
@@ -193,12 +214,19 @@ pub(crate) fn unit_circle(turns: f64) -> (f64, f64) {
     }
 }
 
+/// `e^(2 pi i turns)`.
+#[inline]
+pub(crate) fn phasor<T: Float>(turns: f64) -> Complex<T> {
+    let (cos, sin) = unit_circle(turns);
+    Complex::new(T::of(cos), T::of(sin))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn single_logarithm_and_exponential_are_libms() {
+    fn single_logarithm_and_exponential_match_libm() {
         for i in -20_000..20_000 {
             let x = i as f32 * 0.003_9;
             let off = (x.exponential() / x.exp() - 1.0).abs();
@@ -211,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn cosine_and_sine_are_those_of_libm_in_either_width() {
+    fn cosine_and_sine_match_libm_in_both_widths() {
         for i in -40_000..40_000 {
             let x = f64::from(i) * 0.001_37 + 1e-4;
             let (c, s) = x.cos_sin();
@@ -225,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn unit_circle_is_the_libm_sine_and_cosine() {
+    fn unit_circle_matches_libm() {
         for i in -4000..4000 {
             let t = f64::from(i) * 0.001_37 + 1e-4;
             let (c, s) = unit_circle(t);

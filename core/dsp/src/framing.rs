@@ -1,15 +1,18 @@
-//! Where frames lie in time, and how they are cut.
+//! Layout of the frames of a short-time Fourier transform in time and frequency.
 
-/// A short-time Fourier transform's layout at one sample rate.
+use thiserror::Error;
+
+/// Layout of a short-time Fourier transform at one sample rate.
 ///
-/// Frame `n` covers samples `start(n) .. start(n) + fft_len`; its bins are counted from 0, `rate_hz / fft_len` apart.
+/// Frame `n` covers samples `start(n) .. start(n) + fft_len`. Bins are counted from 0 and are `rate_hz
+/// / fft_len` apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Framing {
     /// Samples a second.
     pub rate_hz: u32,
-    /// Window and transform length N, in samples; odd lengths are allowed.
+    /// Window and transform length N in samples; may be odd.
     pub fft_len: usize,
-    /// Bins K that are carried, from bin 0; at most `fft_len / 2 + 1`. Bins above are zero.
+    /// Number of bins K in a frame, from bin 0; at most `fft_len / 2 + 1`. Bins above are zero.
     pub bins: usize,
     /// Frames a second, numerator.
     pub frame_num: u32,
@@ -17,47 +20,36 @@ pub struct Framing {
     pub frame_den: u32,
 }
 
-/// What is wrong with a [`Framing`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Reason why a [`Framing`] is refused.
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FramingError {
     /// A rate, a length, the number of bins or a part of the frame rate is 0.
+    #[error("a rate, a length or a number of bins is 0")]
     Zero,
-    /// More bins than a real transform of this length has; carries the most.
+    /// There are more bins than a real transform of this length has; carries the maximum.
+    #[error("a real transform of this length has {0} bins")]
     TooManyBins(usize),
     /// The transform is longer than [`MAX_FFT_LEN`].
+    #[error("the transform is longer than {} samples", MAX_FFT_LEN)]
     TooLong,
     /// More frames a second than samples.
+    #[error("there are more frames a second than samples")]
     HopBelowOne,
-    /// Frames repeat their places only after more samples than [`MAX_PERIOD`], or after so many frames that adding
-    /// their windows up would take seconds; carries the period in samples.
+    /// Frame positions repeat only after more than [`MAX_PERIOD`] samples, or after so many frames that
+    /// adding up their windows would take seconds. Carries the period in samples.
+    #[error("frame places repeat only after {0} samples, which is too many")]
     PeriodTooLong(u64),
 }
 
-/// Longest transform that is accepted, in samples.
+/// Longest accepted transform in samples.
 pub const MAX_FFT_LEN: usize = 1 << 20;
 
-/// Longest period of frame places that is accepted, in samples: one table of this length is kept.
+/// Longest accepted period of frame positions in samples. A table of this length is kept.
 pub const MAX_PERIOD: u64 = 1 << 20;
 
-impl std::fmt::Display for FramingError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Zero => write!(f, "a rate, a length or a number of bins is 0"),
-            Self::TooManyBins(most) => write!(f, "a real transform of this length has {most} bins"),
-            Self::TooLong => write!(f, "the transform is longer than {MAX_FFT_LEN} samples"),
-            Self::HopBelowOne => write!(f, "there are more frames a second than samples"),
-            Self::PeriodTooLong(p) => {
-                write!(f, "frame places repeat only after {p} samples, which is too many")
-            }
-        }
-    }
-}
-
-impl std::error::Error for FramingError {}
-
 impl Framing {
-    /// Checks the lengths.
+    /// Checks the layout.
     ///
     /// # Errors
     /// Each kind of [`FramingError`].
@@ -93,14 +85,14 @@ impl Framing {
         u64::try_from(exact).unwrap_or(u64::MAX)
     }
 
-    /// Frame places repeat after this many `(samples, frames)`: the hop as a reduced fraction.
+    /// Period of the frame positions as `(samples, frames)`: the hop as a reduced fraction.
     pub fn period(&self) -> (u64, u64) {
         let (a, b) = (u64::from(self.rate_hz) * u64::from(self.frame_den), u64::from(self.frame_num));
         let g = gcd(a, b).max(1);
         (a / g, b / g)
     }
 
-    /// `sum w / 2` of the Hann window: the factor from an amplitude to an unscaled DFT bin.
+    /// Factor from an amplitude to an unscaled DFT bin: `sum w / 2` of the Hann window.
     pub fn bin_scale(&self) -> f64 {
         self.fft_len as f64 / 4.0
     }

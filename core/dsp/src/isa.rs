@@ -1,8 +1,8 @@
-//! Instruction sets that kernels are compiled for, and which of them may be used.
+//! Instruction sets of the kernels.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// An instruction set. Kernels give the same bits on each of them.
+/// Instruction set. Kernels give the same bits on each of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Isa {
@@ -10,18 +10,18 @@ pub enum Isa {
     Avx512,
     /// x86-64 with AVX2, FMA and F16C: 8 lanes.
     Avx2,
-    /// What the compiler makes of plain code: SSE2 on x86-64, NEON on AArch64.
+    /// Plain code: the compiler uses SSE2 on x86-64 and NEON on AArch64.
     Portable,
 }
 
-/// The best that may be used.
+/// Index in [`Isa::ALL`] of the best allowed one.
 static LIMIT: AtomicU8 = AtomicU8::new(0);
 
 impl Isa {
-    /// All, best first.
+    /// All instruction sets, best first.
     pub const ALL: [Isa; 3] = [Isa::Avx512, Isa::Avx2, Isa::Portable];
 
-    /// Those that this CPU has and that may be used, best first.
+    /// Allowed instruction sets that this CPU has, best first.
     pub fn available() -> impl Iterator<Item = Isa> {
         Self::ALL
             .into_iter()
@@ -29,12 +29,12 @@ impl Isa {
             .filter(|isa| isa.is_available())
     }
 
-    /// The best of those.
+    /// Best available instruction set.
     pub fn best() -> Isa {
         Self::available().next().unwrap_or(Isa::Portable)
     }
 
-    /// From here on no kernel that is made in this process uses a better one.
+    /// Forbids better instruction sets to all kernels made in this process from now on.
     pub fn limit(most: Isa) {
         LIMIT.store(most as u8, Ordering::Relaxed);
     }
@@ -56,7 +56,7 @@ impl Isa {
         }
     }
 
-    /// Its name in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Avx512 => "avx512",

@@ -45,6 +45,8 @@ pub mod shaped_noise;
 pub mod spsi;
 pub mod stft;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod widths_tests;
 pub mod window;
 

@@ -5,13 +5,13 @@ use std::f64::consts::{PI, SQRT_2};
 
 use asperity_state::State;
 
-/// State below this is nothing: far under any signal, far above denormal numbers.
+/// State below this is set to 0. It is far below any signal and far above denormal numbers.
 const TINY: f64 = 1e-30;
 
 /// A second-order Butterworth low-pass in state-variable form.
 ///
-/// Its state is the output and the output's slope, whatever the corner is. So a constant input stays
-/// constant while the corner moves. At a corner that stays it is the bilinear transform of the analog
+/// Its state is the output and the output's slope, independent of the corner. So a constant input stays
+/// constant while the corner moves. At a fixed corner it is the bilinear transform of the analog
 /// filter, exact at the corner (Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
 ///
 /// ```
@@ -22,29 +22,30 @@ const TINY: f64 = 1e-30;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LowPass {
-    /// The output's slope over the corner, and the output.
+    /// Slope of the output over the corner, and the output.
     state: [f64; 2],
 }
 
-/// The number `tan(pi hz / rate)` that [`LowPass::step`] takes. The corner is held to 0.499 of the rate.
+/// Corner argument `tan(pi hz / rate)` of [`LowPass::step`]. The corner is limited to 0.499 of the
+/// rate.
 #[inline]
 pub fn corner(hz: f64, rate_hz: f64) -> f64 {
     (PI * (hz / rate_hz).min(0.499)).tangent()
 }
 
-/// The corner \[Hz\] of a low-pass of velocities that opens with speed: slow motion is calm, fast motion
-/// prompt (after the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`; fast
-/// motion has `hz_per_mm_s` for every mm/s.
+/// Corner \[Hz\] of a velocity low-pass that opens with speed: smooth for slow motion, prompt for fast
+/// motion (after the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`.
+/// Each mm/s adds `hz_per_mm_s`, summed in squares.
 ///
-/// It opens to a tenth of the rate at most: a place that is read a tick late then changes the speed by `2
-/// pi / 10 e^(-pi/4)` of it, 29 %.
+/// It opens to at most a tenth of the rate. A position that is read a tick late then changes the speed
+/// by `2 pi / 10 e^(-pi/4)` of it, 29 %.
 #[inline]
 pub fn opened_hz(cutoff_hz: f64, hz_per_mm_s: f64, speed_mm_s: f64, rate_hz: f64) -> f64 {
     cutoff_hz.hypotenuse(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
 }
 
 impl LowPass {
-    /// Filters one sample. Call [`LowPass::settle`] now and then.
+    /// Filters one sample. The caller also calls [`LowPass::settle`] now and then.
     #[inline(always)]
     pub fn step(&mut self, x: f64, corner: f64) -> f64 {
         let [slope, level] = self.state;
@@ -54,8 +55,8 @@ impl LowPass {
         y
     }
 
-    /// Equals so many steps of the same sample, up to rounding, at the cost of a few. The distance of the state
-    /// from the one that constant input ends in is multiplied by a power of the filter's matrix, by squaring.
+    /// Filters `steps` equal samples at the cost of a few, up to rounding. The distance of the state
+    /// from its limit is multiplied by a power of the filter's matrix, by repeated squaring.
     pub fn hold(&mut self, x: f64, corner: f64, steps: u64) {
         let column = |state: [f64; 2]| {
             let mut of = Self { state };
@@ -79,8 +80,8 @@ impl LowPass {
         }
     }
 
-    /// Ends a decayed tail before it becomes denormal, and resets state that is not finite. Answers false
-    /// when there was such.
+    /// Sets a decayed state to 0 before it becomes denormal, and resets a state that is not finite.
+    /// Returns false when the state was not finite.
     pub fn settle(&mut self) -> bool {
         let finite = self.state.iter().all(|s| s.is_finite());
         if !finite {
@@ -90,21 +91,21 @@ impl LowPass {
         finite
     }
 
-    /// Ends a tail that has decayed below `least`. For a filter whose input is at rest: that of a slow one
-    /// would take its time.
+    /// Sets a state below `least` to 0. For a filter whose input is at rest: a slow filter would decay
+    /// for long.
     pub fn settle_below(&mut self, least: f64) {
         if self.state.iter().all(|s| s.abs() < least) {
             *self = Self::default();
         }
     }
 
-    /// Puts the filter into the state it would be in after constant input `x`.
+    /// Sets the state to that of a constant input `x`.
     pub fn reset_to(&mut self, x: f64) {
         self.state = [0.0, x];
         self.settle();
     }
 
-    /// Keeps the memory of the input. A filter of another corner can go on from it.
+    /// Saves or restores the state. A filter of another corner can continue from it.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.state);
         if state.restores() {
@@ -122,7 +123,7 @@ mod tests {
     const RATE_HZ: f64 = 500.0;
 
     #[test]
-    fn at_a_corner_that_stays_it_is_the_bilinear_transform() {
+    fn low_pass_at_a_fixed_corner_is_bilinear() {
         for hz in [0.5, 20.0, 80.0, 220.0] {
             let mut other = Section::butterworth_low_pass(hz).bilinear(RATE_HZ, hz).unwrap();
             let mut it = LowPass::default();
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_constant_while_the_corner_moves() {
+    fn constant_stays_constant_while_the_corner_moves() {
         let mut it = LowPass::default();
         it.reset_to(3.0);
         for n in 0..1000 {
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn held_input_is_as_many_steps() {
+    fn held_input_equals_as_many_steps() {
         for hz in [0.01, 1.0, 20.0, 220.0] {
             let at = corner(hz, RATE_HZ);
             for steps in [0, 1, 2, 7, 64, 500, 12_345] {
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_forgotten_and_a_tail_ends() {
+    fn state_that_is_not_finite_is_reset_and_a_tail_ends() {
         let mut it = LowPass::default();
         it.step(f64::NAN, corner(20.0, RATE_HZ));
         assert!(!it.settle());

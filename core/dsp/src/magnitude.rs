@@ -1,26 +1,26 @@
-//! What the kernels that take magnitudes have in common.
+//! Helpers of all kernels that take magnitudes.
 
 use crate::Float;
 
-/// How loud a spectrum is made that phases alone cannot make consistent.
+/// Level of a signal whose phases do not agree from frame to frame.
 ///
-/// A method that pays no regard to how frames overlap loses energy when they are added up: what interferes destructively is
-/// gone. Where the loss follows from the layout alone it can be made good.
+/// Overlap-add loses energy there, because frames interfere destructively. Where the loss follows from
+/// the layout alone, it can be compensated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// The spectrum has the magnitudes that came in, as the method is published. The signal is too quiet.
+    /// The spectrum has the input's magnitudes, as the method is published. The signal is too quiet.
     Plain,
-    /// The spectrum is scaled up so that the signal of steady magnitudes has, on average, their energy.
+    /// The spectrum is scaled up. The signal of steady magnitudes then has their energy on average.
     Keep,
 }
 
-/// The largest value that both widths hold.
+/// Largest value that both types hold.
 pub(crate) fn largest_of<P: Float, T: Float>() -> f64 {
     P::MAX.f64().min(T::MAX.f64())
 }
 
-/// Copies magnitudes; what is NaN, infinite or negative becomes 0 and is counted. Bins missing in `from` are 0. None is left
-/// above `most`.
+/// Copies magnitudes. NaN, infinite and negative values become 0; their number is returned. Bins
+/// missing in `from` are 0. Values are limited to `most`.
 pub(crate) fn take<P: Float, T: Float>(from: &[P], most: f64, to: &mut [T]) -> usize {
     let most = P::of(most);
     let mut bad = 0;

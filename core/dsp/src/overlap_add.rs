@@ -1,35 +1,35 @@
-//! Weighted overlap-add: spectra back to a signal, with unit gain at any hop.
+//! Weighted overlap-add: from spectra to a signal, with unit gain at any hop.
 //!
-//! Every frame is transformed back, weighted by a Hann window and added at its place. The sum is divided by the sum of
-//! `analysis window x synthesis window` over all frames that cover a sample (D. Griffin, J. Lim, "Signal Estimation
-//! from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984, eq. 6). Frames at fractional hops start at whole
-//! samples, so that sum is not constant; it is periodic, and one period of it is kept.
+//! Every frame is transformed back, weighted by a Hann window and added at its position. The sum is
+//! divided by the sum of `analysis window x synthesis window` over all frames that cover a sample (D.
+//! Griffin, J. Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP
+//! 32(2), 1984, eq. 6). Frames at fractional hops start at whole samples, so that sum is not constant.
+//! It is periodic, and one period is kept.
 
 use crate::float::keep_wide;
 use crate::magnitude::largest_of;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Float, Framing, FramingError, plans};
+use crate::{Complex, Float, Framing, FramingError};
 use asperity_state::State;
-use realfft::ComplexToReal;
-use realfft::num_complex::Complex;
-use std::sync::Arc;
+use thiserror::Error;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
-/// The divisor is that of a stream of frames without beginning. So a signal fades in over the first `fft_len`
-/// samples after a start or a reset, as the first frames alone fade in, and a frame that is missing is silence of the frame's weight.
-/// A consistent stream is given back to rounding error; where no frame has weight (a hop as long as the window), there is silence.
+/// The divisor is that of an endless stream of frames. So a signal fades in over the first `fft_len`
+/// samples after a start or a reset, and a missing frame is silence of the frame's weight. A consistent
+/// stream is restored to rounding error. Where no frame has weight (a hop as long as the window), there
+/// is silence.
+#[derive(Debug)]
 pub struct OverlapAdd<T> {
     framing: Framing,
-    inverse: Arc<dyn ComplexToReal<T>>,
-    spectrum: Vec<Complex<T>>,
-    frame: Vec<T>,
-    scratch: Vec<Complex<T>>,
-    /// The synthesis window, with the inverse transform's scale and that of the bins.
+    transform: Transform<T>,
+    /// The synthesis window, times the scale of the inverse transform and of the bins.
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
     gain: Vec<T>,
-    /// Bins are held to the largest number over this, so that sums over all bins and all frames of a window stay finite.
+    /// Bins are limited to the largest number over this, so that sums over all bins and overlapping
+    /// frames stay finite.
     summed: f64,
     /// Sums of frames; the sample `next` is at `head`.
     ring: Vec<T>,
@@ -38,69 +38,47 @@ pub struct OverlapAdd<T> {
     next: u64,
 }
 
-/// Why a frame was not added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Reason why a frame was not added.
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum FrameError {
     /// It starts more than two hops after the next sample to be emitted.
+    #[error("the frame starts more than two hops ahead")]
     TooEarly,
     /// All of it lies before the next sample to be emitted.
+    #[error("the frame's samples have been emitted already")]
     TooLate,
-    /// A bin is NaN or infinite: it would spoil every sample of the frame.
+    /// A bin is NaN or infinite; it would spoil every sample of the frame.
+    #[error("a bin is not a finite number")]
     NotFinite,
 }
 
-impl std::fmt::Display for FrameError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::TooEarly => "the frame starts more than two hops ahead",
-            Self::TooLate => "the frame's samples have been emitted already",
-            Self::NotFinite => "a bin is not a finite number",
-        })
-    }
-}
-
-impl std::error::Error for FrameError {}
-
-impl<T> std::fmt::Debug for OverlapAdd<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("OverlapAdd")
-            .field("framing", &self.framing)
-            .field("next", &self.next)
-            .finish_non_exhaustive()
-    }
-}
-
 impl<T: Float> OverlapAdd<T> {
-    /// Plans the transform and computes the divisor for these frames.
+    /// Plans the transform and computes the divisor.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
-        let inverse = plans::inverse::<T>(n);
         let scale = framing.bin_scale() / n as f64;
         let (period, frames) = framing.period();
         let hop = period / frames + 1;
         let ring = n + 2 * usize::try_from(hop).unwrap_or(n);
         let overlapping = (n as u64 * frames).div_ceil(period).max(1);
         Ok(Self {
-            spectrum: inverse.make_input_vec(),
-            frame: inverse.make_output_vec(),
-            scratch: inverse.make_scratch_vec(),
+            transform: Transform::new(n),
             window: hann::<f64>(n).into_iter().map(|w| T::of(w * scale)).collect(),
             gain: gain(&framing).into_iter().map(T::of).collect(),
             summed: (8 * framing.bins as u64 * overlapping) as f64,
             ring: vec![T::zero(); ring],
             head: 0,
             next: 0,
-            inverse,
             framing,
         })
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
@@ -117,12 +95,12 @@ impl<T: Float> OverlapAdd<T> {
         self.next = start;
     }
 
-    /// What is remembered: the sums of frames that are not emitted yet, and where they lie. Refused where it is of frames of
-    /// another length or hop.
+    /// Saves or restores the pending sums of frames and their position. State of frames of another
+    /// length or hop is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring, state);
         state.keep(&mut self.head).keep(&mut self.next);
-        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|&y| finite(y))) {
+        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|y| y.finite())) {
             self.reset(self.next);
             state.refuse();
         }
@@ -130,15 +108,15 @@ impl<T: Float> OverlapAdd<T> {
 
     /// Adds the frame that covers samples `start .. start + fft_len`.
     ///
-    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, phases counted from the frame's first sample. Missing
-    /// bins are 0, more than `framing.bins` are not used; what is so large that sums would not be finite is held. Of bin 0 and Nyquist
-    /// only the real part can be heard. A sample
-    /// that was emitted already keeps what it had.
+    /// `spectrum` holds amplitudes `2 sum(w x e^-i..) / sum(w)` from bin 0, with phases counted from
+    /// the frame's first sample. Missing bins are 0; bins beyond `framing.bins` are ignored. Values too
+    /// large for a finite sum are limited. Of bin 0 and Nyquist only the real part is used. Samples
+    /// that were already emitted do not change.
     ///
     /// # Errors
     /// A frame out of reach is not added; see [`FrameError`].
     pub fn add_frame<P: Float>(&mut self, start: u64, spectrum: &[Complex<P>]) -> Result<(), FrameError> {
-        let n = self.frame.len();
+        let n = self.framing.fft_len;
         let skip = usize::try_from(self.next.saturating_sub(start)).unwrap_or(usize::MAX);
         if skip >= n {
             return Err(FrameError::TooLate);
@@ -147,11 +125,11 @@ impl<T: Float> OverlapAdd<T> {
         if ahead > self.ring.len() - n {
             return Err(FrameError::TooEarly);
         }
-        if !spectrum.iter().take(self.framing.bins).all(|x| finite(x.re) && finite(x.im)) {
+        if !spectrum.iter().take(self.framing.bins).all(|x| x.re.finite() && x.im.finite()) {
             return Err(FrameError::NotFinite);
         }
         self.transform(spectrum);
-        let (frame, window) = (&self.frame[skip..], &self.window[skip..]);
+        let (frame, window) = (&self.transform.time[skip..], &self.window[skip..]);
         let mut at = self.head + ahead;
         if at >= self.ring.len() {
             at -= self.ring.len();
@@ -165,27 +143,17 @@ impl<T: Float> OverlapAdd<T> {
     fn transform<P: Float>(&mut self, spectrum: &[Complex<P>]) {
         let bins = spectrum.len().min(self.framing.bins);
         let most = P::of(largest_of::<P, T>() / self.summed);
-        for (to, from) in self.spectrum.iter_mut().zip(&spectrum[..bins]) {
-            *to = Complex::new(held(from.re, most).to(), held(from.im, most).to());
+        for (to, from) in self.transform.bins.iter_mut().zip(&spectrum[..bins]) {
+            *to = Complex::new(from.re.limited(most).to(), from.im.limited(most).to());
         }
-        self.spectrum[bins..].fill(Complex::default());
-        if let Some(dc) = self.spectrum.first_mut() {
-            dc.im = T::zero();
-        }
-        if self.frame.len().is_multiple_of(2)
-            && let Some(nyquist) = self.spectrum.last_mut()
-        {
-            nyquist.im = T::zero();
-        }
-        // Lengths and the two real bins are as it wants them, so there is nothing it can refuse.
-        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-        debug_assert!(done.is_ok());
+        self.transform.bins[bins..].fill(Complex::default());
+        self.transform.inverse();
     }
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order. Those that a later `start` leaves out are dropped; an earlier one
-    /// begins anew there, with silence.
+    /// Samples are taken in order. A later `start` drops the samples in between; an earlier one starts
+    /// anew there, with silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         if start < self.next {
             self.reset(start);
@@ -227,21 +195,6 @@ impl<T: Float> OverlapAdd<T> {
         self.head = (self.head + count) % self.ring.len();
         self.next = self.next.saturating_add(count as u64);
     }
-}
-
-/// A number, or the nearest that is not larger than `most`.
-fn held<T: Float>(x: T, most: T) -> T {
-    if x > most {
-        most
-    } else if x < -most {
-        -most
-    } else {
-        x
-    }
-}
-
-fn finite<T: Float>(x: T) -> bool {
-    x >= -T::MAX && x <= T::MAX
 }
 
 fn add<T: Float>(to: &mut [T], frame: &[T], window: &[T]) {

@@ -1,22 +1,24 @@
-//! Each bin as an oscillator at its own centre frequency: the phase vocoder's synthesis without its analysis.
+//! Each bin as an oscillator at its own centre frequency: the phase vocoder's synthesis without its
+//! analysis.
 //!
-//! Where there are only magnitudes the plain phase vocoder (J. L. Flanagan, R. M. Golden, "Phase Vocoder", Bell Syst. Tech. J.
-//! 45, 1966) can do no more than integrate each bin's centre frequency: from frame to frame the phase of bin `k` of `N`
-//! advances by `k / N` turns a sample. That is counted from the absolute first sample of a frame, in integers: nothing drifts,
-//! and a frame that is missing changes nothing after it.
+//! With magnitudes alone the plain phase vocoder (J. L. Flanagan, R. M. Golden, "Phase Vocoder", Bell
+//! Syst. Tech. J. 45, 1966) can only integrate each bin's centre frequency: the phase of bin `k` of `N`
+//! advances by `k / N` turns a sample. Phases are computed in integers from a frame's absolute first
+//! sample. So nothing drifts, and a missing frame changes nothing after it.
 //!
-//! What is left to choose are the start phases. After overlap-add and analysis bin `k` holds `A_k - (A_(k-1) e^ia + A_(k+1) e^ib) / 2`,
-//! up to a factor, so with equal neighbours the magnitude beats with the sum of both. It beats least where the second difference of the start
-//! phases is half a turn: start phases `k^2 / 4` turns. That alone would put the energy of even and odd bins at two instants of a
-//! window; `k^2 / (2 K)` more, for `K` bins, spreads it over the window (M. R. Schroeder, IEEE Trans. Inf. Theory 16, 1970),
-//! from a crest factor of 9.9 to 3.2 on a smooth spectrum.
+//! The start phases remain to be chosen. After overlap-add and analysis bin `k` holds `A_k - (A_(k-1)
+//! e^ia + A_(k+1) e^ib) / 2`, up to a factor. So with equal neighbours the magnitude beats with their
+//! sum. It beats least where the second difference of the start phases is half a turn: start phases
+//! `k^2 / 4` turns. That alone would put the energy of even and odd bins at two instants of a window.
+//! An additional `k^2 / (2 K)`, for `K` bins, spreads it over the window (M. R. Schroeder, IEEE Trans.
+//! Inf. Theory 16, 1970). On a smooth spectrum the crest factor falls from 9.9 to 3.2.
 //!
-//! Steady magnitudes come back 10 log10(2/3) = -1.76 dB too quiet: overlap-add with two Hann windows scales every oscillator by
-//! `(sum w) / (sum w^2) / 2 = 2/3`, and each is then seen in three bins with the squares 1/4, 1, 1/4. That holds
-//! for any start phases, and [`Level::Keep`] makes it good.
+//! Steady magnitudes come back 10 log10(2/3) = -1.76 dB too quiet. Overlap-add with two Hann windows
+//! scales every oscillator by `(sum w) / (sum w^2) / 2 = 2/3`, and each is then seen in three bins with
+//! the squares 1/4, 1, 1/4. That holds for any start phases, and [`Level::Keep`] compensates it.
 //!
-//! Spectral convergence, level and error of the long-term spectrum on the vectors in `tests/data/phase`, in dB ("published" is
-//! `pv_quad` of `sc.json` there):
+//! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
+//! `tests/data/phase` ("published" is `pv_quad` of `sc.json` there):
 //!
 //! | vector | `Plain` | `Keep` | published |
 //! |---|---|---|---|
@@ -32,23 +34,23 @@
 //!
 //! The signal of steady magnitudes repeats every `N` samples: it is a sum of lines.
 
-use crate::float::unit_circle;
+use crate::float::{phasor, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, FramingError, Level, random};
 
-/// The phases of the oscillators at sample 0.
+/// Phases of the oscillators at sample 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartPhase {
-    /// All 0: the energy of a window comes at one instant.
+    /// All 0; the energy of a window is concentrated at one instant.
     Zero,
     /// Uniform, a function of the seed and the bin.
     Random,
-    /// `k^2 (1/4 + 1/(2K))` turns: magnitudes beat least, and the energy is spread over the window.
+    /// `k^2 (1/4 + 1/(2K))` turns; magnitudes beat least, and the energy spreads over the window.
     Quadratic,
 }
 
 impl StartPhase {
-    /// Of bin `k` of `bins`, in turns.
+    /// Start phase of bin `k` of `bins` in turns.
     pub(crate) fn turns(self, k: usize, bins: usize, seed: u64) -> f64 {
         match self {
             Self::Zero => 0.0,
@@ -62,21 +64,21 @@ impl StartPhase {
     }
 }
 
-/// Phase retrieval that integrates bin-centre frequencies, for frames of one layout. It has no state but its tables.
+/// Phase retrieval that integrates bin-centre frequencies, for frames of one layout. It has no state.
 #[derive(Debug)]
 pub struct PhaseVocoder<T> {
     /// `N` points on the unit circle.
     circle: Vec<Complex<T>>,
-    /// Start phases, as long as the level asks.
+    /// Start phases, times the gain of the level.
     start: Vec<Complex<T>>,
     mags: Vec<T>,
 }
 
 impl<T: Float> PhaseVocoder<T> {
-    /// For frames of this layout. The factor of [`Level::Keep`] holds for three frames a window or more.
+    /// Computes the tables. The factor of [`Level::Keep`] holds for three frames a window or more.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, start: StartPhase, level: Level, seed: u64) -> Result<Self, FramingError> {
         framing.check()?;
         let (n, bins) = (framing.fft_len, framing.bins);
@@ -84,33 +86,32 @@ impl<T: Float> PhaseVocoder<T> {
             Level::Plain => 1.0,
             Level::Keep => 1.5f64.sqrt(),
         };
-        let point = |turns: f64, radius: f64| {
-            let (cos, sin) = unit_circle(turns);
-            Complex::new(T::of(radius * cos), T::of(radius * sin))
-        };
         let start = (0..bins).map(|k| {
             let turns = start.turns(k, bins, seed);
             // Only a phase of 0 or half a turn can be heard at 0 and at half the rate.
             let real = k == 0 || 2 * k == n;
-            point(if real { (2.0 * turns).round() / 2.0 } else { turns }, gain)
+            let (cos, sin) = unit_circle(if real { (2.0 * turns).round() / 2.0 } else { turns });
+            Complex::new(T::of(gain * cos), T::of(gain * sin))
         });
         Ok(Self {
             start: start.collect(),
-            circle: (0..n).map(|i| point(i as f64 / n as f64, 1.0)).collect(),
+            circle: (0..n).map(|i| phasor(i as f64 / n as f64)).collect(),
             mags: vec![T::zero(); bins],
         })
     }
 
-    /// Number of bins a frame has.
+    /// Number of bins in a frame.
     pub fn bins(&self) -> usize {
         self.mags.len()
     }
 
-    /// Finds phases for the frame whose first sample is `start`; `out[k]` gets the magnitude `magnitudes[k]` (by the level, a
-    /// multiple of it) in the same unit, and a phase counted from the first sample of the frame.
+    /// Computes phases for the frame whose first sample is `start`. `out[k]` gets `magnitudes[k]` in
+    /// the same unit, times the gain of the level, and a phase counted from the first sample of the
+    /// frame.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins missing in
-    /// `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
+    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned. Missing
+    /// magnitudes count as 0, those beyond [`bins`](Self::bins) are ignored, and the rest of `out` is
+    /// set to 0.
     pub fn process<P: Float>(&mut self, start: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Rounding and the level must not take the largest of values beyond what is finite.
         let bad = take(magnitudes, 0.5 * largest_of::<P, T>(), &mut self.mags);

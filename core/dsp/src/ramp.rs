@@ -1,26 +1,26 @@
-//! A value that changes in straight lines instead of jumps.
+//! A value that changes linearly instead of jumping.
 
 use asperity_state::State;
 
-/// A value that goes to each new target in a straight line, in a fixed number of steps.
+/// A value that moves to each new target linearly, in a fixed number of steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     now: f64,
     target: f64,
-    /// Change a step.
+    /// Change per step.
     by: f64,
-    /// Steps to go.
+    /// Remaining steps.
     left: u32,
     steps: u32,
 }
 
 impl Ramp {
-    /// At rest at `value`, which is finite. A new target is reached in `steps`, at least one.
+    /// Starts at rest at the finite `value`. A new target is reached in `steps`, at least one.
     pub fn new(value: f64, steps: u32) -> Self {
         Self { now: value, target: value, by: 0.0, left: 0, steps: steps.max(1) }
     }
 
-    /// Heads for a new target, which is finite, from where it is. The same target again changes nothing.
+    /// Sets a new finite target. The same target again changes nothing.
     pub fn set(&mut self, target: f64) {
         if target != self.target {
             self.target = target;
@@ -38,7 +38,7 @@ impl Ramp {
         (self.left == 0).then_some(self.now)
     }
 
-    /// Goes a step and answers the value there; at the last step that is the target itself.
+    /// Moves one step and returns the value. The last step returns exactly the target.
     pub fn step(&mut self) -> f64 {
         match self.left {
             0 => {}
@@ -48,13 +48,13 @@ impl Ramp {
         self.now
     }
 
-    /// Jumps to its target.
+    /// Jumps to the target.
     pub fn reset(&mut self) {
         (self.left, self.now) = (0, self.target);
     }
 
-    /// Where it is on its way. A ramp with another target, or of another length, sets out from there; refused is a value
-    /// that is not finite.
+    /// Saves or restores the position. A ramp with another target or length starts from there. A value
+    /// that is not finite is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut that = *self;
         state.keep(&mut that.now).keep(&mut that.target).keep(&mut that.by).keep(&mut that.left);
@@ -79,13 +79,12 @@ mod tests {
     use super::*;
 
     fn pass(from: &mut Ramp, to: &mut Ramp) -> bool {
-        let mut bytes = vec![0; State::measure(|s| from.state(s))];
-        State::save(&mut bytes, |s| from.state(s)).unwrap();
+        let bytes = crate::testing::saved(|s| from.state(s));
         State::restore(&bytes, |s| to.state(s))
     }
 
     #[test]
-    fn a_ramp_is_straight_ends_at_its_target_and_turns_where_it_is() {
+    fn ramp_is_linear_and_ends_at_its_target() {
         let mut ramp = Ramp::new(1.0, 4);
         ramp.set(3.0);
         assert_eq!([ramp.step(), ramp.step()], [1.5, 2.0]);
@@ -103,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_goes_on_where_another_was() {
+    fn restored_ramp_continues() {
         let mut old = Ramp::new(1.0, 10);
         old.set(2.0);
         old.step();

@@ -1,4 +1,4 @@
-//! Random numbers by index: skipping some does not change those that follow.
+//! Random numbers by index: skipping some does not change later ones.
 
 use asperity_numbers::Elementary as _;
 use asperity_numbers::random::{STEP, mix};
@@ -9,23 +9,29 @@ use crate::float::unit_circle;
 /// Flood 2014), which passes BigCrush on successive counters.
 #[inline]
 pub fn uniform(seed: u64, row: u64, column: u64) -> f64 {
-    (step(row_seed(seed, row), column) >> 11) as f64 / (1u64 << 53) as f64
+    uniform_at(row_seed(seed, row), column)
 }
 
-/// A normal number of unit variance for a seed and an index, by G. Box and M. Muller (1958).
+/// A uniform number in [0, 1) for a seed and one index.
+#[inline]
+pub(crate) fn uniform_at(seed: u64, index: u64) -> f64 {
+    (step(seed, index) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A normal number of unit variance for a seed and an index (G. Box, M. Muller, 1958).
 #[inline]
 pub(crate) fn normal(seed: u64, index: u64) -> f64 {
     let (radius, turns) = (uniform(seed, index, 0), uniform(seed, index, 1));
     (-2.0 * (1.0 - radius).log_e()).sqrt() * unit_circle(turns).0
 }
 
-/// The seed of one row of numbers.
+/// Seed of one row of numbers.
 #[inline]
 fn row_seed(seed: u64, row: u64) -> u64 {
     step(step(seed, 0), row)
 }
 
-/// The number of a seed at an index.
+/// The 64-bit number of a seed at an index.
 #[inline]
 fn step(seed: u64, index: u64) -> u64 {
     mix(seed.wrapping_add(index.wrapping_mul(STEP)))
@@ -36,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normal_numbers_have_the_moments_of_their_law() {
+    fn normal_numbers_have_normal_moments() {
         let n = 100_000;
         let moment = |power: i32| (0..n).map(|i| normal(5, i).powi(power)).sum::<f64>() / n as f64;
         // Four standard deviations.
@@ -45,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_uniform_and_neither_rows_nor_columns_nor_seeds_go_together() {
+    fn numbers_are_uniform_and_uncorrelated() {
         let n = 300u64;
         let count = (n * n) as f64;
         let centred = |seed, i, k| uniform(seed, i, k) - 0.5;

@@ -1,15 +1,17 @@
-//! A phase drawn anew for every bin of every frame: the least that can be done, and what other methods are held against.
+//! A new random phase for every bin of every frame: the baseline of all other methods.
 //!
-//! The phase is a function of the seed, the frame's number and the bin, so a frame that is left out changes none after it.
+//! The phase is a function of the seed, the frame number and the bin, so skipping a frame changes no
+//! later one.
 //!
-//! Frames overlap `N / H` times (`N` the window, `H` the hop, in samples). With phases that know nothing of each other they add up in power
-//! where a consistent stream adds up in amplitude, so overlap-add answers with `H / N` of the energy of the magnitudes: of each frame's
-//! power `V` there remains `V / sum w^2 = V 8 H / (3 N)`, where a stationary signal of these magnitudes has `8/3 V`.
-//! At 50 frames a window that is -17 dB. [`Level::Keep`] scales by `sqrt(N / H)`, which is exact in the mean for three frames a
-//! window or more; what then comes out is a Gaussian noise whose spectrum is smeared by the window once more.
+//! Frames overlap `N / H` times (`N` the window, `H` the hop, in samples). With independent phases they
+//! add up in power, where a consistent stream adds up in amplitude. So overlap-add returns `H / N` of
+//! the energy of the magnitudes: of each frame's power `V` there remains `V / sum w^2 = V 8 H / (3 N)`,
+//! where a stationary signal of these magnitudes has `8/3 V`. At 50 frames a window that is -17 dB.
+//! [`Level::Keep`] scales by `sqrt(N / H)`, which is exact in the mean for three frames a window or
+//! more. The output is then Gaussian noise whose spectrum the window smears once more.
 //!
-//! Spectral convergence, level and error of the long-term spectrum on the vectors in `tests/data/phase`, in dB
-//! ("published" is `random_iid` of `sc.json` there):
+//! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
+//! `tests/data/phase` ("published" is `random_iid` of `sc.json` there):
 //!
 //! | vector | `Plain` | `Keep` | published |
 //! |---|---|---|---|
@@ -37,10 +39,10 @@ pub struct RandomPhase<T> {
 }
 
 impl<T: Float> RandomPhase<T> {
-    /// For frames of this layout.
+    /// Makes the kernel for a layout.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, level: Level, seed: u64) -> Result<Self, FramingError> {
         framing.check()?;
         let (samples, frames) = framing.period();
@@ -51,16 +53,17 @@ impl<T: Float> RandomPhase<T> {
         Ok(Self { fft_len: framing.fft_len, gain: T::of(gain), seed, mags: vec![T::zero(); framing.bins] })
     }
 
-    /// Number of bins a frame has.
+    /// Number of bins in a frame.
     pub fn bins(&self) -> usize {
         self.mags.len()
     }
 
-    /// Draws phases for frame number `frame`; `out[k]` gets the magnitude `magnitudes[k]` (by the level, a multiple of it)
-    /// in the same unit. Bin 0 and Nyquist, of which only the real part can be heard, get a sign.
+    /// Draws phases for frame number `frame`. `out[k]` gets `magnitudes[k]` in the same unit, times the
+    /// gain of the level. Bin 0 and Nyquist are real: they get a random sign.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned. Bins missing in
-    /// `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and what is left of `out` is set to 0.
+    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned. Missing
+    /// magnitudes count as 0, those beyond [`bins`](Self::bins) are ignored, and the rest of `out` is
+    /// set to 0.
     pub fn process<P: Float>(&mut self, frame: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Scaling must not take the largest of values beyond what is finite.
         let bad = take(magnitudes, largest_of::<P, T>() / (2.0 * self.gain.f64()), &mut self.mags);

@@ -1,20 +1,24 @@
-//! Magnitudes that scatter as those of a random signal do.
+//! Adds to magnitudes the random scatter of a random signal's spectrum.
 //!
-//! A network answers expected magnitudes. Those of a short-time spectrum of a random process scatter about
-//! them: by Rayleigh's law for noise, by Rice's where a steady line stands in noise. So each frame is
-//! multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`, where `z` is the short-time spectrum of unit
-//! white noise through the same window at the same place, so that neighbouring bins and frames go together
-//! as they do in a signal, `theta_k = 2 pi k t / N` is how a line in the middle of bin k turns, and `q` is
-//! the random part of the bin's power. `q` follows from the ratio of mean to root mean square, which is the
-//! mean of Rice's law (S. O. Rice, "Mathematical analysis of random noise", 1944):
+//! A network answers expected magnitudes. The short-time magnitudes of a random process scatter about
+//! them: Rayleigh distributed for noise, Rice distributed where a steady line stands in noise. So each
+//! frame is multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`.
 //!
-//! `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|`, from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
+//! * `z` is the short-time spectrum of unit white noise through the same window at the same position.
+//!   So neighbouring bins and frames are correlated as in a signal.
+//! * `theta_k = 2 pi k t / N` is the phase of a line in the middle of bin k.
+//! * `q` is the random part of the bin's power. It follows from the ratio of mean to root mean square
+//!   magnitude, which is the mean of the Rice distribution (S. O. Rice, "Mathematical analysis of
+//!   random noise", 1944):
 //!
-//! Single events are common to all bins. What the power of a frame varies beyond the scatter of its bins is
-//! one gain more: `g = exp(s y - s^2)`, with `E[g^2] = 1`, and `y` normal, a white noise seen through the
-//! window's square, as the energies of short events are.
+//! `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|`, from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for
+//! noise.
 //!
-//! Noise is counted by sample from a seed, so that a frame that is left out changes none after it.
+//! Single events are common to all bins. Variance of a frame's power beyond the scatter of its bins
+//! becomes one more gain: `g = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen
+//! through the window's square, as the energies of short events are.
+//!
+//! Noise is indexed by sample from a seed, so skipping a frame changes no later one.
 
 use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
@@ -26,14 +30,14 @@ use std::sync::LazyLock;
 
 /// Steps of the table of [`ratio`]s.
 const STEPS: usize = 64;
-/// Largest `s^2` of the common gain: power that varies by 20 times its mean's square.
+/// Largest `s^2` of the common gain: a power whose variance is 20 times its squared mean.
 const MOST_COMMON: f64 = 0.75;
-/// Seed of the common gain's noise, besides.
+/// Added to the seed for the noise of the common gain.
 const COMMON: u64 = 0x636f_6d6d_6f6e;
 
 /// Ratio of mean to root mean square magnitude of noise: `sqrt(pi) / 2`.
 pub const NOISE_RATIO: f64 = 0.886_226_925_452_758;
-/// The same in bin 0 and at Nyquist's frequency, which have a real part alone: `sqrt(2 / pi)`.
+/// The same in bin 0 and at Nyquist's frequency, which are real: `sqrt(2 / pi)`.
 pub const REAL_NOISE_RATIO: f64 = 0.797_884_560_802_865_4;
 
 /// [`ratio`] at 0, 1 / STEPS, .., 1.
@@ -43,22 +47,23 @@ static RATIOS: LazyLock<[f64; STEPS + 1]> =
 /// Statistics of a frame's magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub struct Statistics<'a, P> {
-    /// For each bin the ratio of mean to root mean square, 0 to 1; a bin that is missing, or below
+    /// Ratio of mean to root mean square for each bin, 0 to 1. A bin that is missing, or below
     /// [`NOISE_RATIO`], is noise.
     pub ratio: &'a [P],
-    /// Variance of a frame's power over its squared mean, where that is known.
+    /// Variance of a frame's power over its squared mean, if known.
     pub variance: Option<f64>,
-    /// Whether the magnitudes are means; else they are root mean squares.
+    /// Whether the magnitudes are means. Otherwise they are root mean squares.
     pub means: bool,
 }
 
 /// Scatters frames of one layout.
+#[derive(Debug)]
 pub struct Scatter<T> {
     framing: Framing,
     stft: Stft<T>,
     /// Ratios at q = 0, 1 / STEPS, .., 1.
     ratios: &'static [f64],
-    /// The window squared, so that its squares add up to 1.
+    /// The squared window, normalised so that its squares sum to 1.
     common: Vec<T>,
     noise: Line<T>,
     slow: Line<T>,
@@ -66,17 +71,11 @@ pub struct Scatter<T> {
     random: Vec<T>,
 }
 
-impl<T> std::fmt::Debug for Scatter<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Scatter").field("framing", &self.framing).finish_non_exhaustive()
-    }
-}
-
 impl<T: Float> Scatter<T> {
-    /// For frames of this layout.
+    /// Makes the kernel for a layout.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, seed: u64) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
@@ -96,8 +95,8 @@ impl<T: Float> Scatter<T> {
 
     /// Scatters frame number `frame` by `strength`, 0 (not at all) to 1, into `out`, in the same unit.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
-    /// Missing bins are 0, more than the layout has are not used, and what is left of `out` is set to 0.
+    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned. Missing
+    /// bins are 0, bins beyond the layout are ignored, and the rest of `out` is set to 0.
     pub fn process<P: Float>(
         &mut self,
         frame: u64,
@@ -106,7 +105,7 @@ impl<T: Float> Scatter<T> {
         strength: f64,
         out: &mut [P],
     ) -> usize {
-        // Scattered magnitudes are at most some times as large.
+        // A scattered magnitude is at most a few times as large.
         let bad = take(magnitudes, largest_of::<P, T>() / 1024.0, &mut self.magnitudes);
         let strength = if strength.is_finite() { strength.clamp(0.0, 1.0) } else { 1.0 };
         let n = self.framing.fft_len;
@@ -119,7 +118,7 @@ impl<T: Float> Scatter<T> {
         let unit = (n as f64 / 6.0).sqrt();
         let spectrum = self.stft.process(self.noise.at(start));
         out.fill(P::zero());
-        // A line in the middle of bin 1 has turned by this since sample 0, in turns.
+        // Phase in turns of a line in the middle of bin 1 since sample 0.
         let turned = (start % n as u64) as f64 / n as f64;
         for (bin, out) in out.iter_mut().enumerate().take(self.framing.bins) {
             let (Some(&m), Some(&q), Some(z)) =
@@ -139,14 +138,14 @@ impl<T: Float> Scatter<T> {
             } else {
                 (steady * cos + loose * z.re.f64(), steady * sin + loose * z.im.f64())
             };
-            // Of means the root mean square is larger, by the ratio that this scatter has.
+            // A root mean square exceeds the mean by the ratio of this scatter.
             let level = if known.means { mean_level(self.ratios, q, real).recip() } else { 1.0 };
             *out = P::of(m * level * gain * re.hypotenuse(im));
         }
         bad
     }
 
-    /// The gain that is common to all bins, of mean square 1 (of mean 1 where magnitudes are means).
+    /// Gain common to all bins. Its mean square is 1, or its mean is 1 where magnitudes are means.
     fn gain(&mut self, variance: f64, strength: f64, start: u64, means: bool) -> f64 {
         if variance.is_nan() || variance <= 0.0 {
             return 1.0;
@@ -162,8 +161,8 @@ impl<T: Float> Scatter<T> {
         (s * y - if means { 0.5 * s * s } else { s * s }).exp_e()
     }
 
-    /// Variance of a frame's power over its squared mean that the scatter of its bins alone makes. Bins of
-    /// white noise under a Hann window are correlated by 2/3 and 1/6 with the next and the one after it.
+    /// Variance of a frame's power over its squared mean from the scatter of its bins alone. White
+    /// noise under a Hann window has correlations of 2/3 and 1/6 with the next two bins.
     fn own_variance(&self) -> f64 {
         let powers = || {
             self.magnitudes.iter().zip(&self.random).map(|(m, q)| {
@@ -185,8 +184,8 @@ impl<T: Float> Scatter<T> {
     }
 }
 
-/// `E |sqrt(1 - q) + sqrt(q) z|`, z complex normal with `E |z|^2 = 1`: the mean of Rice's law whose root
-/// mean square is 1.
+/// `E |sqrt(1 - q) + sqrt(q) z|` with z complex normal and `E |z|^2 = 1`: the mean of the Rice
+/// distribution whose root mean square is 1.
 pub fn ratio(q: f64) -> f64 {
     let q = q.clamp(0.0, 1.0);
     const ANGLES: usize = 16;
@@ -194,7 +193,7 @@ pub fn ratio(q: f64) -> f64 {
     let (steady, loose) = ((1.0 - q).sqrt(), q.sqrt());
     let mut sum = 0.0;
     for i in 0..RADII {
-        // Middles of equally likely parts of Rayleigh's law.
+        // Midpoints of equally likely parts of the Rayleigh distribution.
         let radius = loose * (-(1.0 - (i as f64 + 0.5) / RADII as f64).log_e()).sqrt();
         for k in 0..ANGLES {
             let (cos, sin) = unit_circle((k as f64 + 0.5) / ANGLES as f64);
@@ -204,7 +203,7 @@ pub fn ratio(q: f64) -> f64 {
     sum / (ANGLES * RADII) as f64
 }
 
-/// The random part of a power whose magnitudes have this ratio of mean to root mean square.
+/// Random part of a bin's power for a ratio of mean to root mean square.
 fn random_part(ratios: &[f64], ratio: f64) -> f64 {
     if ratio.is_nan() || ratio <= NOISE_RATIO {
         return 1.0;
@@ -219,7 +218,7 @@ fn random_part(ratios: &[f64], ratio: f64) -> f64 {
     }
 }
 
-/// The mean over the root mean square at a random part.
+/// Ratio of mean to root mean square for a random part.
 fn mean_level(ratios: &[f64], q: f64, real: bool) -> f64 {
     if real {
         // Between a steady line's and noise's; bins 0 and Nyquist carry next to nothing.
@@ -231,13 +230,14 @@ fn mean_level(ratios: &[f64], q: f64, real: bool) -> f64 {
     ratios.get(at).zip(ratios.get(at + 1)).map_or(1.0, |(a, b)| a + part * (b - a))
 }
 
-/// White noise of unit variance by sample, of which a window is held.
+/// White noise of unit variance by sample, with a window of it held.
+#[derive(Debug)]
 struct Line<T> {
     seed: u64,
-    /// Twice a window's samples; what is held ends with `end`.
+    /// Twice a window's samples; the held ones end before `end`.
     samples: Vec<T>,
     end: usize,
-    /// Sample number of the first behind `end`; none before anything is held.
+    /// Number of the sample at `end`; none before anything is held.
     next: Option<u64>,
     len: usize,
 }

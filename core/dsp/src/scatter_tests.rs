@@ -1,6 +1,5 @@
 use super::*;
-
-const FRAMING: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+use crate::testing::LOW as FRAMING;
 
 fn known(ratio: &[f64]) -> Statistics<'_, f64> {
     Statistics { ratio, variance: None, means: false }
@@ -23,7 +22,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 #[test]
-fn ratio_is_the_mean_of_rices_law() {
+fn ratio_is_the_mean_of_the_rice_distribution() {
     // SciPy: x = (1 - q) / q; sqrt(pi q / 4) ((1 + x) ive(0, x / 2) + x ive(1, x / 2))
     for (q, want) in [
         (0.0, 1.0),
@@ -44,7 +43,7 @@ fn ratio_is_the_mean_of_rices_law() {
 }
 
 #[test]
-fn noise_keeps_its_mean_square_and_follows_rayleighs_law() {
+fn noise_keeps_its_power_and_is_rayleigh_distributed() {
     let frames = scattered(FRAMING, &[2.0; 101], known(&[]), 50_000);
     for bin in [0, 1, 30, 100] {
         let square = mean(frames.iter().map(|f| f[bin] * f[bin]));
@@ -63,7 +62,7 @@ fn noise_keeps_its_mean_square_and_follows_rayleighs_law() {
 }
 
 #[test]
-fn bin_scatters_by_as_much_as_its_ratio_says() {
+fn bin_scatter_follows_its_ratio() {
     for want in [0.9, 0.95, 0.99] {
         let ratios = [want; 101];
         let frames = scattered(FRAMING, &[1.0; 101], known(&ratios), 50_000);
@@ -76,7 +75,7 @@ fn bin_scatters_by_as_much_as_its_ratio_says() {
 }
 
 #[test]
-fn frame_power_varies_by_as_much_as_said() {
+fn frame_power_has_the_wanted_variance() {
     let power = |f: &Vec<f64>| f.iter().map(|m| m * m).sum::<f64>();
     let varies = |variance| {
         let known = Statistics { ratio: &[], variance, means: false };
@@ -94,7 +93,7 @@ fn frame_power_varies_by_as_much_as_said() {
 }
 
 #[test]
-fn means_stay_means() {
+fn mean_magnitudes_keep_their_mean() {
     let known = Statistics { ratio: &[], variance: Some(0.5), means: true };
     let frames = scattered(FRAMING, &[1.0; 101], known, 100_000);
     for bin in [1, 50] {
@@ -104,7 +103,7 @@ fn means_stay_means() {
 }
 
 #[test]
-fn frame_left_out_changes_none_after_it() {
+fn skipped_frame_changes_no_later_one() {
     for framing in [FRAMING, Framing { rate_hz: 44_100, fft_len: 4410, ..FRAMING }] {
         let known = Statistics { ratio: &[], variance: Some(0.3), means: false };
         let all = scattered(framing, &[1.0; 101], known, 200);

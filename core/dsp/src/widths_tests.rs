@@ -1,21 +1,27 @@
-//! Kernels in one width and in the other.
+//! Kernels in single and double precision.
 
 use crate::sample_commit::{SampleCommit, Settings};
+use crate::testing::{LOW, saved};
 use crate::{
-    Complex, Conversion, FilterPhase, Float, Framing, OscillatorBank, OverlapAdd, Partials, Resampler, Spsi,
-    random,
+    Complex, Conversion, FilterPhase, Float, OscillatorBank, OverlapAdd, Partials, Resampler, Spsi, random,
 };
 use asperity_state::State;
 
-const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
+macro_rules! keep {
+    () => {
+        fn keep(&mut self, state: &mut State<'_>) {
+            self.state(state);
+        }
+    };
+}
 
-/// A kernel that takes magnitudes and gives numbers, all of one frame's time, in single precision.
+/// A kernel from magnitudes to numbers, one hop at a time, in single precision.
 trait Kernel {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32>;
     fn keep(&mut self, state: &mut State<'_>);
 }
 
-/// What stands behind overlap-add and resampler: the same spectra for both widths.
+/// Input of overlap-add and resampler: the same spectra for both precisions.
 fn spectrum(n: u64, mags: &[f32]) -> Vec<Complex<f32>> {
     let turns = |k: usize| std::f64::consts::TAU * (k as f64 * n as f64 * 5.0 / 250.0 + 0.3 * k as f64);
     mags.iter().enumerate().map(|(k, &m)| Complex::from_polar(m, turns(k) as f32)).collect()
@@ -27,9 +33,7 @@ impl<T: Float> Kernel for Spsi<T> {
         self.process(mags, 5, &mut out);
         out.into_iter().flat_map(|c| [c.re, c.im]).collect()
     }
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.state(state);
-    }
+    keep!();
 }
 
 impl<T: Float> Kernel for OverlapAdd<T> {
@@ -39,9 +43,7 @@ impl<T: Float> Kernel for OverlapAdd<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.state(state);
-    }
+    keep!();
 }
 
 impl<T: Float> Kernel for Resampler<T> {
@@ -50,9 +52,7 @@ impl<T: Float> Kernel for Resampler<T> {
         self.process(5 * n, &mags[..5], 96 * n, &mut out);
         out
     }
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.state(state);
-    }
+    keep!();
 }
 
 impl<T: Float> Kernel for OscillatorBank<T> {
@@ -62,9 +62,7 @@ impl<T: Float> Kernel for OscillatorBank<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.state(state);
-    }
+    keep!();
 }
 
 impl<T: Float> Kernel for SampleCommit<T> {
@@ -74,12 +72,10 @@ impl<T: Float> Kernel for SampleCommit<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.state(state);
-    }
+    keep!();
 }
 
-/// Each kernel of one width.
+/// Each kernel in one precision.
 fn kernels<T: Float>() -> Vec<(&'static str, Box<dyn Kernel>)> {
     let conversion = Conversion {
         in_hz: 2500,
@@ -109,9 +105,8 @@ fn goes_on<A: Float, B: Float>() {
     for ((name, mut old), (_, mut new)) in kernels::<A>().into_iter().zip(kernels::<B>()) {
         let peak = (0..100).flat_map(|n| old.hop(n, &mags(n))).fold(0.0f32, |a, y| a.max(y.abs()));
         assert!(peak > 1e-3, "{name}: {peak}");
-        let mut bytes = vec![0; State::measure(|s| old.keep(s))];
-        let len = State::save(&mut bytes, |s| old.keep(s)).unwrap();
-        assert!(State::restore(&bytes[..len], |s| new.keep(s)), "{name}");
+        let bytes = saved(|s| old.keep(s));
+        assert!(State::restore(&bytes, |s| new.keep(s)), "{name}");
         for n in 100..104 {
             for (a, b) in old.hop(n, &mags(n)).into_iter().zip(new.hop(n, &mags(n))) {
                 assert!((a - b).abs() < 2e-5 * peak, "{name}, frame {n}: {a} {b}");
@@ -121,18 +116,17 @@ fn goes_on<A: Float, B: Float>() {
 }
 
 #[test]
-fn a_kernel_goes_on_from_what_one_of_the_other_width_remembers() {
+fn kernel_continues_from_the_other_precision() {
     goes_on::<f32, f64>();
     goes_on::<f64, f32>();
 }
 
 #[test]
-fn what_single_precision_cannot_hold_is_refused() {
+fn state_beyond_single_precision_is_refused() {
     let frame = vec![Complex::new(1e300, 0.0); 101];
     let mut old = OverlapAdd::<f64>::new(LOW).unwrap();
     old.add_frame(0, &frame).unwrap();
-    let mut bytes = vec![0; State::measure(|s| old.state(s))];
-    State::save(&mut bytes, |s| old.state(s)).unwrap();
+    let bytes = saved(|s| old.state(s));
     let mut new = OverlapAdd::<f32>::new(LOW).unwrap();
     assert!(!State::restore(&bytes, |s| new.state(s)));
     let mut out = [1.0f32; 5];

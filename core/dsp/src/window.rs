@@ -12,7 +12,7 @@ pub fn hann<T: Float>(len: usize) -> Vec<T> {
     (0..len).map(|i| T::of((i as f64 * step).sine().powi(2))).collect()
 }
 
-/// The transform of the Hann window along frequency, relative to `nu = 0`, for a window centred on time 0:
+/// Transform of the Hann window along frequency, relative to `nu = 0`, for a window centred on time 0:
 /// `sin(pi nu) / (pi nu (1 - nu^2))` with `nu` in bins. The main lobe is `|nu| < 2`.
 pub fn hann_lobe(nu: f64) -> f64 {
     let nu = nu.abs();
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hann_is_the_raised_cosine_with_the_sums_of_the_textbook() {
+    fn hann_matches_its_formula_and_sums() {
         let w = hann::<f64>(250);
         for (i, v) in w.iter().enumerate() {
             assert!((v - (0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / 250.0).cos())).abs() < 1e-15);
@@ -40,7 +40,7 @@ mod tests {
     }
 
     #[test]
-    fn hann_lobe_is_the_transform_of_the_window() {
+    fn hann_lobe_matches_the_transform_of_the_window() {
         let n = 4800;
         let w = hann::<f64>(n);
         for nu in [0.0, 0.3, 1.0, 1.5, 2.0, 2.4, 3.7] {

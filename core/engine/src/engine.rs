@@ -12,17 +12,17 @@ use crate::telemetry::{Clock, NoClock, Watch};
 use crate::view::is_finite;
 use asperity_numbers::denormals::Flushed;
 
-/// How to run.
+/// Options of an engine.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Let nodes sleep that serve nothing but a closed gate.
+    /// Lets nodes sleep that serve only a closed gate.
     pub sleep: bool,
-    /// The most nanoseconds that one call of a node may take, by the clock of [`Engine::tick_timed`]; a call that takes
-    /// longer is a fault. `None`, or no clock, for no limit.
+    /// Longest call of a node in nanoseconds, by the clock of [`Engine::tick_timed`]. A longer call is
+    /// a fault. `None`, or no clock, for no limit.
     pub limit_ns: Option<u64>,
-    /// Look for NaN and infinities in every output. Without, what is not finite goes on to whoever reads it, unmarked and
-    /// uncounted; panics, errors and overruns are contained all the same. Only for measuring what looking costs: whatever
-    /// plays or writes a graph leaves it on, and no graph file or option of a program turns it off.
+    /// Checks every output for NaN and infinities. Without it, such values reach their readers unmarked
+    /// and uncounted; panics, errors and overruns are still contained. Only for measuring the cost of
+    /// the check: a player or writer leaves it on, and no graph file or program option turns it off.
     pub guards: bool,
 }
 
@@ -37,20 +37,33 @@ pub struct Engine {
     body: Body,
     tick: u64,
     options: Options,
-    /// The other end of its controller, if it has one.
+    /// The engine's end of its controller, if it has one.
     link: Option<Box<Link>>,
 }
 
-/// What a swap exchanges.
+/// The parts that a swap exchanges.
 pub(crate) struct Body {
     pub(crate) schedule: Arc<Schedule>,
-    /// Those of the schedule; during and after a swap, more behind them.
+    /// Buffers of the schedule. During and after a swap there are more after them.
     pub(crate) buffers: Vec<Buffer>,
-    /// Those of the schedule; during and after a swap, more behind them.
+    /// Slots of the schedule's nodes. During and after a swap there are more after them.
     pub(crate) slots: Vec<Slot>,
     pub(crate) steps: Vec<Run>,
-    /// Buffers of audio that the host gives, one tick at a time.
+    /// Audio buffers that the host fills every tick.
     pub(crate) fed_audio: Vec<usize>,
+}
+
+impl Body {
+    pub(crate) fn new(compiled: Compiled) -> Self {
+        let Compiled { schedule, processors } = compiled;
+        Self {
+            buffers: swap::buffers(&schedule),
+            slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
+            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
+            fed_audio: swap::fed_audio(&schedule),
+            schedule: Arc::new(schedule),
+        }
+    }
 }
 
 impl std::fmt::Debug for Engine {
@@ -63,44 +76,37 @@ impl std::fmt::Debug for Engine {
 }
 
 impl Engine {
-    /// Makes an engine at tick 0. Also makes panics inside nodes silent, for the whole program: they are
-    /// contained and counted.
+    /// Makes an engine at tick 0. Panics inside nodes become silent for the whole program, because they
+    /// are contained and counted.
     pub fn new(compiled: Compiled, options: Options) -> Self {
         install_silent_hook();
-        let Compiled { schedule, processors } = compiled;
-        let body = Body {
-            buffers: swap::buffers(&schedule),
-            slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
-            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
-            fed_audio: swap::fed_audio(&schedule),
-            schedule: Arc::new(schedule),
-        };
-        Self { body, tick: 0, options, link: None }
+        Self { body: Body::new(compiled), tick: 0, options, link: None }
     }
 
-    /// The same with a controller, which changes the graph and live parameters from another thread while this one ticks.
+    /// Makes an engine with a controller, which changes the graph and live parameters from another
+    /// thread.
     pub fn controlled(mut compiled: Compiled, options: Options) -> (Controller, Self) {
         let (controller, link) = Controller::new(&compiled.schedule, &mut compiled.processors);
         (controller, Self { link: Some(Box::new(link)), ..Self::new(compiled, options) })
     }
 
-    /// What is being run. After a swap was taken over, that is the new graph, and all indices are of it;
-    /// [`swaps`](Self::swaps) tells.
+    /// The running schedule. After a swap it is the new graph, and all indices refer to it; see
+    /// [`swaps`](Self::swaps).
     pub fn schedule(&self) -> &Arc<Schedule> {
         &self.body.schedule
     }
 
-    /// How many swaps have been taken over.
+    /// Number of swaps taken over.
     pub fn swaps(&self) -> u64 {
         self.link.as_ref().map_or(0, |l| l.swaps())
     }
 
-    /// Whether a crossfade is under way.
+    /// Whether a crossfade is in progress.
     pub fn is_fading(&self) -> bool {
         self.link.as_ref().is_some_and(|l| l.is_fading())
     }
 
-    /// The number of the next tick.
+    /// Number of the next tick.
     pub fn next_tick(&self) -> u64 {
         self.tick
     }
@@ -110,7 +116,7 @@ impl Engine {
         self.tick_timed(&NoClock, &mut []);
     }
 
-    /// Runs one tick and adds to `spent_ns`, by index of the node, what each node took in nanoseconds.
+    /// Runs one tick and adds each node's time in nanoseconds to `spent_ns`, by index of the node.
     pub fn tick_timed<C: Clock>(&mut self, clock: &C, spent_ns: &mut [u64]) {
         let _flushed = Flushed::new();
         let now = self.now();
@@ -118,7 +124,7 @@ impl Engine {
             link.listen(&mut self.body, now);
         }
         let Body { slots, buffers, steps, .. } = &mut self.body;
-        let watch = Watch { clock, limit_ns: self.options.limit_ns };
+        let watch = &Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
         for step in steps.iter() {
             if let (true, Run::Process(i) | Run::Wants(i) | Run::Absorb(i)) = (C::TIMES, *step) {
@@ -156,7 +162,7 @@ impl Engine {
         }
         let Body { buffers, fed_audio, .. } = &mut self.body;
         for &at in fed_audio.iter() {
-            // What is not given anew is silent.
+            // Audio that is not fed again is silent.
             if let Buffer::Audio { len, silent, .. } = &mut buffers[at] {
                 (*len, *silent) = (0, true);
             }
@@ -164,9 +170,10 @@ impl Engine {
         self.tick += 1;
     }
 
-    /// Gives a control input that is [fed](asperity_graph::ScheduledInput::fed) its values for the next tick and those after
-    /// it, until others are given; `valid` says whether they are to be trusted. Values that are not finite are not taken, and what
-    /// was there is no longer trusted. False where there is no such input or as many values. Tick thread.
+    /// Sets the values of a [fed](asperity_graph::ScheduledInput::fed) control input from the next tick
+    /// on, until others are set. `valid` marks them as trusted. Values that are not finite are refused,
+    /// and the old ones are no longer trusted. Returns false if there is no such input, or the number
+    /// of values differs. Tick thread.
     pub fn feed_control(&mut self, node: usize, input: usize, given: &[f64], valid: bool) -> bool {
         let Some(Buffer::Control { values, changed, valid: trusted }) = self.fed(node, input) else {
             return false;
@@ -180,9 +187,9 @@ impl Engine {
         fits
     }
 
-    /// Gives an audio input that is fed the samples of the next tick: `fill` gets room for exactly these. Not called, the
-    /// input is silent. Samples that are not finite make it silent and not to be trusted. False where there is no such
-    /// input. Tick thread.
+    /// Sets the samples of a fed audio input for the next tick: `fill` gets a slice of exactly that
+    /// length. Without a call the input is silent. Samples that are not finite make it silent and
+    /// untrusted. Returns false if there is no such input. Tick thread.
     pub fn feed_audio(
         &mut self,
         node: usize,
@@ -217,14 +224,14 @@ impl Engine {
         Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, guards }
     }
 
-    /// The buffer of an input that the host feeds.
+    /// Buffer of an input that the host feeds.
     fn fed(&mut self, node: usize, input: usize) -> Option<&mut Buffer> {
         let port = self.body.schedule.nodes.get(node)?.inputs.get(input)?;
         self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.fed)
     }
 
-    /// Goes on `ticks` later without running those between, when they can no longer be heard. Nodes take it as a sleep:
-    /// each goes on as its [`Resume`] says. Tick thread.
+    /// Continues `ticks` later without running the ticks between, when they can no longer be heard.
+    /// Nodes treat it as sleep: each continues as its [`Resume`] says. Tick thread.
     pub fn skip(&mut self, ticks: u64) {
         if ticks == 0 {
             return;
@@ -235,19 +242,19 @@ impl Engine {
         self.tick += ticks;
     }
 
-    /// What an output of a node holds after the last tick.
+    /// Buffer of an output after the last tick.
     pub fn output(&self, node: usize, output: usize) -> Option<&Buffer> {
         let range = self.body.schedule.nodes.get(node)?.buffers.clone();
         self.body.buffers[range].get(output)
     }
 
-    /// What an input of a node read in the last tick: while it fades, the crossfade.
+    /// Buffer that an input read in the last tick; during a crossfade, the mix.
     pub fn input(&self, node: usize, input: usize) -> Option<&Buffer> {
         let reads = self.nodes().get(node)?.inputs.get(input)?;
         self.body.buffers.get(reads.buffer as usize)
     }
 
-    /// Tells a limiter how warm its coil is at least; see
+    /// Tells a limiter the least heat of its coil; see
     /// [`Processor::warm`](asperity_node::Processor::warm). Tick thread.
     pub fn warm(&mut self, node: usize, heat: f64) {
         if node < self.body.schedule.nodes.len() {
@@ -255,24 +262,24 @@ impl Engine {
         }
     }
 
-    /// What became of a node so far.
+    /// Report of a node so far.
     pub fn report(&self, node: usize) -> Option<&NodeReport> {
         Some(&self.nodes().get(node)?.report)
     }
 
-    /// What a node tells about itself now. Not for the tick thread.
+    /// Facts of a node now. Not for the tick thread.
     pub fn facts(&self, node: usize) -> Vec<Fact> {
         self.nodes().get(node).map(|s| s.processor.facts()).unwrap_or_default()
     }
 
-    /// Faults of all nodes so far, also of those that a swap removed.
+    /// Faults of all nodes so far, including nodes that a swap removed.
     pub fn faults(&self) -> u64 {
         let now: u64 = self.nodes().iter().map(|s| s.report.faults).sum();
         now + self.link.as_ref().map_or(0, |l| l.faults())
     }
 
-    /// Back to tick 0, every node as after `prepare`, out of quarantine too; a crossfade ends at once. Counters stay.
-    /// Control thread.
+    /// Goes back to tick 0 with every node as after `prepare`, also quarantined ones. A crossfade ends
+    /// at once. Counters stay. Control thread.
     pub fn reset(&mut self) {
         if let Some(link) = &mut self.link {
             link.settle(&mut self.body);
@@ -284,7 +291,7 @@ impl Engine {
         self.tick = 0;
     }
 
-    /// The slots of the schedule's nodes.
+    /// Slots of the schedule's nodes.
     fn nodes(&self) -> &[Slot] {
         &self.body.slots[..self.body.schedule.nodes.len()]
     }

@@ -1,31 +1,31 @@
-//! What an audio output does while its node fails: it fades from its last good sample, and back in.
+//! Fade of an audio output while its node fails: out from its last good sample, and back in.
 
 /// Fade of one audio output.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fade {
     /// Change of a gain per sample.
     step: f32,
-    /// Last sample that went out.
+    /// Last emitted sample.
     last: f32,
-    /// Sample that is being faded out.
+    /// Sample that fades out.
     held: f32,
     held_gain: f32,
-    /// Gain of what the node puts out.
+    /// Gain of the node's own output.
     gain: f32,
 }
 
 impl Fade {
-    /// A fade of so many samples; at least one.
+    /// Makes a fade of `samples`, at least one.
     pub(crate) fn new(samples: f32) -> Self {
         Self { step: 1.0 / samples.max(1.0), last: 0.0, held: 0.0, held_gain: 0.0, gain: 1.0 }
     }
 
-    /// Whether a fade is under way.
+    /// Whether a fade is in progress.
     pub(crate) fn active(&self) -> bool {
         self.gain < 1.0 || self.held_gain > 0.0
     }
 
-    /// A good tick.
+    /// Processes a good tick.
     pub(crate) fn pass(&mut self, samples: &mut [f32]) {
         if self.active() {
             for x in samples.iter_mut() {
@@ -39,7 +39,7 @@ impl Fade {
         }
     }
 
-    /// A tick whose samples are not to be trusted. Answers whether there is only silence left.
+    /// Processes a tick of a failing node. Returns whether only silence is left.
     pub(crate) fn fault(&mut self, samples: &mut [f32]) -> bool {
         if self.gain > 0.0 {
             (self.held, self.held_gain, self.gain) = (self.last, 1.0, 0.0);
@@ -55,12 +55,12 @@ impl Fade {
         silent
     }
 
-    /// A tick in which the node slept: whatever was fading is gone.
+    /// Processes a tick of sleep: a fade in progress ends.
     pub(crate) fn sleep(&mut self) {
         (self.last, self.held, self.held_gain) = (0.0, 0.0, 0.0);
     }
 
-    /// As when new.
+    /// Returns to the initial state.
     pub(crate) fn reset(&mut self) {
         *self = Self { step: self.step, last: 0.0, held: 0.0, held_gain: 0.0, gain: 1.0 };
     }
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_fades_from_the_last_good_sample_and_back_without_a_step() {
+    fn fault_fades_from_the_last_good_sample_and_back() {
         let mut fade = Fade::new(10.0);
         let mut out = vec![];
         for tick in 0..8 {

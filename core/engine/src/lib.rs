@@ -1,10 +1,12 @@
 //! Runs a schedule tick by tick.
 //!
-//! [`Engine`] has no clock and no device: a driver calls [`Engine::tick`], then reads the sinks. A tick does
-//! not allocate, lock, log or call the system. A node that fails is contained: its outputs hold or fade, the
-//! fault is counted, and after [`FAULTS_BEFORE_QUARANTINE`] of them the node is no longer called.
+//! [`Engine`] has no clock and no device: a driver calls [`Engine::tick`], then reads the sinks. A tick
+//! does not allocate, lock, log or call the system. A node that fails is contained: its outputs hold or
+//! fade, and the fault is counted. After [`FAULTS_BEFORE_QUARANTINE`] faults the node is no longer
+//! called.
 //!
-//! A [`Controller`] changes the graph under a running engine, from another thread: see [`Engine::controlled`].
+//! A [`Controller`] changes the graph of a running engine from another thread: see
+//! [`Engine::controlled`].
 
 mod engine;
 mod fade;

@@ -15,8 +15,8 @@ thread_local! {
 
 static HOOK: Once = Once::new();
 
-/// Puts a hook before the program's own that says nothing about panics inside nodes: the default one prints
-/// on the tick thread. They are counted and named in the report instead.
+/// Installs a panic hook that says nothing about panics inside nodes, because the default one prints on
+/// the tick thread. Such panics are counted and named in the report.
 pub(crate) fn install_silent_hook() {
     HOOK.call_once(|| {
         let before = panic::take_hook();
@@ -28,7 +28,7 @@ pub(crate) fn install_silent_hook() {
     });
 }
 
-/// Runs a node's code. After a panic its state is as that left it.
+/// Runs a node's code and turns a panic into a fault.
 pub(crate) fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let before = IN_NODE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
@@ -36,8 +36,8 @@ pub(crate) fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Faul
     match result {
         Ok(answer) => answer,
         Err(payload) => {
-            // The panic allocated it here; it is freed here, since a node may panic for as long as it is forgiven. What it carries may be
-            // anything, and may panic in its turn: that is left where it is.
+            // The payload was allocated on this thread and is freed here, since a node may panic many
+            // times before its quarantine. Its drop may panic too; then it is leaked.
             let inside = IN_NODE.replace(true);
             if let Err(payload) = panic::catch_unwind(AssertUnwindSafe(|| drop(payload))) {
                 std::mem::forget(payload);

@@ -1,4 +1,4 @@
-//! One node in the engine: its state apart from its own.
+//! One node in the engine, with everything the engine remembers about it.
 
 use std::ops::Range;
 
@@ -10,72 +10,72 @@ use crate::panics::contain;
 use crate::telemetry::{Clock, Watch};
 use crate::view::{is_finite, split, wakened};
 
-/// Faults after which a node is no longer called; one is forgiven every [`FAULT_FORGIVEN_S`].
+/// Number of faults after which a node is no longer called. One is forgiven every [`FAULT_FORGIVEN_S`].
 pub const FAULTS_BEFORE_QUARANTINE: u64 = 8;
 
 /// Seconds after which one fault no longer counts towards quarantine.
 pub const FAULT_FORGIVEN_S: u64 = 10;
 
-/// How long the audio of a node that fails takes to fade to silence, in seconds.
+/// Time in seconds in which the audio of a failing node fades to silence.
 pub const FAULT_FADE_S: f32 = 0.01;
 
-/// What became of a node so far.
+/// Calls and faults of a node so far.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeReport {
-    /// How often `process` was called.
+    /// Calls of `process`.
     pub calls: u64,
-    /// Ticks it slept through.
+    /// Ticks slept through.
     pub slept: u64,
-    /// How often it failed.
+    /// Number of faults.
     pub faults: u64,
-    /// How it failed last.
+    /// Last fault.
     pub last_fault: Option<Fault>,
     /// Whether it is no longer called.
     pub quarantined: bool,
 }
 
-/// Ways in which a node is wanted.
+/// Sets of gates: a node is wanted while all gates of one set are open.
 pub(crate) type Guards = Box<[Box<[usize]>]>;
 
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
     pub(crate) inputs: Box<[InputRef]>,
-    /// Inputs that wake it once it said it sleeps.
+    /// Inputs that wake the node after it has said it sleeps.
     wakes: Box<[usize]>,
     pub(crate) outputs: Range<usize>,
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
-    /// Which outputs come beside what the node is for.
+    /// Which outputs are `aside`; see [`asperity_node::Output`].
     aside: Box<[bool]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
-    /// Ways in which it is wanted; none for a node that always runs.
+    /// When the node is wanted; empty for a node that always runs.
     pub(crate) guards: Guards,
     resume: Resume,
     closes_cycle: bool,
-    /// What a gate last answered; true for other nodes.
+    /// Last answer of a gate; true for other nodes.
     pub(crate) wants: bool,
     /// Tick since which the gates let it sleep.
     asleep_since: Option<u64>,
-    /// It said it sleeps, until an audio or frame input carries something.
+    /// The node said it sleeps. It dozes until an audio or frame input carries something.
     dozing: bool,
-    /// Ticks until it may be taken to doze.
+    /// Ticks until it may doze.
     tail: Option<u64>,
-    /// Faults that count towards quarantine, and since when no time has been set against them.
+    /// Faults that count towards quarantine, and the tick since which none has been forgiven.
     strikes: u64,
     struck: u64,
     pub(crate) report: NodeReport,
 }
 
-/// What the engine is doing, for every slot.
+/// State of the engine in this tick, for every slot.
 #[derive(Clone, Copy)]
 pub(crate) struct Now {
     pub(crate) tick: u64,
     pub(crate) tick_hz: u32,
     /// Whether nodes may sleep.
     pub(crate) sleep: bool,
-    /// Whether outputs are looked through for what is not finite.
+    /// Whether outputs are checked for NaN and infinities.
     pub(crate) guards: bool,
 }
 
@@ -107,14 +107,14 @@ impl Slot {
         }
     }
 
-    /// A tick in which the gates want this node (`wanted`) or not. Where nodes may not sleep it runs all
-    /// the same, and wakes in the same tick as it would.
+    /// Runs one tick in which the gates want this node (`wanted`) or not. Where nodes may not sleep it
+    /// runs in any case, and wakes in the same tick as it would otherwise.
     pub(crate) fn run<C: Clock>(
         &mut self,
         buffers: &mut [Buffer],
         now: Now,
         wanted: bool,
-        watch: Watch<'_, C>,
+        watch: &Watch<'_, C>,
     ) {
         if !now.tick.is_multiple_of(self.every) {
             return self.clear(buffers, now);
@@ -145,8 +145,8 @@ impl Slot {
         self.call(buffers, now, watch);
     }
 
-    /// Wakes from the sleep that the gates allowed, if it slept. A node that says `Elapsed` is only told of
-    /// ticks in which it was really not called.
+    /// Wakes from the sleep that the gates allowed. A node with `Elapsed` is told only of ticks in
+    /// which it was not called.
     fn wake(&mut self, now: Now) {
         let Some(since) = self.asleep_since.take() else { return };
         self.dozing = false;
@@ -162,13 +162,13 @@ impl Slot {
         }
     }
 
-    /// Time that goes by without a tick. One that sleeps anyhow is told when it wakes.
+    /// Skips time without a tick. A sleeping node is told when it wakes.
     pub(crate) fn skip(&mut self, ticks: u64, now: Now) {
         let asleep = self.asleep_since.is_some();
         let processor = &mut self.processor;
         let told = match self.resume {
             Resume::Restart if !asleep => contain(|| processor.reset()),
-            // Where nodes may not sleep, it was called all the same.
+            // Where nodes may not sleep, it was called in any case.
             Resume::Elapsed if !asleep || !now.sleep => contain(|| processor.elapsed(ticks)),
             _ => Ok(()),
         };
@@ -178,21 +178,16 @@ impl Slot {
         }
     }
 
-    /// What sleeps is silent, and silence can be trusted; controls keep the mark they had.
+    /// Marks the silence of a sleeping node as valid. Controls keep their mark.
     fn trust_silence(&self, buffers: &mut [Buffer]) {
         for buffer in &mut buffers[self.outputs.clone()] {
-            match buffer {
-                Buffer::Control { .. } => {}
-                Buffer::Audio { valid, .. }
-                | Buffer::Magnitude { valid, .. }
-                | Buffer::Spectrum { valid, .. } => {
-                    *valid = true;
-                }
+            if !matches!(buffer, Buffer::Control { .. }) {
+                buffer.set_valid(true);
             }
         }
     }
 
-    /// Outputs as a node finds them: audio of this tick's length and zero, no frame, controls as they were.
+    /// Prepares outputs for a call: audio of this tick's length and zero, no frame, controls unchanged.
     fn clear(&mut self, buffers: &mut [Buffer], now: Now) {
         for (buffer, rate) in buffers[self.outputs.clone()].iter_mut().zip(&self.rates) {
             match buffer {
@@ -211,9 +206,9 @@ impl Slot {
         }
     }
 
-    fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
+    fn call<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: &Watch<'_, C>) {
         let (inputs, outputs) = split(buffers, &self.outputs, &self.inputs);
-        // What closes a cycle puts out what it took in before; a mark that went round the cycle would never
+        // A node that closes a cycle emits earlier inputs. A mark that went round the cycle would never
         // end.
         let trusted = self.closes_cycle || (0..inputs.len()).all(|i| inputs.valid(i));
         let loud = wakened(inputs, &self.wakes);
@@ -273,10 +268,11 @@ impl Slot {
         }
     }
 
+    /// Counts a fault, and resets or quarantines the node.
     fn fault(&mut self, fault: Fault, now: Now) {
         let period = FAULT_FORGIVEN_S * u64::from(now.tick_hz);
         let forgiven = now.tick.saturating_sub(self.struck) / period;
-        // Time that was not enough to forgive one counts towards the next.
+        // Time too short to forgive a fault counts towards the next.
         (self.strikes, self.struck) = match self.strikes.checked_sub(forgiven) {
             Some(left @ 1..) => (left + 1, self.struck + forgiven * period),
             _ => (1, now.tick),
@@ -287,13 +283,12 @@ impl Slot {
         if matches!(fault, Fault::Failed(_) | Fault::Overrun) || self.report.quarantined {
             return;
         }
-        // A panic may have left anything behind, and a NaN in a filter stays; start over, and give up if
-        // that panics.
+        // After a panic or a NaN the node's state may be anything, so it starts over. It is quarantined
+        // if that fails too.
         self.begin_anew();
     }
 
-    /// Puts the node back to the start. One that fails in that is not called any more, and the fault is
-    /// counted with the others.
+    /// Resets the node. A node that fails in `reset` is quarantined, and that fault is counted too.
     fn begin_anew(&mut self) {
         let processor = &mut self.processor;
         if let Err(fault) = contain(|| processor.reset()) {
@@ -303,9 +298,9 @@ impl Slot {
         }
     }
 
-    /// Outputs of a node that failed: controls hold and are marked, frames are zero, audio fades. A fade
-    /// and a zero are to be trusted: they are all that is left to do, and what else is mixed in goes on. So
-    /// is a control beside what the node is for: it only says more of what is zero or fades.
+    /// Writes the outputs of a node that failed: controls hold and are marked, frames are zero, audio
+    /// fades. Faded or zeroed output counts as valid, so that a mix goes on. A control `aside` counts
+    /// as valid too, because it only describes those outputs.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
         for (((buffer, held), fade), aside) in outputs.zip(&self.aside) {
@@ -330,13 +325,13 @@ impl Slot {
         }
     }
 
-    /// Asks a gate. A gate that is itself not wanted wants nothing.
+    /// Asks a gate. A gate that is not wanted itself wants nothing.
     pub(crate) fn ask<C: Clock>(
         &mut self,
         buffers: &mut [Buffer],
         now: Now,
         wanted: bool,
-        watch: Watch<'_, C>,
+        watch: &Watch<'_, C>,
     ) {
         if !now.tick.is_multiple_of(self.every) {
             return;
@@ -345,7 +340,7 @@ impl Slot {
             self.wants = false;
             return;
         }
-        // Before the question: waking may reset what the answer is remembered in.
+        // Before the question, because waking may reset the state that the answer depends on.
         self.wake(now);
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
@@ -360,7 +355,7 @@ impl Slot {
     }
 
     /// Gives a node that closes a cycle its inputs.
-    pub(crate) fn absorb<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: Watch<'_, C>) {
+    pub(crate) fn absorb<C: Clock>(&mut self, buffers: &mut [Buffer], now: Now, watch: &Watch<'_, C>) {
         if self.report.quarantined || !now.tick.is_multiple_of(self.every) {
             return;
         }
@@ -381,16 +376,16 @@ impl Slot {
         if let Err(fault) = contain(|| processor.set_parameter(index, value)) {
             self.fault(fault, now);
         }
-        // What sleeps may have something else to say now.
+        // A sleeping node may have a new output now.
         self.rouse();
     }
 
-    /// Ends a sleep that the node chose itself: it is called once more at least.
+    /// Ends a sleep that the node chose itself, so that it is called at least once more.
     pub(crate) fn rouse(&mut self) {
         (self.dozing, self.tail) = (false, None);
     }
 
-    /// Exchanges two nodes with all that is theirs; each takes the other's place among buffers and gates.
+    /// Exchanges two nodes with all their state. Each takes the other's inputs, outputs and guards.
     pub(crate) fn trade(&mut self, other: &mut Self) {
         std::mem::swap(self, other);
         std::mem::swap(&mut self.inputs, &mut other.inputs);
@@ -398,8 +393,8 @@ impl Slot {
         std::mem::swap(&mut self.guards, &mut other.guards);
     }
 
-    /// Goes on where another node was, with its state by way of `room` where that means something. Answers
-    /// whether it could; else it is as new.
+    /// Continues from another node: with its state, copied through `room`, if there is room. Returns
+    /// whether that worked; otherwise the node starts anew.
     pub(crate) fn adopt(&mut self, old: &mut Self, room: Option<&mut [u8]>) -> bool {
         for (held, before) in self.held.iter_mut().zip(&old.held).filter(|(a, b)| a.len() == b.len()) {
             held.copy_from_slice(before);
@@ -409,7 +404,7 @@ impl Slot {
         let (from, to) = (&mut old.processor, &mut self.processor);
         let saved = contain(|| Ok(from.save(room))).ok().flatten();
         let adopted = saved.and_then(|len| room.get(..len)).is_some_and(|state| {
-            // A panic leaves anything behind.
+            // After a panic the state may be anything.
             contain(|| Ok(to.restore(state))).unwrap_or(false)
         });
         if adopted {
@@ -421,7 +416,7 @@ impl Slot {
         adopted
     }
 
-    /// As when new, but for the counts of the report. Control thread.
+    /// Resets everything but the counters of the report. Control thread.
     pub(crate) fn reset(&mut self) {
         (self.asleep_since, self.dozing, self.tail, self.wants) = (None, false, None, true);
         (self.strikes, self.struck) = (0, 0);

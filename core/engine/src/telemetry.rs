@@ -1,4 +1,4 @@
-//! Time per node, for those who ask; and what a call may take.
+//! Time spent in each node, and its limit.
 
 use asperity_node::Fault;
 
@@ -6,14 +6,14 @@ use crate::panics::contain;
 
 /// A clock handed in by the host; the engine has none of its own.
 pub trait Clock {
-    /// False lets the compiler leave all timing out.
+    /// False lets the compiler remove all timing.
     const TIMES: bool = true;
 
     /// Nanoseconds since some fixed moment.
     fn now_ns(&self) -> u64;
 
-    /// Told which node is called next, by its index in the schedule that runs, so that one that does not come back can be named. Only
-    /// where it [`TIMES`](Self::TIMES). Tick thread.
+    /// Called with the index of the node that runs next, so that a node that never returns can be
+    /// named. Only where [`TIMES`](Self::TIMES) is true. Tick thread.
     fn enters(&self, _node: usize) {}
 }
 
@@ -29,24 +29,15 @@ impl Clock for NoClock {
     }
 }
 
-/// The clock, and the most that one call of a node may take by it.
+/// The clock, and the longest call of a node.
 #[derive(Debug)]
 pub(crate) struct Watch<'a, C> {
     pub(crate) clock: &'a C,
     pub(crate) limit_ns: Option<u64>,
 }
 
-// Derived, these would ask the same of the clock.
-impl<C> Clone for Watch<'_, C> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<C> Copy for Watch<'_, C> {}
-
 impl<C: Clock> Watch<'_, C> {
-    /// Runs a node's code; that it took too long is known only afterwards.
+    /// Runs a node's code. An overrun is detected only afterwards.
     pub(crate) fn call<T>(&self, f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
         let Some(limit) = self.limit_ns.filter(|_| C::TIMES) else {
             return contain(f);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use asperity_node::{Buffer, InputRef, Inputs};
 
-/// A node's view of the buffers: what it reads, and what it writes.
+/// Splits the buffers into a node's inputs and its own outputs.
 pub(crate) fn split<'b>(
     buffers: &'b mut [Buffer],
     outputs: &Range<usize>,
@@ -20,7 +20,7 @@ pub(crate) fn wakened(inputs: Inputs<'_>, wakes: &[usize]) -> bool {
     wakes.iter().any(|&i| inputs.buffer(i).is_some_and(|b| !b.is_silent()))
 }
 
-/// Whether no NaN or infinity is among what a buffer holds in this tick.
+/// Whether a buffer holds no NaN or infinity in this tick.
 pub(crate) fn is_finite(buffer: &Buffer) -> bool {
     const EXPONENT: u32 = 0x7f80_0000;
     // On bits, and without an early exit, so that it vectorises.

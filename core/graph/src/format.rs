@@ -1,4 +1,4 @@
-//! What stands in a graph file.
+//! The content of a graph file.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -6,34 +6,34 @@ use std::sync::Arc;
 use asperity_diagnostics::ron::{self, Value};
 use asperity_diagnostics::{Diagnostic, Place, Source, Span, one_of};
 
-/// Tick rates that a graph may ask for, in Hz.
+/// Allowed tick rates in Hz.
 const TICK_HZ: std::ops::RangeInclusive<i64> = 100..=4000;
-/// Audio rates that a graph may ask for, in Hz.
+/// Allowed audio rates in Hz.
 const AUDIO_HZ: std::ops::RangeInclusive<i64> = 8000..=192_000;
-/// How rarely a node may run, in ticks.
+/// Allowed values of `every`, in ticks.
 pub const EVERY: std::ops::RangeInclusive<i64> = 1..=1000;
-/// Ticks a second of a graph that does not say.
+/// Default tick rate in Hz.
 const DEFAULT_TICK_HZ: u32 = 500;
-/// Audio rate of a graph that does not say, in Hz.
+/// Default audio rate in Hz.
 const DEFAULT_AUDIO_HZ: u32 = 48_000;
-/// Seed of a graph that does not say.
+/// Default seed.
 const DEFAULT_SEED: u64 = 1;
 
 const GRAPH_FIELDS: &[&str] = &["version", "tick_hz", "audio_hz", "seed", "plugins", "nodes", "wires"];
 const NODE_FIELDS: &[&str] = &["kind", "every", "params"];
 
-/// A graph as declared, before any of it is looked up.
+/// A graph as declared, before names are resolved.
 #[derive(Clone, Debug)]
 pub struct GraphFile {
-    /// The text it was read from; an empty one for a graph made by a program.
+    /// The text it was read from; empty for a graph made by a program.
     pub source: Arc<Source>,
     /// Ticks a second, 100 to 4000.
     pub tick_hz: u32,
     /// Audio rate in Hz, 8000 to 192000.
     pub audio_hz: u32,
-    /// What every random number of a render follows from.
+    /// Seed of every random number of a render.
     pub seed: u64,
-    /// Plugins whose kinds the nodes may be of. The host loads them before it compiles the graph.
+    /// Plugins that provide node kinds. The host loads them before it compiles the graph.
     pub plugins: Vec<PluginDecl>,
     /// Nodes in the order of the file.
     pub nodes: Vec<NodeDecl>,
@@ -41,53 +41,53 @@ pub struct GraphFile {
     pub wires: Vec<WireDecl>,
 }
 
-/// A plugin that a graph names: by its file, relative to the graph's, or by its name alone.
+/// A plugin in a graph: a file relative to the graph's, or a name.
 #[derive(Clone, Debug)]
 pub struct PluginDecl {
     /// File or name.
     pub name: String,
-    /// Where it stands.
+    /// Its position.
     pub place: Place,
 }
 
 /// A declared node.
 #[derive(Clone, Debug)]
 pub struct NodeDecl {
-    /// Its name in the graph.
+    /// Name in the graph.
     pub id: String,
-    /// Where the name stands.
+    /// Position of the name.
     pub place: Place,
-    /// Its kind.
+    /// Kind of the node.
     pub kind: String,
-    /// Where the kind stands.
+    /// Position of the kind.
     pub kind_place: Place,
-    /// Runs every so many ticks.
+    /// The node runs every `every`-th tick.
     pub every: u32,
-    /// What the file sets.
+    /// Parameters that the file sets.
     pub params: Vec<Setting>,
 }
 
-/// A parameter that is set.
+/// A parameter with its value.
 #[derive(Clone, Debug)]
 pub struct Setting {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Where the name stands.
+    /// Position of the name.
     pub place: Place,
-    /// What it is set to.
+    /// The value.
     pub value: Value,
-    /// The text as typed, where it came from a command line: there, texts need no quotes.
+    /// The text as typed on a command line, where texts need no quotes.
     pub typed: Option<String>,
 }
 
 /// One end of a wire.
 #[derive(Clone, Debug)]
 pub struct Endpoint {
-    /// A node's id.
+    /// Id of a node.
     pub node: String,
-    /// A port's name; `None` where the node has but one.
+    /// Name of a port; `None` for the node's only one.
     pub port: Option<String>,
-    /// Where it stands.
+    /// Its position.
     pub place: Place,
 }
 
@@ -104,7 +104,7 @@ impl GraphFile {
     /// Reads a graph file.
     ///
     /// # Errors
-    /// A file that cannot be read, is no RON, or does not have a graph's fields.
+    /// A file that cannot be read, is not RON, or has wrong fields.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?)
     }
@@ -112,7 +112,7 @@ impl GraphFile {
     /// Reads a graph from a text.
     ///
     /// # Errors
-    /// A text that is no RON or does not have a graph's fields.
+    /// A text that is not RON or has wrong fields.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
         let mut graph = value.record("Graph").map_err(|e| match e.help {
@@ -135,21 +135,15 @@ impl GraphFile {
             Some(v) => v.i64_in(0..=i64::MAX, "")? as u64,
             None => DEFAULT_SEED,
         };
-        let plugins = match graph.optional("plugins") {
-            Some(v) => v.list()?.iter().map(plugin).collect::<Result<_, _>>()?,
-            None => Vec::new(),
-        };
+        let plugins = items(graph.optional("plugins"), plugin)?;
         let nodes = graph.required("nodes")?.map()?;
         let nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
-        let wires = match graph.optional("wires") {
-            Some(v) => v.list()?.iter().map(wire).collect::<Result<_, _>>()?,
-            None => Vec::new(),
-        };
+        let wires = items(graph.optional("wires"), wire)?;
         graph.finish(GRAPH_FIELDS)?;
         Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, plugins, nodes, wires })
     }
 
-    /// An empty graph, to be filled by a program. `name` is what errors call it.
+    /// An empty graph for a program to fill. `name` stands for the file in errors.
     pub fn empty(name: &str) -> Self {
         Self {
             source: Source::new(name, ""),
@@ -168,11 +162,11 @@ impl GraphFile {
     }
 
     /// Sets a parameter of a node, or a field of the graph, from a text such as `stylus.speed_mm_s=80`,
-    /// `texture.every=2` or `audio_hz=44100`. `origin` is what errors call the text, such as `--set`.
+    /// `texture.every=2` or `audio_hz=44100`. `origin` stands for the file in errors, such as `--set`.
     ///
     /// # Errors
-    /// A text without `=`, a node or field that is not there, a value out of range. Whether the node's kind
-    /// has that parameter is only known when the graph is compiled.
+    /// A text without `=`, an unknown node or field, a value out of range. An unknown parameter is an
+    /// error only when the graph is compiled.
     pub fn set(&mut self, assignment: &str, origin: &str) -> Result<(), Diagnostic> {
         let source = Source::new(origin, assignment);
         let whole = Span { start: 0, end: assignment.len() };
@@ -210,11 +204,11 @@ impl GraphFile {
         Ok(())
     }
 
-    /// Adds a node that no file declares, such as a probe asked for on the command line. Parameters are given
-    /// as RON texts. `origin` is what errors call it.
+    /// Adds a node that no file declares, such as a probe from the command line. Parameters are RON
+    /// texts. `origin` stands for the file in errors.
     ///
     /// # Errors
-    /// A parameter's text that is no value, an id that is taken.
+    /// A parameter that is no RON value, an id that is taken.
     pub fn add_node(
         &mut self,
         id: &str,
@@ -229,25 +223,17 @@ impl GraphFile {
         if self.node(id).is_some() {
             return Err(Diagnostic::new(format!("the graph has a node `{id}` already")).in_file(origin));
         }
-        let mut settings = Vec::new();
-        for (name, text) in params {
+        let setting = |(name, text): &(&str, &str)| {
             let value = ron::parse_or_text(&Source::new(origin, *text))?;
-            settings.push(Setting {
-                name: (*name).to_owned(),
-                place: at(name),
-                value,
-                typed: Some((*text).to_owned()),
-            });
-        }
-        let (id, kind_place) = (id.to_owned(), at(kind));
-        let place = at(&id);
+            Ok(Setting { name: (*name).to_owned(), place: at(name), value, typed: Some((*text).to_owned()) })
+        };
         self.nodes.push(NodeDecl {
-            id,
-            place,
+            id: id.to_owned(),
+            place: at(id),
             kind: kind.to_owned(),
-            kind_place,
+            kind_place: at(kind),
             every: 1,
-            params: settings,
+            params: params.iter().map(setting).collect::<Result<_, _>>()?,
         });
         Ok(())
     }
@@ -262,19 +248,28 @@ impl GraphFile {
     }
 }
 
+/// The items of a list that may be left out.
+fn items<T>(
+    list: Option<&Value>,
+    item: impl Fn(&Value) -> Result<T, Diagnostic>,
+) -> Result<Vec<T>, Diagnostic> {
+    list.map_or(Ok(Vec::new()), |v| v.list()?.iter().map(item).collect())
+}
+
 fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
     let name = value.text()?.to_owned();
     if name.trim().is_empty() {
         return Err(value.error("a plugin has a name or a file").help("plugins: [\"libmy_phase.so\"]"));
     }
-    Ok(PluginDecl { name, place: Place { source: value.source().clone(), span: value.span() } })
+    Ok(PluginDecl { name, place: value.place() })
 }
 
 impl NodeDecl {
-    /// Reads a node as it stands in a graph's map of nodes: its id, and `(kind: "..", every: .., params: (..))`.
+    /// Reads a node from its entry in a graph's map: its id, and `(kind: "..", every: .., params:
+    /// (..))`.
     ///
     /// # Errors
-    /// An id that none may have, another value than such a record.
+    /// An invalid id, or a value that is no such record.
     pub fn read(key: &ron::Key, value: &Value) -> Result<Self, Diagnostic> {
         let source = value.source();
         let place = |span| Place { source: source.clone(), span };
@@ -307,7 +302,7 @@ impl NodeDecl {
             id: key.name.clone(),
             place: place(key.span),
             kind,
-            kind_place: place(kind_value.span()),
+            kind_place: kind_value.place(),
             every,
             params,
         })
@@ -321,9 +316,7 @@ fn wire(value: &Value) -> Result<WireDecl, Diagnostic> {
             .error(format!("a wire has two ends, found {}", ends.len()))
             .help("(\"node.output\", \"node.input\")"));
     };
-    let end = |v: &Value| -> Result<Endpoint, Diagnostic> {
-        Ok(endpoint(v.text()?, Place { source: v.source().clone(), span: v.span() }))
-    };
+    let end = |v: &Value| v.text().map(|text| endpoint(text, v.place()));
     Ok(WireDecl { from: end(from)?, to: end(to)? })
 }
 

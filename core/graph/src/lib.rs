@@ -1,8 +1,8 @@
 //! The graph file: read, checked, compiled to a schedule.
 //!
-//! [`GraphFile`] is what stands in a RON file, with the place of everything in it. [`compile()`] checks it
-//! against a registry of node kinds and answers a [`Schedule`] (plain data: what runs when, and which buffers
-//! it uses) with the prepared nodes. Whatever is wrong comes back as a list of diagnostics.
+//! [`GraphFile`] is the content of a RON file, with the position of every part. [`compile()`] checks it
+//! against a registry of node kinds. It returns a [`Schedule`] (plain data: run order and buffers) with
+//! the prepared nodes, or a list of diagnostics.
 
 mod compile;
 mod format;
@@ -16,5 +16,5 @@ pub use format::{EVERY, Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, Wire
 pub use params::check_settings;
 pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
-    Step,
+    Step, topological_order,
 };

@@ -1,15 +1,15 @@
-//! Parameters: what the file sets against what the descriptor declares.
+//! Checks the settings of a file against a descriptor.
 
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::file::irregular;
-use asperity_diagnostics::{Diagnostic, Place, nearest, one_of};
+use asperity_diagnostics::{Diagnostic, nearest, one_of};
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
 
 use crate::{NodeDecl, Setting, slots};
 
-/// What is wrong with settings of a node of some kind, whether it is in a graph or not: unknown names, values that do not fit. What is not set is not missed, and files
-/// are not looked for.
+/// Checks the settings of a node of some kind, in a graph or not: unknown names, and values that do not
+/// fit. Missing settings are not errors, and files are not checked.
 pub fn check_settings(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
     let mut errors = unknown(settings, descriptor);
     for setting in settings {
@@ -20,27 +20,27 @@ pub fn check_settings(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diag
     errors
 }
 
-/// Settings of no parameter.
+/// Errors about settings without a parameter.
 fn unknown(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
     let names: Vec<&str> = descriptor.params.iter().map(|p| p.name.as_ref()).collect();
     let unknown = settings.iter().filter(|setting| !names.contains(&setting.name.as_str()));
     unknown
         .map(|setting| {
             Diagnostic::new(format!("`{}` has no parameter `{}`", descriptor.kind, setting.name))
-                .at(&setting.place.source, setting.place.span)
+                .at_place(&setting.place)
                 .label("unknown parameter")
                 .help(one_of(&setting.name, names.iter().copied()))
         })
         .collect()
 }
 
-/// Checks a node's settings. Everything that is wrong goes to `errors`.
+/// Checks a node's settings. Errors are added to `errors`.
 pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<Diagnostic>) -> Params {
     errors.extend(unknown(&node.params, descriptor));
     let mut params = Params::new(Some(node.place.clone()));
     for param in &descriptor.params {
         let setting = node.params.iter().find(|s| s.name == param.name);
-        let place = setting.map(|s| Place { source: s.value.source().clone(), span: s.value.span() });
+        let place = setting.map(|s| s.value.place());
         let value = match setting {
             Some(s) => match read(s, param) {
                 Ok(value) => Some(value),
@@ -53,7 +53,7 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
                 if param.default.is_none() && !param.optional {
                     errors.push(
                         Diagnostic::new(format!("`{}` needs the parameter `{}`", node.kind, param.name))
-                            .at(&node.place.source, node.place.span)
+                            .at_place(&node.place)
                             .label(format!("no `{}` set", param.name))
                             .help(param.doc.to_string()),
                     );
@@ -80,7 +80,7 @@ fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
     }
 }
 
-/// A text; from a command line, whatever was typed.
+/// Reads a text; on a command line, the text as typed.
 fn text(setting: &Setting) -> Result<&str, Diagnostic> {
     match &setting.typed {
         Some(typed) if setting.value.text().is_err() => Ok(typed),
@@ -88,7 +88,7 @@ fn text(setting: &Setting) -> Result<&str, Diagnostic> {
     }
 }
 
-/// A file that exists, its path relative to the file that names it.
+/// Reads the path of an existing file, relative to the file that names it.
 fn file(setting: &Setting, text: &str) -> Result<PathBuf, Diagnostic> {
     let value = &setting.value;
     let base_is = if setting.typed.is_some() { "where the program runs" } else { "the graph file" };

@@ -1,4 +1,4 @@
-//! A graph as a file: what a program made, ready to edit.
+//! Writes a graph as a file, ready to edit.
 
 use std::fmt;
 
@@ -64,10 +64,11 @@ mod tests {
     use asperity_diagnostics::Source;
 
     #[test]
-    fn a_written_graph_reads_back_the_same() {
-        let text = "Graph(version: 1, tick_hz: 1000, plugins: [\"a\", \"../b.so\"], nodes: {\n\"a b\": (kind: \"k\", every: 2, params: \
-                    (x: 1.5, t: \"q\\\"\\n\\u{7f}é\", l: [1, 2.0], m: {\"k\": (y: zig)})), \"c\": (kind: \"d\")}, \
-                    wires: [(\"a b.out\", \"c\")])";
+    fn written_graph_reads_back_the_same() {
+        let text = r#"Graph(version: 1, tick_hz: 1000, plugins: ["a", "../b.so"], nodes: {
+            "a b": (kind: "k", every: 2,
+                    params: (x: 1.5, t: "q\"\n\u{7f}é", l: [1, 2.0], m: {"k": (y: zig)})),
+            "c": (kind: "d")}, wires: [("a b.out", "c")])"#;
         let first = GraphFile::parse(&Source::new("a", text)).unwrap();
         let written = first.to_string();
         let again = GraphFile::parse(&Source::new("b", written.as_str())).unwrap();

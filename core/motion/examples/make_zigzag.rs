@@ -1,15 +1,15 @@
 //! Makes the shipped stroke: `cargo run -p asperity-motion --example make_zigzag [FILE]`.
 //!
-//! Eight seconds as a person would explore a surface: approach, strokes that grow faster and firmer, a pause
-//! with a press, a hard stroke, lift-off and return through the air, two more strokes, lift-off. Without a
-//! file name it writes `graphs/trajectories/zigzag.csv`.
+//! Eight seconds as a person would explore a surface: approach, strokes that get faster and firmer, a
+//! pause with a press, a hard stroke, lift-off and return through the air, two more strokes, lift-off.
+//! The default file is `graphs/trajectories/zigzag.csv`.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use asperity_motion::{Itinerary, Move, Tremor};
 
-/// Stiffness in N/mm that depths are reckoned with; the floor of the shipped graph has the same.
+/// Stiffness in N/mm for depths; the floor of the shipped graph has the same.
 pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
 /// The sensor's step in mm.
 pub(crate) const QUANTUM_MM: f64 = 0.055;
@@ -28,7 +28,7 @@ fn within(from: &mut [f64; 3], to: [f64; 3], seconds: f64) -> Move {
     Move { to, seconds }
 }
 
-/// The stroke, before it is sampled.
+/// The stroke before sampling.
 pub(crate) fn itinerary() -> Itinerary {
     let start = [-25.3, -15.4, 8.03];
     let p = &mut start.clone();
@@ -51,11 +51,12 @@ pub(crate) fn itinerary() -> Itinerary {
     Itinerary::new(start, &moves, Tremor::new(0.04, 7), QUANTUM_MM)
 }
 
-/// The stroke as the text of a CSV file.
+/// The stroke as a CSV text.
 pub(crate) fn csv() -> String {
     let stroke = itinerary();
     let mut text = String::from(
-        "# A made stroke, as a person would explore a surface in the plane z = 0 (z up, 0.5 N/mm inside): approach,\n\
+        "# A made stroke, as a person would explore a surface in the plane z = 0 (z up, 0.5 N/mm inside): \
+         approach,\n\
          # strokes at 40 to 96 mm/s on average and up to 180, 0.3 to 2.5 N, a pause, a lift-off and return.\n\
          # Made by `cargo run -p asperity-motion --example make_zigzag`; positions are rounded to 0.055 mm.\n\
          t_s,x_mm,y_mm,z_mm\n",

@@ -1,12 +1,12 @@
-//! Which axis of a file becomes which axis of the world.
+//! Maps a file's axes to the world's.
 
 use asperity_diagnostics::Diagnostic;
 
-/// Takes the axes of a recording device to x, y, z with z up.
+/// Maps the axes of a recording device to x, y, z with z up.
 ///
-/// Written as three file axes, one for each of the output's x, y, z in this order, each with an optional
-/// minus sign: `x,y,z` changes nothing; `x,-z,y` is for a device whose vertical is y and whose z points at
-/// the user (a rotation, so left stays left); `x,z,y` exchanges y and z and so mirrors.
+/// Written as three file axes, for x, y, z in this order, each with an optional minus sign. `x,y,z`
+/// changes nothing. `x,-z,y` is for a device whose y is up and whose z points at the user: a rotation,
+/// so left stays left. `x,z,y` exchanges y and z and so mirrors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisMap {
     source: [usize; 3],
@@ -20,15 +20,16 @@ impl Default for AxisMap {
 }
 
 impl AxisMap {
-    /// Reads a text such as `x,-z,y`; spaces and capitals do not matter.
+    /// Parses a text such as `x,-z,y`. Spaces and capitals do not matter.
     ///
     /// # Errors
-    /// Anything but three of `x`, `y`, `z`, each once and each with at most one sign. The error has no place;
-    /// the caller knows where the text stood.
+    /// Anything but `x`, `y`, `z`, each once and with at most one sign. The error has no place; the
+    /// caller knows it.
     pub fn parse(text: &str) -> Result<Self, Diagnostic> {
         let fail = |message: String| {
             Err(Diagnostic::new(message).help(
-                "name the file's axis for each of x, y, z in this order, each once: `x,y,z`, or `x,-z,y` where the file's y is up",
+                "name the file's axis for each of x, y, z in this order, each once: `x,y,z`, or `x,-z,y` \
+                 where the file's y is up",
             ))
         };
         let mut map = Self::default();
@@ -59,7 +60,7 @@ impl AxisMap {
 
     /// The file's position in the world's axes.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
-        // + 0.0 keeps a mapped zero from being written as -0.
+        // + 0.0 turns -0 into 0.
         [0, 1, 2].map(|out| self.sign[out] * p[self.source[out]] + 0.0)
     }
 }

@@ -1,8 +1,9 @@
 //! Interpolation between rows at any spacing.
 
-/// Slopes of the shape-preserving piecewise cubic (PCHIP) through `(x, y)`: F. N. Fritsch, J. Butland, "A
-/// method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984,
-/// with three-point ends limited as there. `x` rises strictly; both have the same length, 2 or more.
+/// Slopes of the shape-preserving piecewise cubic (PCHIP) through `(x, y)`: F. N. Fritsch, J. Butland,
+/// "A method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput.
+/// 5, 1984, with three-point ends limited as there. `x` rises strictly. Both have one length, 2 or
+/// more.
 pub(super) fn pchip_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let step: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let secant: Vec<f64> = y.windows(2).zip(&step).map(|(w, h)| (w[1] - w[0]) / h).collect();
@@ -24,7 +25,7 @@ pub(super) fn pchip_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     slope
 }
 
-/// Slope at an end from the nearest two steps and secants, nearest first.
+/// Slope at an end, from the two nearest steps and secants, nearest first.
 fn end_slope(h0: f64, h1: f64, m0: f64, m1: f64) -> f64 {
     let d = ((2.0 * h0 + h1) * m0 - h0 * m1) / (h0 + h1);
     if d * m0 <= 0.0 {
@@ -36,7 +37,7 @@ fn end_slope(h0: f64, h1: f64, m0: f64, m1: f64) -> f64 {
     }
 }
 
-/// The cubic with values `y0`, `y1` and slopes `d0`, `d1` over a step of `h`, at the part `s` of it.
+/// The cubic with values `y0`, `y1` and slopes `d0`, `d1` over a step `h`, at the part `s` of it.
 pub(super) fn hermite(y0: f64, y1: f64, d0: f64, d1: f64, h: f64, s: f64) -> f64 {
     let rise = y1 - y0;
     let (a, b) = (h * d0 - rise, rise - h * d1);

@@ -1,21 +1,21 @@
-//! A scripted stroke: rest-to-rest movements one after another.
+//! A scripted stroke: movements from rest to rest.
 
 use super::{Sample, Tremor, minimum_jerk, quantise};
 
-/// A minimum-jerk movement to a point; a pause where the point is the one before.
+/// A minimum-jerk movement to a point. It is a pause if the point stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Where it ends, x, y, z in mm.
+    /// End in mm: x, y, z.
     pub to: [f64; 3],
-    /// How long it takes, in seconds; not above 0 is none.
+    /// Time in seconds; not above 0 counts as 0.
     pub seconds: f64,
 }
 
-/// Minimum-jerk movements one after another, with tremor, rounded as a sensor would. A function of time
-/// alone: samples may be taken in any order. Force and speed are left to what the stroke meets.
+/// Minimum-jerk movements one after another, with tremor, rounded like a sensor. A function of time
+/// alone: samples may be taken in any order. They have no force and no speed.
 #[derive(Clone, Debug)]
 pub struct Itinerary {
-    /// End of each movement in seconds, and the points, one more than there are movements.
+    /// End of each movement in seconds. There is one more point than movements.
     ends: Vec<f64>,
     points: Vec<[f64; 3]>,
     tremor: Tremor,
@@ -23,7 +23,7 @@ pub struct Itinerary {
 }
 
 impl Itinerary {
-    /// Movements from `start` (mm) on; positions are rounded to multiples of `quantum_mm`, unless it is 0.
+    /// Movements from `start` (mm). Positions are rounded to multiples of `quantum_mm`, unless it is 0.
     pub fn new(start: [f64; 3], moves: &[Move], tremor: Tremor, quantum_mm: f64) -> Self {
         let mut end = 0.0;
         let ends = moves
@@ -37,12 +37,12 @@ impl Itinerary {
         Self { ends, points, tremor, quantum_mm }
     }
 
-    /// Seconds until the last movement ends.
+    /// Time until the last movement ends in seconds.
     pub fn duration_s(&self) -> f64 {
         self.ends.last().copied().unwrap_or(0.0)
     }
 
-    /// The stylus at `t` seconds; before 0 and after the end it rests (the tremor goes on). Does not allocate.
+    /// The stylus at `t` seconds. Before 0 and after the end it rests, with tremor. Does not allocate.
     pub fn sample(&self, t: f64) -> Sample {
         let i = self.ends.partition_point(|end| *end <= t);
         let from = self.points[i];

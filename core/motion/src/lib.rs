@@ -1,7 +1,8 @@
 //! Motion of the stylus: recorded ([`Trajectory`]), made ([`Stroke`]), or scripted ([`Itinerary`]).
+//! [`Table`] reads the CSV files of recordings.
 //!
-//! All three answer `sample(t)` with a [`Sample`]. Positions are in mm with z up; a surface lies in the plane
-//! z = 0 and its inside is at negative z.
+//! All three give a [`Sample`] for a time. Positions are in mm with z up. A surface lies in the plane z
+//! = 0, its inside at negative z.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -11,6 +12,7 @@ mod itinerary;
 mod minimum_jerk;
 mod read;
 mod stroke;
+mod table;
 mod trajectory;
 mod tremor;
 
@@ -22,21 +24,22 @@ pub use read::{
     TrajectoryOptions,
 };
 pub use stroke::{Shape, Stroke, StrokeParams};
+pub use table::{Column, Table};
 pub use trajectory::{Cursor, Interpolation, Trajectory};
 pub use tremor::Tremor;
 
-/// Where the stylus is at one moment, and what was recorded with it.
+/// The stylus at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// x, y, z in mm; z is up.
     pub position: [f64; 3],
-    /// Normal force in N, where it was recorded.
+    /// Normal force in N, if recorded.
     pub force: Option<f64>,
-    /// Planar speed in mm/s, where it was recorded.
+    /// Planar speed in mm/s, if recorded.
     pub speed: Option<f64>,
 }
 
-/// `value` rounded to the nearest multiple of `quantum`; unchanged when `quantum` is not above zero.
+/// `value` rounded to the nearest multiple of `quantum`; unchanged if `quantum` is not above zero.
 pub(crate) fn quantise(value: f64, quantum: f64) -> f64 {
     if quantum > 0.0 { (value / quantum).round() * quantum } else { value }
 }

@@ -1,22 +1,23 @@
 //! The minimum-jerk movement from rest to rest.
 //!
-//! T. Flash, N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical model",
-//! J. Neuroscience 5(7), 1985: of all movements over a distance in a given time, the one whose squared jerk
-//! is least is a straight line travelled as 10 s^3 - 15 s^4 + 6 s^5.
+//! T. Flash, N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical
+//! model", J. Neuroscience 5(7), 1985. The movement with the least squared jerk over a distance in a
+//! given time is a straight line travelled as 10 s^3 - 15 s^4 + 6 s^5.
 
-/// Part of the way travelled, 0 to 1, at the part `s` of the time; `s` outside 0..=1 holds the ends.
+/// Travelled part of the way, 0 to 1, at the part `s` of the time. `s` is clamped to 0..=1.
 pub fn minimum_jerk(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     s * s * s * (10.0 + s * (6.0 * s - 15.0))
 }
 
-/// Speed over mean speed at the part `s` of the time: 30 s^2 (1 - s)^2, at most 1.875, in the middle.
+/// Speed over mean speed at the part `s` of the time: 30 s^2 (1 - s)^2. The most is 1.875, in the
+/// middle.
 pub fn minimum_jerk_speed(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     30.0 * (s * (1.0 - s)).powi(2)
 }
 
-/// The integral of [`minimum_jerk`] from 0 to `s`: the way travelled where the *speed* rises so; 1/2 at `s` = 1.
+/// Integral of [`minimum_jerk`] from 0 to `s`: the way if the *speed* rises so. It is 1/2 at `s` = 1.
 pub fn minimum_jerk_ramp_integral(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     s.powi(4) * (2.5 + s * (s - 3.0))
@@ -32,14 +33,14 @@ mod tests {
         assert_eq!(minimum_jerk(1.0), 1.0);
         assert_eq!(minimum_jerk(-3.0), 0.0);
         assert_eq!(minimum_jerk(7.0), 1.0);
-        // Near an end the way grows as 10 h^3: no speed and no acceleration there.
+        // Near an end the way grows as 10 h^3: without speed and acceleration.
         let h = 1e-4;
         assert!((minimum_jerk(h) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
         assert!(((1.0 - minimum_jerk(1.0 - h)) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
     }
 
     #[test]
-    fn its_speed_is_its_slope_and_its_integral_its_antiderivative() {
+    fn speed_is_the_slope_and_integral_the_antiderivative() {
         let h = 1e-5;
         for i in 1..100 {
             let s = f64::from(i) / 100.0;
@@ -52,7 +53,7 @@ mod tests {
         assert_eq!(minimum_jerk_ramp_integral(1.0), 0.5);
     }
 
-    /// Fourth-order polynomial bumps that keep the ends at rest only raise the integral of squared jerk.
+    /// Polynomial bumps that keep the ends at rest only raise the integral of squared jerk.
     #[test]
     fn no_neighbour_has_less_jerk() {
         let cost = |e: f64| -> f64 {
@@ -70,7 +71,7 @@ mod tests {
                 .sum()
         };
         let least = cost(0.0);
-        // Exact: the third derivative is 60 - 360 s + 360 s^2, whose mean square is 720.
+        // Exact: the third derivative is 60 - 360 s + 360 s^2 with a mean square of 720.
         assert!((least / 720.0 - 1.0).abs() < 0.02, "{least}");
         for e in [-2.0, -0.5, 0.5, 2.0] {
             assert!(cost(e) > least, "{e}");

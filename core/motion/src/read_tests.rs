@@ -1,5 +1,6 @@
-//! Every bad file is refused at its own cell.
+//! Every bad file is refused at its cell.
 
+use super::super::table::MOST_CELLS;
 use super::*;
 use proptest::prelude::*;
 
@@ -11,7 +12,8 @@ const H: &str = "t_s,x_mm,y_mm,z_mm\n";
 
 #[test]
 fn columns_in_any_order_comments_blanks_quotes_and_line_ends() {
-    let text = "# from a device\r\n\r\n z_mm ,\"t_s\",force_n,y_mm,x_mm\r\n#c,1,2\r\n3,0,0.5,2,1\r\n  \r\n\n -1 , \"0.01\" ,1.5,5,4\r\n  # tail";
+    let text = "# from a device\r\n\r\n z_mm ,\"t_s\",force_n,y_mm,x_mm\r\n#c,1,2\r\n3,0,0.5,2,1\r\n\
+                \x20 \r\n\n\x20-1 , \"0.01\" ,1.5,5,4\r\n  # tail";
     let t = parse(text).unwrap();
     assert_eq!((t.rows(), t.duration_s()), (2, 0.01));
     let s = t.sample(0.0);
@@ -89,7 +91,7 @@ fn columns_are_counted_in_characters_after_other_text() {
 
 #[test]
 fn slow_and_irregular_rows_are_no_gap() {
-    // 20 Hz with a quarter of a second missing is five steps; a longer gap is not accepted.
+    // 20 Hz with a quarter of a second missing is five steps. A longer gap is refused.
     let rows = |gap: f64| {
         let mut text = String::from(H);
         for i in 0..10 {
@@ -123,8 +125,9 @@ proptest! {
     }
 
     #[test]
-    fn nearly_right_text_does_not_panic_and_what_is_read_is_finite(
-        text in "(t_s|\"t_s\"|#|\r|\n){0,3},?x_mm,y_mm,z_mm(,force_n|,speed_mm_s|,é)?\r?\n([0-3]\\.[0-9]{1,3},[-0-9.e\"# ,\n\r]{0,12},[0-9],[0-9]\r?\n){0,6}",
+    fn nearly_right_text_never_panics_and_reads_finite(
+        text in "(t_s|\"t_s\"|#|\r|\n){0,3},?x_mm,y_mm,z_mm(,force_n|,speed_mm_s|,é)?\r?\n\
+                 ([0-3]\\.[0-9]{1,3},[-0-9.e\"# ,\n\r]{0,12},[0-9],[0-9]\r?\n){0,6}",
         at in -1.0..5.0f64,
     ) {
         if let Ok(t) = parse(&text) {
@@ -133,7 +136,7 @@ proptest! {
         }
     }
 
-    /// The cells a reader sees are the ones that were written, wherever comments and blank lines stand.
+    /// Cells have their places, wherever comments and blank lines stand.
     #[test]
     fn every_bad_cell_is_found_where_it_was_put(
         before in proptest::collection::vec("(|#[ -~]{0,9}| {0,3})(\n|\r\n)", 0..5),
@@ -157,7 +160,7 @@ proptest! {
 }
 
 #[test]
-fn line_of_very_many_cells_is_refused_before_they_are_kept() {
+fn line_of_too_many_cells_is_refused_early() {
     let text = format!("# a comment\n{}\n", "1,".repeat(MOST_CELLS));
     let source = Source::new("t.csv", text);
     let e = Trajectory::parse(&source, &TrajectoryOptions::default()).unwrap_err().to_string();

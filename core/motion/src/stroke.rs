@@ -8,23 +8,23 @@ use asperity_diagnostics::Diagnostic;
 use super::tremor::unit_from;
 use super::{Sample, Tremor, minimum_jerk, minimum_jerk_ramp_integral, quantise};
 
-/// The path a stroke takes on the surface.
+/// Path of a stroke on the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
-    /// To and fro along x, from turn to turn in minimum-jerk movements.
+    /// To and fro along x, in minimum-jerk movements between turns.
     Line,
-    /// As `Line`, moving on along y by an eighth of the extent with each movement, and back after eight.
+    /// Like `Line`, but each movement also goes an eighth of the extent along y, and back after eight.
     #[default]
     Zigzag,
-    /// Round and round, started and stopped smoothly.
+    /// Round and round, with smooth start and stop.
     Circle,
 }
 
 impl Shape {
-    /// Names of the shapes, for files and errors.
+    /// Names of the shapes in files and errors.
     pub const NAMES: [&'static str; 3] = ["line", "zigzag", "circle"];
 
-    /// The shape of a name.
+    /// The shape with a name.
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "line" => Some(Self::Line),
@@ -35,40 +35,41 @@ impl Shape {
     }
 }
 
-/// What a made stroke is like.
+/// Parameters of a made stroke.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StrokeParams {
     /// Path on the surface.
     pub shape: Shape,
     /// Length along x, or diameter, in mm, above 0 and at most 1000.
     pub extent_mm: f64,
-    /// Mean speed over the path in mm/s, above 0 and at most 2000. A minimum-jerk movement peaks at 1.875
-    /// times this.
+    /// Mean speed over the path in mm/s, above 0 and at most 2000. A minimum-jerk movement peaks at
+    /// 1.875 times this.
     pub mean_speed_mm_s: f64,
     /// Mean normal force in N, 0 to 100.
     pub force_n: f64,
-    /// Slow change of the force, as a part of it, 0 to 1.
+    /// Swing of the force as a part of it, 0 to 1.
     pub force_swing: f64,
-    /// How often the force changes so, in Hz, 0 to 5.
+    /// Frequency of the swing in Hz, 0 to 5.
     pub force_swing_hz: f64,
-    /// The surface's stiffness in N/mm, 0.001 to 1000: the stroke is pressed force / stiffness below z = 0.
+    /// Stiffness of the surface in N/mm, 0.001 to 1000. The stroke lies force / stiffness below z = 0.
     pub stiffness_n_per_mm: f64,
-    /// Height above the surface before approach and after lift-off, in mm, 0 to 1000.
+    /// Height before approach and after lift-off in mm, 0 to 1000.
     pub clearance_mm: f64,
-    /// Time of the approach and of the lift-off, each, in seconds, 0.01 to 10.
+    /// Time of the approach, and of the lift-off, in seconds, 0.01 to 10.
     pub approach_s: f64,
-    /// The whole time from approach to lift-off, in seconds, longer than both by at least 0.1, at most 1e6.
+    /// Whole time from approach to lift-off in seconds, at least 0.1 longer than both, at most 1e6.
     pub duration_s: f64,
-    /// Largest displacement by tremor on each axis, in mm, 0 to 10.
+    /// Largest tremor on each axis in mm, 0 to 10.
     pub tremor_mm: f64,
-    /// The sensor's step, to which positions are rounded, in mm, 0 (none) to 10.
+    /// Step of the sensor, to which positions are rounded, in mm, 0 (none) to 10.
     pub quantum_mm: f64,
-    /// Seed of tremor and of the force's phase.
+    /// Seed of the tremor and the force's phase.
     pub seed: u64,
 }
 
 impl Default for StrokeParams {
-    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with the sensor step of 0.055 mm.
+    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with a sensor step of 0.055
+    /// mm.
     fn default() -> Self {
         Self {
             shape: Shape::Zigzag,
@@ -88,37 +89,37 @@ impl Default for StrokeParams {
     }
 }
 
-/// Movements after which a zigzag turns back along y.
+/// Movements of a zigzag until it turns back along y.
 const LEGS_PER_SWEEP: u64 = 8;
-/// Longest part of a circle's time spent on starting, and on stopping, in seconds.
+/// Longest start, and stop, of a circle in seconds.
 const CIRCLE_RAMP_S: f64 = 0.5;
 
-/// A stroke made by rule: approach, path on the surface, lift-off. A pure function of time for its
-/// parameters: samples may be taken in any order, and nothing is kept between them.
+/// A made stroke: approach, path on the surface, lift-off. It is a pure function of time: samples may
+/// be taken in any order.
 ///
-/// Force and speed of its samples are `None`: the force is what a surface of
-/// [`stiffness_n_per_mm`](StrokeParams::stiffness_n_per_mm) at z = 0 answers to the depth.
+/// Its samples have no force and no speed. The force is what a surface of
+/// [`stiffness_n_per_mm`](StrokeParams::stiffness_n_per_mm) at z = 0 gives for the depth.
 #[derive(Clone, Debug)]
 pub struct Stroke {
     params: StrokeParams,
     tremor: Tremor,
     force_phase: f64,
-    /// Time of one movement between turns; of a circle's ramp.
+    /// Time of a movement between turns, or of a circle's start.
     leg_s: f64,
     /// Time of the path on the surface.
     path_s: f64,
-    /// The last movement's part of a whole one.
+    /// Length of the last movement as a part of a whole one.
     last_leg: f64,
     /// Whole movements.
     legs: u64,
 }
 
 impl Stroke {
-    /// A stroke of these parameters.
+    /// A stroke with these parameters.
     ///
     /// # Errors
-    /// A parameter out of the range its documentation states. The error has no place; the caller knows
-    /// where the value stood. The first word of the message is the parameter's name in back quotes.
+    /// A parameter out of its documented range. The error has no place; the caller knows it. The
+    /// message begins with the parameter's name in back quotes.
     pub fn new(params: StrokeParams) -> Result<Self, Diagnostic> {
         let p = &params;
         for (name, value, least, greatest) in [
@@ -134,7 +135,7 @@ impl Stroke {
             ("tremor_mm", p.tremor_mm, 0.0, 10.0),
             ("quantum_mm", p.quantum_mm, 0.0, 10.0),
         ] {
-            // Written so that NaN fails.
+            // NaN fails.
             if !(value >= least && value <= greatest) {
                 let from = if least == f64::MIN_POSITIVE {
                     "above 0 and at most".into()
@@ -151,7 +152,7 @@ impl Stroke {
             Shape::Line | Shape::Zigzag => {
                 let leg_s = p.extent_mm.hypotenuse(leg_pitch(p)) / p.mean_speed_mm_s;
                 let legs = (path_s / leg_s).floor();
-                // What is left makes a shorter movement at the same mean speed; a very short one would be a jolt.
+                // The rest makes a shorter movement at the same mean speed, unless it would be a jolt.
                 let rest = (path_s / leg_s - legs).clamp(0.0, 1.0);
                 (leg_s, legs as u64, if rest >= 0.5 || legs == 0.0 { rest } else { 0.0 })
             }
@@ -161,7 +162,7 @@ impl Stroke {
         Ok(Self { tremor, force_phase, leg_s, path_s, last_leg, legs, params })
     }
 
-    /// The parameters it was made of.
+    /// Its parameters.
     pub fn params(&self) -> &StrokeParams {
         &self.params
     }
@@ -171,8 +172,8 @@ impl Stroke {
         self.params.duration_s
     }
 
-    /// The stylus at `t` seconds; before 0 and after the end it rests above the surface (the tremor goes on).
-    /// A time that is not a number is 0. Does not allocate.
+    /// The stylus at `t` seconds. Before 0 and after the end it rests above the surface, with tremor.
+    /// NaN and infinity count as 0. Does not allocate.
     pub fn sample(&self, t: f64) -> Sample {
         let p = &self.params;
         let t = if t.is_finite() { t } else { 0.0 };
@@ -184,7 +185,7 @@ impl Stroke {
         Sample { position, ..Sample::default() }
     }
 
-    /// The force in N that the stroke means to press with at `t` seconds once it is on the surface.
+    /// Intended force in N at `t` seconds on the surface.
     pub fn force_at(&self, t: f64) -> f64 {
         let p = &self.params;
         p.force_n * (1.0 + p.force_swing * (TAU * p.force_swing_hz * t + self.force_phase).sine())
@@ -208,7 +209,7 @@ impl Stroke {
         [0, 1].map(|k| from[k] + way * (to[k] - from[k]))
     }
 
-    /// The `n`-th turn, in mm.
+    /// Turn number `n` in mm.
     fn turn(&self, n: u64) -> [f64; 2] {
         let half = self.params.extent_mm / 2.0;
         let x = if n.is_multiple_of(2) { -half } else { half };
@@ -221,7 +222,8 @@ impl Stroke {
     fn circle(&self, t: f64) -> [f64; 2] {
         let (ramp, all) = (self.leg_s, self.path_s);
         let cruise = self.params.mean_speed_mm_s * all / (all - ramp);
-        // The speed rises as a minimum-jerk movement, stays, and falls likewise: each ramp is worth half its time.
+        // The speed rises like a minimum-jerk movement, stays, and falls likewise. Each ramp counts
+        // half its time.
         let rise = ramp * minimum_jerk_ramp_integral(t / ramp);
         let fall = ramp * (0.5 - minimum_jerk_ramp_integral((all - t) / ramp));
         let steady = (t - ramp).clamp(0.0, all - 2.0 * ramp);
@@ -231,7 +233,7 @@ impl Stroke {
     }
 }
 
-/// How far a movement goes along y, in mm.
+/// Step of a movement along y in mm.
 fn leg_pitch(p: &StrokeParams) -> f64 {
     match p.shape {
         Shape::Zigzag => p.extent_mm / LEGS_PER_SWEEP as f64,

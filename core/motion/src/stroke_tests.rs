@@ -49,7 +49,7 @@ fn the_mean_speed_is_the_one_asked_for() {
 }
 
 #[test]
-fn a_zigzag_sweeps_its_square_and_a_circle_stays_on_its_radius() {
+fn zigzag_sweeps_its_square_and_circle_keeps_its_radius() {
     let zigzag = made(StrokeParams { duration_s: 20.0, ..bare(Shape::Zigzag) });
     let circle = made(bare(Shape::Circle));
     let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
@@ -67,7 +67,7 @@ fn a_zigzag_sweeps_its_square_and_a_circle_stays_on_its_radius() {
     }
 }
 
-/// No jump of position or velocity, also where approach, turns and lift-off meet.
+/// Position and velocity do not jump, also where approach, turns and lift-off meet.
 #[test]
 fn every_shape_is_smooth_and_rests_at_both_ends() {
     for shape in [Shape::Line, Shape::Zigzag, Shape::Circle] {
@@ -173,7 +173,10 @@ proptest! {
     ) {
         let shape = [Shape::Line, Shape::Zigzag, Shape::Circle][shape];
         let duration_s = path_s + 2.0 * approach_s;
-        let p = StrokeParams { shape, extent_mm, mean_speed_mm_s, force_n, stiffness_n_per_mm, approach_s, duration_s, seed, ..Default::default() };
+        let p = StrokeParams {
+            shape, extent_mm, mean_speed_mm_s, force_n, stiffness_n_per_mm, approach_s, duration_s, seed,
+            ..Default::default()
+        };
         let [x, y, z] = made(p).sample(t).position;
         let slack = 0.05 + 0.0276;
         prop_assert!(x.abs() <= extent_mm / 2.0 + slack && y.abs() <= extent_mm / 2.0 + slack, "{x} {y}");

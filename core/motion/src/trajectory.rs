@@ -3,12 +3,12 @@
 use super::interpolate::{hermite, pchip_slopes};
 use super::{AxisMap, Sample};
 
-/// How a position between two rows is found. Force and speed are always joined by straight lines.
+/// Interpolation of positions between rows. Force and speed are always interpolated linearly.
 ///
-/// The velocity downstream is a difference of positions. Straight lines make it a staircase of the
-/// recording's rate, which the 20 Hz filter passes when that rate is the 20 to 50 Hz of a tablet or a
-/// camera. The cubic's velocity is continuous, and unlike other splines it never leaves the range of the two
-/// rows, so that a rounded or resting position grows no ripple.
+/// The velocity downstream is a difference of positions. Straight lines make it a staircase at the
+/// recording's rate. The 20 Hz filter passes that if the rate is the 20 to 50 Hz of a tablet or a
+/// camera. The cubic's velocity is continuous. Unlike other splines it never leaves the range of its
+/// two rows, so that a rounded or resting position grows no ripple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
     /// Shape-preserving piecewise cubic (PCHIP).
@@ -18,20 +18,20 @@ pub enum Interpolation {
     Linear,
 }
 
-/// Where in a trajectory the last sample was taken, so that the next is found without a search.
+/// Row of the last sample, so that the next needs no search.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cursor(usize);
 
-/// A recorded stroke: at least two rows of strictly rising time, all finite.
+/// A recorded stroke: at least two rows with strictly rising time, all finite.
 ///
-/// Time runs from 0 at the first row to [`duration_s`](Self::duration_s) at the last; before and after, the
-/// first and the last row hold, also for a time that is not a number (the first).
+/// Time runs from 0 at the first row to [`duration_s`](Self::duration_s) at the last. Before and after,
+/// the first and the last row hold. NaN counts as 0.
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     /// Seconds after the first row.
     time: Vec<f64>,
     position: Vec<[f64; 3]>,
-    /// Slopes in mm/s at the rows; empty where positions are joined by straight lines.
+    /// Slopes in mm/s at the rows. Empty for linear interpolation.
     slope: Vec<[f64; 3]>,
     force: Option<Vec<f64>>,
     speed: Option<Vec<f64>>,
@@ -39,7 +39,7 @@ pub struct Trajectory {
     median_step_s: f64,
 }
 
-/// The columns of a file that has been checked, all of one length, two or more.
+/// Checked columns of one length, two or more.
 pub(super) struct Columns {
     pub(super) time: Vec<f64>,
     pub(super) position: Vec<[f64; 3]>,
@@ -67,7 +67,7 @@ impl Trajectory {
         Self { time, position, slope, force, speed, start_s, median_step_s }
     }
 
-    /// The file's own clock at its first row, in seconds.
+    /// The file's clock at its first row, in seconds.
     pub fn start_s(&self) -> f64 {
         self.start_s
     }
@@ -87,24 +87,25 @@ impl Trajectory {
         self.median_step_s
     }
 
-    /// Whether a normal force was recorded; then every sample has one.
+    /// Whether a normal force was recorded. Then every sample has one.
     pub fn has_force(&self) -> bool {
         self.force.is_some()
     }
 
-    /// Whether a speed was recorded; then every sample has one.
+    /// Whether a speed was recorded. Then every sample has one.
     pub fn has_speed(&self) -> bool {
         self.speed.is_some()
     }
 
-    /// The stylus `t` seconds after the first row. A search at every call; see [`sample_from`](Self::sample_from).
+    /// The stylus `t` seconds after the first row. Searches at every call; see
+    /// [`sample_from`](Self::sample_from).
     pub fn sample(&self, t: f64) -> Sample {
         self.sample_from(&mut Cursor::default(), t)
     }
 
-    /// The stylus `t` seconds after the first row, searched from where `cursor` was left: constant time
-    /// where `t` moves by about a row, logarithmic otherwise. Does not allocate. The cursor changes the time
-    /// taken, never the result, and may come from another trajectory.
+    /// The stylus `t` seconds after the first row, searched from `cursor`. Takes constant time if `t`
+    /// moves by about a row, else logarithmic time. Does not allocate. The cursor never changes the
+    /// result, and may come from another trajectory.
     pub fn sample_from(&self, cursor: &mut Cursor, t: f64) -> Sample {
         let last = self.time.len() - 2;
         let t = if t > 0.0 { t } else { 0.0 };
@@ -182,7 +183,7 @@ mod tests {
         assert_eq!(t.sample_from(&mut Cursor(usize::MAX), 0.3), t.sample(0.3));
     }
 
-    /// A row's neighbourhood stays within the two rows around it: no overshoot.
+    /// No overshoot: positions stay between the two rows around them.
     #[test]
     fn the_cubic_stays_between_its_rows() {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
@@ -199,8 +200,8 @@ mod tests {
         }
     }
 
-    /// Root mean square error, in mm/s, of the 20 Hz low-passed velocity at 500 Hz of a 60 mm, 0.6 s
-    /// movement recorded at about 30 Hz, against the same filter on the true velocity.
+    /// Rms error in mm/s of the velocity at 500 Hz behind a 20 Hz low-pass, of a 60 mm, 0.6 s movement
+    /// recorded at about 30 Hz. The reference is the true velocity behind the same filter.
     fn velocity_error(kind: Interpolation) -> f64 {
         let (way, time, start) = (60.0, 0.6, 0.2);
         let truth = |t: f64| way * minimum_jerk((t - start) / time);
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cubic_gives_a_better_velocity_from_slow_irregular_rows() {
+    fn cubic_gives_better_velocity_from_slow_irregular_rows() {
         let (cubic, line) = (velocity_error(Interpolation::Cubic), velocity_error(Interpolation::Linear));
         println!("velocity error, mm/s rms: cubic {cubic:.3}, linear {line:.3}");
         assert!(cubic < 0.5 * line, "cubic {cubic}, linear {line}");

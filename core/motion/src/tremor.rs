@@ -1,13 +1,15 @@
 //! Physiological tremor of a held tool.
 
 use asperity_numbers::Elementary as _;
+use asperity_numbers::random::{STEP, mix};
 use std::f64::consts::TAU;
 
-/// Waves a tremor is made of.
+/// Waves of a tremor.
 const WAVES: usize = 5;
 
-/// Physiological tremor: five sinusoids of seeded frequency in 8 to 12 Hz and seeded phase on each axis, a
-/// function of time alone. 8 to 12 Hz is the band of the hand's central component (Elble and Randall, 1976).
+/// Physiological tremor: on each axis five sinusoids with seeded frequencies in 8 to 12 Hz and seeded
+/// phases, a function of time alone. 8 to 12 Hz is the band of the hand's central component (Elble and
+/// Randall, 1976).
 #[derive(Clone, Debug)]
 pub struct Tremor {
     /// Amplitude, angular frequency in rad/s, phase in rad.
@@ -15,7 +17,7 @@ pub struct Tremor {
 }
 
 impl Tremor {
-    /// A tremor that never leaves +-`peak_mm` on any axis (mm, taken as its absolute value; 0 is none).
+    /// A tremor within +-`peak_mm` on each axis (mm, absolute value; 0 is none).
     pub fn new(peak_mm: f64, seed: u64) -> Self {
         let mut n = 0;
         let mut unit = || {
@@ -36,14 +38,11 @@ impl Tremor {
     }
 }
 
-/// The `n`-th uniform number of a seed, in 0..1: the SplitMix64 output function (Steele, Lea, Flood 2014) on
-/// an indexed state, so that any number can be had without the ones before it.
+/// The `n`-th uniform number of a seed, in 0..1, from 1. It is output `n` of SplitMix64 from the state
+/// `seed`.
 pub(crate) fn unit_from(seed: u64, n: u64) -> f64 {
-    let mut z = seed.wrapping_add(n.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^= z >> 31;
-    (z >> 11) as f64 / (1u64 << 53) as f64
+    let state = seed.wrapping_add(n.wrapping_sub(1).wrapping_mul(STEP));
+    (mix(state) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]
@@ -66,7 +65,7 @@ mod tests {
     #[test]
     fn its_power_lies_between_8_and_12_hz() {
         let t = Tremor::new(0.1, 11);
-        // A DFT over 16 s, Hann-windowed, evaluated straight from its definition.
+        // A Hann-windowed DFT over 16 s, by definition.
         let (n, rate) = (1600, 100.0);
         for axis in 0..3 {
             let x: Vec<f64> = (0..n)
@@ -92,7 +91,8 @@ mod tests {
         }
     }
 
-    /// First outputs of SplitMix64 from state 1234567: 6457827717110365317, 3203168211198807973 (Rosetta Code).
+    /// First outputs of SplitMix64 from state 1234567: 6457827717110365317, 3203168211198807973
+    /// (Rosetta Code).
     #[test]
     fn numbers_are_those_of_splitmix64() {
         for (n, want) in [(1, 6_457_827_717_110_365_317u64), (2, 3_203_168_211_198_807_973)] {

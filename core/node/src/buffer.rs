@@ -1,17 +1,16 @@
-//! What flows along the wires, and a node's view of it.
+//! Buffers of the wires, and a node's view of them.
 
 use num_complex::Complex;
 
 use crate::{PortType, Shape, time};
 
-/// What one output holds in the current tick.
+/// Content of one output in the current tick.
 ///
-/// `valid` is false where the value is not to be trusted: a node before it failed. `silent` is true where
-/// audio is known to be zero.
+/// `valid` is false if a node before it failed. `silent` is true if audio is known to be zero.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub enum Buffer {
-    /// Values, held from tick to tick; `changed` says whether they are others than in the tick before.
+    /// Values, held from tick to tick; `changed` says whether they differ from the tick before.
     Control { values: Box<[f64]>, changed: bool, valid: bool },
     /// This tick's samples: the first `len` of `samples`.
     Audio { samples: Box<[f32]>, len: usize, valid: bool, silent: bool },
@@ -22,7 +21,7 @@ pub enum Buffer {
 }
 
 impl Buffer {
-    /// An empty buffer for a port, large enough for any tick.
+    /// Makes an empty buffer for a port, large enough for any tick.
     pub fn new(port: &PortType, tick_hz: u32) -> Self {
         match port.shape {
             Shape::Control { count } => Self::constant(count, 0.0),
@@ -43,12 +42,12 @@ impl Buffer {
         }
     }
 
-    /// Values that never change: what an unconnected control input reads.
+    /// Makes the constant values of an unconnected control input.
     pub fn constant(count: usize, value: f64) -> Self {
         Self::Control { values: vec![value; count].into(), changed: false, valid: true }
     }
 
-    /// Whether the value is to be trusted.
+    /// Whether the content is valid.
     pub fn is_valid(&self) -> bool {
         match self {
             Buffer::Control { valid, .. }
@@ -58,7 +57,7 @@ impl Buffer {
         }
     }
 
-    /// Says whether the value is to be trusted.
+    /// Marks the content as valid or not.
     pub fn set_valid(&mut self, trusted: bool) {
         match self {
             Buffer::Control { valid, .. }
@@ -68,7 +67,7 @@ impl Buffer {
         }
     }
 
-    /// Takes over what another holds; false where that is of another kind or size. Allocates nothing.
+    /// Copies another buffer. Returns false if its kind or size differs. Does not allocate.
     pub fn copy_from(&mut self, from: &Buffer) -> bool {
         fn copy<T: Copy>(to: &mut [T], from: &[T]) -> bool {
             let fits = to.len() == from.len();
@@ -104,7 +103,7 @@ impl Buffer {
         }
     }
 
-    /// Whether a sleeping node need not be woken for this: silence, no frame, a control that did not change.
+    /// Whether it does not wake a sleeping node: silence, no frame, an unchanged control.
     pub fn is_silent(&self) -> bool {
         match self {
             Buffer::Control { changed, .. } => !changed,
@@ -114,7 +113,7 @@ impl Buffer {
     }
 }
 
-/// A frame that came in.
+/// A frame at an input.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a, T> {
     /// Its number.
@@ -125,7 +124,7 @@ pub struct Frame<'a, T> {
     pub bins: &'a [T],
 }
 
-/// Where an input reads from.
+/// Source of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputRef {
     /// Index of the buffer.
@@ -134,9 +133,9 @@ pub struct InputRef {
     pub connected: bool,
 }
 
-/// A node's inputs, by their place in the descriptor.
+/// A node's inputs, by their index in the descriptor.
 ///
-/// An accessor for another kind of port than the descriptor declares answers an empty slice.
+/// An accessor for another kind of port returns an empty slice.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs<'a> {
     before: &'a [Buffer],
@@ -146,8 +145,8 @@ pub struct Inputs<'a> {
 }
 
 impl<'a> Inputs<'a> {
-    /// Inputs that read, by `map`, from the buffers before and after the node's own. `after_base` is the
-    /// index of the first of `after`.
+    /// Makes inputs that read, by `map`, from the buffers before and after the node's own. `after_base`
+    /// is the index of the first of `after`.
     pub fn new(before: &'a [Buffer], after: &'a [Buffer], after_base: usize, map: &'a [InputRef]) -> Self {
         Self { before, after, after_base, map }
     }
@@ -162,7 +161,7 @@ impl<'a> Inputs<'a> {
         self.map.is_empty()
     }
 
-    /// The buffer an input reads, if there is one.
+    /// The buffer of an input, if there is one.
     pub fn buffer(&self, input: usize) -> Option<&'a Buffer> {
         let index = self.map.get(input)?.buffer as usize;
         match index.checked_sub(self.after_base) {
@@ -176,7 +175,7 @@ impl<'a> Inputs<'a> {
         self.map.get(input).is_some_and(|r| r.connected)
     }
 
-    /// Whether the value is to be trusted.
+    /// Whether the content of an input is valid.
     pub fn valid(&self, input: usize) -> bool {
         self.buffer(input).is_none_or(Buffer::is_valid)
     }
@@ -189,12 +188,12 @@ impl<'a> Inputs<'a> {
         }
     }
 
-    /// The first value of a control; 0 where there is none.
+    /// First value of a control; 0 if there is none.
     pub fn value(&self, input: usize) -> f64 {
         self.control(input).first().copied().unwrap_or(0.0)
     }
 
-    /// This tick's samples; none for an unconnected input.
+    /// Samples of this tick; none for an unconnected input.
     pub fn audio(&self, input: usize) -> &'a [f32] {
         match self.buffer(input) {
             Some(Buffer::Audio { samples, len, .. }) => &samples[..*len],
@@ -202,13 +201,13 @@ impl<'a> Inputs<'a> {
         }
     }
 
-    /// Whether every sample of this tick is +0, so that a node at rest has nothing to do.
+    /// Whether every sample of this tick is +0, so that a resting node can skip its work.
     pub fn is_zero(&self, input: usize) -> bool {
         // On bits, and without an early exit, so that it vectorises.
         self.audio(input).iter().fold(0, |bits, x| bits | x.to_bits()) == 0
     }
 
-    /// This tick's frame of magnitudes, if one came.
+    /// Magnitude frame of this tick, if there is one.
     pub fn magnitude(&self, input: usize) -> Option<Frame<'a, f32>> {
         match self.buffer(input) {
             Some(Buffer::Magnitude { bins, frame: Some((index, start)), .. }) => {
@@ -218,7 +217,7 @@ impl<'a> Inputs<'a> {
         }
     }
 
-    /// This tick's frame of complex bins, if one came.
+    /// Frame of complex bins of this tick, if there is one.
     pub fn spectrum(&self, input: usize) -> Option<Frame<'a, Complex<f32>>> {
         match self.buffer(input) {
             Some(Buffer::Spectrum { bins, frame: Some((index, start)), .. }) => {
@@ -229,9 +228,9 @@ impl<'a> Inputs<'a> {
     }
 }
 
-/// A node's outputs, by their place in the descriptor.
+/// A node's outputs, by their index in the descriptor.
 ///
-/// An accessor for another kind of port than the descriptor declares answers an empty slice.
+/// An accessor for another kind of port returns an empty slice.
 #[derive(Debug)]
 pub struct Outputs<'a> {
     buffers: &'a mut [Buffer],
@@ -243,12 +242,13 @@ impl<'a> Outputs<'a> {
         Self { buffers }
     }
 
-    /// The buffers themselves, for those who hand them on. What writes to audio or a frame also says so: `silent`, `frame`.
+    /// The buffers themselves, to pass on. Code that writes audio or a frame also sets `silent` or
+    /// `frame`.
     pub fn buffers(&mut self) -> &mut [Buffer] {
         self.buffers
     }
 
-    /// The values of a control; they hold what was last written.
+    /// Values of a control; they hold the last written values.
     pub fn control(&mut self, output: usize) -> &mut [f64] {
         match self.buffers.get_mut(output) {
             Some(Buffer::Control { values, .. }) => values,
@@ -263,7 +263,7 @@ impl<'a> Outputs<'a> {
         }
     }
 
-    /// This tick's samples, zero until written.
+    /// Samples of this tick, zero until written.
     pub fn audio(&mut self, output: usize) -> &mut [f32] {
         match self.buffers.get_mut(output) {
             Some(Buffer::Audio { samples, len, silent, .. }) => {

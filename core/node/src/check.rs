@@ -1,4 +1,4 @@
-//! Whether a descriptor keeps its own rules. Nothing here trusts what it reads: a descriptor may come from a plugin.
+//! Checks of descriptors. A descriptor may come from a plugin, so nothing in it is trusted.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -15,12 +15,12 @@ const MOST_HZ: u32 = 1_000_000;
 const MOST_SAMPLES: u32 = 1 << 20;
 
 impl Descriptor {
-    /// Checks what the fields promise: names are lower case and distinct, everything is documented, ranges have an inside,
-    /// defaults lie in them, `gate` and `feedback` name an input and a number, only what can change is live, and shapes
-    /// have a size.
+    /// Checks the rules of a descriptor: names are lower case and distinct, everything is documented,
+    /// ranges are not empty, defaults lie in them, `gate` and `feedback` name an input and a number,
+    /// only kinds that can change are live, and shapes have a size.
     ///
     /// # Errors
-    /// The first thing that is wrong, with the kind and the port or parameter. Whatever the values are, it does not panic.
+    /// The first problem, with the kind and the port or parameter. It does not panic on any values.
     pub fn check(&self) -> Result<(), Diagnostic> {
         self.problem().map_or(Ok(()), |what| {
             Err(Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind)))
@@ -66,7 +66,7 @@ fn is_name(name: &str) -> bool {
 
 type Text = Cow<'static, str>;
 
-/// Names of one list: well formed, documented, distinct.
+/// Checks the names of one list: well formed, documented, distinct.
 fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Option<String> {
     let mut seen = HashSet::new();
     for (name, doc) in list {
@@ -83,7 +83,7 @@ fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Op
     None
 }
 
-/// The first thing that is wrong with any of a list.
+/// First problem in a list.
 fn first<T>(
     what: &str,
     list: &[T],
@@ -207,13 +207,13 @@ mod tests {
     }
 
     #[test]
-    fn a_descriptor_that_keeps_its_rules_passes() {
+    fn valid_descriptor_passes() {
         good().check().unwrap();
         Descriptor::new("bare", "Nothing.").check().unwrap();
     }
 
     #[test]
-    fn names_are_lower_case_distinct_and_documented() {
+    fn bad_names_and_missing_docs_are_refused() {
         for name in ["", "Upper", "a b", "gr\u{fc}n", "x\n"] {
             wrong("name", |d| d.kind = name.into());
             wrong("parameter", |d| d.params[0].name = name.into());
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_have_an_inside_and_defaults_lie_there() {
+    fn empty_range_or_default_outside_is_refused() {
         for (from, to) in [(f64::NAN, 1.0), (0.0, f64::NAN), (1.0, 0.0), (0.0, f64::INFINITY)] {
             wrong("parameter `delay_ms`", |d| d.params[0].kind = ParamKind::Number(from..=to));
             wrong("parameter `list`", |d| d.params[3].kind = ParamKind::Numbers(from..=to));
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_can_change_is_live_and_roles_name_what_is_there() {
+    fn live_parameters_and_roles_are_checked() {
         for i in [3, 4] {
             wrong("live", |d| d.params[i].live = true);
         }
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_have_a_size() {
+    fn empty_shape_is_refused() {
         for n in [0, usize::MAX] {
             wrong("input `in`", |d| d.inputs[0].shape = ShapeSpec::Control(n));
         }

@@ -1,25 +1,26 @@
-//! What a node says of itself, before there is one.
+//! Descriptors of node kinds.
 
 use std::borrow::Cow;
 
 use crate::{Effect, Input, Output, Param};
 
-/// What the engine does with a node that slept, when it wakes.
+/// The engine's action when a sleeping node wakes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Resume {
     /// The node is reset, as if the graph began.
     #[default]
     Restart,
-    /// The node is told how many ticks it missed.
+    /// The node is told how many ticks it slept.
     Elapsed,
-    /// The node goes on as it was: what it puts out depends on the tick and its inputs, not on how often it was called.
+    /// The node continues as it was. Its output depends on the tick and its inputs, not on the number
+    /// of calls.
     Resume,
-    /// The node never sleeps: what it remembers must stay up to date.
+    /// The node never sleeps, because its state must stay up to date.
     Never,
 }
 
 impl Resume {
-    /// The word a person reads.
+    /// Word for a person.
     pub fn word(self) -> &'static str {
         match self {
             Resume::Restart => "restart",
@@ -35,33 +36,34 @@ impl Resume {
 pub struct Descriptor {
     /// Name in a graph file: lower case, words joined by `_`.
     pub kind: Cow<'static, str>,
-    /// What it does, in a sentence.
+    /// Purpose, in one sentence.
     pub summary: Cow<'static, str>,
-    /// Inputs. Where they depend on parameters, these are the ones of the defaults.
+    /// Inputs. If they depend on parameters, those for the defaults.
     pub inputs: Vec<Input>,
-    /// Outputs. Where they depend on parameters, these are the ones of the defaults.
+    /// Outputs. If they depend on parameters, those for the defaults.
     pub outputs: Vec<Output>,
     /// Parameters.
     pub params: Vec<Param>,
-    /// How it wakes.
+    /// Behaviour on waking.
     pub resume: Resume,
-    /// Whether a graph wants it for its own sake; what leads to no sink is not built.
+    /// Whether it is a sink. Nodes that reach no sink are not built.
     pub sink: bool,
-    /// Whether a sink only looks on: what it reads may sleep as if it were not there.
+    /// Whether a sink only observes: it does not keep its sources awake.
     pub passive: bool,
-    /// The input that this node gates: while its `wants` answers no, what serves that input alone sleeps.
+    /// The input that this node gates: while `wants` returns false, nodes that serve only that input
+    /// sleep.
     pub gate: Option<Cow<'static, str>>,
-    /// Names the parameter that says how long it delays, for a node that can close a cycle: its output in a tick then
+    /// The parameter with the node's delay, for a node that can close a cycle: its output in a tick
     /// does not need its input in that tick.
     pub feedback: Option<Cow<'static, str>>,
     /// What a scene has to know, for a kind that renders an effect of surfaces.
     pub effect: Option<Effect>,
-    /// What there is to say of latency and tail; empty where both are zero.
+    /// Notes on latency and tail; empty if both are zero.
     pub timing: Cow<'static, str>,
 }
 
 impl Descriptor {
-    /// A node without ports or parameters yet.
+    /// Makes a descriptor without ports or parameters.
     pub fn new(kind: impl Into<Cow<'static, str>>, summary: impl Into<Cow<'static, str>>) -> Self {
         Self {
             kind: kind.into(),
@@ -100,35 +102,36 @@ impl Descriptor {
         self
     }
 
-    /// Says how the node wakes.
+    /// Sets the behaviour on waking.
     #[must_use]
     pub fn resumes(mut self, resume: Resume) -> Self {
         self.resume = resume;
         self
     }
 
-    /// A sink: wanted for its own sake.
+    /// Makes it a sink.
     #[must_use]
     pub fn sink(mut self) -> Self {
         self.sink = true;
         self
     }
 
-    /// A sink that only looks on, and keeps nothing awake.
+    /// Makes it a sink that only observes, and keeps nothing awake.
     #[must_use]
     pub fn passive_sink(mut self) -> Self {
         (self.sink, self.passive) = (true, true);
         self
     }
 
-    /// A gate on one of its inputs.
+    /// Makes it a gate on one of its inputs.
     #[must_use]
     pub fn gates(mut self, input: impl Into<Cow<'static, str>>) -> Self {
         self.gate = Some(input.into());
         self
     }
 
-    /// Can close a cycle; of several the one with the largest `parameter` does.
+    /// Lets it close cycles. Of several such nodes in a cycle the one with the largest `parameter`
+    /// does.
     #[must_use]
     pub fn closes_cycles(mut self, parameter: impl Into<Cow<'static, str>>) -> Self {
         self.feedback = Some(parameter.into());
@@ -142,7 +145,7 @@ impl Descriptor {
         self
     }
 
-    /// What there is to say of latency and tail.
+    /// Sets the notes on latency and tail.
     #[must_use]
     pub fn timing(mut self, timing: impl Into<Cow<'static, str>>) -> Self {
         self.timing = timing.into();

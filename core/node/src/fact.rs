@@ -1,14 +1,14 @@
-//! What a node tells about itself.
+//! Facts that a node reports about itself.
 
 use std::borrow::Cow;
 use std::fmt;
 
-/// A fact a node tells about itself after it was prepared, or after a run.
+/// A fact about a node, after its preparation or after a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact {
-    /// What it is about, as a key: lower case, words joined by `_`.
+    /// Key: lower case, words joined by `_`.
     pub name: Cow<'static, str>,
-    /// What is so.
+    /// Value of the fact.
     pub value: FactValue,
 }
 
@@ -55,7 +55,7 @@ impl fmt::Display for FactValue {
     }
 }
 
-/// Four significant digits, which is what a person reads.
+/// Rounds to four significant digits, for a person.
 fn rounded(x: f64) -> String {
     if x == 0.0 {
         return "0".into();

@@ -1,22 +1,22 @@
-//! The node itself: what an author writes, and what the engine calls.
+//! The node traits: for authors, and for the engine.
 
-use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
 
 use asperity_state::State;
+use thiserror::Error;
 
 use crate::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Guard, Input, Inputs, Latency, Output, Outputs,
     Params, PortType, time,
 };
 
-/// What is known of a node before its ports are settled.
+/// Configuration of a node before its port types are known.
 #[derive(Clone, Copy, Debug)]
 pub struct Config<'a> {
     /// The node's id in the graph.
     pub id: &'a str,
-    /// Its parameters, checked against the descriptor.
+    /// Parameters, checked against the descriptor.
     pub params: &'a Params,
     /// Ticks a second of the graph.
     pub tick_hz: u32,
@@ -24,12 +24,12 @@ pub struct Config<'a> {
     pub every: u32,
     /// The graph's audio rate in Hz.
     pub audio_hz: u32,
-    /// A seed of the node's own.
+    /// Seed of this node.
     pub seed: u64,
 }
 
 impl Config<'_> {
-    /// A clock for frames at `wanted` a second, or as often as the node runs where that is less.
+    /// Makes a clock for `wanted` frames a second, or as many as the node's runs if that is less.
     pub fn frame_clock(&self, wanted: FrameRate) -> FrameClock {
         FrameClock::new(self.tick_hz, self.every, wanted)
     }
@@ -42,26 +42,26 @@ impl Config<'_> {
     }
 }
 
-/// How one port of a node is connected.
+/// Connection of one port.
 #[derive(Clone, Debug)]
 pub struct Wiring {
-    /// The settled type; `None` for an unconnected port whose type nothing settles.
+    /// Type of the port; `None` for an unconnected port whose type nothing determines.
     pub port: Option<PortType>,
     /// Whether a wire ends (or begins) there.
     pub connected: bool,
 }
 
-/// Everything a node may want to know when it is prepared.
+/// Configuration of a node for `prepare`.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a> {
-    /// What was known before.
+    /// Configuration from before the port types were known.
     pub config: Config<'a>,
-    /// Its inputs in the descriptor's order.
+    /// Inputs in the descriptor's order.
     pub inputs: &'a [Wiring],
-    /// Its outputs in the descriptor's order.
+    /// Outputs in the descriptor's order.
     pub outputs: &'a [Wiring],
-    /// Whether this node closes a cycle: `process` then runs before its inputs are there, and `absorb` when
-    /// they are.
+    /// Whether this node closes a cycle: then `process` runs before its inputs are ready, and `absorb`
+    /// after.
     pub closes_cycle: bool,
 }
 
@@ -74,17 +74,18 @@ impl<'a> Deref for Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// The settled type of an input.
+    /// Type of an input.
     pub fn input(&self, index: usize) -> Option<&'a PortType> {
         self.inputs.get(index)?.port.as_ref()
     }
 
-    /// The settled type of an output.
+    /// Type of an output.
     pub fn output(&self, index: usize) -> Option<&'a PortType> {
         self.outputs.get(index)?.port.as_ref()
     }
 
-    /// The audio rate or frame rate base of an input in Hz; the graph's audio rate where it has none.
+    /// Audio rate, or sample rate of the frames, of an input in Hz; the graph's audio rate if it has
+    /// none.
     pub fn input_rate(&self, index: usize) -> u32 {
         rate_of(self.input(index)).unwrap_or(self.audio_hz)
     }
@@ -103,7 +104,7 @@ fn rate_of(port: Option<&PortType>) -> Option<u32> {
     }
 }
 
-/// The ports of one node, after its parameters have had their say.
+/// Ports of one node, for its parameters.
 #[derive(Clone, Debug)]
 pub struct Ports {
     /// Inputs.
@@ -119,82 +120,77 @@ pub struct Tick<'a> {
     pub index: u64,
     /// Ticks a second.
     pub tick_hz: u32,
-    /// What comes in.
+    /// Input buffers.
     pub inputs: Inputs<'a>,
-    /// What goes out. Audio arrives zeroed, frames absent, controls as they were.
+    /// Output buffers. At the start audio is zero, frames are absent, and controls hold their values.
     pub outputs: Outputs<'a>,
 }
 
 impl Tick<'_> {
-    /// This tick's samples at a rate, as absolute sample numbers.
+    /// Samples of this tick at a rate, as absolute sample numbers.
     pub fn samples(&self, rate_hz: u32) -> Range<u64> {
         time::samples(self.index, rate_hz, self.tick_hz)
     }
 
-    /// The tick's time in seconds. For readers of a time axis; never to be added up.
+    /// Time of the tick in seconds, for a time axis only. Never sum it up.
     pub fn seconds(&self) -> f64 {
         self.index as f64 / f64::from(self.tick_hz)
     }
 }
 
-/// What went wrong in a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// Failure of a node.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq, Hash)]
 pub enum Fault {
-    /// The node said so; the number is its own.
+    /// The node returned [`Status::Error`] with this number.
+    #[error("failed with code {0}")]
     Failed(u32),
     /// The node panicked.
+    #[error("panicked")]
     Panicked,
     /// The node wrote a NaN or an infinity.
+    #[error("wrote a value that is not finite")]
     NotFinite,
-    /// The node took longer than a call may.
+    /// The call took longer than its limit.
+    #[error("took longer than it may")]
     Overrun,
-    /// A call did not return, and the node is called no more.
+    /// A call did not return. The node is not called again.
+    #[error("did not return and is cut out")]
     Stuck,
 }
 
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Fault::Failed(code) => write!(f, "failed with code {code}"),
-            Fault::Panicked => f.write_str("panicked"),
-            Fault::NotFinite => f.write_str("wrote a value that is not finite"),
-            Fault::Overrun => f.write_str("took longer than it may"),
-            Fault::Stuck => f.write_str("did not return and is cut out"),
-        }
-    }
-}
-
-/// What a node answers to a tick.
+/// A node's answer to a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// More to come.
+    /// The node has more output.
     Continue,
     /// The outputs of this tick are silent; call again.
     Quiet,
-    /// So many more ticks until silence, unless an input wakes the node: call that often, then as `Asleep`.
+    /// So many more ticks until silence, unless an input wakes the node. It is called that often, then
+    /// treated as `Asleep`.
     Tail(u64),
-    /// Nothing to come until an input that wakes carries something; see [`Input::wakes`].
+    /// No output until an input that wakes carries something; see [`Input::wakes`].
     Asleep,
-    /// It went wrong, with a number of the node's own; the engine fades or holds what the node put out.
+    /// Failure, with a number of the node's own. The engine fades or holds the node's outputs.
     Error(u32),
 }
 
 /// A node, as its author writes it.
 ///
 /// The life of a node:
-/// 1. `descriptor` says what it is; `ports` may refine that from parameters. Control thread.
-/// 2. `prepare` makes it, and is where it allocates, reads files and fails. Control thread.
+/// 1. `descriptor` declares it; `ports` may refine that from parameters. Control thread.
+/// 2. `prepare` makes it: here it allocates, reads files and may fail. Control thread.
 /// 3. `process` is called once a tick, or every k-th. Tick thread: no allocation, lock, log, system call,
-///    panic or drop of memory in there, nor in 4.
-/// 4. `reset` puts it back to the state after `prepare`; `elapsed` tells it what it slept through; `set_parameter` changes
-///    a parameter that is live; `state` hands over what it remembers when the graph is changed under it. Tick thread.
+///    panic or drop of memory, nor in 4.
+/// 4. On the tick thread too: `reset` restores the state after `prepare`; `elapsed` tells how long it slept;
+///    `set_parameter` changes a live parameter; `state` hands its state to a changed graph.
 /// 5. It is dropped on the control thread.
-// Whoever adds a method adds it to `Precise` in nodes/src/precision.rs, which passes each on: one with a body would be dropped there without a word.
+// A new method must be added to `Precise` in nodes/src/precision.rs too, which passes each on: one with a
+// body would be dropped there without a word.
 pub trait Node: Send + Sized + 'static {
     /// Kind, ports and parameters.
     fn descriptor() -> Descriptor;
 
-    /// The ports for these parameters; those of the descriptor unless a node says otherwise.
+    /// Ports for these parameters; those of the descriptor by default.
     ///
     /// # Errors
     /// Parameters that fit no ports.
@@ -205,35 +201,36 @@ pub trait Node: Send + Sized + 'static {
     /// Makes a node for its place in a graph.
     ///
     /// # Errors
-    /// What a parameter's range could not say: a file of another shape, values that do not go together.
+    /// Problems that a parameter's range cannot express: a wrong file, values that contradict each
+    /// other.
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic>;
 
-    /// One tick.
+    /// Runs one tick.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status;
 
-    /// Back to the state after `prepare`, with the parameters as they are now.
+    /// Restores the state after `prepare`, with the current parameters.
     fn reset(&mut self);
 
-    /// Gates only: whether the gated input is wanted this tick. Called once a tick, before `process`, with
-    /// every input there but the gated one.
+    /// Gates only: whether the gated input is wanted this tick. Called once a tick, before `process`,
+    /// when all inputs but the gated one are ready.
     fn wants(&mut self, _tick: &mut Tick<'_>) -> bool {
         true
     }
 
-    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has put out without them.
+    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has run without them.
     fn absorb(&mut self, _tick: &mut Tick<'_>) {}
 
-    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept through. It leaves the state that as many
-    /// calls would have left.
+    /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept. Its state must
+    /// become that of as many calls.
     fn elapsed(&mut self, _ticks: u64) {}
 
-    /// Takes a new value of a parameter that is [live](crate::Param::live), by its place in the descriptor; it lies in its
-    /// range. A flag is 0 or 1, a choice the place of its word.
+    /// Sets a [live](crate::Param::live) parameter, by its index in the descriptor, to a value in its
+    /// range. A flag is 0 or 1, a choice the index of its word.
     fn set_parameter(&mut self, _index: usize, _value: f64) {}
 
-    /// What it remembers from tick to tick, apart from its parameters and what they settle: see [`State`]. An instance
-    /// that was prepared for the same place, perhaps with other parameters, goes on from it. A node that remembers
-    /// nothing, or would rather start anew, leaves it out.
+    /// Saves or restores its state from tick to tick, without parameters and their consequences: see
+    /// [`State`]. Another instance, prepared for the same place but perhaps with other parameters,
+    /// continues from it. A node without state, or one that starts anew, leaves it out.
     fn state(&mut self, _state: &mut State<'_>) {}
 
     /// Latency from inputs to outputs, exact and signed.
@@ -241,99 +238,85 @@ pub trait Node: Send + Sized + 'static {
         Latency::ZERO
     }
 
-    /// How long the outputs go on once the inputs are silent.
+    /// Duration of the outputs after the inputs become silent.
     fn tail(&self) -> Latency {
         Latency::ZERO
     }
 
-    /// Sources only: how long there is something to play.
+    /// Sources only: duration of the output.
     fn duration(&self) -> Option<Latency> {
         None
     }
 
-    /// Whether `process` keeps the rule against allocation. A node that cannot must say so here.
+    /// Whether `process` does not allocate. A node that allocates must return false.
     fn allocation_free(&self) -> bool {
         true
     }
 
-    /// What there is to tell about this node. Control thread.
+    /// Facts about this node, for reports. Control thread.
     fn facts(&self) -> Vec<Fact> {
         Vec::new()
     }
 
-    /// Files that it read and that no parameter of kind [`File`](crate::ParamKind::File) names, so that a host can see when they
-    /// change. Control thread.
+    /// Files that it reads and that no parameter of kind [`File`](crate::ParamKind::File) names, so
+    /// that a host can watch them. Control thread.
     fn files(&self) -> Vec<PathBuf> {
         Vec::new()
     }
 
-    /// Limiters only: what holds the device's channel to the same limits, at rest and cold. Control thread.
+    /// Limiters only: a guard that keeps the device's channel within the same limits, starting at rest
+    /// and cold. Control thread.
     fn guard(&self) -> Option<Box<dyn Guard>> {
         None
     }
 
-    /// Limiters only: the coil is at least as warm as this, as a mean of squares \[A^2\]. Tick thread.
+    /// Limiters only: least heat of the coil, as a mean of squares \[A^2\]. Tick thread.
     fn warm(&mut self, _heat: f64) {}
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance, and with what can go wrong. Every
-/// [`Node`] is one; a kind that makes its nodes in another way implements this.
+/// A node as the engine calls it: [`Node`] without the parts that need no instance. Methods that run the
+/// node's code return a [`Fault`] if it failed. Every [`Node`] is a `Processor`; a kind that makes its nodes
+/// in another way implements this.
 pub trait Processor: Send {
     /// See [`Node::process`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault>;
 
     /// See [`Node::reset`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn reset(&mut self) -> Result<(), Fault>;
 
     /// See [`Node::wants`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn wants(&mut self, _tick: &mut Tick<'_>) -> Result<bool, Fault> {
         Ok(true)
     }
 
     /// See [`Node::absorb`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn absorb(&mut self, _tick: &mut Tick<'_>) -> Result<(), Fault> {
         Ok(())
     }
 
     /// See [`Node::elapsed`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn elapsed(&mut self, _ticks: u64) -> Result<(), Fault> {
         Ok(())
     }
 
     /// See [`Node::set_parameter`]. Tick thread.
-    ///
-    /// # Errors
-    /// How it failed.
     fn set_parameter(&mut self, _index: usize, _value: f64) -> Result<(), Fault> {
         Ok(())
     }
 
-    /// The most bytes that [`save`](Self::save) writes. Control thread.
+    /// Most bytes that [`save`](Self::save) writes. Control thread.
     fn state_size(&mut self) -> usize {
         0
     }
 
-    /// Writes what it remembers to the front of `bytes` and answers how many bytes; see [`Node::state`]. Tick thread.
+    /// Writes the state to the front of `bytes` and returns its length; see [`Node::state`]. Tick
+    /// thread.
     fn save(&mut self, _bytes: &mut [u8]) -> Option<usize> {
         Some(0)
     }
 
-    /// Goes on from what another instance saved. False where it cannot: then it is to be reset. Tick thread.
+    /// Continues from the state of another instance. Returns false on failure; then the caller resets
+    /// it. Tick thread.
     fn restore(&mut self, bytes: &[u8]) -> bool {
         bytes.is_empty()
     }
@@ -443,18 +426,18 @@ pub trait NodeKind: Send + Sync {
     /// Kind, ports and parameters.
     fn descriptor(&self) -> &Descriptor;
 
-    /// Where it comes from, for a person: `built in`, or a plugin's file.
+    /// Origin for a person: `built in`, or a plugin's file.
     fn origin(&self) -> &str {
         "built in"
     }
 
-    /// Tells two builds of a kind's code apart, so that a graph that is compiled again takes the newer one. 0 for what is
-    /// built in.
+    /// Number of the build of a kind's code, so that a recompiled graph uses the newer one. 0 for a
+    /// built-in kind.
     fn build(&self) -> u64 {
         0
     }
 
-    /// The ports for these parameters.
+    /// Ports for these parameters.
     ///
     /// # Errors
     /// Parameters that fit no ports.

@@ -1,8 +1,9 @@
-//! What a node is.
+//! Node types and the interface between nodes and the engine.
 //!
-//! A node author writes one type that implements [`Node`]: a [`Descriptor`] (kind, ports, parameters), a
-//! `prepare` that allocates, and a `process` that does not. [`Registry`] holds the kinds a host offers. The
-//! words of the graph live here too: [`PortType`], [`Unit`], [`FrameLayout`], exact time in [`time`].
+//! A node author writes one type that implements [`Node`]: a [`Descriptor`] (kind, ports, parameters),
+//! a `prepare` that allocates, and a `process` that does not. [`Registry`] holds the kinds that a host
+//! offers. The types of a graph are here too: [`PortType`], [`Unit`], [`FrameLayout`], and exact time
+//! in [`time`].
 
 mod buffer;
 mod check;

@@ -1,4 +1,4 @@
-//! Parameters: what a descriptor declares and what a graph file sets.
+//! Parameters: declared in a descriptor, and set in a graph file.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -9,7 +9,7 @@ use asperity_diagnostics::{Diagnostic, Place};
 
 use crate::Settings;
 
-/// What a parameter may be.
+/// Kinds of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParamKind {
     /// A finite number within a range.
@@ -30,23 +30,23 @@ pub enum ParamKind {
     Texts,
 }
 
-/// A declared parameter: name, kind, range, unit, default and meaning stand in one place.
+/// A declared parameter: name, kind, range, unit, default and meaning in one place.
 #[derive(Clone, Debug)]
 pub struct Param {
     /// Name in a graph file.
     pub name: Cow<'static, str>,
-    /// What it is and what it does, in a sentence.
+    /// Meaning and effect, in a sentence.
     pub doc: Cow<'static, str>,
     /// Unit of a number; empty for none.
     pub unit: Cow<'static, str>,
-    /// What it may be.
+    /// Kind and range.
     pub kind: ParamKind,
-    /// What it is where a graph does not say; `None` where a graph must.
+    /// Default; `None` if a graph must set it.
     pub default: Option<ParamValue>,
-    /// Whether it may be left out although it has no default.
+    /// Whether it may be missing although it has no default.
     pub optional: bool,
-    /// Whether [`Node::set_parameter`](crate::Node::set_parameter) takes a new value while the node runs; else a change
-    /// makes a new node. Numbers, whole numbers, flags and choices only.
+    /// Whether [`Node::set_parameter`](crate::Node::set_parameter) takes new values while the node
+    /// runs; otherwise a change makes a new node. Only for numbers, whole numbers, flags and choices.
     pub live: bool,
 }
 
@@ -61,7 +61,7 @@ pub enum ParamValue {
     Flag(bool),
     /// A text, or one of a few words.
     Text(String),
-    /// A file, its path resolved.
+    /// A file with its resolved path.
     File(PathBuf),
     /// A list of numbers.
     Numbers(Vec<f64>),
@@ -109,14 +109,14 @@ impl Param {
         Self::new(name, ParamKind::Text, Some(ParamValue::Text(default.to_owned())), doc)
     }
 
-    /// One of a few words, the first of which is the default.
+    /// One of a few words; the first is the default.
     pub fn choice(name: &'static str, words: &[&'static str], doc: &'static str) -> Self {
         let default = words.first().map(|w| ParamValue::Text((*w).to_owned()));
         let words = words.iter().map(|w| Cow::Borrowed(*w)).collect();
         Self::new(name, ParamKind::Choice(words), default, doc)
     }
 
-    /// A file, which a graph must name.
+    /// A file that a graph must name.
     pub fn file(name: &'static str, doc: &'static str) -> Self {
         Self::new(name, ParamKind::File, None, doc)
     }
@@ -136,28 +136,28 @@ impl Param {
         Self::new(name, ParamKind::Texts, Some(ParamValue::Texts(Vec::new())), doc)
     }
 
-    /// The unit of a number.
+    /// Sets the unit of a number.
     #[must_use]
     pub fn unit(mut self, unit: &'static str) -> Self {
         self.unit = Cow::Borrowed(unit);
         self
     }
 
-    /// A graph must set it.
+    /// Requires a graph to set it.
     #[must_use]
     pub fn required(mut self) -> Self {
         self.default = None;
         self
     }
 
-    /// May change while the node runs.
+    /// Allows changes while the node runs.
     #[must_use]
     pub fn live(mut self) -> Self {
         self.live = true;
         self
     }
 
-    /// A graph may leave it out, and then it has no value.
+    /// Allows a graph to leave it out; then it has no value.
     #[must_use]
     pub fn optional(mut self) -> Self {
         self.default = None;
@@ -182,12 +182,12 @@ struct Entry {
 }
 
 impl Params {
-    /// No parameters yet, of a node that stands at `node` in its file.
+    /// Makes an empty set for a node at position `node` of its file.
     pub fn new(node: Option<Place>) -> Self {
         Self { entries: Vec::new(), node, slots: Vec::new() }
     }
 
-    /// Adds a parameter. `value` is `None` for an optional one that a graph left out.
+    /// Adds a parameter. `value` is `None` for an optional one that is missing.
     pub fn insert(&mut self, name: impl Into<String>, value: Option<ParamValue>, place: Option<Place>) {
         self.entries.push(Entry { name: name.into(), value, place });
     }
@@ -226,7 +226,7 @@ impl Params {
         self.get_number(name).unwrap_or(0.0)
     }
 
-    /// A number that may have been left out.
+    /// A number that may be missing.
     pub fn get_number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
             ParamValue::Number(x) => Some(*x),
@@ -240,7 +240,7 @@ impl Params {
         self.get_integer(name).unwrap_or(0)
     }
 
-    /// A whole number that may have been left out.
+    /// A whole number that may be missing.
     pub fn get_integer(&self, name: &str) -> Option<i64> {
         match self.get(name)? {
             ParamValue::Integer(i) => Some(*i),
@@ -253,7 +253,7 @@ impl Params {
         matches!(self.get(name), Some(ParamValue::Flag(true)))
     }
 
-    /// A text or a choice; empty where there is none.
+    /// A text or a choice; empty if missing.
     pub fn text(&self, name: &str) -> &str {
         match self.get(name) {
             Some(ParamValue::Text(t)) => t,
@@ -261,7 +261,7 @@ impl Params {
         }
     }
 
-    /// A file's path; empty where there is none.
+    /// Path of a file; empty if missing.
     pub fn file(&self, name: &str) -> &Path {
         match self.get(name) {
             Some(ParamValue::File(p)) => p,
@@ -285,7 +285,8 @@ impl Params {
         }
     }
 
-    /// An error about a parameter, pointing at it in the file, or at the node where the file leaves it out.
+    /// An error about a parameter. It points at the parameter in the file, or at the node if the file
+    /// does not set it.
     pub fn error(&self, name: &str, message: impl Into<String>) -> Diagnostic {
         let place = self.entry(name).and_then(|e| e.place.as_ref()).or(self.node.as_ref());
         let d = Diagnostic::new(message);
@@ -300,12 +301,12 @@ impl Params {
         self.error("", message)
     }
 
-    /// Where a parameter stands in the graph file, if it does.
+    /// Position of a parameter in the graph file, if it is there.
     pub fn place(&self, name: &str) -> Option<&Place> {
         self.entry(name)?.place.as_ref()
     }
 
-    /// Where the node stands in the graph file.
+    /// Position of the node in the graph file.
     pub fn node_place(&self) -> Option<&Place> {
         self.node.as_ref()
     }

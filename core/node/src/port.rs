@@ -1,22 +1,22 @@
-//! Ports: what a wire carries, as a descriptor says it and as the compiler settles it.
+//! Ports: in a descriptor, and as the compiler resolves them.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use crate::{FrameRate, Unit};
 
-/// How the bins of a [`Shape::Magnitude`] or [`Shape::Spectrum`] came to be.
+/// Layout of the bins of a [`Shape::Magnitude`] or [`Shape::Spectrum`].
 ///
-/// The window is the periodic Hann window over all of `length`. Bins are amplitudes, 2 |sum w x| / sum w in
-/// the port's unit, so that a sine of amplitude 1 on a bin reads 1 whatever the length; bin 0 and the last
-/// bin of a whole spectrum follow the same rule and read 2 for a constant of 1.
+/// The window is the periodic Hann window over all of `length`. Bins are amplitudes, 2 |sum w x| / sum
+/// w in the port's unit, so that a sine of amplitude 1 on a bin reads 1 at any length. Bin 0 and the
+/// last bin of a whole spectrum follow the same rule and read 2 for a constant of 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FrameLayout {
-    /// Samples a second of the signal the frames describe.
+    /// Sample rate of the analysed signal in Hz.
     pub rate_hz: u32,
     /// Window and DFT length in samples.
     pub length: u32,
-    /// Bins in a frame, from bin 0 on; at most length / 2 + 1. Bins above them are 0.
+    /// Bins in a frame, from bin 0 on; at most length / 2 + 1. Bins above are 0.
     pub bins: u32,
     /// Frames a second; frame n starts at sample floor(n * rate / frame rate).
     pub frame_rate: FrameRate,
@@ -36,7 +36,7 @@ impl fmt::Display for FrameLayout {
     }
 }
 
-/// What one tick carries, all of it known.
+/// Content of one tick, fully known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// `count` values, held between ticks.
@@ -44,7 +44,7 @@ pub enum Shape {
         /// Number of values.
         count: usize,
     },
-    /// This tick's samples of one channel.
+    /// Samples of one channel in this tick.
     Audio {
         /// Samples a second.
         rate_hz: u32,
@@ -78,14 +78,14 @@ impl fmt::Display for Shape {
     }
 }
 
-/// The settled type of a port.
+/// Type of a port.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct PortType {
-    /// What a tick carries.
+    /// Content of a tick.
     pub shape: Shape,
     /// Unit of each value.
     pub unit: Unit,
-    /// Whether a limiter stands behind it; only such a signal may reach a device.
+    /// Whether it comes from a limiter; only such a signal may reach a device.
     pub limited: bool,
 }
 
@@ -95,7 +95,8 @@ impl fmt::Display for PortType {
     }
 }
 
-/// A type variable of a descriptor, by a letter: ports of a node that share it have the same type there.
+/// Type variable of a descriptor, a letter. Ports of a node with the same letter have the same type
+/// there.
 pub type Var = char;
 
 /// A rate in a descriptor.
@@ -105,7 +106,7 @@ pub enum RateSpec {
     Graph,
     /// This rate.
     Hz(u32),
-    /// The rate that every port with this variable has; a frame's rate is the one in its layout.
+    /// Rate of every port with this variable; for frames, the rate in their layout.
     Of(Var),
 }
 
@@ -114,7 +115,7 @@ pub enum RateSpec {
 pub enum LayoutSpec {
     /// This layout.
     Is(FrameLayout),
-    /// The layout that every port with this variable has.
+    /// Layout of every port with this variable.
     Of(Var),
 }
 
@@ -138,11 +139,11 @@ pub enum ShapeSpec {
 pub enum UnitSpec {
     /// This unit.
     Is(Unit),
-    /// The unit that every port with this variable has; one of `among`, or any where that is empty.
+    /// Unit of every port with this variable; one of `among`, or any if that is empty.
     Of {
         /// The variable.
         var: Var,
-        /// The units it may take; empty for any.
+        /// Allowed units; empty for any.
         among: Cow<'static, [Unit]>,
     },
 }
@@ -152,24 +153,24 @@ pub enum UnitSpec {
 pub struct Input {
     /// Name in a graph file.
     pub name: Cow<'static, str>,
-    /// What it is, in a few words.
+    /// Meaning, in a few words.
     pub doc: Cow<'static, str>,
-    /// What a tick carries.
+    /// Content of a tick.
     pub shape: ShapeSpec,
-    /// In which unit.
+    /// Unit of the values.
     pub unit: UnitSpec,
-    /// Whether it may stay unconnected. A control then reads `default` in every value, audio is silent, and
-    /// no frame comes.
+    /// Whether it may stay unconnected. A control then reads `default` in every value, audio is silent,
+    /// and no frame comes.
     pub optional: bool,
     /// Value of an unconnected control input.
     pub default: f64,
-    /// Whether a node that said it sleeps is woken by this input: by audio that is not silent, a frame, or
-    /// a control that changed. Audio and frames do unless said otherwise, controls only where said so.
+    /// Whether this input wakes a sleeping node: by audio that is not silent, a frame, or a changed
+    /// control. By default audio and frames do, controls do not.
     pub wakes: bool,
     /// Whether only a limited signal may enter.
     pub limited: bool,
-    /// Whether the host gives the values while no wire ends here: what comes from a device, a network or a
-    /// hand. Until it has, nothing there is to be trusted.
+    /// Whether the host sets the values while no wire ends here, such as data from a device, a network
+    /// or a hand. Until then they are not valid.
     pub fed: bool,
 }
 
@@ -178,20 +179,20 @@ pub struct Input {
 pub struct Output {
     /// Name in a graph file.
     pub name: Cow<'static, str>,
-    /// What it is, in a few words.
+    /// Meaning, in a few words.
     pub doc: Cow<'static, str>,
-    /// What a tick carries.
+    /// Content of a tick.
     pub shape: ShapeSpec,
-    /// In which unit.
+    /// Unit of the values.
     pub unit: UnitSpec,
-    /// Whether the node guards the signal (finite, and within a device's limits).
+    /// Whether the node limits the signal (finite, and within a device's limits).
     pub limited: bool,
-    /// Whether it comes beside what the node is for: a wire without a port's name does not mean it.
+    /// Whether it is secondary: a wire without a port name does not mean it.
     pub aside: bool,
 }
 
 impl Input {
-    /// A required input.
+    /// Makes a required input.
     pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
         Self {
             name: name.into(),
@@ -206,28 +207,28 @@ impl Input {
         }
     }
 
-    /// What it is, in a few words.
+    /// Sets its meaning, in a few words.
     #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
-    /// Any unit, the same for every port with this variable.
+    /// Allows any unit, the same for every port with this variable.
     #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
     }
 
-    /// One of a few units, the same for every port with this variable.
+    /// Allows some units, the same for every port with this variable.
     #[must_use]
     pub fn unit_among(mut self, var: Var, among: &'static [Unit]) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(among) };
         self
     }
 
-    /// May stay unconnected; a control then reads `default`.
+    /// Makes it optional; an unconnected control then reads `default`.
     #[must_use]
     pub fn or(mut self, default: f64) -> Self {
         self.optional = true;
@@ -235,22 +236,22 @@ impl Input {
         self
     }
 
-    /// A change here wakes a node that said it sleeps.
+    /// Lets a change here wake a sleeping node.
     #[must_use]
     pub fn wakes(mut self) -> Self {
         self.wakes = true;
         self
     }
 
-    /// Takes only a limited signal.
+    /// Accepts only a limited signal.
     #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
         self
     }
 
-    /// May stay unconnected; the host then gives the values, tick by tick. Built-in nodes only: a host
-    /// knows what to give by their kind.
+    /// Makes it optional; an unconnected input is set by the host, tick by tick. Built-in nodes only: a
+    /// host knows the values by their kind.
     #[must_use]
     pub fn fed(mut self) -> Self {
         (self.optional, self.fed) = (true, true);
@@ -259,29 +260,28 @@ impl Input {
 }
 
 impl Output {
-    /// An output.
+    /// Makes an output.
     pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
         let doc = Cow::Borrowed("");
         Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false, aside: false }
     }
 
-    /// What it is, in a few words.
+    /// Sets its meaning, in a few words.
     #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
-    /// Any unit, the same for every port with this variable.
+    /// Allows any unit, the same for every port with this variable.
     #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
     }
 
-    /// Comes beside what the node is for: a wire without a port's name does not mean it. Where the node
-    /// fails and it holds its values, these are still to be trusted: they say more of what the other
-    /// outputs no longer have.
+    /// Makes it secondary: a wire without a port name does not mean it. If the node fails and it holds
+    /// its values, these stay valid, because they only describe the other outputs.
     #[must_use]
     pub fn aside(mut self) -> Self {
         self.aside = true;

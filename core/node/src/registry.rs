@@ -1,4 +1,4 @@
-//! The kinds a host offers.
+//! The node kinds of a host.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -21,7 +21,7 @@ impl std::fmt::Debug for Registry {
 }
 
 impl Registry {
-    /// A registry with nothing in it.
+    /// Makes an empty registry.
     pub fn new() -> Self {
         Self::default()
     }
@@ -33,7 +33,7 @@ impl Registry {
         self
     }
 
-    /// Adds a kind, in place of one of the same name. Answers the one that was there.
+    /// Adds a kind, replacing one of the same name. Returns the replaced one.
     pub fn add(&mut self, kind: Arc<dyn NodeKind>) -> Option<Arc<dyn NodeKind>> {
         let name = kind.descriptor().kind.to_string();
         let before = self.kinds.insert(name.clone(), kind);

@@ -1,21 +1,21 @@
-//! Which kinds retrieve phase.
+//! Phase-retrieval kinds.
 
 use crate::{Descriptor, ShapeSpec};
 
-/// How a kind retrieves phase.
+/// Ports of a phase-retrieval kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Retrieval<'a> {
-    /// Its input of magnitudes.
+    /// Name of its input of magnitudes.
     pub input: &'a str,
-    /// Its output.
+    /// Name of its output.
     pub output: &'a str,
-    /// Whether it answers spectra, so that an `overlap_add` has to follow; else it answers samples.
+    /// Whether it outputs spectra, so that an `overlap_add` must follow; otherwise it outputs samples.
     pub spectrum: bool,
 }
 
 impl Descriptor {
-    /// How this kind retrieves phase, if it does: it has exactly one required input, which takes magnitudes, and one output,
-    /// which is spectra or samples.
+    /// Ports of this kind if it retrieves phase: exactly one required input, of magnitudes, and one
+    /// output, of spectra or samples.
     pub fn retrieval(&self) -> Option<Retrieval<'_>> {
         let mut required = self.inputs.iter().filter(|p| !p.optional);
         let (Some(input), None) = (required.next(), required.next()) else { return None };

@@ -1,4 +1,4 @@
-//! Exact time: ticks, samples and frames are counted in integers, never added up in floating point.
+//! Exact time: ticks, samples and frames are counted in integers, never summed in floating point.
 
 use std::fmt;
 use std::ops::{Add, Range};
@@ -10,12 +10,12 @@ pub const fn first_sample(tick: u64, rate_hz: u32, tick_hz: u32) -> u64 {
     (tick as u128 * rate_hz as u128 / tick_hz as u128) as u64
 }
 
-/// The samples of a tick at a rate. May be empty where the rate is below the tick rate.
+/// Samples of a tick at a rate. May be empty if the rate is below the tick rate.
 pub const fn samples(tick: u64, rate_hz: u32, tick_hz: u32) -> Range<u64> {
     first_sample(tick, rate_hz, tick_hz)..first_sample(tick + 1, rate_hz, tick_hz)
 }
 
-/// The most samples any tick has at a rate.
+/// Most samples of any tick at a rate.
 pub const fn max_samples(rate_hz: u32, tick_hz: u32) -> usize {
     rate_hz.div_ceil(tick_hz) as usize
 }
@@ -25,7 +25,7 @@ pub const fn max_samples(rate_hz: u32, tick_hz: u32) -> usize {
 pub struct FrameRate(Ratio<u32>);
 
 impl FrameRate {
-    /// `num / den` frames a second; `None` where one of them is 0.
+    /// `num / den` frames a second; `None` if one of them is 0.
     pub fn new(num: u32, den: u32) -> Option<Self> {
         (num > 0 && den > 0).then(|| Self(Ratio::new(num, den)))
     }
@@ -57,9 +57,9 @@ impl fmt::Display for FrameRate {
     }
 }
 
-/// Says which frame a node emits in which tick.
+/// Maps frames to ticks.
 ///
-/// Frame n belongs to the tick in whose time it starts, so that no sample of it has been emitted before.
+/// Frame n belongs to the tick in which it starts, so that none of its samples has been emitted before.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameClock {
     tick_hz: u32,
@@ -68,8 +68,8 @@ pub struct FrameClock {
 }
 
 impl FrameClock {
-    /// A clock for a node that runs every `every`-th tick. The frame rate is lowered to one frame a run where
-    /// it is higher; [`rate`](Self::rate) says what it came to.
+    /// Makes a clock for a node that runs every `every`-th tick. A higher frame rate is lowered to one
+    /// frame a run; see [`rate`](Self::rate).
     pub fn new(tick_hz: u32, every: u32, wanted: FrameRate) -> Self {
         let most = FrameRate(Ratio::new(tick_hz.max(1), every.max(1)));
         Self { tick_hz, every: every.max(1), rate: wanted.min(most) }
@@ -80,7 +80,8 @@ impl FrameClock {
         self.rate
     }
 
-    /// The frame that starts in this tick or, for a node that runs every k-th tick, before its next run.
+    /// The frame that starts in this tick or, for a node that runs every k-th tick, before its next
+    /// run.
     pub fn frame(&self, tick: u64) -> Option<u64> {
         let (num, den) = (u128::from(self.rate.num()), u128::from(self.rate.den()));
         let ticks_per = den * u128::from(self.tick_hz);
@@ -89,7 +90,7 @@ impl FrameClock {
     }
 }
 
-/// A signed exact duration. Positive is late; a node that emits ahead of its input's time is early.
+/// A signed exact duration. Positive is late, negative is early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Latency(Ratio<i64>);
 
@@ -108,7 +109,7 @@ impl Latency {
         Self::ratio(samples, i64::from(rate_hz))
     }
 
-    /// `num / den` seconds; a denominator of 0 is taken as 1.
+    /// `num / den` seconds; a denominator of 0 counts as 1.
     pub fn ratio(num: i64, den: i64) -> Self {
         Self(Ratio::new(num, if den == 0 { 1 } else { den }))
     }
@@ -128,7 +129,7 @@ impl Latency {
 impl Add for Latency {
     type Output = Self;
 
-    /// The exact sum; rounded to the nanosecond where the exact one would not fit 64 bits.
+    /// The exact sum; rounded to the nanosecond if the exact one does not fit 64 bits.
     fn add(self, other: Self) -> Self {
         let exact = || {
             let ((a, b), (c, d)) = (self.as_ratio(), other.as_ratio());

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-/// A unit, by its symbol. Two ports join only where their units are the same; nothing is converted.
+/// A unit, by its symbol. Two ports connect only if their units are equal; nothing is converted.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Unit(Cow<'static, str>);
 

@@ -1,11 +1,11 @@
-//! How a thread rounds, and denormal numbers flushed to zero: a decaying tail must not cost a hundred times what a loud signal does.
+//! Rounding of a thread, and flushing of denormal numbers to zero: a decaying tail must not cost a
+//! hundred times as much as a loud signal.
 
-/// How a thread rounds, what it does with denormals, and which exceptions it traps. On a CPU that is not known it is never
-/// seen to change.
+/// Rounding, denormal handling and exception traps of a thread. On an unknown CPU it never changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FloatControl(u64);
 
-/// Names of what is controlled, and their bits.
+/// Names and bits of its parts.
 #[cfg(target_arch = "x86_64")]
 const PARTS: [(&str, u64); 4] = [
     ("the rounding mode", 3 << 13),
@@ -23,7 +23,7 @@ const PARTS: [(&str, u64); 3] = [
 const PARTS: [(&str, u64); 0] = [];
 
 impl FloatControl {
-    /// That of this thread.
+    /// Reads this thread's control.
     #[inline]
     pub fn now() -> Self {
         #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
@@ -32,7 +32,7 @@ impl FloatControl {
         Self(0)
     }
 
-    /// Makes it this thread's again, and answers whether it was another.
+    /// Sets this thread's control, and returns whether it differed.
     #[inline]
     pub fn restore(self) -> bool {
         let changed = Self::now() != self;
@@ -44,18 +44,18 @@ impl FloatControl {
         changed
     }
 
-    /// What differs from another, in words.
+    /// Names of the parts that differ.
     pub fn differs(self, from: Self) -> Vec<String> {
         Self::parts(self.0 ^ from.0)
     }
 
-    /// Whether it is another, as bits that [`parts`](Self::parts) names.
+    /// Bits that differ; [`parts`](Self::parts) names them.
     #[inline]
     pub fn bits(self, from: Self) -> u64 {
         self.0 ^ from.0
     }
 
-    /// The parts that these bits belong to, in words.
+    /// Names of the parts with these bits.
     pub fn parts(bits: u64) -> Vec<String> {
         PARTS.iter().filter(|part| bits & part.1 != 0).map(|part| part.0.to_owned()).collect()
     }
@@ -88,8 +88,9 @@ mod arch {
     }
 
     pub(super) fn write(value: u32) {
-        // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set. They change how
-        // numbers are rounded, and which exceptions are trapped: as a thread had them before.
+        // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set.
+        // They change how numbers are rounded, and which exceptions are trapped: as a thread had them
+        // before.
         unsafe {
             asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags, readonly))
         };
@@ -118,7 +119,7 @@ mod arch {
 
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 impl Flushed {
-    /// From here on.
+    /// Starts flushing.
     #[allow(clippy::new_without_default)]
     pub fn new() -> Self {
         let before = arch::read();
@@ -168,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn denormals_are_zero_inside_and_are_back_outside() {
+    fn denormals_are_flushed_inside_and_restored_outside() {
         let tiny = black_box(f32::MIN_POSITIVE);
         {
             let _flushed = Flushed::new();

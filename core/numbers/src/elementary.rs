@@ -1,14 +1,15 @@
-//! Elementary functions that give the same bits everywhere.
+//! Elementary functions with the same bits everywhere.
 //!
-//! The standard library asks the system's C library for these, which answers otherwise on another system and, in one of a thousand
-//! cases, on a CPU without fused multiply-add: glibc has a version for each. Signals are made with the functions here, which are plain
-//! arithmetic. Clippy refuses the standard library's in every crate that makes signals.
+//! The standard library calls the system's C library for these. Its results differ between systems and,
+//! in one of a thousand cases, on a CPU without fused multiply-add: glibc has a version for each.
+//! Signals use the functions here, which are plain arithmetic. Clippy refuses the standard library's in
+//! every crate that makes signals.
 
 use std::ops::Mul;
 
 use num_complex::Complex;
 
-/// The complex number of a size and an angle in rad.
+/// The complex number with a size and an angle in rad.
 pub fn polar<T: Elementary + Mul<Output = T>>(size: T, angle: T) -> Complex<T> {
     let (sine, cosine) = angle.sine_cosine();
     Complex::new(size * cosine, size * sine)
@@ -19,7 +20,7 @@ pub fn size<T: Elementary>(z: Complex<T>) -> T {
     z.re.hypotenuse(z.im)
 }
 
-/// Elementary functions of a real number, each to about one part of the last place.
+/// Elementary functions of a real number, each to about one unit in the last place.
 pub trait Elementary: Copy {
     /// Sine of an angle in rad.
     #[must_use]
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn elementary_functions_are_those_of_the_c_library() {
+    fn elementary_functions_match_the_c_library() {
         type Pair = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
         let pairs: [Pair; 16] = [
             ("sine", Elementary::sine, f64::sin),

@@ -8,7 +8,7 @@ use crate::random::{STEP, mix};
 pub struct Random(u64);
 
 impl Random {
-    /// A generator from a seed; any seed will do.
+    /// Makes a generator from any seed.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -46,7 +46,7 @@ impl Random {
         radius * (2.0 * std::f64::consts::PI * self.unit()).cosine()
     }
 
-    /// Two independent normal numbers for little more than the price of one.
+    /// Two independent normal numbers at little more than the cost of one.
     pub fn normals(&mut self) -> [f64; 2] {
         let radius = (-2.0 * (1.0 - self.unit()).log_e()).sqrt();
         let (sin, cos) = (2.0 * std::f64::consts::PI * self.unit()).sine_cosine();

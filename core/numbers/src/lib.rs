@@ -1,5 +1,5 @@
-//! Numbers that are the same on every CPU: elementary functions, random numbers, and the state of the
-//! floating-point unit.
+//! Numbers that are the same on every CPU: elementary functions, random numbers, and floating-point
+//! control.
 
 pub mod denormals;
 mod elementary;

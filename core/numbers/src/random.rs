@@ -1,10 +1,10 @@
-//! Random numbers by index: skipping some does not change those that follow.
+//! Random numbers by index: skipping some does not change later ones.
 //!
-//! A counter is hashed by the finaliser of SplitMix64 (Steele, Lea, Flood 2014), which passes BigCrush on
-//! successive counters.
+//! A counter is hashed by the finaliser of SplitMix64 (Steele, Lea, Flood 2014), which passes BigCrush
+//! on successive counters.
 
-/// The seed of a node: mixed from the graph's seed and the node's id, so that two nodes differ and a renamed
-/// graph does not.
+/// Seed of a node from the graph's seed and the node's id. Two nodes differ, and renaming the graph
+/// changes nothing.
 pub fn seed_of(graph_seed: u64, id: &str) -> u64 {
     id.bytes().fold(mix(graph_seed), |h, b| mix(h ^ u64::from(b)))
 }
@@ -22,7 +22,7 @@ pub fn uniform(seed: u64, index: u64) -> f64 {
 /// Distance between successive states: 2^64 over the golden ratio, made odd.
 pub const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The number after a state of SplitMix64: the state takes a step and is hashed.
+/// The number after a state of SplitMix64: the state advances by a step and is hashed.
 #[inline]
 pub fn mix(state: u64) -> u64 {
     let mut z = state.wrapping_add(STEP);
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uniform_numbers_have_the_mean_and_spread_of_uniform_numbers() {
+    fn uniform_numbers_have_uniform_mean_and_variance() {
         let n = 100_000;
         let xs: Vec<f64> = (0..n).map(|i| uniform(7, i)).collect();
         let mean = xs.iter().sum::<f64>() / n as f64;
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_of_one_graph_have_seeds_of_their_own() {
+    fn nodes_of_one_graph_have_different_seeds() {
         assert_ne!(seed_of(1, "a"), seed_of(1, "b"));
         assert_ne!(seed_of(1, "a"), seed_of(2, "a"));
         assert_eq!(seed_of(1, "a"), seed_of(1, "a"));

@@ -1,23 +1,71 @@
-//! Ranges, and round numbers to mark on them.
+//! Axes, round numbers to mark on them, and panels of two axes.
+
+use super::svg::{Svg, num, polyline};
+
+/// Style of grid lines.
+const GRID: &str = "stroke=\"#e4e9ee\" stroke-width=\"1\" fill=\"none\" shape-rendering=\"crispEdges\"";
+/// Style of the edges of a panel.
+pub(super) const FRAME: &str =
+    "stroke=\"#b8c2cc\" stroke-width=\"1\" fill=\"none\" shape-rendering=\"crispEdges\"";
 
 /// A range of values laid over a range of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axis {
+    /// Ends of the range; on a logarithmic axis their decimal logarithms.
     pub(super) low: f64,
     pub(super) high: f64,
-    /// Pixel of `low` and of `high`.
+    /// Pixels of the two ends.
     pub(super) pixels: [f64; 2],
+    pub(super) logarithmic: bool,
 }
 
 impl Axis {
-    /// Where a value lies, in pixels.
-    pub(super) fn at(&self, value: f64) -> f64 {
-        let [a, b] = self.pixels;
-        a + (value - self.low) / (self.high - self.low) * (b - a)
+    /// A linear axis.
+    pub(super) fn linear((low, high): (f64, f64), pixels: [f64; 2]) -> Self {
+        Self { low, high, pixels, logarithmic: false }
     }
 
-    /// Round values in the range, at least 0.7 `spacing` pixels apart, each with its label.
+    /// An axis around the finite values, with a little room at both ends. `None` where there are none.
+    pub(super) fn around(
+        values: impl Iterator<Item = f64>,
+        logarithmic: bool,
+        pixels: [f64; 2],
+    ) -> Option<Self> {
+        let empty = Self { low: 0.0, high: 1.0, pixels, logarithmic };
+        let (low, high) = padded_range(values.map(|v| empty.scaled(v)))?;
+        Some(Self { low, high, ..empty })
+    }
+
+    /// Widens a logarithmic axis to a decade at least, so that small differences do not look large.
+    pub(super) fn at_least_a_decade(mut self) -> Self {
+        if self.logarithmic {
+            let more = (1.0 - (self.high - self.low)).max(0.0) / 2.0;
+            (self.low, self.high) = (self.low - more, self.high + more);
+        }
+        self
+    }
+
+    /// The value itself, or its logarithm.
+    fn scaled(&self, value: f64) -> f64 {
+        match self.logarithmic {
+            true if value < 1e-12 => -12.0,
+            true => value.log10(),
+            false => value,
+        }
+    }
+
+    /// Pixel of a value.
+    pub(super) fn at(&self, value: f64) -> f64 {
+        let [a, b] = self.pixels;
+        a + (self.scaled(value) - self.low) / (self.high - self.low) * (b - a)
+    }
+
+    /// Round values in the range with their labels. On a linear axis they are at least 0.7 `spacing` pixels
+    /// apart. On a logarithmic axis they are 1, 2 and 5 of every power of ten, or the powers alone.
     pub(super) fn ticks(&self, spacing: f64) -> Vec<(f64, String)> {
+        if self.logarithmic {
+            return self.powers();
+        }
         let span = self.high - self.low;
         let wanted = ((self.pixels[1] - self.pixels[0]).abs() / spacing).max(1.0);
         let raw = span / wanted;
@@ -34,9 +82,20 @@ impl Axis {
             .map(|i| (i as f64 * step, label(i as f64 * step, decimals)))
             .collect()
     }
+
+    fn powers(&self) -> Vec<(f64, String)> {
+        let wanted = (self.pixels[1] - self.pixels[0]).abs() / 40.0;
+        let factors: &[i32] = if (self.high - self.low) * 3.0 <= wanted { &[1, 2, 5] } else { &[1] };
+        let exponents = self.low.floor() as i32..=self.high.ceil() as i32;
+        exponents
+            .flat_map(|e| factors.iter().map(move |f| (f64::from(*f) * 10f64.powi(e), e)))
+            .filter(|(value, _)| (self.low..=self.high).contains(&value.log10()))
+            .map(|(value, e)| (value, format!("{value:.*}", (-e).max(0) as usize)))
+            .collect()
+    }
 }
 
-/// A number with a proper minus sign.
+/// A number with a true minus sign.
 fn label(v: f64, decimals: usize) -> String {
     if v.abs() >= 1e6 || (v != 0.0 && decimals > 5) {
         return format!("{v:.0e}").replace('-', "\u{2212}");
@@ -56,12 +115,66 @@ pub(super) fn padded_range(values: impl Iterator<Item = f64>) -> Option<(f64, f6
     Some((low - pad, high + pad))
 }
 
+/// A rectangle between two axes; `y.pixels` is bottom, top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Panel {
+    pub(super) x: Axis,
+    pub(super) y: Axis,
+}
+
+impl Panel {
+    /// Upright grid lines.
+    pub(super) fn x_grid(&self, svg: &mut Svg, spacing: f64) {
+        let [bottom, top] = self.y.pixels.map(num);
+        let ticks = self.x.ticks(spacing).into_iter();
+        let lines: String = ticks.map(|(v, _)| format!("M{} {bottom}V{top}", num(self.x.at(v)))).collect();
+        svg.path(&lines, GRID);
+    }
+
+    /// Labels of the upright lines, below the panel; `unit` follows each number.
+    pub(super) fn x_labels(&self, svg: &mut Svg, spacing: f64, unit: &str) {
+        for (v, label) in self.x.ticks(spacing) {
+            let at = [self.x.at(v), self.y.pixels[0] + 18.0];
+            svg.text(at, "middle", "small", &format!("{label}{unit}"));
+        }
+    }
+
+    /// Level grid lines at `ticks`, with their labels at the left.
+    pub(super) fn y_grid(&self, svg: &mut Svg, ticks: &[(f64, String)]) {
+        let [left, right] = self.x.pixels;
+        let mut lines = String::new();
+        for (v, label) in ticks {
+            lines += &format!("M{} {}H{}", num(left), num(self.y.at(*v)), num(right));
+            svg.text([left - 8.0, self.y.at(*v) + 4.0], "end", "small", label);
+        }
+        svg.path(&lines, GRID);
+    }
+
+    /// The left and the lower edge.
+    pub(super) fn frame(&self, svg: &mut Svg) {
+        let ([left, right], [bottom, top]) = (self.x.pixels.map(num), self.y.pixels.map(num));
+        svg.path(&format!("M{left} {top}V{bottom}H{right}"), FRAME);
+    }
+
+    /// Pixels of a point.
+    pub(super) fn at(&self, (x, y): (f64, f64)) -> [f64; 2] {
+        [self.x.at(x), self.y.at(y)]
+    }
+
+    /// Path data of the finite points, held within the range of the y axis.
+    pub(super) fn line(&self, points: &[(f64, f64)]) -> String {
+        let [bottom, top] = self.y.pixels;
+        let finite = points.iter().map(|p| self.at(*p)).filter(|p| p.iter().all(|v| v.is_finite()));
+        polyline(finite.map(|[x, y]| [x, y.clamp(top, bottom)]))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn labels(low: f64, high: f64, length: f64, spacing: f64) -> Vec<String> {
-        Axis { low, high, pixels: [length, 0.0] }.ticks(spacing).into_iter().map(|t| t.1).collect()
+        Axis::linear((low, high), [length, 0.0]).ticks(spacing).into_iter().map(|t| t.1).collect()
     }
 
     #[test]
@@ -81,5 +194,14 @@ mod tests {
         let (low, high) = padded_range([0.0, 0.0].into_iter()).unwrap();
         assert!(low < 0.0 && high > 0.0);
         assert_eq!(padded_range([f64::NAN].into_iter()), None);
+    }
+
+    #[test]
+    fn logarithms_are_marked_at_round_values() {
+        for (length, wanted) in [(120.0, &["1", "10"][..]), (400.0, &["1", "2", "5", "10", "20"])] {
+            let axis = Axis { low: -0.2, high: 1.4, pixels: [0.0, length], logarithmic: true };
+            let labels: Vec<String> = axis.ticks(0.0).into_iter().map(|t| t.1).collect();
+            assert_eq!(labels, wanted);
+        }
     }
 }

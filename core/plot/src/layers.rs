@@ -1,17 +1,17 @@
 //! Layered placement of a directed graph.
 //!
 //! After K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual understanding of hierarchical system
-//! structures", IEEE Trans. SMC 11(2), 1981: layers by longest path, crossings lowered by barycentres, then
-//! places along the layers, here by least squares under the separation of neighbours.
+//! structures", IEEE Trans. SMC 11(2), 1981. Layers follow the longest path. Sorting by barycentres lowers
+//! the number of crossings. Places along the layers minimise least squares, with gaps between neighbours.
 
-/// A wire between two boxes, by index.
+/// A wire between two boxes, given by their indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Edge {
     pub(super) from: usize,
     pub(super) to: usize,
 }
 
-/// Which edges would close a cycle, in the order of a depth-first walk; `known` ones are left out of it.
+/// Finds the edges that close a cycle, by a depth-first walk. Edges marked in `known` count as such.
 pub(super) fn cycle_closers(nodes: usize, edges: &[Edge], known: &[bool]) -> Vec<bool> {
     let mut closes = known.to_vec();
     let mut out = vec![Vec::new(); nodes];
@@ -53,8 +53,8 @@ pub(super) fn cycle_closers(nodes: usize, edges: &[Edge], known: &[bool]) -> Vec
     closes
 }
 
-/// The layer of each node: one past the last of those that feed it. Nodes that nothing feeds stand right
-/// before the first they feed. `edges` has no cycle.
+/// The layer of each node: one past the last node that feeds it. A node without inputs stands right before
+/// the first node it feeds. `edges` must have no cycle.
 pub(super) fn longest_path_layers(nodes: usize, edges: &[Edge]) -> Vec<usize> {
     let mut waiting = vec![0usize; nodes];
     edges.iter().for_each(|e| waiting[e.to] += 1);
@@ -77,25 +77,24 @@ pub(super) fn longest_path_layers(nodes: usize, edges: &[Edge]) -> Vec<usize> {
     layer
 }
 
-/// Boxes and, where an edge passes a layer, a bend in it, each with its place along its layer.
+/// Vertices with their places along the layers: boxes, and bends where an edge passes a layer.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Placement {
-    /// Vertices of each layer in order. The first vertices are the nodes themselves.
+    /// Vertices of each layer in order. The lowest indices are the nodes.
     pub(super) layers: Vec<Vec<usize>>,
-    /// Vertices each edge runs through, its ends included.
+    /// Vertices of each edge, its ends included.
     pub(super) chains: Vec<Vec<usize>>,
     /// Centre of each vertex.
     pub(super) x: Vec<f64>,
 }
 
-/// How far a bend keeps from its neighbours, and boxes from theirs.
+/// Half the least gap beside a bend, and beside a box.
 const BEND_ROOM: f64 = 9.0;
 const BOX_ROOM: f64 = 13.0;
-/// Weight of a piece that should be straight, and sweeps enough for such weights to settle.
+/// Weight of a piece that should be straight, and enough sweeps for it to settle.
 const STRAIGHT: f64 = 30.0;
 const SWEEPS: usize = 1500;
-/// Vertices times sweeps at most, and vertices with which chains are still straightened one by one: a huge
-/// graph is drawn less evenly, not late.
+/// Most vertices times sweeps, and most vertices for straightening. They bound the time for a huge graph.
 const MOVES: usize = 5_000_000;
 const STRAIGHTENED: usize = 5000;
 
@@ -135,7 +134,7 @@ impl Placement {
         placement
     }
 
-    /// Straight pieces of edges between neighbouring layers.
+    /// Pieces of edges between neighbouring layers.
     fn pieces(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.chains.iter().flat_map(|c| c.windows(2).map(|w| (w[0], w[1])))
     }
@@ -160,7 +159,7 @@ impl Placement {
         self.layers[layer].sort_by(|a, b| key(a).total_cmp(&key(b)));
     }
 
-    /// Pairs of edge pieces that cross.
+    /// Number of crossing pairs of pieces.
     pub(super) fn crossings(&self) -> usize {
         let rank = self.ranks();
         let mut layer_of = vec![0; self.x.len()];
@@ -185,9 +184,9 @@ impl Placement {
             .sum()
     }
 
-    /// Places the vertices along their layers near those they are joined to. `width` is that of each node,
-    /// `ports` for each edge how far its ends lie from the centres of its first and last node. The least
-    /// left edge becomes 0; the greatest right edge is returned.
+    /// Places the vertices along their layers near their neighbours. `width` has the width of each node;
+    /// `ports` has, for each edge, the offsets of its ends from the centres of their nodes. The least left
+    /// edge becomes 0. Returns the greatest right edge.
     pub(super) fn place(&mut self, width: &[f64], ports: &[(f64, f64)]) -> f64 {
         let half = |v: usize| width.get(v).map_or(0.0, |w| w / 2.0);
         let room = |v: usize| if v < width.len() { BOX_ROOM } else { BEND_ROOM };
@@ -196,9 +195,8 @@ impl Placement {
             degree[a][1] += 1;
             degree[b][0] += 1;
         }
-        // Neighbours of each vertex above and below: where each would have the vertex's centre, and how much
-        // it weighs. Pieces that are the only one at both ends weigh most, so that plain chains and long
-        // edges come out straight.
+        // A piece that is the only one at both its ends weighs most: plain chains and long edges become
+        // straight.
         let mut joined: Joined = vec![[Vec::new(), Vec::new()]; self.x.len()];
         for (chain, (start, end)) in self.chains.iter().zip(ports) {
             let last = chain.len() - 1;
@@ -214,7 +212,7 @@ impl Placement {
             for i in 0..self.layers.len() {
                 let at = if sweep % 2 == 0 { i } else { self.layers.len() - 1 - i };
                 let layer = &self.layers[at];
-                // Late sweeps weigh both sides, so that a box stands between what feeds it and what it feeds.
+                // Late sweeps weigh both sides, so that a box stands between its inputs and its outputs.
                 let sides: &[usize] = if sweep >= 20 {
                     &[0, 1]
                 } else if sweep % 2 == 0 {
@@ -250,24 +248,23 @@ impl Placement {
         (0..self.x.len()).map(|v| self.x[v] + half(v)).fold(0.0, f64::max)
     }
 
-    /// Takes the last slant out of chains of pieces that should be straight, where their neighbours leave room.
+    /// Straightens chains of pieces exactly, where their neighbours leave room.
     fn straighten(&mut self, joined: &Joined, half: impl Fn(usize) -> f64, room: impl Fn(usize) -> f64) {
         let next = |v: usize| {
             joined[v][1].iter().find(|(_, _, w)| *w == STRAIGHT).map(|&(to, shift, _)| (to, shift))
         };
         let continues = |v: usize| joined[v][0].iter().any(|(_, _, w)| *w == STRAIGHT);
         for head in (0..self.x.len()).filter(|v| !continues(*v)) {
-            // Vertices of the chain, each with where it lies when the head lies at 0.
+            // Vertices of the chain with their places relative to the head.
             let (mut chain, mut at) = (vec![(head, 0.0)], head);
             while let Some((to, shift)) = next(at) {
-                // The shift says where `to` would have `at`.
                 let offset = chain.last().map_or(0.0, |c| c.1) - shift;
                 chain.push((to, offset));
                 at = to;
             }
             let wanted = || chain.iter().map(|(v, offset)| self.x[*v] - offset);
             let middle = wanted().sum::<f64>() / chain.len() as f64;
-            // One end of its range is free where a neighbour has pushed a part of the chain aside.
+            // Where a neighbour has pushed a part of the chain aside, one end of its range is free.
             let choices = [middle, wanted().fold(f64::MAX, f64::min), wanted().fold(f64::MIN, f64::max)];
             let before = self.x.clone();
             for x in choices {
@@ -287,11 +284,11 @@ impl Placement {
     }
 }
 
-/// Neighbours above and below of each vertex: which, where it would have the vertex's centre, its weight.
+/// Neighbours above and below each vertex: index, wanted shift of the vertex from it, and weight.
 type Joined = Vec<[Vec<(usize, f64, f64)>; 2]>;
 
-/// Places nearest to the wanted ones, by weighted least squares, that keep their order and at least these
-/// gaps: an isotonic regression by pooling adjacent violators (M. Ayer et al., 1955).
+/// Places nearest to the wanted ones (place and weight) that keep their order and these least gaps. It is
+/// a weighted isotonic regression by pooling adjacent violators (M. Ayer et al., 1955).
 fn separated(wanted: &[(f64, f64)], gaps: &[f64]) -> Vec<f64> {
     let offsets: Vec<f64> = std::iter::once(0.0)
         .chain(gaps.iter().scan(0.0, |at, g| {
@@ -346,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn crossings_that_can_be_undone_are_undone() {
+    fn avoidable_crossings_are_removed() {
         // 0, 1, 2 feed 5, 4, 3: crossed as numbered, straight when turned.
         let e = edges(&[(0, 5), (1, 4), (2, 3)]);
         let p = Placement::order(&longest_path_layers(6, &e), &e);
@@ -367,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_is_straight_through_its_ports() {
+    fn chain_is_straight_through_its_ports() {
         // 1 -> 2 -> 3 hang under 0, which also feeds 4; 4 feeds 3's neighbour 5.
         let e = edges(&[(0, 1), (1, 2), (2, 3), (0, 4), (4, 5)]);
         let mut p = Placement::order(&longest_path_layers(6, &e), &e);

@@ -1,11 +1,11 @@
-//! A column of a series as an SVG path, no finer than the pixels it covers.
+//! A column of a series as SVG path data, no finer than the pixels it covers.
 
 use std::fmt::Write as _;
 
 use super::axis::Axis;
 use super::series::Series;
 
-/// A path and whether it encloses an area to fill.
+/// Path data, and whether it encloses an area to fill.
 pub(super) struct Trace {
     pub(super) d: String,
     pub(super) filled: bool,
@@ -20,8 +20,8 @@ pub(super) struct Band {
     pub(super) high: f64,
 }
 
-/// Draws one column of `series`: straight lines where there are few rows, else the band between least and
-/// greatest value in each column of pixels, so that no peak is lost and the text stays short.
+/// Draws one column of `series`. Few rows are joined by straight lines. Many become a band between the
+/// least and the greatest value in each column of pixels: no peak is lost, and the file stays small.
 pub(super) fn trace(series: &Series, column: usize, x: &Axis, y: &Axis) -> Trace {
     let width = (x.pixels[1] - x.pixels[0]).max(1.0);
     let covered = series.time_range().map_or(0.0, |(a, b)| (x.at(b) - x.at(a)).clamp(1.0, width));
@@ -57,7 +57,7 @@ pub(super) fn trace(series: &Series, column: usize, x: &Axis, y: &Axis) -> Trace
     Trace { d, filled: true }
 }
 
-/// The bands of a column of `series`, in order. Each also reaches to the last value before it, so that
+/// The bands of a column of `series`, in order. Each reaches to the last value before it, so that
 /// neighbours touch.
 pub(super) fn bands(series: &Series, column: usize, x: &Axis) -> Vec<Band> {
     let columns = (x.pixels[1] - x.pixels[0]).max(1.0) as usize;
@@ -85,7 +85,7 @@ pub(super) fn bands(series: &Series, column: usize, x: &Axis) -> Vec<Band> {
     bands
 }
 
-/// Writes points relative to each other, in tenths of a pixel, leaving out those that do not move.
+/// Writes path data as relative steps in tenths of a pixel. Points that do not move are left out.
 #[derive(Default)]
 pub(super) struct Pen {
     last: Option<(i64, i64)>,
@@ -121,14 +121,11 @@ mod tests {
     use super::*;
 
     fn axes(end: f64) -> (Axis, Axis) {
-        (
-            Axis { low: 0.0, high: end, pixels: [60.0, 160.0] },
-            Axis { low: -1.0, high: 1.0, pixels: [100.0, 0.0] },
-        )
+        (Axis::linear((0.0, end), [60.0, 160.0]), Axis::linear((-1.0, 1.0), [100.0, 0.0]))
     }
 
     #[test]
-    fn few_rows_are_joined_by_lines_and_gaps_stay_open() {
+    fn few_rows_are_joined_and_gaps_stay_open() {
         let s = Series::sampled("s", "", 2.0, vec![0.0, 1.0, f32::NAN, -1.0, 0.0]);
         let (x, y) = axes(2.0);
         let t = trace(&s, 0, &x, &y);
@@ -150,9 +147,9 @@ mod tests {
         assert_eq!(peaks, [12]);
     }
 
-    /// Against least and greatest found by cutting the data by hand.
+    /// Compared with the least and greatest values of the data, cut by hand.
     #[test]
-    fn bands_are_the_least_and_greatest_and_touch() {
+    fn bands_are_least_and_greatest_and_touch() {
         let data: Vec<f32> = (0..5000).map(|i| (f64::from(i) * 0.7).sin() as f32 * (i % 13) as f32).collect();
         let s = Series::sampled("s", "", 5000.0, data.clone());
         let (x, _) = axes(1.0);

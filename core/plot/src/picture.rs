@@ -1,4 +1,4 @@
-//! A graph as a picture.
+//! A graph, laid out in layers.
 
 use std::collections::HashMap;
 
@@ -12,9 +12,9 @@ pub struct PictureNode {
     pub id: String,
     /// Kind of the node.
     pub kind: String,
-    /// Said after the kind; may be empty.
+    /// Text after the kind; may be empty.
     pub note: String,
-    /// Whether it is not built: drawn grey.
+    /// Whether the compiler dropped it: drawn grey.
     pub dropped: bool,
 }
 
@@ -25,13 +25,13 @@ pub struct PictureWire {
     pub from: (String, String),
     /// Node and input port; the port may be empty.
     pub to: (String, String),
-    /// What it carries, such as a unit; may be empty.
+    /// Label, such as a unit; may be empty.
     pub label: String,
     /// Whether it closes a cycle: drawn dashed, outside.
     pub feedback: bool,
 }
 
-/// A graph to draw: sources above, sinks below. Wires of nodes that are not there are left out.
+/// A graph to draw: sources above, sinks below. Wires to unknown nodes are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Picture {
     /// Boxes; ids are unique.
@@ -43,13 +43,13 @@ pub struct Picture {
 const MARGIN: f64 = 28.0;
 const BOX_HEIGHT: f64 = 54.0;
 const GAP: f64 = 54.0;
-/// A wire leaves its box straight for this far, past its label.
+/// Straight part of a wire below its box, past its label.
 const LEAD: f64 = 18.0;
 const PORT_SIZE: f64 = 10.5;
 const WIRE: &str = "#5b7083";
 const GREY: &str = "#b4bec8";
 
-/// Ports of one side of a box, with what is written at each.
+/// The ports on one side of a box.
 #[derive(Clone, Default)]
 struct Side {
     ports: Vec<Port>,
@@ -58,16 +58,16 @@ struct Side {
 #[derive(Clone)]
 struct Port {
     name: String,
-    /// Of an output: what its wires carry.
+    /// Label of the wires of an output.
     label: String,
-    /// From the centre of the box.
+    /// Offset from the centre of the box.
     x: f64,
-    /// Where its wires lead, on average.
+    /// Mean place of the other ends of its wires.
     pull: f64,
 }
 
 impl Port {
-    /// Room to the left and right of its wire.
+    /// Room left and right of its wire.
     fn room(&self) -> (f64, f64) {
         let name = text_width(&self.name, PORT_SIZE) / 2.0 + 7.0;
         let label = if self.label.is_empty() { 0.0 } else { text_width(&self.label, PORT_SIZE) + 14.0 };
@@ -88,7 +88,7 @@ impl Side {
         self.ports.iter().map(|p| p.room().0 + p.room().1).sum()
     }
 
-    /// Sets the ports side by side in the order of where they lead, about the centre.
+    /// Sets the ports side by side around the centre, in the order of `pull`.
     fn spread(&mut self) {
         let mut order: Vec<usize> = (0..self.ports.len()).collect();
         order.sort_by(|a, b| self.ports[*a].pull.total_cmp(&self.ports[*b].pull));
@@ -105,7 +105,7 @@ impl Side {
     }
 }
 
-/// A wire whose ends are found: boxes and ports by index.
+/// A wire with the indices of its boxes and ports.
 struct Wire<'a> {
     wire: &'a PictureWire,
     edge: Edge,
@@ -144,7 +144,7 @@ impl Picture {
             .zip(inputs.iter().zip(&outputs))
             .map(|(n, (i, o))| (caption_width(n) + 28.0).max(i.width() + 8.0).max(o.width() + 8.0).max(92.0))
             .collect();
-        // First with wires at the centres; then ports are set where their wires lead.
+        // First with wires at the centres, then with ports in the order of their wires.
         placement.place(&width, &vec![(0.0, 0.0); edges.len()]);
         pull(&mut outputs, &mut inputs, &forth, &placement);
         outputs.iter_mut().chain(&mut inputs).for_each(Side::spread);
@@ -165,7 +165,9 @@ impl Picture {
         let mut svg = Svg::new(total.max(200.0), height, "Graph");
         for (id, colour) in [("tip", WIRE), ("grey-tip", GREY)] {
             svg.raw(format_args!(
-                "<marker id=\"{id}\" viewBox=\"0 0 8 8\" refX=\"7\" refY=\"4\" markerWidth=\"7\" markerHeight=\"7\" orient=\"auto\"><path d=\"M0 .8L7.5 4L0 7.2z\" fill=\"{colour}\"/></marker>\n"
+                "<marker id=\"{id}\" viewBox=\"0 0 8 8\" refX=\"7\" refY=\"4\" markerWidth=\"7\" \
+                 markerHeight=\"7\" orient=\"auto\">\
+                 <path d=\"M0 .8L7.5 4L0 7.2z\" fill=\"{colour}\"/></marker>\n"
             ));
         }
         let top = |layer: usize| MARGIN + layer as f64 * (BOX_HEIGHT + GAP);
@@ -183,15 +185,8 @@ impl Picture {
                 if i == 1 {
                     d += &format!("V{}", num(a));
                 }
-                d += &format!(
-                    "C{} {} {} {} {} {}",
-                    num(x),
-                    num(middle),
-                    num(next),
-                    num(middle),
-                    num(next),
-                    num(b)
-                );
+                let [x0, x1, m, y1] = [x, next, middle, b].map(num);
+                d += &format!("C{x0} {m} {x1} {m} {x1} {y1}");
                 if i + 1 < chain.len() {
                     d += &format!("V{}", num(b + BOX_HEIGHT));
                 }
@@ -202,7 +197,7 @@ impl Picture {
         for (i, w) in back.iter().enumerate() {
             let start = x_of(w.edge.from) + outputs[w.edge.from].ports[w.ports.0].x;
             let end = x_of(w.edge.to) + inputs[w.edge.to].ports[w.ports.1].x;
-            // Out below the one box, up a lane of its own, in above the other: gaps between layers have no boxes.
+            // Out below one box, up a lane of its own, in above the other box.
             let below = top(layer[w.edge.from]) + BOX_HEIGHT + GAP * 0.55;
             let above = top(layer[w.edge.to]) - (GAP * 0.4).min(MARGIN * 0.6);
             let corner = 8.0;
@@ -227,7 +222,7 @@ impl Picture {
     }
 }
 
-/// Where the wires of every port lead, on average.
+/// Sets the mean place of the other ends of the wires of every port.
 fn pull(outputs: &mut [Side], inputs: &mut [Side], wires: &[Wire<'_>], placement: &Placement) {
     let mut counts: HashMap<(bool, usize, usize), (f64, f64)> = HashMap::new();
     for (w, chain) in wires.iter().zip(&placement.chains) {
@@ -246,7 +241,7 @@ fn pull(outputs: &mut [Side], inputs: &mut [Side], wires: &[Wire<'_>], placement
     for (output, sides) in [(true, outputs), (false, inputs)] {
         for (n, side) in sides.iter_mut().enumerate() {
             for (p, port) in side.ports.iter_mut().enumerate() {
-                // A port with wires outside alone stands at the right end, where they run.
+                // A port with feedback wires alone stands at the right end, where they run.
                 port.pull = counts.get(&(output, n, p)).map_or(f64::MAX, |(sum, n)| sum / n);
             }
         }
@@ -263,11 +258,11 @@ fn stroke(svg: &mut Svg, d: &str, grey: bool, dashed: bool) {
 }
 
 fn caption_width(node: &PictureNode) -> f64 {
-    // Bold is wider than the estimate is made for.
+    // Bold is wider than the estimate.
     text_width(&node.id, 13.0) * 1.08 + text_width(&second_line(node), 12.0) + 9.0
 }
 
-/// What stands after the id: the kind unless it says the same, and the note.
+/// Text after the id: the kind unless it equals the id, and the note.
 fn second_line(node: &PictureNode) -> String {
     let kind = if node.kind == node.id { "" } else { node.kind.as_str() };
     match (kind.is_empty(), node.note.is_empty()) {
@@ -290,7 +285,8 @@ fn draw_box(svg: &mut Svg, node: &PictureNode, at: [f64; 2], width: f64, inputs:
     let after = second_line(node);
     let gap = if after.is_empty() { "" } else { " dx=\"8\"" };
     svg.raw(format_args!(
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\"{grey}><tspan class=\"head\">{}</tspan><tspan{gap}>{}</tspan></text>\n",
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\"{grey}><tspan class=\"head\">{}</tspan>\
+         <tspan{gap}>{}</tspan></text>\n",
         num(x),
         num(y + BOX_HEIGHT / 2.0 + 4.5),
         escape(&node.id),
@@ -332,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn cycles_marked_or_not_are_drawn_dashed() {
+    fn cycles_are_drawn_dashed() {
         let mut back = wire("c", "b");
         back.feedback = true;
         let picture = Picture {
@@ -345,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_drawn_as_an_empty_page() {
+    fn empty_graph_is_an_empty_page() {
         tags(&Picture::default().to_svg());
     }
 }

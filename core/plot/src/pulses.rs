@@ -1,25 +1,25 @@
-//! Envelopes of vibrations over time, and how deeply they are modulated over frequency.
+//! Envelopes of vibrations over time, and their modulation depth over frequency.
 
-use super::axis::Axis;
-use super::svg::{Svg, num};
+use super::axis::{Axis, Panel};
+use super::svg::Svg;
 
 /// A vibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pulsing {
-    /// What made it.
+    /// Its source.
     pub label: String,
-    /// Time in s and the envelope over its mean.
+    /// Time in s; envelope divided by its mean.
     pub envelope: Vec<(f64, f64)>,
-    /// Frequency in Hz and modulation depth.
+    /// Frequency in Hz; modulation depth.
     pub depths: Vec<(f64, f64)>,
 }
 
 /// Vibrations of one material, at most four.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PulsesRow {
-    /// Which material.
+    /// The material.
     pub label: String,
-    /// What is said of it.
+    /// Remark beside the label.
     pub remark: String,
     /// Its vibrations, each with a strip of its own.
     pub vibrations: Vec<Pulsing>,
@@ -44,18 +44,15 @@ const STRIPS: f64 = 18.0;
 const RIGHT: f64 = LEFT + STRIP[0] + 84.0;
 const DEPTHS: f64 = 340.0;
 const BETWEEN: f64 = 72.0;
-/// Largest envelope that is shown, over its mean.
+/// Largest envelope that is shown, divided by its mean. Larger values are drawn at the edge.
 const MOST: f64 = 3.0;
 const COLOURS: [&str; 4] = ["#d1602a", "#0a6fb0", "#6b7785", "#2a8f5a"];
-const GRID: &str = "stroke=\"#e4e9ee\" stroke-width=\"1\" fill=\"none\" shape-rendering=\"crispEdges\"";
 
 impl Pulses {
     /// The picture as an SVG document.
     pub fn to_svg(&self) -> String {
-        let heights = self.rows.iter().map(|row| row.height() + BETWEEN);
-        let mut svg = Svg::new(RIGHT + DEPTHS + 40.0, TOP + heights.sum::<f64>(), &self.title);
-        svg.text([LEFT, 36.0], "start", "title", &self.title);
-        svg.text([LEFT, 57.0], "start", "", &self.subtitle);
+        let height = TOP + self.rows.iter().map(|row| row.height() + BETWEEN).sum::<f64>();
+        let mut svg = Svg::chart([RIGHT + DEPTHS + 40.0, height], LEFT, &self.title, &[&self.subtitle]);
         let mut top = TOP;
         for row in &self.rows {
             row.draw(&mut svg, top);
@@ -74,53 +71,34 @@ impl PulsesRow {
         svg.heading([LEFT, top - 12.0], &self.label, &self.remark);
         svg.heading([RIGHT, top - 12.0], "Modulation depth", "over frequency, 2 Hz wide");
         let bottom = top + self.height();
-        let times = self.vibrations.iter().flat_map(|v| v.envelope.last()).map(|p| p.0);
-        let x = Axis { low: 0.0, high: times.fold(1e-3, f64::max), pixels: [LEFT, LEFT + STRIP[0]] };
+        let seconds =
+            self.vibrations.iter().flat_map(|v| v.envelope.last()).map(|p| p.0).fold(1e-3, f64::max);
         let depths = || self.vibrations.iter().flat_map(|v| &v.depths);
-        let hz = Axis {
-            low: 0.0,
-            high: depths().map(|p| p.0).fold(1.0, f64::max),
-            pixels: [RIGHT, RIGHT + DEPTHS],
-        };
+        let hz = depths().map(|p| p.0).fold(1.0, f64::max);
         let deepest = depths().map(|p| p.1).filter(|d| d.is_finite()).fold(0.01, f64::max);
-        let y = Axis { low: 0.0, high: 1.05 * deepest, pixels: [bottom, top] };
-        grid(svg, &x, [top, bottom], " s");
-        grid(svg, &hz, [top, bottom], " Hz");
-        let mut lines = String::new();
-        for (at, label) in y.ticks(50.0) {
-            lines += &format!("M{} {}h{}", num(RIGHT), num(y.at(at)), num(DEPTHS));
-            svg.text([RIGHT - 8.0, y.at(at) + 4.0], "end", "small", &label);
+        let envelopes = Panel {
+            x: Axis::linear((0.0, seconds), [LEFT, LEFT + STRIP[0]]),
+            y: Axis::linear((0.0, MOST), [bottom, top]),
+        };
+        let modulation = Panel {
+            x: Axis::linear((0.0, hz), [RIGHT, RIGHT + DEPTHS]),
+            y: Axis::linear((0.0, 1.05 * deepest), [bottom, top]),
+        };
+        for (panel, unit) in [(&envelopes, " s"), (&modulation, " Hz")] {
+            panel.x_grid(svg, 80.0);
+            panel.x_labels(svg, 80.0, unit);
         }
-        svg.path(&lines, GRID);
+        modulation.y_grid(svg, &modulation.y.ticks(50.0));
         for ((i, vibration), colour) in self.vibrations.iter().enumerate().zip(COLOURS) {
             let above = top + STRIPS + i as f64 * (STRIP[1] + STRIPS);
-            let strip = Axis { low: 0.0, high: MOST, pixels: [above + STRIP[1], above] };
+            let strip = Panel { y: Axis { pixels: [above + STRIP[1], above], ..envelopes.y }, ..envelopes };
             let stroke =
                 format!("stroke=\"{colour}\" stroke-width=\"1.3\" fill=\"none\" stroke-linejoin=\"round\"");
-            svg.path(&line(&vibration.envelope, &x, &strip), &stroke);
-            svg.path(&line(&vibration.depths, &hz, &y), &stroke);
+            svg.path(&strip.line(&vibration.envelope), &stroke);
+            svg.path(&modulation.line(&vibration.depths), &stroke);
             svg.text([LEFT + 2.0, above - 4.0], "start", "wire", &vibration.label);
         }
     }
-}
-
-/// Lines across an axis, with their labels below.
-fn grid(svg: &mut Svg, axis: &Axis, [top, bottom]: [f64; 2], unit: &str) {
-    let mut lines = String::new();
-    for (at, label) in axis.ticks(80.0) {
-        lines += &format!("M{} {}V{}", num(axis.at(at)), num(top), num(bottom));
-        svg.text([axis.at(at), bottom + 18.0], "middle", "small", &format!("{label}{unit}"));
-    }
-    svg.path(&lines, GRID);
-}
-
-/// A path through points; what lies outside of the axis is drawn at its end.
-fn line(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
-    let shown = points.iter().filter(|(x, y)| x.is_finite() && y.is_finite());
-    let place =
-        |(at, value): &(f64, f64)| format!("{} {}", num(x.at(*at)), num(y.at(value.clamp(y.low, y.high))));
-    let places: Vec<String> = shown.map(place).collect();
-    if places.is_empty() { String::new() } else { format!("M{}", places.join("L")) }
 }
 
 #[cfg(test)]
@@ -128,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_vibration_has_its_envelope_and_its_modulation() {
+    fn vibrations_have_envelope_and_modulation() {
         let vibration = |label: &str| Pulsing {
             label: label.into(),
             envelope: vec![(0.0, 1.0), (0.5, 9.0), (1.0, f64::NAN)],

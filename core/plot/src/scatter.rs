@@ -1,29 +1,28 @@
-//! Dots over two axes: what each of many settings costs and is worth.
+//! Dots over two axes: cost and quality of many settings.
 
-use super::axis::{Axis, padded_range};
-use super::dots::powers;
-use super::svg::{Svg, escape, num, text_width};
+use super::axis::{Axis, Panel};
+use super::svg::{Svg, escape, fitting, num, polyline, text_width};
 
-/// How a dot is drawn.
+/// Style of a dot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
-    /// One of many.
+    /// Filled.
     #[default]
     Plain,
-    /// One of many that cannot be had: hollow.
+    /// Hollow: a setting that is not available.
     Out,
 }
 
 /// A dot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dot {
-    /// Where it lies.
+    /// Its x and y.
     pub at: [f64; 2],
-    /// What it is called where a pointer rests on it.
+    /// Tooltip.
     pub name: String,
-    /// How it is drawn.
+    /// Its style.
     pub mark: Mark,
-    /// What stands beside it; empty for nothing.
+    /// Text beside it; may be empty.
     pub label: String,
 }
 
@@ -34,158 +33,114 @@ pub struct Scatter {
     pub title: String,
     /// Smaller, under the heading, a line each.
     pub subtitles: Vec<String>,
-    /// What goes to the right, and whether equal ratios are equally long.
+    /// Name of the x axis, and whether it is logarithmic. Less is better.
     pub x: (String, bool),
-    /// What goes up.
+    /// Name of the y axis.
     pub y: String,
-    /// Whether more of it is better; less of what goes to the right always is.
+    /// Whether a larger y is better.
     pub up_is_better: bool,
     /// All dots.
     pub dots: Vec<Dot>,
-    /// Those that no other beats, from the left on.
+    /// Indices of the dots on the Pareto front, from the left on.
     pub line: Vec<usize>,
-    /// A height to compare with, and what it is.
+    /// A level of y to compare with, and its name.
     pub reference: Option<(f64, String)>,
-    /// What differs by less than this in height is not told apart.
+    /// Differences of y below this are within noise.
     pub floor: Option<f64>,
 }
 
 const SIZE: [f64; 2] = [820.0, 520.0];
 const LEFT: f64 = 76.0;
-const RIGHT: f64 = 28.0;
-const BOTTOM: f64 = 58.0;
-const GRID: &str = "stroke=\"#e4e9ee\" stroke-width=\"1\" fill=\"none\"";
+const RIGHT: f64 = SIZE[0] - 28.0;
+const BOTTOM: f64 = SIZE[1] - 58.0;
 const DOT: &str = "#7b93a8";
 const LINE: &str = "#d9730d";
 const REFERENCE: &str = "#6b4fa0";
-/// Room that a label's text takes up.
+/// Font size that labels are measured with.
 const LETTERS: f64 = 12.0;
 
 /// A rectangle: left, top, right, bottom.
 type Room = [f64; 4];
 
 impl Scatter {
-    /// As an SVG document; empty of dots where nothing is finite.
+    /// The picture as an SVG document; without dots where nothing is finite.
     pub fn to_svg(&self) -> String {
-        let mut svg = Svg::new(SIZE[0], SIZE[1], &self.title);
-        svg.text([24.0, 34.0], "start", "title", &self.title);
-        for (i, line) in self.subtitles.iter().enumerate() {
-            svg.text([24.0, 54.0 + 16.0 * i as f64], "start", "small", line);
-        }
-        let top = 66.0 + 16.0 * self.subtitles.len() as f64;
-        let bottom = SIZE[1] - BOTTOM;
-        let place_x = |x: f64| if self.x.1 { x.max(1e-12).log10() } else { x };
-        let xs = self.dots.iter().map(|d| place_x(d.at[0]));
+        let mut svg = Svg::chart(SIZE, 24.0, &self.title, &self.subtitles);
+        let top = 68.0 + 18.0 * self.subtitles.len() as f64;
+        let xs = self.dots.iter().map(|d| d.at[0]);
         let ys = self.dots.iter().map(|d| d.at[1]).chain(self.reference.iter().map(|r| r.0));
-        let (Some(across), Some(up)) = (padded_range(xs), padded_range(ys)) else { return svg.finish() };
-        // A decade at the least, so that what hardly differs does not seem to.
-        let more = if self.x.1 { (1.0 - (across.1 - across.0)).max(0.0) / 2.0 } else { 0.0 };
-        let x = Axis { low: across.0 - more, high: across.1 + more, pixels: [LEFT, SIZE[0] - RIGHT] };
-        let y = Axis { low: up.0, high: up.1, pixels: [bottom, top] };
-        self.axes(&mut svg, &x, &y, [top, bottom]);
-        let at = |d: &Dot| [x.at(place_x(d.at[0])), y.at(d.at[1])];
-        let mut taken: Vec<Room> = Vec::new();
+        let (Some(x), Some(y)) =
+            (Axis::around(xs, self.x.1, [LEFT, RIGHT]), Axis::around(ys, false, [BOTTOM, top]))
+        else {
+            return svg.finish();
+        };
+        let panel = Panel { x: x.at_least_a_decade(), y };
+        self.axes(&mut svg, &panel);
         if let Some((height, _)) = &self.reference {
-            let h = y.at(*height);
-            let style =
-                format!("stroke=\"{REFERENCE}\" stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"");
-            svg.path(&format!("M{} {}H{}", num(LEFT), num(h), num(SIZE[0] - RIGHT)), &style);
+            let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
+            let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
+            svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
         }
-        let line: Vec<[f64; 2]> = self.line.iter().filter_map(|i| self.dots.get(*i)).map(at).collect();
-        let path: String = line
-            .iter()
-            .enumerate()
-            .map(|(i, p)| format!("{}{} {}", if i == 0 { "M" } else { "L" }, num(p[0]), num(p[1])))
-            .collect();
-        svg.path(&path, &format!("stroke=\"{LINE}\" stroke-width=\"2\" fill=\"none\""));
-        for (i, dot) in self.dots.iter().enumerate() {
+        let at = |dot: &Dot| panel.at((dot.at[0], dot.at[1]));
+        let front = self.line.iter().filter_map(|i| self.dots.get(*i)).map(at);
+        svg.path(&polyline(front), &format!("stroke=\"{LINE}\" stroke-width=\"2\" fill=\"none\""));
+        let mut taken: Vec<Room> = Vec::new();
+        for (i, dot) in self.dots.iter().enumerate().filter(|(_, dot)| dot.at.iter().all(|v| v.is_finite())) {
             let [cx, cy] = at(dot);
-            if !(dot.at[0].is_finite() && dot.at[1].is_finite()) {
-                continue;
-            }
-            let best = self.line.contains(&i);
-            let colour = if best { LINE } else { DOT };
-            let fill = match dot.mark {
-                Mark::Plain => {
-                    format!("fill=\"{colour}\" fill-opacity=\"{}\"", if best { "1" } else { "0.55" })
-                }
-                Mark::Out => format!("fill=\"#fff\" stroke=\"{colour}\" stroke-width=\"1.4\""),
-            };
-            let ring = if dot.label.is_empty() { "" } else { " stroke=\"#1f2933\" stroke-width=\"1.8\"" };
-            let fill = if dot.mark == Mark::Plain { fill + ring } else { fill };
-            svg.raw(format_args!(
-                "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" {fill}><title>{}</title></circle>\n",
-                num(cx),
-                num(cy),
-                if best { "5" } else { "4" },
-                escape(&dot.name)
-            ));
+            self.draw_dot(&mut svg, [cx, cy], dot, self.line.contains(&i));
             taken.push([cx - 4.0, cy - 4.0, cx + 4.0, cy + 4.0]);
         }
-        self.better(&mut svg, top);
+        self.draw_arrow(&mut svg, top);
+
+        let mut labels = Labels { svg, taken, top };
         for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
             let [cx, cy] = at(dot);
-            let places = AROUND.map(|(dx, dy, anchor)| ([cx + dx, cy + dy], anchor));
-            put(&mut svg, &dot.label, &places, [top, bottom], &mut taken);
+            labels.put(&dot.label, &AROUND.map(|(dx, dy, anchor)| ([cx + dx, cy + dy], anchor)));
         }
-        if let Some((height, why)) = &self.reference {
+        if let Some((height, name)) = &self.reference {
             let h = y.at(*height);
-            let right = SIZE[0] - RIGHT - 4.0;
-            let places = [right, LEFT + 4.0].map(|x| {
-                let anchor = if x == right { "end" } else { "start" };
-                [([x, h - 5.0], anchor), ([x, h + 14.0], anchor)]
-            });
-            put(&mut svg, why, places.as_flattened(), [top, bottom], &mut taken);
+            let places = [(RIGHT - 4.0, "end"), (LEFT + 4.0, "start")]
+                .map(|(x, anchor)| [([x, h - 5.0], anchor), ([x, h + 14.0], anchor)]);
+            labels.put(name, places.as_flattened());
         }
         if let Some(floor) = self.floor {
-            // How high a difference has to be.
-            let high = (y.at(0.0) - y.at(floor)).abs().max(1.0);
-            let lefts = [LEFT + 23.0, LEFT + 190.0, 0.5 * (LEFT + SIZE[0]), SIZE[0] - RIGHT - 130.0];
-            let places: Vec<([f64; 2], &str)> = [14.0, 60.0, 110.0, 160.0]
-                .iter()
-                .flat_map(|up| lefts.map(|x| ([x, bottom - up - 0.5 * high + 4.0], "start")))
-                .collect();
-            if let Some([x, y]) = put(&mut svg, "less is not told apart", &places, [top, bottom], &mut taken)
-            {
-                let base = y - 4.0 + 0.5 * high;
-                let (left, foot, head) = (num(x - 9.0), num(x - 13.0), num(base - high));
-                let base = num(base);
-                let d = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
-                svg.path(&d, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
-            }
+            labels.put_noise_floor((y.at(0.0) - y.at(floor)).abs().max(1.0));
         }
-        svg.finish()
+        labels.svg.finish()
     }
 
-    fn axes(&self, svg: &mut Svg, x: &Axis, y: &Axis, [top, bottom]: [f64; 2]) {
-        let mut grid = String::new();
-        let across = if self.x.1 { powers(x) } else { x.ticks(80.0) };
-        for (value, label) in &across {
-            grid += &format!("M{} {}V{}", num(x.at(*value)), num(top), num(bottom));
-            svg.text([x.at(*value), bottom + 18.0], "middle", "small", label);
-        }
-        for (value, label) in &y.ticks(48.0) {
-            grid += &format!("M{} {}H{}", num(LEFT), num(y.at(*value)), num(SIZE[0] - RIGHT));
-            svg.text([LEFT - 8.0, y.at(*value) + 4.0], "end", "small", label);
-        }
-        svg.path(&grid, GRID);
-        svg.text([0.5 * (LEFT + SIZE[0] - RIGHT), bottom + 42.0], "middle", "head", &self.x.0);
+    fn axes(&self, svg: &mut Svg, panel: &Panel) {
+        let [bottom, top] = panel.y.pixels;
+        panel.x_grid(svg, 80.0);
+        panel.x_labels(svg, 80.0, "");
+        panel.y_grid(svg, &panel.y.ticks(48.0));
+        svg.text([0.5 * (LEFT + RIGHT), bottom + 42.0], "middle", "head", &self.x.0);
+        svg.upright_text([22.0, 0.5 * (top + bottom)], "middle", "head", &self.y);
+    }
+
+    fn draw_dot(&self, svg: &mut Svg, at: [f64; 2], dot: &Dot, best: bool) {
+        let (colour, opacity) = if best { (LINE, "1") } else { (DOT, "0.55") };
+        let fill = match dot.mark {
+            Mark::Out => format!("fill=\"#fff\" stroke=\"{colour}\" stroke-width=\"1.4\""),
+            Mark::Plain if dot.label.is_empty() => format!("fill=\"{colour}\" fill-opacity=\"{opacity}\""),
+            Mark::Plain => format!(
+                "fill=\"{colour}\" fill-opacity=\"{opacity}\" stroke=\"#1f2933\" stroke-width=\"1.8\""
+            ),
+        };
+        let ([x, y], r) = (at.map(num), if best { 5 } else { 4 });
+        let name = escape(&dot.name);
         svg.raw(format_args!(
-            "<text x=\"22\" y=\"{y}\" text-anchor=\"middle\" class=\"head\" transform=\"rotate(-90 22 {y})\">{}</text>\n",
-            escape(&self.y),
-            y = num(0.5 * (top + bottom)),
+            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\" {fill}><title>{name}</title></circle>\n"
         ));
     }
 
-    /// An arrow to where one would like to be, above the dots.
-    fn better(&self, svg: &mut Svg, top: f64) {
+    /// An arrow above the dots, toward the better corner.
+    fn draw_arrow(&self, svg: &mut Svg, top: f64) {
         let (y, dy) = if self.up_is_better { (top - 10.0, -18.0) } else { (top - 28.0, 18.0) };
-        let x = SIZE[0] - RIGHT - 54.0;
-        let style = "stroke=\"#2f855a\" stroke-width=\"2\" fill=\"none\"";
-        svg.path(
-            &format!("M{} {}l-22 {}m0 {}v{}h10", num(x), num(y), num(dy), num(-0.5 * dy), num(0.5 * dy)),
-            style,
-        );
+        let x = RIGHT - 54.0;
+        let arrow =
+            format!("M{} {}l-22 {}m0 {}v{}h10", num(x), num(y), num(dy), num(-0.5 * dy), num(0.5 * dy));
+        svg.path(&arrow, "stroke=\"#2f855a\" stroke-width=\"2\" fill=\"none\"");
         svg.raw(format_args!(
             "<text x=\"{}\" y=\"{}\" class=\"wire\" style=\"fill:#2f855a;font-weight:600\">better</text>\n",
             num(x + 8.0),
@@ -194,7 +149,7 @@ impl Scatter {
     }
 }
 
-/// Where a label may stand beside its dot, and how it is anchored.
+/// Places of a label beside its dot, and its anchor.
 const AROUND: [(f64, f64, &str); 8] = [
     (9.0, 4.0, "start"),
     (-9.0, 4.0, "end"),
@@ -206,53 +161,59 @@ const AROUND: [(f64, f64, &str); 8] = [
     (-8.0, 18.0, "end"),
 ];
 
-/// Puts a text where it covers as little as can be; answers where.
-fn put(
-    svg: &mut Svg,
-    text: &str,
-    places: &[([f64; 2], &str)],
-    [top, bottom]: [f64; 2],
-    taken: &mut Vec<Room>,
-) -> Option<[f64; 2]> {
-    let text = &fitting(text, 0.5 * (SIZE[0] - LEFT - RIGHT) - 2.0 * LETTERS);
-    let width = text_width(text, LETTERS);
-    // A little more on the side that is away from the dot.
-    let room = |([x, y], anchor): ([f64; 2], &str)| -> Room {
-        let (left, right) = match anchor {
-            "start" => (x, x + width + 6.0),
-            "end" => (x - width - 6.0, x),
-            _ => (x - 0.5 * width - 6.0, x + 0.5 * width + 6.0),
-        };
-        [left, y - 10.0, right, y + 3.0]
-    };
-    let covers = |r: &Room| -> f64 {
-        let shared = |o: &Room| {
-            (r[2].min(o[2]) - r[0].max(o[0])).max(0.0) * (r[3].min(o[3]) - r[1].max(o[1])).max(0.0)
-        };
-        let outside = (LEFT - r[0]).max(0.0) + (r[2] - SIZE[0] + 6.0).max(0.0) + (top - r[1]).max(0.0);
-        taken.iter().map(shared).sum::<f64>() + 100.0 * (outside + (r[3] - bottom).max(0.0))
-    };
-    let place = places.iter().copied().min_by(|a, b| covers(&room(*a)).total_cmp(&covers(&room(*b))))?;
-    svg.text(place.0, place.1, "wire", text);
-    taken.push(room(place));
-    Some(place.0)
+/// Labels in the making: each takes the place where it covers least.
+struct Labels {
+    svg: Svg,
+    /// Rectangles of dots and labels.
+    taken: Vec<Room>,
+    top: f64,
 }
 
-/// A text that is no wider than this: what is longer ends in an ellipsis.
-fn fitting(text: &str, most: f64) -> String {
-    if text_width(text, LETTERS) <= most {
-        return text.to_owned();
+impl Labels {
+    /// Writes a text at the best of some baseline points with their anchors; returns the point.
+    fn put(&mut self, text: &str, places: &[([f64; 2], &str)]) -> Option<[f64; 2]> {
+        let text = &fitting(text, 0.5 * (RIGHT - LEFT) - 2.0 * LETTERS, LETTERS);
+        let width = text_width(text, LETTERS);
+        // A little more on the side away from the dot.
+        let room = |([x, y], anchor): ([f64; 2], &str)| -> Room {
+            let (left, right) = match anchor {
+                "start" => (x, x + width + 6.0),
+                "end" => (x - width - 6.0, x),
+                _ => (x - 0.5 * width - 6.0, x + 0.5 * width + 6.0),
+            };
+            [left, y - 10.0, right, y + 3.0]
+        };
+        let covers = |r: &Room| -> f64 {
+            let shared = |o: &Room| {
+                (r[2].min(o[2]) - r[0].max(o[0])).max(0.0) * (r[3].min(o[3]) - r[1].max(o[1])).max(0.0)
+            };
+            let outside = (LEFT - r[0]).max(0.0)
+                + (r[2] - SIZE[0] + 6.0).max(0.0)
+                + (self.top - r[1]).max(0.0)
+                + (r[3] - BOTTOM).max(0.0);
+            self.taken.iter().map(shared).sum::<f64>() + 100.0 * outside
+        };
+        let place = places.iter().copied().min_by(|a, b| covers(&room(*a)).total_cmp(&covers(&room(*b))))?;
+        self.svg.text(place.0, place.1, "wire", text);
+        self.taken.push(room(place));
+        Some(place.0)
     }
-    let (mut short, mut width) = (String::new(), text_width("…", LETTERS));
-    for c in text.chars() {
-        width += text_width(c.encode_utf8(&mut [0; 4]), LETTERS);
-        if width > most {
-            break;
+
+    /// A bar as high as the noise floor in pixels, with its label.
+    fn put_noise_floor(&mut self, height: f64) {
+        let lefts = [LEFT + 23.0, LEFT + 190.0, 0.5 * (LEFT + SIZE[0]), RIGHT - 130.0];
+        let ups = [14.0, 60.0, 110.0, 160.0];
+        let places: Vec<([f64; 2], &str)> = ups
+            .iter()
+            .flat_map(|up| lefts.map(|x| ([x, BOTTOM - up - 0.5 * height + 4.0], "start")))
+            .collect();
+        if let Some([x, y]) = self.put("less is within noise", &places) {
+            let base = y - 4.0 + 0.5 * height;
+            let [left, foot, head, base] = [x - 9.0, x - 13.0, base - height, base].map(num);
+            let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
+            self.svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
         }
-        short.push(c);
     }
-    short.truncate(short.trim_end().len());
-    short + "…"
 }
 
 #[cfg(test)]
@@ -265,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn every_finite_dot_is_drawn_and_the_line_joins_the_best() {
+    fn finite_dots_are_drawn_with_labels() {
         let mut dots = vec![
             dot(1.0, 3.0, "default"),
             dot(10.0, 1.0, "a & b"),
@@ -294,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_label_ends_in_an_ellipsis_within_the_picture() {
+    fn long_label_is_cut_within_the_picture() {
         let long = "a setting of a very long name ".repeat(20);
         for x in [0.0, 0.5, 1.0] {
             let dots = vec![dot(0.0, 0.0, ""), dot(1.0, 1.0, ""), dot(x, 0.5, &long)];

@@ -3,20 +3,20 @@
 /// A signal with one column or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// What it is, for its panel's heading.
+    /// Name, the heading of its panel.
     pub name: String,
-    /// Its unit as printed, such as `mm/s`.
+    /// Unit as printed, such as `mm/s`.
     pub unit: String,
     /// Rows a second, in Hz; the first row is at 0 s.
     pub hz: f64,
-    /// Values row by row, the columns of a row side by side. What is not finite is left out.
+    /// Values row by row. Values that are not finite are left out.
     pub data: Vec<f32>,
-    /// A label for each column; of a single column it may be empty.
+    /// A label for each column. That of a single column may be empty.
     pub labels: Vec<String>,
 }
 
 impl Series {
-    /// One column at a steady rate in Hz from 0 s on.
+    /// One column with `hz` rows a second.
     pub fn sampled(name: &str, unit: &str, hz: f64, data: Vec<f32>) -> Self {
         Self { name: name.into(), unit: unit.into(), hz, data, labels: vec![String::new()] }
     }
@@ -33,7 +33,7 @@ impl Series {
         self.labels.len().max(1)
     }
 
-    /// Whole rows.
+    /// Number of complete rows.
     pub fn rows(&self) -> usize {
         self.data.len() / self.columns()
     }
@@ -43,12 +43,12 @@ impl Series {
         row as f64 / self.hz
     }
 
-    /// A value, as `f64`; not a number where there is none.
+    /// A value; NaN where there is none.
     pub fn value(&self, row: usize, column: usize) -> f64 {
         self.data.get(row * self.columns() + column).map_or(f64::NAN, |v| f64::from(*v))
     }
 
-    /// First and last time in seconds, where there are rows with times.
+    /// First and last time in seconds. `None` without rows, or where the rate gives no times.
     pub(super) fn time_range(&self) -> Option<(f64, f64)> {
         let last = self.rows().checked_sub(1)?;
         let (a, b) = (self.time(0), self.time(last));
@@ -60,7 +60,7 @@ impl Series {
         self.time_range().is_some() && self.data.iter().any(|v| v.is_finite())
     }
 
-    /// Volts and amperes below a half are read better in thousandths.
+    /// The same series in mV or mA if its volts or amperes stay below 0.5.
     pub(super) fn in_readable_unit(&self) -> Self {
         let mut series = self.clone();
         let peak = self.data.iter().filter(|v| v.is_finite()).fold(0.0f32, |a, v| a.max(v.abs()));

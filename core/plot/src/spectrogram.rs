@@ -6,32 +6,31 @@ use realfft::RealFftPlanner;
 
 use super::series::Series;
 
-/// Length of the Hann window in seconds: 20 Hz from the peak of its main lobe to its first zero at 40 Hz is
-/// enough for texture, and strokes still show their turns.
+/// Length of the Hann window in seconds. Its main lobe is 40 Hz wide on each side: enough for texture, and
+/// short enough to show the turns of a stroke.
 const WINDOW_S: f64 = 0.05;
-/// Columns of the picture at most, and rows.
+/// Most columns of the picture, and its rows.
 const MAX_COLUMNS: usize = 600;
 const ROWS: usize = 128;
-/// Frames looked at for one column where a signal is so long that columns lie further apart than windows.
+/// Most frames for one column, where columns are further apart than windows.
 const FRAMES_A_COLUMN: usize = 4;
-/// From the brightest colour down to the ground, in dB.
+/// Range of the colours in dB.
 pub(super) const RANGE_DB: f64 = 60.0;
 
 /// Levels over time and frequency.
 pub(super) struct Spectrogram {
-    /// Level in dB re 1 of the signal's unit, row by row from the highest frequency down.
+    /// Levels in dB re 1 of the signal's unit, row by row from the highest frequency down.
     pub(super) levels: Vec<f32>,
     pub(super) columns: usize,
     /// Frequency at the upper edge, in Hz; the lower edge is 0.
     pub(super) max_hz: f64,
-    /// Level of the strongest colour, a multiple of 10 dB.
+    /// Level of the darkest colour, a multiple of 10 dB.
     pub(super) top_db: f64,
 }
 
 impl Spectrogram {
-    /// Amplitudes 2 |sum w x| / sum w of the first column of `series` up to `max_hz`, so that a sine of
-    /// amplitude 1 on a bin reads 0 dB. `None` where the rate is too low for a window, or
-    /// the series is shorter than a window or silent.
+    /// Amplitudes 2 |sum w x| / sum w of the first column of `series` up to `max_hz`. A sine of amplitude 1
+    /// on a bin reads 0 dB. `None` where the series is silent, shorter than a window, or too slow for one.
     pub(super) fn of(series: &Series, max_hz: f64) -> Option<Self> {
         let hz = series.hz;
         let length = (hz * WINDOW_S).round();
@@ -68,7 +67,7 @@ impl Spectrogram {
                         *x = if v.is_finite() { v * w } else { 0.0 };
                     }
                 }
-                // Lengths are the plan's own, so this cannot fail.
+                // This cannot fail: the buffers are made by the plan.
                 if fft.process_with_scratch(&mut input, &mut output, &mut scratch).is_err() {
                     return None;
                 }
@@ -77,7 +76,7 @@ impl Spectrogram {
                 }
             }
             for row in 0..ROWS {
-                // The strongest bin a row of the picture covers; where bins are wider, the one it lies in.
+                // The strongest bin that a row covers, or the one it lies in.
                 let edge = |r: usize| (ROWS - r) as f64 / ROWS as f64 * max_hz * padded as f64 / hz;
                 let (low, high) = (edge(row + 1).round() as usize, edge(row).round() as usize);
                 let bins = &power[low.min(power.len() - 1)..high.clamp(low + 1, power.len()).max(1)];
@@ -92,7 +91,7 @@ impl Spectrogram {
         Some(Self { levels, columns, max_hz, top_db: 10.0 * f64::from(top / 10.0).ceil() })
     }
 
-    /// The levels as a PNG of [`RANGE_DB`] below the top, one palette entry to a level.
+    /// The levels as a PNG, down to [`RANGE_DB`] below the top. A palette entry is a level.
     pub(super) fn png(&self) -> Option<Vec<u8>> {
         const LEVELS: usize = 120;
         let palette: Vec<u8> =
@@ -118,7 +117,7 @@ impl Spectrogram {
     }
 }
 
-/// The colour scale: from the ground (0) through blue to a deep violet (1), darker all the way.
+/// The colour scale: from white (0) through blue to deep violet (1), ever darker.
 pub(super) fn colour(part: f64) -> [f64; 3] {
     const STOPS: [[f64; 3]; 6] = [
         [255.0, 255.0, 255.0],
@@ -145,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_reads_its_amplitude_at_its_frequency() {
+    fn sine_reads_its_amplitude_at_its_frequency() {
         for (hz, rate, amplitude) in [(400.0, 48_000.0, 1.0), (120.0, 2_500.0, 0.1), (220.0, 500.0, 3.0)] {
             let s = Spectrogram::of(&sine(hz, rate, 2.0, amplitude), 1000.0).unwrap();
             assert_eq!(s.max_hz, 1000.0f64.min(rate / 2.0));
@@ -163,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_shown_is_none() {
+    fn short_silent_or_slow_series_have_none() {
         assert!(Spectrogram::of(&sine(100.0, 2500.0, 0.04, 1.0), 1000.0).is_none(), "shorter than a window");
         assert!(Spectrogram::of(&sine(100.0, 2500.0, 1.0, 0.0), 1000.0).is_none(), "silent");
         assert!(Spectrogram::of(&sine(1.0, 50.0, 1.0, 1.0), 1000.0).is_none(), "too slow");
@@ -173,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_reads_back_as_its_levels() {
+    fn picture_reads_back_as_its_levels() {
         let s = Spectrogram::of(&sine(400.0, 2500.0, 1.0, 1.0), 1000.0).unwrap();
         let bytes = s.png().unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();

@@ -2,8 +2,10 @@
 
 use std::fmt::{Display, Write as _};
 
-/// Common to all pictures: a quiet light ground, system sans-serif faces.
-const STYLE: &str = "text{font-family:Inter,'Segoe UI','Helvetica Neue',Arial,'DejaVu Sans',sans-serif;font-size:12px;fill:#52606d}\
+/// Styles of all pictures: system sans-serif typefaces on a light ground.
+const STYLE: &str = "\
+text{font-family:Inter,'Segoe UI','Helvetica Neue',Arial,'DejaVu Sans',sans-serif;\
+font-size:12px;fill:#52606d}\
 .title{font-size:19px;font-weight:600;fill:#1f2933}\
 .head{font-size:13px;font-weight:600;fill:#323f4b}\
 .small{font-size:11px}\
@@ -11,17 +13,21 @@ const STYLE: &str = "text{font-family:Inter,'Segoe UI','Helvetica Neue',Arial,'D
 .port{font-size:10.5px;fill:#6b7f90}\
 .wire{font-size:10.5px;fill:#44566a;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}";
 
+/// Blue, vermilion, green and purple: distinct also with red-green colour blindness (after Okabe and Ito).
+pub(super) const COLOURS: [&str; 4] = ["#0a6fb0", "#d1602a", "#2f9268", "#8a4f9e"];
+
 /// An SVG document being written.
 pub(super) struct Svg {
     out: String,
 }
 
 impl Svg {
-    /// A document of `width` by `height` pixels on a light ground; `title` is what a screen reader says.
+    /// An empty document, `width` by `height` pixels, on a light ground. Screen readers say `title`.
     pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
         let mut svg = Self { out: String::new() };
         svg.raw(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\">\n\
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" \
+             role=\"img\">\n\
              <title>{}</title>\n<style>{STYLE}</style>\n\
              <rect width=\"{w}\" height=\"{h}\" rx=\"8\" fill=\"#fff\"/>\n",
             escape(title),
@@ -31,20 +37,32 @@ impl Svg {
         svg
     }
 
-    /// Text that is SVG already.
+    /// A document with its title and subtitles written from `left` on; subtitles are 18 pixels apart.
+    pub(super) fn chart(size: [f64; 2], left: f64, title: &str, subtitles: &[impl AsRef<str>]) -> Self {
+        let mut svg = Self::new(size[0], size[1], title);
+        svg.text([left, 36.0], "start", "title", title);
+        for (i, line) in subtitles.iter().enumerate() {
+            svg.text([left, 57.0 + 18.0 * i as f64], "start", "", line.as_ref());
+        }
+        svg
+    }
+
+    /// Writes text that is SVG already.
     pub(super) fn raw(&mut self, what: impl Display) {
         // Writing to a String cannot fail.
         let _ = write!(self.out, "{what}");
     }
 
     pub(super) fn rect(&mut self, at: [f64; 2], size: [f64; 2], attributes: &str) {
+        let [x, y, width, height] = [at[0], at[1], size[0], size[1]].map(num);
         self.raw(format_args!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {attributes}/>\n",
-            num(at[0]),
-            num(at[1]),
-            num(size[0]),
-            num(size[1])
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>\n"
         ));
+    }
+
+    pub(super) fn circle(&mut self, at: [f64; 2], radius: f64, attributes: &str) {
+        let [x, y, r] = [at[0], at[1], radius].map(num);
+        self.raw(format_args!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\" {attributes}/>\n"));
     }
 
     pub(super) fn path(&mut self, d: &str, attributes: &str) {
@@ -53,7 +71,7 @@ impl Svg {
         }
     }
 
-    /// A path that says what it is where a pointer rests on it.
+    /// A path with a tooltip.
     pub(super) fn titled_path(&mut self, d: &str, attributes: &str, title: &str) {
         if !d.is_empty() {
             self.raw(format_args!("<path d=\"{d}\" {attributes}><title>{}</title></path>\n", escape(title)));
@@ -63,23 +81,28 @@ impl Svg {
     /// Text at a baseline point; `anchor` is start, middle or end.
     pub(super) fn text(&mut self, at: [f64; 2], anchor: &str, class: &str, text: &str) {
         if !text.is_empty() {
+            let ([x, y], text) = (at.map(num), escape(text));
             self.raw(format_args!(
-                "<text x=\"{}\" y=\"{}\" text-anchor=\"{anchor}\" class=\"{class}\">{}</text>\n",
-                num(at[0]),
-                num(at[1]),
-                escape(text)
+                "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" class=\"{class}\">{text}</text>\n"
             ));
         }
     }
 
-    /// A heading with something quieter after it; one element, so that it fits whatever the face.
-    pub(super) fn heading(&mut self, at: [f64; 2], head: &str, after: &str) {
+    /// Text turned to read from the bottom up.
+    pub(super) fn upright_text(&mut self, at: [f64; 2], anchor: &str, class: &str, text: &str) {
+        let ([x, y], text) = (at.map(num), escape(text));
         self.raw(format_args!(
-            "<text x=\"{}\" y=\"{}\"><tspan class=\"head\">{}</tspan><tspan dx=\"9\">{}</tspan></text>\n",
-            num(at[0]),
-            num(at[1]),
-            escape(head),
-            escape(after)
+            "<text transform=\"translate({x} {y})rotate(-90)\" text-anchor=\"{anchor}\" \
+             class=\"{class}\">{text}</text>\n"
+        ));
+    }
+
+    /// A bold heading, then plainer text. One element, so that they follow each other in any typeface.
+    pub(super) fn heading(&mut self, at: [f64; 2], head: &str, after: &str) {
+        let ([x, y], head, after) = (at.map(num), escape(head), escape(after));
+        self.raw(format_args!(
+            "<text x=\"{x}\" y=\"{y}\"><tspan class=\"head\">{head}</tspan>\
+             <tspan dx=\"9\">{after}</tspan></text>\n"
         ));
     }
 
@@ -89,7 +112,13 @@ impl Svg {
     }
 }
 
-/// A coordinate to a tenth of a pixel, as short as it can be written. What is not finite is 0.
+/// Path data of straight lines through points; empty for no points.
+pub(super) fn polyline(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+    let points: Vec<String> = points.into_iter().map(|[x, y]| format!("{} {}", num(x), num(y))).collect();
+    if points.is_empty() { String::new() } else { format!("M{}", points.join("L")) }
+}
+
+/// A coordinate to a tenth of a pixel, without trailing zeros. NaN and infinity become 0.
 pub(super) fn num(v: f64) -> String {
     let v = if v.is_finite() { v } else { 0.0 };
     let text = format!("{v:.1}");
@@ -97,7 +126,7 @@ pub(super) fn num(v: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Text with the characters XML reserves, and those it cannot hold, replaced.
+/// Escapes the characters that XML reserves; a space replaces those it cannot hold.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -113,7 +142,7 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
-/// About how wide a text is in pixels at a font size, in a common sans-serif face.
+/// Estimated width of a text in pixels at a font size, in a common sans-serif typeface.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
     let em = |c: char| match c {
         'i' | 'j' | 'l' | '.' | ',' | ':' | '\'' | '|' | '!' => 0.29,
@@ -123,6 +152,22 @@ pub(super) fn text_width(text: &str, size: f64) -> f64 {
         _ => 0.59,
     };
     text.chars().map(em).sum::<f64>() * size
+}
+
+/// Cuts a text to a width in pixels at a font size; an ellipsis marks the cut.
+pub(super) fn fitting(text: &str, width: f64, size: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut left = width - text_width("…", size);
+    let kept: String = text
+        .chars()
+        .take_while(|c| {
+            left -= text_width(c.encode_utf8(&mut [0; 4]), size);
+            left >= 0.0
+        })
+        .collect();
+    kept.trim_end().to_owned() + "…"
 }
 
 #[cfg(test)]
@@ -136,6 +181,13 @@ mod tests {
         {
             assert_eq!(num(v), want);
         }
+    }
+
+    #[test]
+    fn long_text_is_cut_to_its_width() {
+        assert_eq!(fitting("spsi", 100.0, 12.0), "spsi");
+        let shown = fitting(&"sample_commit:frames=10,".repeat(4), 200.0, 12.0);
+        assert!(shown.ends_with('…') && text_width(&shown, 12.0) <= 200.0, "{shown}");
     }
 
     #[test]

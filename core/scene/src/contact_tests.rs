@@ -171,7 +171,10 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
             let mut c = Contacts::new(&scene, &names(), SETTINGS, tick_hz).unwrap();
             let felt = (0..(0.5 * tick_hz) as usize).map(|n| {
                 let z: f64 = 3.01 - speed * n as f64 / tick_hz;
-                c.step_once(&Motion { position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()], ..Motion::default() })
+                c.step_once(&Motion {
+                    position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()],
+                    ..Motion::default()
+                })
             });
             let told: Vec<f64> = felt.map(|f| f.approach_mm_s).filter(|v| *v > 0.0).collect();
             // A step of 0.055 mm at either end of 20 ms, or of 3 mm of way.
@@ -185,8 +188,8 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
     // A stylus that left the wall within that time approaches from where it was furthest back outside.
     let mut c = Contacts::new(&scene, &names(), SETTINGS, 1000.0).unwrap();
     let heights = [0.5, -0.5, -0.5, -0.5, 0.5, 1.0, 0.5, 0.0, -0.5];
-    let told =
-        heights.map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
+    let told = heights
+        .map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
     assert!(told[1] > 0.0 && told[8] > 0.0 && told[8] <= 1000.0, "{told:?}");
 }
 

@@ -1,7 +1,8 @@
-//! What a node remembers, as bytes that another instance of it can take over.
+//! State of a node as bytes, which another instance can take over.
 //!
-//! A type says in one function what its state is; the same function measures, saves and restores it, so that the three cannot
-//! disagree. Nothing here allocates: the bytes are the caller's, and what is restored already has its size.
+//! A type lists its state in one function. The same function measures, saves and restores it, so that
+//! the three cannot disagree. Nothing here allocates: the caller owns the bytes, and restored values
+//! have their size already.
 //!
 //! ```
 //! use asperity_state::State;
@@ -24,13 +25,13 @@
 
 use num_complex::Complex;
 
-/// A pass over what a node remembers: measuring, saving or restoring.
+/// A pass over the state of a node: measuring, saving or restoring.
 #[derive(Debug)]
 pub struct State<'a> {
     pass: Pass<'a>,
     /// Bytes passed so far.
     at: usize,
-    /// Something did not fit.
+    /// Whether something did not fit.
     failed: bool,
 }
 
@@ -46,22 +47,22 @@ impl<'a> State<'a> {
         Self { pass, at: 0, failed: false }
     }
 
-    /// How many bytes a state needs.
+    /// Number of bytes that a state needs.
     pub fn measure(visit: impl FnOnce(&mut State<'_>)) -> usize {
         let mut state = State::new(Pass::Measure);
         visit(&mut state);
         state.at
     }
 
-    /// Writes a state to the front of `bytes` and answers how many it took; `None` where they are too few.
+    /// Writes a state to the front of `bytes` and returns its length; `None` if `bytes` is too short.
     pub fn save(bytes: &'a mut [u8], visit: impl FnOnce(&mut State<'_>)) -> Option<usize> {
         let mut state = State::new(Pass::Save(bytes));
         visit(&mut state);
         (!state.failed).then_some(state.at)
     }
 
-    /// Reads a state. False where the bytes are not one of this type with these sizes: what has been read until then stays,
-    /// so the caller then resets.
+    /// Reads a state. Returns false if the bytes do not belong to this type with these sizes. Values
+    /// read until then stay, so the caller resets.
     #[must_use]
     pub fn restore(bytes: &'a [u8], visit: impl FnOnce(&mut State<'_>)) -> bool {
         let mut state = State::new(Pass::Restore(bytes));
@@ -69,13 +70,14 @@ impl<'a> State<'a> {
         !state.failed && state.at == bytes.len()
     }
 
-    /// A part of the state: a number, a flag, an `Option`, or a slice, array or `Vec` of these whose length stays.
+    /// Passes a part of the state: a number, a flag, an `Option`, or a slice, array or `Vec` of these
+    /// with a fixed length.
     pub fn keep<T: Keep + ?Sized>(&mut self, part: &mut T) -> &mut Self {
         part.keep(self);
         self
     }
 
-    /// A list whose length changes within its capacity.
+    /// Passes a list whose length changes within its capacity.
     pub fn keep_list<T: Keep + Default + Clone>(&mut self, list: &mut Vec<T>) -> &mut Self {
         let mut len = list.len();
         len.keep(self);
@@ -87,7 +89,7 @@ impl<'a> State<'a> {
             list.resize(len, T::default());
         }
         list.iter_mut().for_each(|part| part.keep(self));
-        // Measured at its longest, so that what is measured once is enough for ever.
+        // Measures the full capacity, so that the size holds for any length.
         if matches!(self.pass, Pass::Measure) {
             let spare = list.capacity() - list.len();
             let mut one = T::default();
@@ -103,22 +105,22 @@ impl<'a> State<'a> {
         matches!(self.pass, Pass::Restore(_))
     }
 
-    /// Says that what was restored cannot be.
+    /// Marks the restored state as invalid.
     pub fn refuse(&mut self) {
         self.failed = true;
     }
 
-    /// Refuses what was restored unless it fits. A pass that does not restore goes on.
+    /// Refuses the restored state unless it `fits`. Does nothing in other passes.
     pub fn require(&mut self, fits: bool) {
         self.failed |= self.restores() && !fits;
     }
 
-    /// Whether something did not fit or was refused; the parts that follow then stay as they are.
+    /// Whether something did not fit or was refused. Later parts then stay unchanged.
     pub fn failed(&self) -> bool {
         self.failed
     }
 
-    /// `N` bytes: `out` is saved; what was saved is answered when restoring.
+    /// Passes `N` bytes: saves `out`, or returns the saved bytes when restoring.
     fn bytes<const N: usize>(&mut self, out: [u8; N]) -> Option<[u8; N]> {
         let (start, end) = (self.at, self.at + N);
         self.at = end;
@@ -140,12 +142,12 @@ impl<'a> State<'a> {
     }
 }
 
-/// What [`State::keep`] takes.
+/// Types that [`State::keep`] takes.
 pub trait Keep {
     /// Passes every byte of this through `state`.
     fn keep(&mut self, state: &mut State<'_>);
 
-    /// Passes many of these through `state`, one after the other.
+    /// Passes many of these through `state`, one after another.
     fn keep_each(all: &mut [Self], state: &mut State<'_>)
     where
         Self: Sized,
@@ -163,7 +165,8 @@ macro_rules! keep_number {
                 }
             }
 
-            // A delay of seconds is hundreds of thousands of these: one look at the bounds for all of them.
+            // A delay of seconds has hundreds of thousands of values, so bounds are checked once for
+            // all.
             fn keep_each(all: &mut [Self], state: &mut State<'_>) {
                 const SIZE: usize = size_of::<$t>();
                 let (start, end) = (state.at, state.at + SIZE * all.len());
@@ -221,7 +224,7 @@ impl<T: Keep> Keep for Complex<T> {
     }
 }
 
-/// One byte, and the value's room whether it is there or not, so that the size stays.
+/// One byte, and space for the value in any case, so that the size is fixed.
 impl<T: Keep + Default> Keep for Option<T> {
     fn keep(&mut self, state: &mut State<'_>) {
         let mut there = self.is_some();
@@ -313,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_saved_is_restored() {
+    fn saved_state_is_restored() {
         let bytes = saved(&mut some());
         let mut other = none();
         assert!(State::restore(&bytes, |s| other.state(s)));
@@ -324,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_once_is_enough_for_ever() {
+    fn measured_size_holds_every_state() {
         let mut it = none();
         let size = State::measure(|s| it.state(s));
         it.h.extend([(1, 1.0); 4]);

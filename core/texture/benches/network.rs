@@ -1,12 +1,13 @@
-//! Medians of one run: packed f32, f16 and int8, f64, tract, and a plain read of the same weights, interleaved so that all
-//! see the same machine. `cargo bench -p asperity-texture`; numbers are only as good as the machine is idle.
+//! Medians of one run: packed f32, f16 and int8, f64, tract, and a plain read of the same weights,
+//! interleaved so that all see the same machine. `cargo bench -p asperity-texture`; numbers are only as
+//! good as the machine is idle.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-#[path = "../tests/common/mod.rs"]
-mod common;
+#[path = "../src/tests/networks.rs"]
+mod networks;
 
 use asperity_texture::{Choice, Isa, Model, Precision, Runner};
-use common::{Net, Spelling, bytes, model, motions, textures};
+use networks::{Net, Spelling, bytes, model, motions, textures};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,4 @@
-//! The inputs on which a packed network is compared with tract, and the comparison.
+//! Compares a packed network with tract: inputs and error.
 
 use asperity_numbers::Random;
 
@@ -13,7 +13,7 @@ pub(crate) struct Probe {
 }
 
 impl Probe {
-    /// As a network is given it that was trained on a range.
+    /// The probe as a network with this range gets it.
     pub(crate) fn held(&self, range: &Range) -> Self {
         let mut held = self.clone();
         range.forces(&self.force.map(f64::from), &mut held.force);
@@ -38,8 +38,7 @@ pub(crate) fn ordinary() -> Vec<Probe> {
     probes
 }
 
-/// Motions as a hand makes them, other than the probes: random histories, and those of a hand that moves
-/// evenly, by turns.
+/// Other motions of a hand: random histories and even motions, in turn.
 pub(crate) fn motions(count: usize) -> Vec<Probe> {
     let mut random = Random::new(0xbf58_476d_1ce4_e5b9);
     let motion = |i: usize| -> Probe {
@@ -52,7 +51,7 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
         let mut line = |low: f32, high: f32| {
             let mut end = || low + (high - low) * unit(&mut random);
             let (from, to) = (end(), end());
-            // Within 20 ms not much happens.
+            // Little happens within 20 ms.
             move |k: usize| from + 0.1 * (to - from) * k as f32 / FORCE_LEN as f32
         };
         let (force, x, y) = (line(0.0, 3.3), line(-200.0, 200.0), line(-200.0, 200.0));
@@ -64,8 +63,8 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
     (0..count).map(motion).collect()
 }
 
-/// Probes a hundred times beyond it; for a network that knows its range, at its ends. They have a full scale
-/// of their own, so as not to hide errors of the others.
+/// Probes a hundred times beyond the range; for a network that knows its range, at its ends. They have
+/// their own full scale, so as not to hide errors of the others.
 pub(crate) fn large() -> Vec<Probe> {
     let mut random = Random::new(0xd1b5_4a32_d192_ed03);
     let mut probes = vec![
@@ -79,8 +78,8 @@ pub(crate) fn large() -> Vec<Probe> {
     probes
 }
 
-/// The largest difference as a share of full scale, which is the largest magnitude of `reference`. Infinite
-/// where one is finite and the other is not, or where all of `reference` is zero and `found` is not.
+/// Largest difference as a part of full scale: the largest magnitude of `reference`. Infinite if only
+/// one is finite, or if all of `reference` is zero and `found` is not.
 pub(crate) fn error_of_full_scale(reference: &[f32], found: &[f32]) -> f64 {
     let full_scale = reference.iter().filter(|x| x.is_finite()).fold(0f64, |m, &x| m.max(f64::from(x).abs()));
     let worst =

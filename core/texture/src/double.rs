@@ -1,32 +1,31 @@
-//! A lowered network in double precision, written plainly: what rounding of weights and sums costs is
-//! judged by it.
+//! A lowered network in double precision: the reference for rounding errors of weights and sums.
 //!
-//! Only the inputs and the outputs are f32. Sums are added up in the order of [`Lowered::evaluate`].
+//! Only inputs and outputs are f32. Sums have the order of [`Lowered::evaluate`].
 
 use crate::lower::{Lowered, Ref, StepKind};
 use crate::signature::Role;
 use std::sync::Arc;
 
-/// A network ready to run, one result after the other in an arena. Copies share what a run does not change.
+/// A network ready to run; results lie in an arena. Copies share everything that a run does not change.
 #[derive(Clone)]
 pub(crate) struct Double {
     pub(crate) net: Arc<Lowered>,
     /// Steps of a run, in order.
     moving: Vec<usize>,
-    /// Where each step's result lies.
+    /// Place of each step's result.
     at: Vec<usize>,
     arena: Vec<f64>,
-    /// The results of steps that depend on the material alone, which [`constant`](Self::constant) says the
-    /// places of, by material.
+    /// Results of steps that depend on the material alone, by material. [`constant`](Self::constant)
+    /// has their places.
     materials: Arc<[Vec<f64>]>,
     constant: Vec<std::ops::Range<usize>>,
-    /// The material whose results are in the arena.
+    /// Material whose results are in the arena.
     material: Option<usize>,
     multiply_adds: usize,
 }
 
 impl Double {
-    /// Makes room for all results and works out those of the materials.
+    /// Makes room for all results and computes those of the materials.
     pub(crate) fn new(net: &Lowered, materials: &[Vec<f64>]) -> Self {
         let constant = net.depends_on_texture_alone();
         let needed = net.needed();
@@ -61,8 +60,8 @@ impl Double {
         }
     }
 
-    /// One run, into as many of the outputs as there are in `out`; `None` where a length or the material
-    /// does not fit. Neither allocates nor locks.
+    /// One run, into as many outputs as `out` has. `None` if a length or the material does not fit.
+    /// Neither allocates nor locks.
     pub(crate) fn run(
         &mut self,
         material: usize,
@@ -85,7 +84,7 @@ impl Double {
         }
         for &i in &self.moving {
             let (step, start) = (self.net.steps.get(i)?, *self.at.get(i)?);
-            // Steps read only what stands before them.
+            // Steps read only earlier results.
             let (before, rest) = self.arena.split_at_mut_checked(start)?;
             let result = rest.get_mut(..step.len())?;
             let read = |r: Ref| before.get(self.at.get(r.step)? + r.index).copied();
@@ -119,7 +118,7 @@ impl Double {
         Some(())
     }
 
-    /// Of weights, which are kept as f64.
+    /// Bytes of the weights, which are f64.
     pub(crate) fn weights_bytes(&self) -> usize {
         self.multiply_adds * size_of::<f64>()
     }

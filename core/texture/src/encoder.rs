@@ -1,4 +1,4 @@
-//! The image encoder: from a tactile image to the vector that a texture network knows a material by.
+//! The image encoder: from a tactile image to a material's vector.
 
 use crate::picture::{IMAGE, Image};
 use crate::plan::{Plan, Wanted};
@@ -14,7 +14,8 @@ use tract_onnx::prelude::*;
 const WANTED: &str =
     "an encoder has the float input image [1,3,192,256] and the float output texture [1,256]";
 
-/// An encoder, checked and compiled by tract. For a control thread: it allocates, and takes milliseconds.
+/// An encoder, checked and compiled by tract. For a control thread: it allocates and takes
+/// milliseconds.
 pub struct Encoder {
     path: PathBuf,
     plan: Plan,
@@ -23,21 +24,23 @@ pub struct Encoder {
 impl Encoder {
     /// Reads an ONNX file of at most [`MAX_ENCODER_BYTES`].
     ///
-    /// Its only input, `image [1,3,192,256]`, is red, green and blue from 0 to 1, each row by row; its output is
-    /// `texture [1,256]`, found by that name where there are several. A free batch size is taken as 1.
+    /// Its only input, `image [1,3,192,256]`, is red, green and blue from 0 to 1, each row by row. Its
+    /// output is `texture [1,256]`, found by that name if there are several. A free batch size counts
+    /// as 1.
     ///
     /// # Errors
-    /// A file that cannot be read or is no ONNX model, weights that are not finite or stored elsewhere, inputs and outputs that do
-    /// not fit (named with the shapes found), or a graph that tract cannot run.
+    /// A file that cannot be read or is not an ONNX model; weights that are not finite or stored
+    /// elsewhere; inputs and outputs that do not fit (with the shapes found); a graph that tract cannot
+    /// run.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_ENCODER_BYTES)?, path)
     }
 
-    /// An encoder that is already in memory; `path` is its name in errors.
+    /// An encoder in memory; `path` is its name in errors.
     ///
     /// # Errors
-    /// As [`load`](Self::load), but for reading.
+    /// As [`load`](Self::load), except for reading.
     pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let (model, mut graph) = proto::decode(bytes, path)?;
@@ -50,7 +53,7 @@ impl Encoder {
         let wanted = Wanted { path, inputs: &inputs, most_bytes: MAX_ENCODER_BYTES, help: WANTED };
         let plan = wanted.compile(&ModelProto { graph: Some(graph), ..model })?;
         let encoder = Self { path: path.to_owned(), plan };
-        // A graph may compile and still fail, or answer something else than it promised.
+        // A graph may compile and still fail, or return something unexpected.
         match encoder.run(&vec![0; 3 * rows * columns]) {
             Some(values) if values.len() == TEXTURE_LEN => Ok(encoder),
             Some(values) => {
@@ -63,7 +66,8 @@ impl Encoder {
     /// The vector of an image, always finite.
     ///
     /// # Errors
-    /// An image of another size than [`IMAGE`]; an encoder that fails on it, or answers what is not finite.
+    /// An image of another size than [`IMAGE`]; an encoder that fails on it or returns values that are
+    /// not finite.
     pub fn encode(&self, image: &Image) -> Result<[f32; TEXTURE_LEN], Diagnostic> {
         let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
         let [rows, columns] = image.size;
@@ -80,7 +84,7 @@ impl Encoder {
         }
     }
 
-    /// One run over pixels of the right number, row by row, red, green and blue in turn.
+    /// One run over the right number of pixels, row by row, red, green and blue in turn.
     fn run(&self, pixels: &[u8]) -> Option<Vec<f32>> {
         let [rows, columns] = IMAGE;
         let planes: Vec<f32> = (0..3)
@@ -99,7 +103,7 @@ impl fmt::Debug for Encoder {
     }
 }
 
-/// Checks the graph's input, and answers the name of its output.
+/// Checks the graph's input and returns the name of its output.
 fn output(graph: &GraphProto, path: &Path) -> Result<String, Diagnostic> {
     let inputs: Vec<&ValueInfoProto> = fed_inputs(graph).collect();
     let list = |values: &[&ValueInfoProto]| match values {
@@ -115,7 +119,8 @@ fn output(graph: &GraphProto, path: &Path) -> Result<String, Diagnostic> {
         return Err(refuse(&format!("this model has {} inputs, not 1", inputs.len())));
     };
     let [rows, columns] = IMAGE.map(|n| Some(n as i64));
-    let fits = |dims: &[Option<i64>]| matches!(dims, [None | Some(1), rest @ ..] if rest == [Some(3), rows, columns]);
+    let wanted = [Some(3), rows, columns];
+    let fits = |dims: &[Option<i64>]| matches!(dims, [None | Some(1), rest @ ..] if rest == wanted);
     if !is_float(image) || !shape(image).is_some_and(|dims| fits(&dims)) {
         return Err(refuse("the input does not fit"));
     }
@@ -126,8 +131,9 @@ fn output(graph: &GraphProto, path: &Path) -> Result<String, Diagnostic> {
             .find(|v| v.name.eq_ignore_ascii_case("texture"))
             .ok_or_else(|| refuse("no output is named texture"))?,
     };
-    // A shape may be left open in the file; what comes out is looked at.
-    let open = |dims: &[Option<i64>]| matches!(dims, [None | Some(1), n] if n.is_none_or(|n| n == TEXTURE_LEN as i64));
+    // A file may leave a shape open. Then the result is checked.
+    let fitting = |n: &Option<i64>| n.is_none_or(|n| n == TEXTURE_LEN as i64);
+    let open = |dims: &[Option<i64>]| matches!(dims, [None | Some(1), n] if fitting(n));
     if shape(output).is_some_and(|dims| !open(&dims)) {
         return Err(refuse("the output does not fit"));
     }

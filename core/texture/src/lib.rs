@@ -1,17 +1,17 @@
-//! Runs a texture network, and the encoder that goes with it, from ONNX files.
+//! Runs a texture network and its image encoder from ONNX files.
 //!
-//! [`Model::load`] reads and checks a file, [`Model::runner`] prepares it for a set of materials,
-//! [`Runner::run`] predicts the magnitudes of one tick, [`Runner::answer`] also how they scatter. An
-//! [`Encoder`] gives a material's vector from a picture.
+//! [`Model::load`] reads and checks a file. [`Model::runner`] prepares it for a set of materials.
+//! [`Runner::run`] predicts the magnitudes of one tick, [`Runner::answer`] also their scatter. An
+//! [`Encoder`] turns a picture into a material's vector.
 //!
-//! Any graph of the signature runs by tract, which allocates. A plain multilayer perceptron is lowered to
-//! packed kernels that do not, and is used where it agrees with tract: [`Runner::describe`] says which, and
-//! how far apart they are.
+//! Any graph with the right signature runs in tract, which allocates. A plain multilayer perceptron is
+//! lowered to packed kernels that do not allocate, if they agree with tract. [`Runner::describe`] says
+//! which one runs, and how far apart they are.
 //!
-//! Medians of a run of the shipped sizes (419,700 multiply-adds), back to back, on 2 cores of a virtual Intel
-//! Xeon that other work kept busy, by `cargo bench -p asperity-texture`: f32 on AVX-512 15.0 us, which is 1.2
-//! times a plain read of the same 1.74 MB; f16 15.5 us for 0.91 MB; int8 3.8 us for 0.5 MB. AVX2: 18.0, 16.1
-//! and 14.0 us. Plain code: 28, 240 and 69 us. f64 146 us; tract 115 us.
+//! Median time of a run of the shipped sizes (419,700 multiply-adds), on 2 cores of a virtual Intel
+//! Xeon under other load, by `cargo bench -p asperity-texture`. f32 on AVX-512: 15.0 us, 1.2 times a
+//! plain read of the same 1.74 MB; f16 15.5 us for 0.91 MB; int8 3.8 us for 0.5 MB. AVX2: 18.0, 16.1
+//! and 14.0 us. Plain code: 28, 240 and 69 us. f64: 146 us. tract: 115 us.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -32,6 +32,8 @@ mod round;
 mod runner;
 mod signature;
 mod stored;
+#[cfg(test)]
+mod tests;
 mod trained;
 
 pub use asperity_dsp::Isa;

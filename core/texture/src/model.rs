@@ -1,4 +1,4 @@
-//! A model read from its file, before it is given materials.
+//! A model from its file, before it has materials.
 
 use crate::lower::Lowered;
 use crate::proto::{self, MAX_MODEL_BYTES};
@@ -11,12 +11,12 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A texture network: checked, compiled by tract and, where it is a multilayer perceptron, lowered.
+/// A texture network: checked, compiled by tract and, if it is a multilayer perceptron, lowered.
 ///
-/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`, all
-/// f32. Inputs and magnitudes are found by name, else by shape; a free batch size is taken as 1. A model
-/// may also have the outputs `ratio [1,100]` and `variance [1,1]`, found by name: how magnitudes scatter,
-/// see [`Answer`](crate::Answer).
+/// Inputs `force [1,10]` in N, `speed [1,20]` in mm/s and `texture [1,256]` give `magnitudes [1,100]`,
+/// all f32. Inputs and magnitudes are found by name, else by shape. A free batch size counts as 1. A
+/// model may also have the outputs `ratio [1,100]` and `variance [1,1]`, found by name: scatter of the
+/// magnitudes, see [`Answer`](crate::Answer).
 pub struct Model {
     pub(crate) path: PathBuf,
     pub(crate) reference: Reference,
@@ -24,31 +24,30 @@ pub struct Model {
     pub(crate) lowered: Result<Lowered, String>,
     trained: Trained,
     target: Target,
-    /// How many outputs it has.
+    /// Number of outputs.
     pub(crate) outputs: usize,
-    /// Runners that were made of it lately.
+    /// Recent runners.
     pub(crate) made: Recent<Wanted, Runner>,
 }
 
-/// Models that were read lately, by their paths and what is in them.
+/// Recent models, by path and content.
 static MODELS: Recent<(PathBuf, (usize, u64)), Arc<Model>> = Recent::new(4);
-/// Runners of a model that are kept: a few precisions, or a few materials that are tried in turns.
+/// Runners of a model to keep: a few precisions, or a few materials in turns.
 const RUNNERS: usize = 8;
 
 impl Model {
     /// Reads an ONNX file of at most [`MAX_MODEL_BYTES`](crate::MAX_MODEL_BYTES).
     ///
     /// # Errors
-    /// A file that cannot be read or is no ONNX model, weights stored elsewhere, a signature that does not
-    /// fit (named with the shapes found), a trained range or a target that is none, or a graph that tract
-    /// cannot run, or whose tensors are too large.
+    /// A file that cannot be read or is not an ONNX model; weights stored elsewhere; a signature that does
+    /// not fit (with the shapes found); an invalid trained range or target; a graph that tract cannot run
+    /// or with tensors that are too large.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)
     }
 
-    /// As [`load`](Self::load), without work where the same file was loaded lately: what is in it counts,
-    /// not its time.
+    /// Like [`load`](Self::load), but a recent model with the same content is not loaded again.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -58,10 +57,10 @@ impl Model {
         MODELS.of((path.to_owned(), fingerprint(&bytes)), |_| Self::from_bytes(&bytes, path).map(Arc::new))
     }
 
-    /// A model that is already in memory; `path` is its name in errors.
+    /// A model in memory; `path` is its name in errors.
     ///
     /// # Errors
-    /// As [`Model::load`], but for reading.
+    /// As [`Model::load`], except for reading.
     pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let (model, graph) = proto::decode(bytes, path)?;
@@ -82,12 +81,12 @@ impl Model {
         })
     }
 
-    /// What the file says of the range the model was trained on.
+    /// Range that the file states for the training.
     pub fn trained(&self) -> Trained {
         self.trained
     }
 
-    /// Kind of magnitudes that the file says it answers; root mean squares where it says nothing.
+    /// Kind of magnitudes that the file states; by default root mean squares.
     pub fn target(&self) -> Target {
         self.target
     }
@@ -97,7 +96,7 @@ impl Model {
         self.outputs > 1
     }
 
-    /// Why the model can only be run by tract; `None` for a multilayer perceptron.
+    /// Reason to run the model only with tract. `None` for a multilayer perceptron.
     pub fn not_lowered_because(&self) -> Option<&str> {
         self.lowered.as_ref().err().map(String::as_str)
     }

@@ -1,6 +1,6 @@
-//! A lowered network packed for one instruction set: weights in the order in which they are read, cut into
-//! blocks of columns, 64-byte aligned; what depends on the texture alone folded into biases, once per
-//! material.
+//! A lowered network packed for one instruction set. Weights lie in reading order, in blocks of
+//! columns, 64-byte aligned. Everything that depends on the texture alone is folded into biases, once
+//! per material.
 
 use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, End, Lowered, Ref, StepKind};
@@ -9,7 +9,7 @@ use crate::stored::{Samples, Stored};
 use asperity_dsp::Isa;
 use std::sync::Arc;
 
-/// Cells in front of which a 64-byte boundary is found; the heap block does not move with its owner.
+/// Cells with a 64-byte boundary in front. The heap block does not move with its owner.
 struct Aligned<T> {
     cells: Vec<T>,
     start: usize,
@@ -17,7 +17,7 @@ struct Aligned<T> {
 }
 
 impl<T: Copy + Default> Clone for Aligned<T> {
-    /// On a boundary of its own.
+    /// Aligned anew.
     fn clone(&self) -> Self {
         Self::new(&self.cells[self.start..self.start + self.len])
     }
@@ -38,13 +38,13 @@ impl<T: Copy + Default> Aligned<T> {
     }
 }
 
-/// Layers of fewer weights than this stay f32 in f16 networks: with few inputs rounding does not average
-/// out, all later layers build on the first and nothing follows the last. Measured on the shipped model as
-/// the largest error of full scale: all layers halved, 5.0e-3; those under 4096 weights kept, 9.2e-4; under
-/// 16384 (4 % more bytes), 7.3e-4; under 24000 (13 %), 4.6e-4.
+/// Layers with fewer weights stay f32 in f16 networks. With few inputs rounding does not average out,
+/// all later layers build on the first, and nothing follows the last. Largest error of full scale on
+/// the shipped model: all layers halved, 5.0e-3; those under 4096 weights kept, 9.2e-4; under 16384 (4
+/// % more bytes), 7.3e-4; under 24000 (13 %), 4.6e-4.
 const WORTH_HALVING: usize = 16384;
 
-/// A network ready to run. Copies share what a run does not change.
+/// A network ready to run. Copies share everything that a run does not change.
 #[derive(Clone)]
 pub(crate) struct Packed<W> {
     pub(crate) made: Arc<Made<W>>,
@@ -52,7 +52,7 @@ pub(crate) struct Packed<W> {
     codes: Codes,
 }
 
-/// A network packed.
+/// A packed network.
 pub(crate) struct Made<W> {
     program: Program,
     entry: Entry<W>,
@@ -60,13 +60,13 @@ pub(crate) struct Made<W> {
     wide: Aligned<f32>,
     starts: Aligned<i32>,
     fixed: Aligned<f32>,
-    /// Biases of every material, one after the other, `material_len` each.
+    /// Biases of all materials, `material_len` each.
     materials: Aligned<f32>,
     material_len: usize,
     material_count: usize,
     force_at: usize,
     speed_at: usize,
-    /// Where the outputs lie, in the signature's order.
+    /// Places of the outputs, in the signature's order.
     outputs: Vec<std::ops::Range<usize>>,
     multiply_adds: usize,
 }
@@ -96,7 +96,7 @@ impl<W: Stored> Packed<W> {
         let mut at = vec![0; net.steps.len()];
         let mut arena_len = 0;
         for (i, step) in net.steps.iter().enumerate() {
-            // Inputs are written whether or not they are read.
+            // Inputs are written even if nobody reads them.
             let input = matches!(step.kind, StepKind::Input(Role::Force | Role::Speed));
             if input || (needed[i] && !constant[i]) {
                 at[i] = arena_len;
@@ -161,8 +161,7 @@ impl<W: Stored> Packed<W> {
         Ok(Self { made: Arc::new(made), arena, codes })
     }
 
-    /// One run, into as many of the outputs as there are in `out`. `None` where a length or the material
-    /// does not fit.
+    /// One run, into as many outputs as `out` has. `None` if a length or the material does not fit.
     #[inline]
     pub(crate) fn run(
         &mut self,
@@ -216,30 +215,30 @@ fn copy(to: &mut [f32], from: &[f32]) -> Option<()> {
     (to.len() == from.len()).then(|| to.copy_from_slice(from))
 }
 
-/// The weights of an affine step as they are stored, column by column multiplied by `scales` and rounded.
+/// Stored weights of an affine step: column by column multiplied by `scales` and rounded.
 struct Layer {
-    /// Row by row, a row being one input's.
+    /// Row by row; a row belongs to one input.
     weights: Vec<f64>,
     scales: Vec<f64>,
-    /// What rounding takes from each column's sum in the mean, scaled.
+    /// Mean loss of each column's sum by rounding, scaled.
     lost: Vec<f64>,
 }
 
-/// A network half packed.
+/// A half-packed network.
 struct Packer<W> {
     shape: Shape,
-    /// Where each step's result lies in the arena.
+    /// Place of each step's result in the arena.
     at: Vec<usize>,
     constant: Vec<bool>,
-    /// For each material, the results of constant steps.
+    /// Results of constant steps, by material.
     of_material: Vec<Vec<Vec<f64>>>,
-    /// Results of the steps, where weights are rounded.
+    /// Results of the steps where weights are rounded.
     samples: Samples,
     program: Program,
     weights: Vec<W>,
     wide: Vec<f32>,
     starts: Vec<i32>,
-    /// Of a layer of whole numbers.
+    /// Largest number of inputs of a whole-number layer.
     most_inputs: usize,
     fixed: Vec<f32>,
     materials: Vec<Vec<f32>>,
@@ -272,7 +271,7 @@ impl<W: Stored> Packer<W> {
         let blocks = vectors.div_ceil(most);
         let mut first = 0;
         for i in 0..blocks {
-            // As even as can be, so that no block is left with a single sum waiting for itself.
+            // As even as possible, so that no block has a single sum that waits for itself.
             let vectors = vectors / blocks + usize::from(i < vectors % blocks);
             let columns = first..(first + vectors * lanes);
             let real = columns.start.min(n)..columns.end.min(n);
@@ -282,7 +281,7 @@ impl<W: Stored> Packer<W> {
             };
             let biases = |bias: &[f64]| -> Vec<f32> {
                 let scaled = bias.iter().zip(&layer.scales).zip(&layer.lost);
-                // Sums of whole numbers are brought back to scale before the bias is added, others after.
+                // Sums of whole numbers are rescaled before the bias is added, others after.
                 let scaled = scaled.map(
                     |((bias, scale), lost)| {
                         if whole { bias + lost / scale } else { bias * scale + lost }
@@ -340,7 +339,7 @@ impl<W: Stored> Packer<W> {
         }
     }
 
-    /// The weights of the inputs that move, as they are stored.
+    /// Stored weights of the inputs that vary.
     fn layer(&self, a: &Affine, moving: &[usize], scaled: bool) -> Layer {
         let n = a.bias.len();
         let mut weights: Vec<f64> = moving.iter().flat_map(|&k| &a.weights[k * n..][..n]).copied().collect();
@@ -383,7 +382,7 @@ impl<W: Stored> Packer<W> {
         self.program.instructions.push(Instruction::Pick { to: self.at[step], picks, low, high });
     }
 
-    /// Neighbouring elements as ranges of the arena.
+    /// Joins neighbouring elements into ranges of the arena.
     fn runs(&mut self, refs: impl Iterator<Item = Ref>) -> std::ops::Range<usize> {
         let first = self.program.runs.len();
         for r in refs {
@@ -397,7 +396,7 @@ impl<W: Stored> Packer<W> {
     }
 }
 
-/// The bias of an affine step with its constant inputs added.
+/// Bias of an affine step with its constant inputs added.
 fn fold(a: &Affine, constant: &[usize], results: &[Vec<f64>]) -> Vec<f64> {
     let n = a.bias.len();
     let mut bias = a.bias.clone();

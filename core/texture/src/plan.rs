@@ -21,7 +21,7 @@ pub(crate) struct Wanted<'a> {
     pub(crate) inputs: &'a [Vec<usize>],
     /// Largest file of this kind of model, in bytes. Its tensors have at most twice as many numbers.
     pub(crate) most_bytes: u64,
-    /// How such a model looks, for a person.
+    /// Description of such a model, for people.
     pub(crate) help: &'a str,
 }
 
@@ -31,7 +31,7 @@ impl Wanted<'_> {
     /// # Errors
     /// A graph that tract cannot run; tensors that are too large, all together.
     pub(crate) fn compile(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
-        // tract panics on some malformed graphs that pass every check made before.
+        // tract panics on some malformed graphs that pass all earlier checks.
         catch_unwind(AssertUnwindSafe(|| self.plan(model)))
             .unwrap_or_else(|_| Err(self.refuse("tract panicked over this model".into())))
     }
@@ -51,7 +51,7 @@ impl Wanted<'_> {
     }
 
     fn parse(&self, model: &ModelProto) -> TractResult<InferenceModel> {
-        // Shapes on the way are worked out anew: those in the file may be for another batch size.
+        // Shapes inside the graph are computed anew: those in the file may be for another batch size.
         let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(model, None)?;
         if let Some(name) = parsed.unresolved_inputs.first() {
             return Err(TractError::msg(format!("nothing gives \"{name}\"")));
@@ -63,12 +63,12 @@ impl Wanted<'_> {
         Ok(model)
     }
 
-    /// Counts the numbers in all tensors, node by node. A constant is worked out only after it was counted,
-    /// since the sizes of later ones may follow from it.
+    /// Counts the numbers in all tensors, node by node. A constant is computed only after it was
+    /// counted: sizes of later ones may follow from it.
     fn count(&self, model: &mut InferenceModel) -> TractResult<Result<(), Diagnostic>> {
         let most = self.most_bytes / 2;
         let (mut numbers, mut bytes) = (0_u64, 0_u64);
-        // tract works out constants that no output needs as well.
+        // tract computes constants that no output needs, too.
         let all: Vec<usize> = model.nodes().iter().map(|node| node.id).collect();
         for id in eval_order_for_nodes(model.nodes(), &[], &all, &[])? {
             let node = model.node(id);
@@ -89,7 +89,7 @@ impl Wanted<'_> {
                 let what = format!("{} brings the tensors to {numbers} elements", title());
                 return Ok(Err(self.refuse(format!("{what}; at most {most} are made"))));
             }
-            // tract holds constants as they were, as they are turned, and as they are packed.
+            // tract holds constants as read, as transposed and as packed.
             if let Err(e) = budget::needs(bytes.saturating_mul(3)) {
                 let what = format!("{}: {}", title(), e.message);
                 return Ok(Err(Diagnostic { message: what, ..e }.in_file(self.path)));
@@ -103,7 +103,7 @@ impl Wanted<'_> {
     }
 }
 
-/// Number of elements of a shape; 0 where it is not known yet.
+/// Number of elements of a shape; 0 while it is unknown.
 fn elements(shape: &ShapeFactoid) -> u64 {
     let sizes = shape.concretize().unwrap_or_default();
     let sizes = sizes.iter().map(|size| size.to_i64().ok().and_then(|size| u64::try_from(size).ok()));

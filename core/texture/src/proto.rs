@@ -1,5 +1,5 @@
-//! Reads an ONNX file and refuses what could hurt later: sizes that do not add up, files outside the file,
-//! graphs that are not in order. What passes is still only data; an executor may yet refuse it.
+//! Reads an ONNX file and refuses dangerous content: sizes that do not add up, references to other
+//! files, graphs that are not in order. The rest is still only data; an executor may refuse it.
 
 use asperity_diagnostics::Diagnostic;
 use prost::Message;
@@ -8,14 +8,14 @@ use std::path::Path;
 use tract_onnx::pb::tensor_proto::{DataLocation, DataType};
 use tract_onnx::pb::{AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto};
 
-/// Largest model file that is read, in bytes: thirty times a texture network.
+/// Largest model file in bytes: thirty times a texture network.
 pub const MAX_MODEL_BYTES: u64 = 64 << 20;
-/// Largest encoder file that is read, in bytes: one of AlexNet's features and the paper's texture encoder has 166 MB.
+/// Largest encoder file in bytes. AlexNet's features with the paper's texture encoder have 166 MB.
 pub const MAX_ENCODER_BYTES: u64 = 256 << 20;
 /// Largest number of nodes in a graph.
 const MAX_NODES: usize = 10_000;
 
-/// Decodes a model; its graph is there, but unchecked.
+/// Decodes a model. Its graph is unchecked.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProto), Diagnostic> {
     let not_onnx = |what: String| {
         Diagnostic::new(what)
@@ -35,7 +35,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProt
     Ok((model, graph))
 }
 
-/// Checks that every name is given before it is read, and that all sizes add up.
+/// Checks that every name is defined before it is read, and that all sizes add up.
 pub(crate) fn check(graph: &GraphProto, path: &Path) -> Result<(), Diagnostic> {
     check_graph(graph).map_err(|what| Diagnostic::new(what).in_file(path))
 }
@@ -85,7 +85,7 @@ fn check_graph(graph: &GraphProto) -> Result<(), String> {
     }
 }
 
-/// Refuses a tensor whose data is elsewhere, or whose size does not match its shape.
+/// Refuses a tensor with data elsewhere, or with a size that does not match its shape.
 fn check_tensor(t: &TensorProto) -> Result<(), String> {
     let name = brief(&t.name);
     if t.data_location == Some(DataLocation::External as i32) {
@@ -164,7 +164,7 @@ pub(crate) fn attribute<'a>(node: &'a NodeProto, name: &str) -> Option<&'a Attri
     node.attribute.iter().find(|a| a.name == name)
 }
 
-/// How a node is called in messages: its operator and, where it has one, its name.
+/// A node in messages: its operator and name.
 pub(crate) fn title(node: &NodeProto) -> String {
     match node.name.as_str() {
         "" => format!("a node {}", brief(&node.op_type)),

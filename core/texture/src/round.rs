@@ -1,18 +1,20 @@
-//! Rounding the weights of a layer so that its sums change little, not its weights.
+//! Rounds a layer's weights so that its sums change little.
 //!
-//! With inputs `x` of covariance C, weights `w` rounded to `q` change a sum by an amount of variance `(w - q)' C (w - q)`. With
-//! C = R' R, R upper triangular, that is `|R w - R q|^2`: the whole numbers wanted are the lattice point nearest to `R w`, of which the
-//! nearest plane algorithm finds a near one (L. Babai, Combinatorica 6(1), 1986): from the last weight to the first, each is rounded
-//! after what is lost by those rounded before it has been added to it, as far as its input goes with theirs. The same is done with
-//! weights that are rounded to what f16 can say. The mean of what is lost is left to the bias.
+//! For inputs `x` with covariance C, rounding weights `w` to `q` changes a sum with the variance `(w -
+//! q)' C (w - q)`. With C = R' R, R upper triangular, that is `|R w - R q|^2`. The best whole numbers
+//! are the lattice point nearest to `R w`; the nearest plane algorithm finds a near one (L. Babai,
+//! Combinatorica 6(1), 1986). From the last weight to the first, each is rounded after it takes over
+//! the loss of earlier ones, as far as their inputs correlate. f16 weights are rounded in the same way.
+//! The bias takes the mean loss.
 //!
-//! On the shipped model the largest error of full scale falls from 5.0e-2 to 1.9e-3 with 8 bits, and from 8.3e-4 to 5.6e-5 with f16.
+//! On the shipped model the largest error of full scale falls from 5.0e-2 to 1.9e-3 with 8 bits, and
+//! from 8.3e-4 to 5.6e-5 with f16.
 
-/// A share of the mean variance that is added to every input's: what was not seen may come. Of 0.1, 0.01, 0.001 and 0.0001, the third
-/// came out best, and none of them twice as bad.
+/// Part of the mean variance that is added to every input's, for inputs outside the samples. Of 0.1,
+/// 0.01, 0.001 and 0.0001 the third was best; none was twice as bad.
 const DAMPING: f64 = 0.001;
 
-/// How the inputs of a layer go together.
+/// Correlation of a layer's inputs.
 pub(crate) struct Rounder {
     /// Inputs in the order of the columns of `factor`.
     order: Vec<usize>,
@@ -21,7 +23,7 @@ pub(crate) struct Rounder {
 }
 
 impl Rounder {
-    /// From samples of the inputs, `len` each, one after the other; `None` where nothing varies.
+    /// From samples of the inputs, `len` each, one after the other. `None` if nothing varies.
     pub(crate) fn new(samples: &[f64], len: usize) -> Option<Self> {
         let count = samples.len().checked_div(len)? as f64;
         let mut mean = vec![0.0; len];
@@ -39,10 +41,10 @@ impl Rounder {
         if !(damping > 0.0 && damping.is_finite()) {
             return None;
         }
-        // What varies most is rounded first, while others can still make good for it.
+        // The weights of the most varying inputs are rounded first, while others can still compensate.
         let mut order: Vec<usize> = (0..len).collect();
         order.sort_by(|&a, &b| variance[a].total_cmp(&variance[b]));
-        // C, its upper half.
+        // Upper half of C.
         let mut c = vec![0.0; len * len];
         let mut centred = vec![0.0; len];
         for x in samples.chunks_exact(len) {
@@ -70,10 +72,10 @@ impl Rounder {
         Some(Self { order, factor: c })
     }
 
-    /// Rounds the weights of a layer, row by row, a row being `n` weights of one input, by `nearest`.
+    /// Rounds the weights of a layer by `nearest`, row by row. A row has `n` weights of one input.
     pub(crate) fn round(&self, weights: &mut [f64], n: usize, nearest: impl Fn(f64) -> f64) {
         let len = self.order.len();
-        // What was lost, its rows in the order of `factor`, and what of it a row is to make good for.
+        // Losses, with rows in the order of `factor`; and the loss that a row takes over.
         let mut lost = vec![0.0; len * n];
         let mut owed = vec![0.0; n];
         for i in (0..len).rev() {
@@ -107,7 +109,7 @@ mod tests {
         samples
     }
 
-    /// The variance of the error of sums, straight from the samples.
+    /// Variance of the error of sums, straight from the samples.
     fn variance(exact: &[f64; 3], rounded: &[f64]) -> f64 {
         let errors: Vec<f64> = samples()
             .chunks_exact(3)
@@ -118,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_are_as_near_as_whole_weights_can_bring_them_and_nearer_than_nearest_weights() {
+    fn rounded_sums_are_optimal_and_beat_nearest_weights() {
         let rounder = Rounder::new(&samples(), 3).unwrap();
         let (mut better, mut best) = (0, 0);
         for i in 0..200 {
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_that_do_not_vary_or_are_not_finite_are_no_ground_to_round_on() {
+    fn constant_or_non_finite_inputs_are_refused_for_rounding() {
         assert!(Rounder::new(&[1.0; 12], 3).is_none());
         assert!(Rounder::new(&[], 3).is_none());
         assert!(Rounder::new(&[], 0).is_none());

@@ -14,12 +14,12 @@ use asperity_diagnostics::Diagnostic;
 use asperity_dsp::Isa;
 use std::fmt;
 
-/// Largest number of materials that one runner holds.
+/// Most materials of a runner.
 pub const MAX_MATERIALS: usize = 4096;
-/// How many materials a packed network is compared with tract on.
+/// Number of materials on which a packed network is compared with tract.
 const CHECKED_MATERIALS: usize = 8;
 
-/// How weights are kept. Sums are f32, but of [`Precision::F64`].
+/// Storage of weights. Sums are f32, except for [`Precision::F64`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Precision {
     /// 32-bit weights, within 1e-4 of full scale of tract.
@@ -27,11 +27,11 @@ pub enum Precision {
     F32,
     /// 16-bit weights, scaled by a power of two per column, within 1e-3 of full scale of tract.
     F16,
-    /// 8-bit weights, scaled so that the largest of a column is 127, and 16-bit inputs, summed up in whole
+    /// 8-bit weights, scaled so that a column's largest is 127, and 16-bit inputs, summed as whole
     /// numbers, within 5e-2 of full scale of tract: 0.4 dB of the largest magnitude.
     Int8,
-    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: what the others are judged
-    /// by. Not packed, and slow.
+    /// 64-bit weights, sums and activations, within 1e-4 of full scale of tract: the reference. Not
+    /// packed, and slow.
     F64,
 }
 
@@ -49,7 +49,7 @@ impl Precision {
         }
     }
 
-    /// Largest difference from tract that is accepted, as a share of full scale.
+    /// Largest accepted difference from tract, as a part of full scale.
     pub fn tolerance(self) -> f64 {
         match self {
             Precision::F32 | Precision::F64 => 1e-4,
@@ -58,7 +58,7 @@ impl Precision {
         }
     }
 
-    /// Instruction sets of this machine that it can be packed for, best first; none for f64.
+    /// This machine's instruction sets that it can be packed for, best first; none for f64.
     pub fn isas(self) -> Vec<Isa> {
         let all = Isa::available();
         match self {
@@ -68,7 +68,7 @@ impl Precision {
         }
     }
 
-    /// What is tried in this precision's place: itself, and then what is more exact.
+    /// Precisions to try: this one, then more exact ones.
     fn attempts(self) -> &'static [Precision] {
         match self {
             Precision::F32 => &[Precision::F32],
@@ -79,12 +79,11 @@ impl Precision {
     }
 }
 
-/// Which executor is wanted.
+/// Wanted executor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Choice {
-    /// Packed kernels on the best instruction set where they agree with tract; failing int8, f16, and
-    /// failing that, f32; else tract. f64 has no packed kernels, and is checked against tract in the same
-    /// way.
+    /// Packed kernels on the best instruction set, if they agree with tract. int8 falls back to f16,
+    /// f16 to f32, f32 to tract. f64 has no packed kernels but is checked in the same way.
     #[default]
     Auto,
     /// Packed kernels on this instruction set, or an error; with f64 always an error.
@@ -96,19 +95,19 @@ pub enum Choice {
 /// Mean over root mean square of the magnitude of noise: sqrt(pi / 4), that of a Rayleigh distribution.
 pub const NOISE_RATIO: f32 = 0.886_226_9;
 
-/// Magnitudes of one tick, and how they scatter at one material, force and velocity.
+/// Magnitudes of one tick and their scatter, for one material, force and velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Magnitudes at 10, 20, .. 1000 Hz, as the model scales them.
     pub magnitudes: [f32; MAGNITUDES_LEN],
     /// Mean over root mean square of each magnitude, 0 to 1: [`NOISE_RATIO`] for noise, 1 for a steady line.
     pub ratio: [f32; MAGNITUDES_LEN],
-    /// Variance of a frame's power over its squared mean, from 0; power is the sum of all squared
+    /// Variance of a frame's power over its squared mean, from 0. Power is the sum of all squared
     /// magnitudes.
     pub variance: f32,
 }
 
-/// Answer of a model that says nothing of scatter: noise in every bin, and a variance of 0.
+/// Answer of a model without scatter: noise in every bin, and a variance of 0.
 impl Default for Answer {
     fn default() -> Self {
         Self { magnitudes: [0.0; MAGNITUDES_LEN], ratio: [NOISE_RATIO; MAGNITUDES_LEN], variance: 0.0 }
@@ -116,7 +115,7 @@ impl Default for Answer {
 }
 
 impl Answer {
-    /// Brings ratios to 0..=1 and the variance to finite numbers from 0; what is no number counts as noise.
+    /// Clamps ratios to 0..=1 and the variance to finite numbers from 0. NaN counts as noise.
     fn hold(&mut self) {
         for ratio in &mut self.ratio {
             *ratio = if ratio.is_nan() { NOISE_RATIO } else { ratio.clamp(0.0, 1.0) };
@@ -127,14 +126,14 @@ impl Answer {
     }
 }
 
-/// What runs the network.
+/// Executor of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Executor {
     /// Packed kernels, which do not allocate.
     Packed {
         /// The instruction set used.
         isa: Isa,
-        /// How weights are stored.
+        /// Storage of weights.
         precision: Precision,
     },
     /// Plain code in double precision, which does not allocate.
@@ -166,36 +165,36 @@ impl fmt::Display for Executor {
     }
 }
 
-/// What a runner is, for reports.
+/// Description of a runner, for reports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Info {
-    /// What runs the network.
+    /// Executor of the network.
     pub executor: Executor,
-    /// Bytes of weights that a run reads, padding included; 0 for tract, which does not say.
+    /// Bytes of weights that a run reads, padding included; 0 for tract.
     pub weights_bytes: usize,
-    /// Multiply-adds a run, padding and what is folded into biases left out; 0 for tract.
+    /// Multiply-adds a run, without padding and folded parts; 0 for tract.
     pub multiply_adds: usize,
-    /// Largest difference from tract over the check's inputs, as a share of full scale; `None` where
-    /// nothing was checked.
+    /// Largest difference from tract over the check's inputs, as a part of full scale. `None` if not
+    /// checked.
     pub max_error_vs_tract: Option<f64>,
-    /// In words: the choice, and why it is not the first choice where it is not.
+    /// The choice in words, and why it is not the first choice.
     pub report: String,
 }
 
-/// Why a run gave nothing.
+/// Reasons why a run fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RunError {
     /// There is no such material.
     Material {
-        /// The index asked for.
+        /// The index.
         index: usize,
-        /// How many there are.
+        /// Number of materials.
         count: usize,
     },
-    /// An input or the output has another length than [`FORCE_LEN`], [`SPEED_LEN`] or [`MAGNITUDES_LEN`].
+    /// An input or output length differs from [`FORCE_LEN`], [`SPEED_LEN`] or [`MAGNITUDES_LEN`].
     Length,
-    /// The executor failed; with packed kernels this cannot happen.
+    /// The executor failed. Packed kernels never do.
     Executor,
 }
 
@@ -227,19 +226,18 @@ enum Engine {
 pub struct Runner {
     engine: Engine,
     materials: usize,
-    /// How many outputs the model has.
+    /// Number of the model's outputs.
     outputs: usize,
     info: Info,
 }
 
 impl Model {
-    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part of
-    /// the network into biases, packs the weights and checks the result against tract. Slow (0.2 s where
-    /// weights are rounded), for the control thread; one that was made lately is not made again: the copy
-    /// shares its weights.
+    /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part
+    /// into biases, packs the weights and checks the result against tract. Slow (0.2 s if weights are
+    /// rounded), for the control thread. A recent runner is copied and shares its weights.
     ///
     /// # Errors
-    /// No material or more than [`MAX_MATERIALS`], one of another length or not finite; with
+    /// No material or more than [`MAX_MATERIALS`]; one of another length or not finite; with
     /// [`Choice::Packed`], a network, machine or result that does not allow it.
     pub fn runner<M: AsRef<[f32]>>(
         &self,
@@ -269,7 +267,7 @@ impl Model {
         self.made.of((all, precision, choice), |asked| self.make(asked))
     }
 
-    /// Makes a runner for materials that fit.
+    /// Makes a runner for valid materials.
     fn make(&self, &(ref materials, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
         let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
         let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m)).collect();
@@ -333,14 +331,14 @@ impl Model {
     }
 }
 
-/// What tells a runner of a model from another: texture vectors, precision and choice.
+/// Key of a runner among a model's: texture vectors, precision and choice.
 pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 
-/// What packing needs besides the network.
+/// Inputs of packing beside the network.
 struct Job<'a> {
     reference: &'a Reference,
     outputs: usize,
-    /// Range to which what it is given is held.
+    /// Range to which inputs are clamped.
     range: Range,
     textures: &'a [TextureTensor],
     materials: Vec<Vec<f64>>,
@@ -369,7 +367,7 @@ impl Job<'_> {
         self.checked(Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
     }
 
-    /// A runner, if it is as near to tract as it has to be.
+    /// A runner, if it is near enough to tract.
     fn checked(
         &self,
         engine: Engine,
@@ -392,7 +390,7 @@ impl Job<'_> {
         Ok(runner)
     }
 
-    /// The largest difference from tract, each output over each group of probes by its own full scale.
+    /// Largest difference from tract. Each output has its own full scale in each group of probes.
     fn error(&self, runner: &mut Runner) -> Result<f64, String> {
         let mut worst = 0f64;
         for probes in [check::ordinary(), check::large()] {
@@ -426,10 +424,11 @@ fn outputs(answer: &mut Answer) -> [&mut [f32]; 3] {
 }
 
 impl Runner {
-    /// Predicts magnitudes and how they scatter, as [`run`](Self::run) predicts magnitudes.
+    /// Predicts magnitudes as [`run`](Self::run), and their scatter.
     ///
-    /// A model without [scatter](Self::answers_scatter) leaves ratio and variance as [`Answer::default`] has
-    /// them. Others answer ratios within 0..=1 and a finite variance from 0, whatever the network gives.
+    /// A model without [scatter](Self::answers_scatter) gives ratio and variance as in
+    /// [`Answer::default`]. Others give ratios within 0..=1 and a finite variance from 0, whatever the
+    /// network returns.
     ///
     /// # Errors
     /// See [`RunError`]; `answer` is then untouched.
@@ -477,7 +476,7 @@ impl Runner {
         self.run_into(material, force, speed, &mut [out])
     }
 
-    /// Runs the network into the first of its outputs, as many as there are in `out`; their lengths fit.
+    /// Runs the network into the first outputs, as many as `out` has. Their lengths fit.
     #[inline]
     fn run_into(
         &mut self,
@@ -504,12 +503,12 @@ impl Runner {
         done.ok_or(RunError::Executor)
     }
 
-    /// What runs the network, and how it was chosen.
+    /// The executor, and why it was chosen.
     pub fn describe(&self) -> &Info {
         &self.info
     }
 
-    /// How many materials are loaded.
+    /// Number of materials.
     pub fn materials(&self) -> usize {
         self.materials
     }
@@ -519,8 +518,8 @@ impl Runner {
         self.info.executor.is_allocation_free()
     }
 
-    /// Reads the packed weights once, in order, and returns a checksum: for benches, the time that a run is
-    /// held against. `None` for f64 and tract.
+    /// Reads the packed weights once, in order, and returns a checksum: the lower bound of a run's
+    /// time, for benches. `None` for f64 and tract.
     pub fn read_weights(&self) -> Option<u32> {
         match &self.engine {
             Engine::F32(packed) => Some(packed.read()),
@@ -556,7 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_made_lately_is_not_made_again_and_its_weights_are_there_once() {
+    fn recent_model_is_reused_and_its_weights_are_held_once() {
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
         let model = Model::load(model).unwrap();
         let materials = [[0.1_f32; TEXTURE_LEN], [0.2; TEXTURE_LEN]];

@@ -1,4 +1,4 @@
-//! What a texture network takes and gives, and which graph inputs and outputs of a file those are.
+//! Inputs and outputs of a texture network, and how they are found in a file.
 
 use asperity_diagnostics::Diagnostic;
 use std::path::Path;
@@ -16,12 +16,12 @@ pub const TEXTURE_LEN: usize = 256;
 /// Number of predicted magnitudes: bin 1 (10 Hz) to bin 100 (1000 Hz).
 pub const MAGNITUDES_LEN: usize = 100;
 
-/// What would fit, said in errors.
+/// Description of a valid network, for errors.
 pub(crate) const WANTED: &str = "a texture network has the float inputs force [1,10], speed [1,20] and \
-                                 texture [1,256] and the float output magnitudes [1,100]; it may also have the \
-                                 float outputs ratio [1,100] and variance [1,1], both or neither";
+                                 texture [1,256] and the float output magnitudes [1,100]; it may also \
+                                 have the float outputs ratio [1,100] and variance [1,1], both or neither";
 
-/// Outputs of how magnitudes scatter, with their lengths.
+/// Outputs for the scatter of magnitudes, with their lengths.
 const SCATTER: [(&str, usize); 2] = [("ratio", MAGNITUDES_LEN), ("variance", 1)];
 
 /// One of the three inputs.
@@ -52,23 +52,23 @@ impl Role {
     }
 }
 
-/// Which graph input is which, and which output is which.
+/// Roles of the graph's inputs and outputs.
 #[derive(Clone, Debug)]
 pub(crate) struct Signature {
-    /// The names of the graph's inputs in the file's order, with their roles.
+    /// Names of the graph's inputs in the file's order, with their roles.
     pub(crate) inputs: Vec<(String, Role)>,
-    /// The names of the magnitudes and, where the model has them, of ratio and variance, with their lengths.
+    /// Names of the magnitudes and, if present, of ratio and variance, with their lengths.
     pub(crate) outputs: Vec<(String, usize)>,
 }
 
-/// The inputs that are fed, leaving out those that only declare an initializer (IR version 3).
+/// The inputs that are fed, without those that only declare an initializer (IR version 3).
 pub(crate) fn fed_inputs(graph: &GraphProto) -> impl Iterator<Item = &ValueInfoProto> {
     let constants: std::collections::HashSet<&str> =
         graph.initializer.iter().map(|t| t.name.as_str()).collect();
     graph.input.iter().filter(move |input| !constants.contains(input.name.as_str()))
 }
 
-/// Matches inputs and magnitudes by name, else by shape; ratio and variance by name.
+/// Finds inputs and magnitudes by name, else by shape; ratio and variance by name.
 pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signature, Diagnostic> {
     let refuse = |what: String| {
         let found = |values: Vec<&ValueInfoProto>| match values.len() {
@@ -98,7 +98,7 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
     for role in Role::ALL {
         let mut named = inputs.iter().position(|v| v.name.eq_ignore_ascii_case(role.name()));
         if named.is_none() {
-            // By shape: the three widths differ, so at most one input can fit unless shapes repeat.
+            // The three widths differ, so at most one input fits unless shapes repeat.
             let mut fits = inputs.iter().enumerate().filter(|(i, v)| {
                 let taken_by_name = Role::ALL.iter().any(|r| v.name.eq_ignore_ascii_case(r.name()));
                 roles[*i].is_none() && !taken_by_name && row_len(v) == Some(role.len())
@@ -158,7 +158,7 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
         [None, Some(_)] => return Err(refuse("this model has the output variance, but not ratio".into())),
     }
     for &(output, len) in &outputs {
-        // An output's shape may be left open in the file; the typed graph is checked afterwards.
+        // A file may leave an output's shape open. The typed graph is checked later.
         if shape(output).is_some() && row_len(output) != Some(len) && !has_open_row(output) {
             return Err(refuse(format!("output {} does not fit [1,{len}]", describe(output))));
         }
@@ -201,7 +201,7 @@ pub(crate) fn is_float(v: &ValueInfoProto) -> bool {
     }
 }
 
-/// `name [1,10]`, with `?` for a free dimension and only the beginning of a very long name.
+/// `name [1,10]`, with `?` for a free dimension. A very long name is cut.
 pub(crate) fn describe(v: &ValueInfoProto) -> String {
     let name: String = v.name.chars().take(40).flat_map(char::escape_default).collect();
     match shape(v) {

@@ -1,4 +1,4 @@
-//! Weights as they are stored, and what is looked at to round them.
+//! Stored weights, and the samples to round them.
 
 use crate::check::{self, Probe};
 use crate::kernel::Weight;
@@ -7,23 +7,24 @@ use crate::round::Rounder;
 use crate::signature::Role;
 use asperity_numbers::Elementary as _;
 
-/// Samples of a layer's inputs that are looked at. A quarter of a second's work; four times as many change the error no more than another seed.
+/// Samples of a layer's inputs: a quarter of a second's work. Four times as many change the error no
+/// more than another seed.
 const MOST_SAMPLES: usize = 256;
 const MOST_MATERIALS: usize = 8;
-/// Numbers that samples may have in all, 32 MiB.
+/// Most numbers in all samples: 32 MiB.
 const MOST_NUMBERS: usize = 1 << 22;
-/// Multiply-adds that they may take.
+/// Most multiply-adds for the samples.
 const MOST_WORK: usize = 1 << 28;
-/// Layers of more inputs than this are rounded weight by weight: the work grows with the third power.
+/// Layers with more inputs are rounded weight by weight: the work grows with the third power.
 const MOST_INPUTS: usize = 1024;
 
 /// A stored weight that can be made from an f64.
 pub(crate) trait Stored: Weight + Default {
-    /// Stores a weight that was scaled and rounded.
+    /// Stores a scaled and rounded weight.
     fn store(x: f64) -> Self;
-    /// By what a column is multiplied, from its largest magnitude.
+    /// Factor of a column, from its largest magnitude.
     fn scale(largest: f64) -> f64;
-    /// Rounds the scaled weights of `inputs` to what can be stored of them, row by row, `n` a row.
+    /// Rounds the scaled weights of `inputs` to storable values, row by row, `n` a row.
     fn round(weights: &mut [f64], n: usize, samples: &Samples, inputs: &[Ref]);
 }
 
@@ -42,8 +43,8 @@ impl Stored for u16 {
     fn store(x: f64) -> u16 {
         half::f16::from_f64_const(x).to_bits()
     }
-    /// Brings the largest weight to 2^8..2^9: normal f16 numbers then reach down to 2^-22 of it, and folded
-    /// normalisation by large or small factors costs no precision. Sums stay far from f32's limits.
+    /// Brings the largest weight to 2^8..2^9. Normal f16 numbers then reach down to 2^-22 of it, and
+    /// folded normalisation factors cost no precision. Sums stay far from f32's limits.
     fn scale(largest: f64) -> f64 {
         if largest > 0.0 { (8.0 - largest.log_2().floor()).clamp(-60.0, 60.0).exp_2() } else { 1.0 }
     }
@@ -66,7 +67,8 @@ impl Stored for i8 {
     }
 }
 
-/// Results of the needed steps over ordinary motions and some of the materials. Without any, weights are rounded one by one.
+/// Results of the needed steps for ordinary motions and some materials. Without samples, weights are
+/// rounded one by one.
 #[derive(Default)]
 pub(crate) struct Samples {
     /// Sample by sample, step by step.
@@ -74,7 +76,7 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
-    /// Of as many motions over up to 8 materials as make `MOST_SAMPLES`, fewer of a large network.
+    /// As many motions over up to 8 materials as make `MOST_SAMPLES`; fewer for a large network.
     pub(crate) fn new(net: &Lowered, needed: &[bool], materials: &[Vec<f64>]) -> Self {
         let some: Vec<&Vec<f64>> =
             materials.iter().step_by(materials.len().div_ceil(MOST_MATERIALS).max(1)).collect();
@@ -95,19 +97,19 @@ impl Samples {
         Self { results }
     }
 
-    /// The mean of one result.
+    /// Mean of one result.
     pub(crate) fn mean(&self, of: Ref) -> f64 {
         let sum: f64 = self.results.iter().map(|steps| steps[of.step][of.index]).sum();
         sum / self.results.len().max(1) as f64
     }
 
-    /// Those of some results, sample by sample.
+    /// Some results, sample by sample.
     fn of(&self, inputs: &[Ref]) -> Vec<f64> {
         self.results.iter().flat_map(|steps| inputs.iter().map(|r| steps[r.step][r.index])).collect()
     }
 }
 
-/// Rounds the weights of `inputs` by `nearest`, all together where it is known how the inputs go together.
+/// Rounds the weights of `inputs` by `nearest`: all together if the samples tell their correlation.
 fn together(weights: &mut [f64], n: usize, samples: &Samples, inputs: &[Ref], nearest: impl Fn(f64) -> f64) {
     let few = inputs.len() <= MOST_INPUTS;
     match few.then(|| Rounder::new(&samples.of(inputs), inputs.len())).flatten() {

@@ -1,7 +1,11 @@
-//! How accurate a setting is: over every stroke, material and draw.
+//! Accuracy of a setting, over every stroke, material and draw.
+
+use std::collections::{BTreeMap, HashMap};
 
 use asperity_accuracy::accuracy::rhythm::{self, Rhythm};
-use asperity_accuracy::accuracy::{self, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
+use asperity_accuracy::accuracy::{
+    self, AccuracyError, Agreement, BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram,
+};
 use asperity_accuracy::phase;
 use asperity_data::made;
 use asperity_diagnostics::Diagnostic;
@@ -10,71 +14,99 @@ use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_node::{ParamKind, Registry};
 
+use crate::chain::{Chain, Path3, Rendered, over};
 use crate::figure::{Figure, Figures, mean};
-use crate::hear::{Chain, Heard, Path3, over};
 use crate::knob::{has, set};
 use crate::lag;
+use crate::patch::{Patch, place_stroke};
 use crate::setting::Setting;
-use crate::spot::{Spot, laid};
-use crate::stroke::Stroke;
-use crate::time::Onlooker;
-use crate::truth::{Truth, Truths};
+use crate::stroke::{Known, Stroke};
+use crate::time::Monitor;
 
-/// What is rendered, and how often.
-pub(crate) struct Plan<'a> {
-    /// Strokes.
-    pub strokes: &'a [Stroke],
-    /// Materials; one of no name where the graph has its own.
-    pub materials: &'a [Option<String>],
-    /// Draws.
-    pub draws: u64,
-    /// Seed of the first; the others follow.
-    pub seed: u64,
-    /// Steps of speed for the response lag.
-    pub steps: usize,
-    /// The physics.
-    pub truths: &'a Truths,
+/// The ground truth of a stroke: accelerations that a pen feels over several places of the same surface, or
+/// recorded ones.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Truth {
+    /// Short-time powers.
+    pub spectrograms: Vec<Spectrogram>,
+    /// Rhythms along the principal axis; none of a signal shorter than 0.5 s.
+    pub rhythms: Vec<Rhythm>,
 }
 
-impl<'a> Plan<'a> {
-    /// The strokes that go over a material, with their numbers.
-    pub(crate) fn over(&self, material: Option<&str>) -> impl Iterator<Item = (usize, &'a Stroke)> {
-        self.strokes.iter().enumerate().filter(move |(_, s)| s.goes_over(material))
+impl Truth {
+    /// Adds an acceleration along some axes \[m/s^2\].
+    ///
+    /// # Errors
+    /// A signal without a spectrogram.
+    pub(crate) fn add(&mut self, axes: &[&[f64]], rate_hz: f64) -> Result<(), AccuracyError> {
+        self.spectrograms.push(Spectrogram::new(axes, rate_hz)?);
+        self.rhythms.extend(Rhythm::new(axes, rate_hz));
+        Ok(())
     }
 }
 
-/// What was found.
+/// Ground truths by index of the stroke, material and draw.
+pub(crate) type Truths = HashMap<(usize, String, u64), Truth>;
+
+/// Strokes, materials and draws to render.
+pub(crate) struct Plan<'a> {
+    pub strokes: &'a [Stroke],
+    /// Materials; one without a name where the graph has its own.
+    pub materials: &'a [Option<String>],
+    pub draws: u64,
+    /// Seed of the first draw; the others follow.
+    pub seed: u64,
+    /// Steps of speed for the response lag.
+    pub steps: usize,
+    pub truths: &'a Truths,
+}
+
+impl Plan<'_> {
+    /// Ground truth of a stroke over a material. A recording is the same in every draw.
+    fn truth(&self, s: usize, material: Option<&str>, draw: u64) -> Option<&Truth> {
+        match &self.strokes[s].known {
+            Known::Felt(felt) => Some(felt),
+            Known::Hand(_) => self.truths.get(&(s, material?.to_owned(), draw)),
+        }
+    }
+}
+
+/// Accuracy, lag and hard cases of a setting.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Found {
-    /// Figures of every draw.
+pub(crate) struct Measured {
+    /// Figures of each draw.
     pub draws: Vec<Figures>,
-    /// Of the network's own magnitudes.
+    /// Figures of the network's own magnitudes.
     pub model: Figures,
-    /// Response lag of every draw \[ms\].
+    /// Response lag of each draw \[ms\].
     pub lags_ms: Vec<[f64; 3]>,
     /// Declared latency \[ms\].
     pub latency_ms: Option<f64>,
-    /// How often nodes failed, over strokes and in the steps of speed.
+    /// Faults of nodes, over strokes and in the steps of speed.
     pub faults: u64,
+    /// Hard cases that it was put to.
+    pub cases: usize,
+    /// Hard cases that it fails, each with the finding.
+    pub fails: BTreeMap<String, String>,
 }
 
-/// Finds all there is to find about a setting; none where the user asks to stop.
+/// Measures accuracy and lag of a setting; none where the run is to stop.
 ///
 /// # Errors
 /// A graph that does not compile over one of the materials.
-pub(crate) fn find(
+pub(crate) fn measure(
     setting: &Setting,
     registry: &Registry,
     plan: &Plan<'_>,
-    onlooker: &dyn Onlooker,
-) -> Result<Option<Found>, Diagnostic> {
-    let mut found = Found::default();
+    monitor: &dyn Monitor,
+) -> Result<Option<Measured>, Diagnostic> {
+    let mut found = Measured::default();
     let mut models = Vec::new();
     let double = in_double(setting, registry);
-    let spot = Spot::of(&setting.graph, registry)?;
-    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| laid(spot.as_ref(), s)).collect();
-    let mut ways: Vec<Path3> = strokes.iter().cloned().chain(lag::ways(spot.as_ref())).collect();
-    ways.push(lag::straight());
+    let patch = Patch::of(&setting.graph, registry)?;
+    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
+    let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
+    paths.push(lag::straight());
     let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
@@ -83,42 +115,41 @@ pub(crate) fn find(
         for (m, material) in plan.materials.iter().enumerate() {
             let material = material.as_deref();
             let graph = over(&setting.graph, registry, material, seed);
-            let mut chain = Chain::new(&graph, registry, ways.clone(), options)?;
+            let mut chain = Chain::new(&graph, registry, paths.clone(), options)?;
             found.latency_ms.get_or_insert(chain.latency().ms());
-            for (s, stroke) in plan.over(material) {
-                if onlooker.stopped() {
+            for (s, stroke) in plan.strokes.iter().enumerate().filter(|(_, s)| s.goes_over(material)) {
+                if monitor.stopped() {
                     return Ok(None);
                 }
                 chain.play(s);
-                let heard = chain.hear(stroke.seconds);
-                found.faults += heard.faults;
+                let rendered = chain.render(stroke.seconds);
+                found.faults += rendered.faults;
                 let mut figures = Figures::new();
-                if let Some(db) = convergence(&heard) {
+                if let Some(db) = convergence(&rendered) {
                     figures.insert(Figure::Convergence, db);
                 }
-                if let Some(truth) = plan.truths.get((s, stroke), material, draw) {
-                    whole(&heard, truth, setting.strength, &mut figures);
-                    models.extend(of_model(&heard, &truth.spectrograms));
+                if let Some(truth) = plan.truth(s, material, draw) {
+                    against_physics(&rendered, truth, setting.strength, &mut figures);
+                    models.extend(of_model(&rendered, &truth.spectrograms));
                 }
-                // The wave itself is compared on one stroke, over one material: double precision takes its
-                // time, and draws are to differ in nothing else.
+                // Precision is compared on one stroke over one material only, since double precision is slow.
                 if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
                     let graph = over(double, registry, material, seed);
                     let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
                     wide.play(s);
-                    let wide = wide.hear(stroke.seconds);
-                    if let Ok(db) = accuracy::waveform_db(&wide_of(heard.last()), &wide_of(wide.last())) {
+                    let wide = wide.render(stroke.seconds);
+                    if let Ok(db) = accuracy::waveform_db(&wide_of(rendered.last()), &wide_of(wide.last())) {
                         figures.insert(Figure::Precision, db);
                     }
                 }
                 all.push(figures);
-                onlooker.advanced(1);
+                monitor.advanced(1);
             }
             // A scene has no room for a straight stroke.
             let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
-            if let Some(pitch_mm) = pitch.filter(|_| spot.is_none()) {
+            if let Some(pitch_mm) = pitch.filter(|_| patch.is_none()) {
                 let before = chain.faults();
-                chain.play(ways.len() - 1);
+                chain.play(paths.len() - 1);
                 all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
                 found.faults += chain.faults() - before;
             }
@@ -126,7 +157,7 @@ pub(crate) fn find(
                 let before = chain.faults();
                 found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
                 found.faults += chain.faults() - before;
-                onlooker.advanced(1);
+                monitor.advanced(1);
             }
         }
         found.draws.push(mean(all.iter()));
@@ -139,7 +170,7 @@ fn wide_of(x: &[f32]) -> Vec<f64> {
     x.iter().map(|x| f64::from(*x)).collect()
 }
 
-/// The same setting with every node in double precision that can be; none where none can, or all are.
+/// The same setting in double precision; none where no node can change to it.
 fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
     let mut double = setting.graph.clone();
     let mut any = false;
@@ -157,20 +188,22 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
 
 /// Whether a kind has a parameter `precision` that may be `f64`.
 fn can_be_double(registry: &Registry, kind: &str) -> bool {
-    matches!(has(registry, kind, "precision"), Some(ParamKind::Choice(words)) if words.iter().any(|w| w == "f64"))
+    let f64s =
+        |kind: &ParamKind| matches!(kind, ParamKind::Choice(words) if words.iter().any(|w| w == "f64"));
+    has(registry, kind, "precision").is_some_and(f64s)
 }
 
-/// Spectral convergence of the signal that was made of frames.
-fn convergence(heard: &Heard) -> Option<f64> {
-    let framing = heard.framing?;
-    phase::score(&heard.frames, &framing, &heard.signal).ok().map(|s| s.convergence_db)
+/// Spectral convergence of the signal retrieved from frames.
+fn convergence(rendered: &Rendered) -> Option<f64> {
+    let framing = rendered.framing?;
+    phase::score(&rendered.frames, &framing, &rendered.signal).ok().map(|s| s.convergence_db)
 }
 
-/// How far the lag at which a straight stroke over a grating repeats is off the pitch over the speed, in ms.
-/// None where nothing sounds.
+/// Error of the lag at which a straight stroke over a grating repeats, against the pitch over the speed
+/// \[ms\]. None of silence.
 fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
     let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
-    let (felt, rate_hz) = chain.felt(settles_s + seconds);
+    let (felt, rate_hz) = chain.render_output(settles_s + seconds);
     let felt = wide_of(felt.get((settles_s * f64::from(rate_hz)) as usize..)?);
     let after_s = pitch_mm / speed_mm_s;
     let sounds = felt.iter().any(|x| x.abs() > 1e-6);
@@ -178,17 +211,17 @@ fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
     Some(1e3 * (repeat.lag_s - after_s).abs())
 }
 
-/// Figures against the physics.
-fn whole(heard: &Heard, truth: &Truth, strength: f64, figures: &mut Figures) {
-    let rendered: Vec<f64> = heard.acceleration().iter().map(|a| a / strength).collect();
-    let rate_hz = f64::from(heard.rate_hz);
-    let Ok(spectrogram) = Spectrogram::new(&[&rendered], rate_hz) else { return };
+/// Adds the figures against the physics.
+fn against_physics(rendered: &Rendered, truth: &Truth, strength: f64, figures: &mut Figures) {
+    let signal: Vec<f64> = rendered.acceleration().iter().map(|a| a / strength).collect();
+    let rate_hz = f64::from(rendered.rate_hz);
+    let Ok(spectrogram) = Spectrogram::new(&[&signal], rate_hz) else { return };
     let Ok(agreement) = accuracy::compare(&spectrogram, &truth.spectrograms) else { return };
     figures.extend(of_agreement(&agreement));
-    // Of a truth of a low rate nothing is known above half of it.
+    // A truth of a low rate has nothing above half of it.
     let end_hz = truth.rhythms.iter().map(|r| r.end_hz).fold(rhythm::END_HZ, f64::min);
-    let Ok(rendered) = Rhythm::up_to(&[&rendered], rate_hz, end_hz) else { return };
-    let Ok(agreement) = rhythm::compare(&rendered, &truth.rhythms) else { return };
+    let Ok(rhythm) = Rhythm::up_to(&[&signal], rate_hz, end_hz) else { return };
+    let Ok(agreement) = rhythm::compare(&rhythm, &truth.rhythms) else { return };
     figures.extend([
         (Figure::Modulation, agreement.modulation_db),
         (Figure::Repetition, agreement.repetition),
@@ -197,19 +230,17 @@ fn whole(heard: &Heard, truth: &Truth, strength: f64, figures: &mut Figures) {
     ]);
 }
 
-/// Figures of the frames themselves, as they are: a reference for what is behind them. None where there are
-/// none.
+/// Figures of the frames themselves: a reference for the nodes behind them. None without frames.
 ///
-/// A frame's magnitude of a bin, an amplitude A, stands for the power A^2 / 3 that a spectrogram has of a
-/// sine of that amplitude there.
-fn of_model(heard: &Heard, truth: &[Spectrogram]) -> Option<Figures> {
-    let framing = heard.framing?;
+/// A magnitude A in a bin stands for the power A^2 / 3, which a spectrogram has of a sine of amplitude A.
+fn of_model(rendered: &Rendered, truth: &[Spectrogram]) -> Option<Figures> {
+    let framing = rendered.framing?;
     let bin_hz = f64::from(framing.rate_hz) / framing.fft_len as f64;
-    let bins: Vec<&[f32]> = heard.frames.chunks_exact(framing.bins).collect();
+    let bins: Vec<&[f32]> = rendered.frames.chunks_exact(framing.bins).collect();
     let frame_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
     let mut powers = Vec::new();
     for number in 0..truth.iter().map(Spectrogram::frames).min()? {
-        // The frame that begins nearest to where the spectrogram's does.
+        // The frame with the nearest start.
         let frame = bins.get((number as f64 * HOP_S * frame_hz).round() as usize)?;
         powers.push(std::array::from_fn(|bin| {
             let hz = FIRST_HZ + STEP_HZ * bin as f64;
@@ -234,15 +265,14 @@ fn of_agreement(agreement: &Agreement) -> Figures {
 mod tests {
     use super::*;
 
-    /// Frames of a sine at 100 Hz, as a Hann window of 0.1 s has them: its amplitude in its bin, half of it
-    /// beside.
-    fn heard(amplitude: f32) -> Heard {
+    /// Frames of a sine at 100 Hz under a Hann window of 0.1 s: its amplitude in its bin, half of it beside.
+    fn sine_frames(amplitude: f32) -> Rendered {
         let framing =
             asperity_dsp::Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 100, frame_den: 1 };
         let scale = framing.bin_scale() as f32;
         let mut frame = vec![0.0; framing.bins];
         frame[9..12].copy_from_slice(&[0.5, 1.0, 0.5].map(|part: f32| part * amplitude * scale));
-        Heard { frames: frame.repeat(300), framing: Some(framing), ..Heard::default() }
+        Rendered { frames: frame.repeat(300), framing: Some(framing), ..Rendered::default() }
     }
 
     fn sine(amplitude: f64, rate_hz: f64) -> Spectrogram {
@@ -251,28 +281,17 @@ mod tests {
         Spectrogram::new(&[&signal], rate_hz).unwrap()
     }
 
-    /// The setting that a graph is as it stands, of a study of one stroke.
-    fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Study) {
-        let source = |text: String| asperity_diagnostics::Source::new("g.ron", text);
-        let graph = source(format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"));
-        let graph = GraphFile::parse(&graph).unwrap();
-        let base = crate::Base {
-            name: "g".into(),
-            file: graph.clone(),
-            graph,
-            registry: registry.clone(),
-            strength: 1.0,
-            plugins: Vec::new(),
-        };
-        let study =
-            crate::Study::parse(&source(r#"Study(version: 1, strokes: [(name: "c", seconds: 1.5)])"#.into()));
-        let study = study.unwrap();
-        let mut settings = crate::Settings::new(&study, &[base], &[]).unwrap();
-        (settings.all.remove(0), study)
+    /// The default of a graph, and a trade-off with one stroke.
+    fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Tradeoff) {
+        let graph = crate::testing::graph_of("g.ron", nodes, "");
+        let base = crate::LoadedGraph { registry: registry.clone(), ..crate::testing::loaded("g", graph) };
+        let tradeoff = crate::testing::tradeoff("g.ron", r#"strokes: [(name: "c", seconds: 1.5)]"#);
+        let mut settings = crate::Settings::new(&tradeoff, &[base], &[]).unwrap();
+        (settings.all.remove(0), tradeoff)
     }
 
     #[test]
-    fn what_is_in_double_precision_already_is_not_held_against_itself_however_it_is_written() {
+    fn double_precision_is_recognised_however_written() {
         let registry = asperity_nodes::registry();
         let double = |precision: &str| {
             let node = format!(r#""r": (kind: "resample", params: ({precision}))"#);
@@ -283,24 +302,24 @@ mod tests {
     }
 
     #[test]
-    fn a_node_that_fails_in_the_steps_of_speed_only_is_counted() {
+    fn faults_in_the_steps_of_speed_are_counted() {
         let mut registry = asperity_nodes::registry();
-        // Longer into a run than the stroke lasts, and not as long as the steps do.
+        // Later than the stroke ends, and earlier than the steps end.
         let late = std::sync::Arc::new(|tick: u64, out: &mut [f64]| {
             out.fill(if tick == 2000 { f64::NAN } else { 0.0 });
         });
         let late = asperity_checks::played::Played::control("fails late", 1, asperity_node::Unit::NONE, late);
         registry.add(late);
         let nodes = r#""stylus": (kind: "stroke"), "late": (kind: "fails late")"#;
-        let (mut setting, study) = setting(nodes, &registry);
+        let (mut setting, tradeoff) = setting(nodes, &registry);
         for from in ["stylus.position", "late.out"] {
             let to = format!("{from} probe").replace('.', " ");
             setting.graph.add_node(&to, "probe", &[], "test").unwrap();
             setting.graph.add_wire(from, &to, "test");
         }
         struct Nobody;
-        impl Onlooker for Nobody {}
-        let strokes = [study.strokes[0].open().unwrap()];
+        impl Monitor for Nobody {}
+        let strokes = [tradeoff.strokes[0].open().unwrap()];
         let plan = Plan {
             strokes: &strokes,
             materials: &[None],
@@ -309,13 +328,13 @@ mod tests {
             steps: 10,
             truths: &Truths::default(),
         };
-        let found = find(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
-        // Once in the steps up, and once in the run without.
+        let found = measure(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
+        // Once with steps, and once at constant speed.
         assert_eq!(found.faults, 2);
     }
 
     #[test]
-    fn rhythm_of_noise_agrees_and_pulses_do_not() {
+    fn rhythm_figures_tell_pulses_from_noise() {
         let noise = |seed: u64, pulses: bool| -> Vec<f64> {
             let number =
                 |n: u64| (0..12).map(|k| asperity_node::random::uniform(seed, 12 * n + k)).sum::<f64>() - 6.0;
@@ -327,19 +346,24 @@ mod tests {
         let figures = |pulses| {
             let felt: Vec<f32> = noise(9, pulses).into_iter().map(|x| x as f32).collect();
             let mut figures = Figures::new();
-            whole(&Heard { felt, rate_hz: 10_000, ..Heard::default() }, &truth, 1.0, &mut figures);
+            against_physics(
+                &Rendered { felt, rate_hz: 10_000, ..Rendered::default() },
+                &truth,
+                1.0,
+                &mut figures,
+            );
             figures
         };
         let (fair, pulsed) = (figures(false), figures(true));
         assert!(fair[&Figure::Modulation] < 1.5 && fair[&Figure::Repetition] < 0.1, "{fair:?}");
         assert!(fair[&Figure::Kurtosis] < 0.2 && fair[&Figure::Steadiness] < 0.3, "{fair:?}");
         assert!(pulsed[&Figure::Modulation] > 6.0 && pulsed[&Figure::Repetition] > 0.3, "{pulsed:?}");
-        // What was there before does not see it: 50 ms are within one segment.
+        // The perceptual figure does not see it: 50 ms are within one segment.
         assert!(pulsed[&Figure::Perceptual] > 0.7 && fair.len() == 8, "{pulsed:?}");
     }
 
     #[test]
-    fn grating_repeats_after_its_pitch_over_the_speed_and_sandpaper_does_not() {
+    fn grating_repeats_at_its_pitch_and_sandpaper_does_not() {
         let registry = asperity_nodes::registry();
         let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron");
         let graph = GraphFile::read(graph).unwrap();
@@ -355,17 +379,17 @@ mod tests {
     }
 
     #[test]
-    fn magnitudes_of_a_sine_are_as_far_from_its_spectrum_as_their_amplitude() {
+    fn magnitudes_of_a_sine_match_its_spectrum() {
         let truth = [sine(3.0, 10_000.0)];
-        let same = of_model(&heard(3.0), &truth).unwrap();
+        let same = of_model(&sine_frames(3.0), &truth).unwrap();
         assert!((same[&Figure::Perceptual] - 1.0).abs() < 1e-3, "{same:?}");
         for figure in [Figure::Level, Figure::Spectrum, Figure::Bands] {
             assert!(same[&figure].abs() < 0.05, "{same:?}");
         }
         // Twice the amplitude: 6.02 dB, in whatever unit of the DFT.
-        let twice = of_model(&heard(6.0), &truth).unwrap();
+        let twice = of_model(&sine_frames(6.0), &truth).unwrap();
         assert!((twice[&Figure::Level] - 20.0 * 2_f64.log10()).abs() < 0.05, "{twice:?}");
         assert!(twice[&Figure::Perceptual] < 0.9, "{twice:?}");
-        assert!(of_model(&Heard::default(), &truth).is_none());
+        assert!(of_model(&Rendered::default(), &truth).is_none());
     }
 }

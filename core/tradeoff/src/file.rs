@@ -1,95 +1,87 @@
-//! The study file.
+//! The trade-off file.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_diagnostics::ron::{self, Value};
-use asperity_diagnostics::{Diagnostic, Place, Source};
+use asperity_diagnostics::{Diagnostic, Place, Source, Span};
 
 use crate::knob::Knob;
 use crate::stroke::StrokeDecl;
 
-/// What is run, as its file has it.
+/// A trade-off file: which knobs are set to which values, over which strokes and materials.
 ///
 /// ```ron
-/// Study(
+/// Tradeoff(
 ///     version: 1,
-///     graph: "../texture.ron",             // the default; graphs on the command line take its place
-///     marks: [(name: "paper", graph: "../heravi2024_500hz.ron")],
+///     graph: "../texture.ron",             // the default; graphs on the command line replace it
+///     baselines: [(name: "paper", graph: "../heravi2024_500hz.ron")],
 ///     strokes: [(name: "circle", shape: circle, speed_mm_s: 60.0)],
 ///     materials: ["canvas", "sandpaper P80"],
 ///     grids: [(name: "phase", knobs: {"phase.frames": [1, 5], "phase.passes": [1, 5]})],
 /// )
 /// ```
 #[derive(Clone, Debug)]
-pub struct Study {
-    /// The text it was read from.
+pub struct Tradeoff {
+    /// Text of the file.
     pub source: Arc<Source>,
-    /// What all random numbers follow from.
+    /// Seed of the first draw.
     pub seed: u64,
-    /// The graph around which settings are varied; none where the command line names it.
+    /// Graph whose settings are varied; none where only the command line names one.
     pub graph: Option<Named>,
-    /// Graphs that stand beside as they are.
-    pub marks: Vec<Mark>,
-    /// What is stroked.
-    pub strokes: Vec<StrokeDecl>,
-    /// Names of materials, of the library that the graph's networks read.
-    pub materials: Vec<(String, Place)>,
-    /// The part of the physics at which the graph is set to render, where it has a strength: 1 for all of it.
+    /// Other graphs, measured unchanged for comparison.
+    pub baselines: Vec<Baseline>,
+    pub(crate) strokes: Vec<StrokeDecl>,
+    /// Names of materials in the library that the graph's network reads.
+    pub(crate) materials: Vec<(String, Place)>,
+    /// Share of the physical acceleration that the graph renders, where it has a gain: 1 for all of it.
     pub strength: f64,
-    /// Combinations of settings.
-    pub grids: Vec<Grid>,
-    /// Draws of each setting: at least two, whose difference is the noise floor.
-    pub draws: u64,
-    /// Steps of speed by which the response lag is found.
-    pub steps: usize,
-    /// How times are taken.
-    pub times: Times,
-    /// Whether knobs that no graph has are left out, as are values that mean nothing there; else they are errors.
+    pub(crate) grids: Vec<Grid>,
+    /// Draws of each setting, at least two: their differences give the noise floor.
+    pub(crate) draws: u64,
+    /// Steps of speed that the response lag is measured with.
+    pub(crate) steps: usize,
+    pub(crate) times: Times,
+    /// Skips knobs and values that a graph does not have; otherwise they are errors.
     pub lenient: bool,
 }
 
-/// A path and where it stands.
+/// A path, and its place in the file.
 #[derive(Clone, Debug)]
 pub struct Named {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Where the study names it.
+    /// Its place in the trade-off file.
     pub place: Place,
 }
 
-/// A graph that stands beside those that are varied, under a name of its own.
+/// A graph that is measured unchanged, for comparison.
 #[derive(Clone, Debug)]
-pub struct Mark {
-    /// What it is called; no other one is, and none is called `default`.
+pub struct Baseline {
+    /// Name, unique in the file and not `default`.
     pub name: String,
-    /// Where that stands.
-    pub place: Place,
-    /// Its file.
+    place: Place,
+    /// File of the graph.
     pub graph: Named,
-    /// The part of the physics at which it is set to render.
+    /// Share of the physical acceleration that it renders.
     pub strength: f64,
 }
 
-/// Some knobs, and all combinations of what each is turned to.
+/// Some knobs with their values: every combination is a setting.
 #[derive(Clone, Debug)]
-pub struct Grid {
-    /// What it is about.
+pub(crate) struct Grid {
     pub name: String,
-    /// Where it stands.
-    pub place: Place,
-    /// What is turned, and to what.
     pub knobs: Vec<(Knob, Vec<Value>)>,
 }
 
-/// How times are taken.
+/// How tick times are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Times {
-    /// Turns that each setting has.
+pub(crate) struct Times {
+    /// Turns of each setting.
     pub turns: usize,
-    /// Milliseconds of signal a turn.
+    /// Length of a turn [ms of signal].
     pub turn_ms: u64,
-    /// Settings that take turns with each other and with the default.
+    /// Settings that alternate with each other and with the default.
     pub batch: usize,
 }
 
@@ -103,7 +95,7 @@ const FIELDS: &[&str] = &[
     "version",
     "seed",
     "graph",
-    "marks",
+    "baselines",
     "strokes",
     "materials",
     "strength",
@@ -112,72 +104,81 @@ const FIELDS: &[&str] = &[
     "steps",
     "times",
 ];
-/// What a graph as it stands is called.
+/// Name of an unchanged graph.
 pub(crate) const DEFAULT: &str = "default";
-/// Most settings that a grid may have.
+/// Most combinations of a grid.
 const MOST_COMBINATIONS: usize = 10_000;
+/// First word of the file, and the one that it had before.
+const WORDS: [&str; 2] = ["Tradeoff", "Study"];
 
-impl Study {
-    /// Whether a text is meant as a study.
+impl Tradeoff {
+    /// Whether a text begins as a trade-off file, or as an old one.
     pub fn is_meant(source: &Source) -> bool {
-        ron::first_word(source) == Some("Study")
+        ron::first_word(source).is_some_and(|word| WORDS.contains(&word))
     }
 
-    /// Reads a study from a text. What its knobs and strokes need is looked at when settings are made of it.
+    /// Reads a trade-off from a text. Knobs, materials and files are checked later, by [`Prepared::new`].
     ///
     /// # Errors
-    /// A text that is no RON, an unknown field, a value out of its range.
+    /// Invalid RON, an unknown field, a value out of its range, a file that begins with `Study`.
+    ///
+    /// [`Prepared::new`]: crate::Prepared::new
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let [word, old] = WORDS;
+        if ron::first_word(source) == Some(old) {
+            let start = source.text().find(old).unwrap_or_default();
+            return Err(Diagnostic::new(format!("`{old}` is the old first word of a trade-off file"))
+                .at(source, Span { start, end: start + old.len() })
+                .help(format!("write `{word}(...)`, and `baselines` instead of `marks`")));
+        }
         let value = ron::parse(source)?;
-        let mut study = value.record("Study")?;
-        let version = study.required("version")?;
+        let mut record = value.record(word)?;
+        let version = record.required("version")?;
         if version.i64()? != 1 {
             return Err(version
-                .error("unknown version of the study format")
+                .error("unknown version of the trade-off format")
                 .help("this program reads version 1"));
         }
-        let seed = study.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64;
-        let graph = study.optional("graph").map(named).transpose()?;
-        let marks = list(study.optional("marks"), mark)?;
-        let strokes = list(study.optional("strokes"), StrokeDecl::read)?;
-        let materials = list(study.optional("materials"), |v| Ok((v.text()?.to_owned(), v.place())))?;
-        let strength = study.optional("strength").map_or(Ok(1.0), strength)?;
-        let grids = list(study.optional("grids"), grid)?;
-        let draws = study.optional("draws").map_or(Ok(2), |v| v.i64_in(2..=100, "draws"))? as u64;
-        let steps = study.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize;
-        let times = study.optional("times").map_or(Ok(Times::default()), times)?;
-        let study_value = study.value();
-        study.finish(FIELDS)?;
+        let seed = record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64;
+        let graph = record.optional("graph").map(named).transpose()?;
+        let baselines = list(record.optional("baselines"), baseline)?;
+        let strokes = list(record.optional("strokes"), StrokeDecl::read)?;
+        let materials = list(record.optional("materials"), |v| Ok((v.text()?.to_owned(), v.place())))?;
+        let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
+        let grids = list(record.optional("grids"), grid)?;
+        let draws = record.optional("draws").map_or(Ok(2), |v| v.i64_in(2..=100, "draws"))? as u64;
+        let steps = record.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize;
+        let times = record.optional("times").map_or(Ok(Times::default()), times)?;
+        let whole = record.value();
+        record.finish(FIELDS)?;
         if strokes.is_empty() {
-            return Err(study_value
-                .error("this study has no strokes")
+            return Err(whole
+                .error("this trade-off has no strokes")
                 .help("strokes: [(name: \"circle\", shape: circle, speed_mm_s: 60.0)]"));
         }
         if !materials.is_empty()
-            && let Some(stroke) = strokes.iter().find(|s| s.is_anywhere())
+            && let Some(stroke) = strokes.iter().find(|s| s.lacks_material())
         {
             return Err(Diagnostic::new(format!(
-                "nothing says over which material `{}` was recorded",
+                "the recording `{}` does not say its material",
                 stroke.name
             ))
             .at(&stroke.place.source, stroke.place.span)
             .help("material: \"the name it has in the graph's library\""));
         }
-        let names = marks.iter().map(|m| (m.name.as_str(), &m.place)).collect::<Vec<_>>();
-        no_twins(&names)?;
-        if let Some(mark) = marks.iter().find(|m| m.name == DEFAULT || m.name.trim().is_empty()) {
-            return Err(Diagnostic::new(format!("`{}` is no name for a mark", mark.name))
-                .at(&mark.place.source, mark.place.span)
-                .help("the graph as it stands is the `default`"));
+        if let Some(b) = baselines.iter().find(|b| b.name == DEFAULT || b.name.trim().is_empty()) {
+            return Err(Diagnostic::new(format!("a baseline cannot be named `{}`", b.name))
+                .at(&b.place.source, b.place.span)
+                .help("`default` is the name of the unchanged graph"));
         }
-        let names = strokes.iter().map(|s| (s.name.as_str(), &s.place)).collect::<Vec<_>>();
-        no_twins(&names)?;
-        no_twins(&materials.iter().map(|(n, p)| (n.as_str(), p)).collect::<Vec<_>>())?;
+        no_duplicates(baselines.iter().map(|b| (&b.name, &b.place)))?;
+        no_duplicates(strokes.iter().map(|s| (&s.name, &s.place)))?;
+        no_duplicates(materials.iter().map(|(name, place)| (name, place)))?;
         Ok(Self {
             source: source.clone(),
             seed,
             graph,
-            marks,
+            baselines,
             strokes,
             materials,
             strength,
@@ -190,11 +191,13 @@ impl Study {
     }
 }
 
-/// Refuses two of one name.
-fn no_twins(names: &[(&str, &Place)]) -> Result<(), Diagnostic> {
-    for (i, (name, place)) in names.iter().enumerate() {
-        if names[..i].iter().any(|(other, _)| other == name) {
-            return Err(Diagnostic::new(format!("`{name}` stands here twice")).at(&place.source, place.span));
+fn no_duplicates<'a>(names: impl Iterator<Item = (&'a String, &'a Place)>) -> Result<(), Diagnostic> {
+    let mut known = std::collections::HashSet::new();
+    for (name, place) in names {
+        if !known.insert(name) {
+            return Err(
+                Diagnostic::new(format!("the name `{name}` is used twice")).at(&place.source, place.span)
+            );
         }
     }
     Ok(())
@@ -211,7 +214,7 @@ fn named(value: &Value) -> Result<Named, Diagnostic> {
     Ok(Named { path: beside(value)?, place: value.place() })
 }
 
-/// The path in a text, relative to the file in which it stands.
+/// A path relative to the file that names it.
 pub(crate) fn beside(value: &Value) -> Result<PathBuf, Diagnostic> {
     let base = value.source().path().parent().unwrap_or(Path::new(""));
     Ok(base.join(value.text()?))
@@ -221,14 +224,14 @@ fn strength(value: &Value) -> Result<f64, Diagnostic> {
     value.f64_in(1e-6..=1e6, "")
 }
 
-fn mark(value: &Value) -> Result<Mark, Diagnostic> {
-    let mut record = value.record("Mark")?;
+fn baseline(value: &Value) -> Result<Baseline, Diagnostic> {
+    let mut record = value.record("Baseline")?;
     let name = record.required("name")?;
     let (name, place) = (name.text()?.to_owned(), name.place());
     let graph = named(record.required("graph")?)?;
     let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
     record.finish(&["name", "graph", "strength"])?;
-    Ok(Mark { name, place, graph, strength })
+    Ok(Baseline { name, place, graph, strength })
 }
 
 fn grid(value: &Value) -> Result<Grid, Diagnostic> {
@@ -241,7 +244,7 @@ fn grid(value: &Value) -> Result<Grid, Diagnostic> {
         let place = Place { source: values.source().clone(), span: key.span };
         let list = values.list()?;
         if list.is_empty() {
-            return Err(values.error("nothing to turn this to").help("[value, value]"));
+            return Err(values.error("this knob has no values").help("[value, value]"));
         }
         combinations = combinations.saturating_mul(list.len());
         knobs.push((Knob::parse(&key.name, place)?, list.to_vec()));
@@ -250,9 +253,9 @@ fn grid(value: &Value) -> Result<Grid, Diagnostic> {
     if combinations > MOST_COMBINATIONS {
         return Err(entries
             .error(format!("{combinations} combinations"))
-            .help(format!("at most {MOST_COMBINATIONS}; several smaller grids say more")));
+            .help(format!("at most {MOST_COMBINATIONS}; use several smaller grids")));
     }
-    Ok(Grid { name, place: value.place(), knobs })
+    Ok(Grid { name, knobs })
 }
 
 fn times(value: &Value) -> Result<Times, Diagnostic> {
@@ -263,4 +266,17 @@ fn times(value: &Value) -> Result<Times, Diagnostic> {
     let batch = record.optional("batch").map_or(Ok(d.batch as i64), |v| v.i64_in(1..=1000, "settings"))?;
     record.finish(&["turns", "turn_ms", "batch"])?;
     Ok(Times { turns: turns as usize, turn_ms: turn_ms as u64, batch: batch as usize })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_study_file_is_refused_with_the_new_word() {
+        let source = Source::new("s.ron", "// Mine.\n  Study(version: 1, strokes: [(name: \"s\")])");
+        assert!(Tradeoff::is_meant(&source));
+        let e = Tradeoff::parse(&source).unwrap_err().to_string();
+        assert!(e.starts_with("s.ron:2:3:") && e.contains("`Tradeoff(...)`"), "{e}");
+    }
 }

@@ -1,4 +1,4 @@
-//! What a setting differs in from its graph's file, as RON to be pasted.
+//! Differences of a setting from its graph's file, as RON to paste.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -7,12 +7,14 @@ use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{NodeKind, ParamKind, Registry};
 use asperity_scene::Scene;
 
-use crate::result::Fragment;
-use crate::setting::Base;
+use crate::knob::has;
+use crate::results::Fragment;
+use crate::setting::LoadedGraph;
 
 impl Fragment {
-    /// What of `setting` is not in the file of its base. Paths are as the file would have them: relative to its folder, or absolute.
-    pub fn between(base: &Base, setting: &GraphFile) -> Self {
+    /// Differences of `setting` from the file of its graph. Paths are relative to the file's folder, or
+    /// absolute.
+    pub(crate) fn between(base: &LoadedGraph, setting: &GraphFile) -> Self {
         let file = &base.file;
         let mut graph = Vec::new();
         for (name, before, now) in [
@@ -42,9 +44,9 @@ impl Fragment {
                 plugins.push(of);
             }
         }
-        // What a study leaves out of every graph, such as what pushes back, is in the file and stays there.
-        let studied = |id: &str| base.graph.node(id).is_some();
-        let gone = file.nodes.iter().filter(|n| studied(&n.id) && setting.node(&n.id).is_none());
+        // Force outputs are removed from every graph before it is measured; in the file they stay.
+        let measured = |id: &str| base.graph.node(id).is_some();
+        let gone = file.nodes.iter().filter(|n| measured(&n.id) && setting.node(&n.id).is_none());
         let gone = gone.map(|n| n.id.clone()).collect();
         let wires = |g: &GraphFile| -> Vec<String> { g.wires.iter().map(ToString::to_string).collect() };
         let (before, now) = (wires(&base.graph), wires(setting));
@@ -54,19 +56,18 @@ impl Fragment {
         Self { graph, nodes, gone, wires, plugins, scene: Scene::is_meant(&file.source) }
     }
 
-    /// Whether nothing differs.
+    /// Whether there are no differences.
     pub fn is_empty(&self) -> bool {
         self.graph.is_empty() && self.nodes.is_empty() && self.gone.is_empty() && self.wires.is_empty()
     }
 }
 
-/// The file of the plugin that a kind comes from.
+/// The plugin file that a kind comes from; none for a built-in kind.
 fn plugin(kind: &dyn NodeKind) -> Option<PathBuf> {
-    // What is built in has no build of its own.
     (kind.build() != 0).then(|| kind.origin().into())
 }
 
-/// By what a plugin is known on every machine, wherever it lies: the name of its file without what this system puts around it.
+/// Name of a plugin on every machine: its file name without the prefix and suffix of this system.
 fn name_of(file: &Path) -> String {
     let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let bare = name.strip_prefix(std::env::consts::DLL_PREFIX);
@@ -74,24 +75,24 @@ fn name_of(file: &Path) -> String {
     bare.map_or(name.clone(), str::to_owned)
 }
 
-/// Whether a graph that names a plugin so means this file.
+/// Whether this name of a plugin in a graph means this file.
 fn is_file_of(name: &str, file: &Path) -> bool {
     name_of(Path::new(name)) == name_of(file)
 }
 
-/// A node whose files are named as a graph in this folder would.
+/// A node with its files named as a graph in this folder would name them.
 fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
     let mut node = node.clone();
     for setting in &mut node.params {
-        // A command line needs no quotes.
+        // On the command line a text needs no quotes.
         let Some(text) = setting.value.text().ok().or(setting.typed.as_deref()) else { continue };
-        let is_file = match crate::knob::has(registry, &node.kind, &setting.name) {
+        let is_file = match has(registry, &node.kind, &setting.name) {
             Some(ParamKind::File) => true,
-            // A name, or a file.
+            // A profile is a name or a file.
             Some(ParamKind::Text) => setting.name == "profile" && text.ends_with(".ron"),
             _ => false,
         };
-        // What the command line names is relative to where the program runs.
+        // Paths on the command line are relative to the current folder.
         let from = match &setting.typed {
             Some(_) => Path::new(""),
             None => setting.value.source().path().parent().unwrap_or(Path::new("")),
@@ -105,13 +106,13 @@ fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
     node
 }
 
-/// A path as seen from a folder that it lies in; an absolute one where it does not.
+/// A path relative to a folder that contains it; otherwise absolute.
 fn relative(path: &Path, home: &Path) -> PathBuf {
     let (path, home) = (tidy(path), tidy(home));
     path.strip_prefix(&home).map(Path::to_owned).unwrap_or(path)
 }
 
-/// The way from a folder to a file, up where it must: the same wherever both lie so to each other.
+/// Path from a folder to a file, with `..` where needed.
 pub(crate) fn across(path: &Path, home: &Path) -> PathBuf {
     let (path, home) = (tidy(path), tidy(home));
     let up = home.ancestors().position(|above| path.starts_with(above)).unwrap_or_default();
@@ -120,11 +121,9 @@ pub(crate) fn across(path: &Path, home: &Path) -> PathBuf {
     (0..up).map(|_| Path::new("..")).chain([down]).collect()
 }
 
-/// An absolute path without `FOLDER/..` in it.
+/// An absolute path without `FOLDER/..`.
 fn tidy(path: &Path) -> PathBuf {
-    // An empty one is where the program runs.
-    let here = Path::new(".");
-    let path = if path.as_os_str().is_empty() { here } else { path };
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let mut out = PathBuf::new();
     for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
         match part {
@@ -136,26 +135,27 @@ fn tidy(path: &Path) -> PathBuf {
     out
 }
 
-/// As it would be pasted into a graph file, with comments that say where.
+/// Text to paste into a graph file, with comments that say where.
 impl std::fmt::Display for Fragment {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (kind, name) in &self.plugins {
             writeln!(
                 f,
-                "    // `{kind}` is a plugin's: --plugin {name}, or in the graph: plugins: [{name:?}], with its folder on ASPERITY_PLUGIN_PATH"
+                "    // `{kind}` is a plugin's: --plugin {name}, or in the graph: plugins: [{name:?}],\n    \
+                 // with its folder on ASPERITY_PLUGIN_PATH"
             )?;
         }
         for line in &self.graph {
             writeln!(f, "    {line}")?;
         }
         if !self.nodes.is_empty() {
-            writeln!(f, "    // within `nodes`, in the place of those of the same names:")?;
+            writeln!(f, "    // in `nodes`, replacing those with the same names:")?;
         }
         for node in &self.nodes {
             writeln!(f, "        {node}")?;
         }
         if !self.gone.is_empty() {
-            writeln!(f, "    // no longer there: {}", self.gone.join(", "))?;
+            writeln!(f, "    // removed: {}", self.gone.join(", "))?;
         }
         if !self.wires.is_empty() {
             writeln!(f, "    wires: [")?;
@@ -171,79 +171,65 @@ impl std::fmt::Display for Fragment {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{graph_of, loaded};
     use asperity_diagnostics::Source;
 
     /// A graph of a file, changed by the command line.
-    fn base(path: &str, set: &[&str]) -> Base {
-        let text = r#"Graph(version: 1, nodes: {
-            "stylus": (kind: "trajectory", params: (file: "a.csv")),
-            "a": (kind: "gain", params: (gain: 2.0)),
-            "pushes": (kind: "some_force"),
-        }, wires: [("stylus", "a"), ("a", "pushes")])"#;
-        let file = GraphFile::parse(&Source::new(path, text)).unwrap();
-        let mut graph = file.clone();
-        graph.nodes.retain(|n| n.id != "pushes");
-        graph.wires.retain(|w| w.to.node != "pushes");
-        set.iter().for_each(|set| graph.set(set, "--set").unwrap());
-        Base {
-            name: path.into(),
-            graph,
-            file,
-            registry: asperity_nodes::registry(),
-            strength: 1.0,
-            plugins: Vec::new(),
-        }
-    }
-
-    fn turned(base: &Base, study: &str, knob: &str, value: &str) -> GraphFile {
-        let source = Source::new(study, value);
-        let value = asperity_diagnostics::ron::parse(&source).unwrap();
-        let knob = crate::Knob::parse(knob, value.place()).unwrap();
-        let mut turned = crate::knob::Turned { graph: base.graph.clone(), guards: true };
-        knob.turn(&mut turned, &value, &base.registry).unwrap();
-        turned.graph
+    fn base(path: &str, set: &[&str]) -> LoadedGraph {
+        let nodes = r#""stylus": (kind: "trajectory", params: (file: "a.csv")),
+            "a": (kind: "gain", params: (gain: 2.0)), "pushes": (kind: "some_force")"#;
+        let mut base = loaded(path, graph_of(path, nodes, r#"("stylus", "a"), ("a", "pushes")"#));
+        base.graph.nodes.retain(|n| n.id != "pushes");
+        base.graph.wires.retain(|w| w.to.node != "pushes");
+        set.iter().for_each(|set| base.graph.set(set, "--set").unwrap());
+        base
     }
 
     #[test]
-    fn what_the_command_line_set_is_not_in_the_file_and_so_in_the_fragment() {
+    fn command_line_changes_are_in_the_fragment() {
         let base = base("g/g.ron", &["a.gain=3.0", "tick_hz=1000", "seed=7"]);
         let fragment = Fragment::between(&base, &base.graph);
         assert_eq!(fragment.nodes, [r#""a": (kind: "gain", params: (gain: 3.0)),"#]);
         assert_eq!(fragment.graph, ["tick_hz: 1000,", "seed: 7,"]);
         assert!(fragment.gone.is_empty() && fragment.wires.is_empty() && !fragment.scene, "{fragment:?}");
-        let as_it_stands = self::base("g/g.ron", &[]);
-        assert!(Fragment::between(&as_it_stands, &as_it_stands.graph).is_empty());
+        let unchanged = self::base("g/g.ron", &[]);
+        assert!(Fragment::between(&unchanged, &unchanged.graph).is_empty());
     }
 
     #[test]
-    fn files_are_named_as_seen_from_the_folder_of_the_graph() {
-        let file = |graph: &str, study: &str, named: &str| {
-            let base = base(graph, &[]);
-            let setting = turned(&base, study, "stylus.file", &format!("{named:?}"));
-            let nodes = Fragment::between(&base, &setting).nodes;
-            nodes.first().map(|n| n.split('"').nth(5).unwrap().to_owned())
-        };
+    fn files_are_relative_to_the_folder_of_the_graph() {
         let here = std::env::current_dir().unwrap();
         let at = |path: &str| Some(here.join(path).display().to_string());
-        assert_eq!(file("g/g.ron", "g/s.ron", "b.csv"), Some("b.csv".into()));
-        assert_eq!(file("g/g.ron", "g/studies/s.ron", "b.csv"), Some("studies/b.csv".into()));
-        assert_eq!(file("g/g.ron", "g/studies/s.ron", "../b.csv"), Some("b.csv".into()));
-        assert_eq!(file("g/g.ron", "s.ron", "b.csv"), at("b.csv"));
-        assert_eq!(file("g.ron", "x/../s.ron", "b.csv"), Some("b.csv".into()));
-        assert_eq!(file("g/g.ron", "s.ron", "/c.csv"), Some("/c.csv".into()));
-        // The same file by another way is no other.
-        assert_eq!(file("g/g.ron", "g/studies/s.ron", "../a.csv"), None);
+        let relative = |path: &str| Some(path.to_owned());
+        for (graph, tradeoff, named, want) in [
+            ("g/g.ron", "g/s.ron", "b.csv", relative("b.csv")),
+            ("g/g.ron", "g/tradeoffs/s.ron", "b.csv", relative("tradeoffs/b.csv")),
+            ("g/g.ron", "g/tradeoffs/s.ron", "../b.csv", relative("b.csv")),
+            ("g/g.ron", "s.ron", "b.csv", at("b.csv")),
+            ("g.ron", "x/../s.ron", "b.csv", relative("b.csv")),
+            ("g/g.ron", "s.ron", "/c.csv", relative("/c.csv")),
+            // The same file by another path is no difference.
+            ("g/g.ron", "g/tradeoffs/s.ron", "../a.csv", None),
+        ] {
+            let base = base(graph, &[]);
+            let value =
+                asperity_diagnostics::ron::parse(&Source::new(tradeoff, format!("{named:?}"))).unwrap();
+            let mut turned = crate::knob::Turned { graph: base.graph.clone(), guards: true };
+            let knob = crate::knob::Knob::parse("stylus.file", value.place()).unwrap();
+            knob.turn(&mut turned, &value, &base.registry).unwrap();
+            let nodes = Fragment::between(&base, &turned.graph).nodes;
+            let found = nodes.first().map(|n| n.split('"').nth(5).unwrap().to_owned());
+            assert_eq!(found, want, "{graph} {tradeoff} {named}");
+        }
         for typed in ["stylus.file=g/b.csv", "stylus.file=\"g/b.csv\""] {
             let typed = base("g/g.ron", &[typed]);
-            assert_eq!(
-                Fragment::between(&typed, &typed.graph).nodes,
-                [r#""stylus": (kind: "trajectory", params: (file: "b.csv")),"#]
-            );
+            let want = [r#""stylus": (kind: "trajectory", params: (file: "b.csv")),"#];
+            assert_eq!(Fragment::between(&typed, &typed.graph).nodes, want);
         }
     }
 
     #[test]
-    fn what_a_study_leaves_out_of_a_graph_keeps_its_wires() {
+    fn removed_force_outputs_keep_their_wires() {
         let base = base("g.ron", &[]);
         let mut setting = base.graph.clone();
         setting.nodes.retain(|n| n.id != "stylus");
@@ -254,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plugin_that_a_graph_names_is_known_by_its_file() {
+    fn plugin_is_known_by_its_file_name() {
         let file = Path::new("/p/libmine.so");
         assert!(is_file_of("../x/libmine.so", file) && !is_file_of("libmine2.so", file));
         assert_eq!(is_file_of("mine", file), cfg!(target_os = "linux"));

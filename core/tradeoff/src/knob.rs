@@ -1,4 +1,4 @@
-//! What can be turned about a graph.
+//! Knobs: the parts of a graph that a trade-off varies.
 
 use std::fmt;
 
@@ -7,23 +7,23 @@ use asperity_diagnostics::{Diagnostic, Place, one_of};
 use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting};
 use asperity_node::{NodeKind, ParamKind, Registry, ShapeSpec};
 
-/// What is turned.
+/// The part of a graph that a knob sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Target {
     /// `tick_hz`, `audio_hz`.
     Graph(String),
-    /// `NODE.PARAM`, `NODE.every`, or `*.PARAM` for every node whose kind has it; `*.every` for those that
-    /// carry no audio.
+    /// `NODE.PARAM` or `NODE.every`. `*.PARAM` is for every node whose kind has it, `*.every` for the nodes
+    /// without audio ports.
     Param { node: String, param: String },
-    /// `NODE`: the node itself, another in its place, or none.
+    /// `NODE`: another node in its place, or none.
     Node(String),
-    /// `guards`: whether what nodes put out is looked at for NaN and infinities.
+    /// `guards`: whether outputs of nodes are checked for NaN and infinities.
     Guards,
 }
 
-/// A knob: what is turned, and where a study names it.
+/// A knob, and its place in the trade-off file.
 #[derive(Clone, Debug)]
-pub struct Knob {
+pub(crate) struct Knob {
     target: Target,
     place: Place,
 }
@@ -39,26 +39,27 @@ impl fmt::Display for Knob {
     }
 }
 
-/// A graph in the turning.
+/// A graph that knobs change.
 #[derive(Clone, Debug)]
-pub struct Turned {
-    /// It.
+pub(crate) struct Turned {
     pub graph: GraphFile,
-    /// Whether what nodes put out is looked at.
+    /// Whether outputs of nodes are checked.
     pub guards: bool,
 }
 
-/// A node that the study leaves out: its input goes where its output went.
+/// Value that removes a node: its input is wired to where its output went.
 const BYPASSED: &str = "bypassed";
-/// A node that stays as it is.
+/// Value that leaves a node as it is.
 const KEPT: &str = "kept";
+/// Origin of what knobs add, for messages.
+const ORIGIN: &str = "the trade-off";
 
 impl Knob {
     /// Reads `tick_hz`, `audio_hz`, `guards`, `NODE.PARAM`, `NODE.every`, `*.PARAM`, `*.every` or `NODE`.
     ///
     /// # Errors
     /// An empty part.
-    pub fn parse(text: &str, place: Place) -> Result<Self, Diagnostic> {
+    pub(crate) fn parse(text: &str, place: Place) -> Result<Self, Diagnostic> {
         let target = match text.split_once('.') {
             Some((node, param)) if !node.is_empty() && !param.is_empty() => {
                 Target::Param { node: node.to_owned(), param: param.to_owned() }
@@ -67,7 +68,7 @@ impl Knob {
             None if text == "guards" => Target::Guards,
             None if !text.is_empty() => Target::Node(text.to_owned()),
             _ => {
-                return Err(Diagnostic::new(format!("`{text}` is no knob"))
+                return Err(Diagnostic::new(format!("`{text}` is not a knob"))
                     .at(&place.source, place.span)
                     .help("NODE.PARAM, *.PARAM, NODE, tick_hz, audio_hz or guards"));
             }
@@ -75,19 +76,19 @@ impl Knob {
         Ok(Self { target, place })
     }
 
-    /// Where a study names it.
-    pub fn place(&self) -> &Place {
+    /// Its place in the trade-off file.
+    pub(crate) fn place(&self) -> &Place {
         &self.place
     }
 
-    /// Whether a graph has what this turns.
-    pub fn fits(&self, graph: &GraphFile, registry: &Registry) -> bool {
+    /// Whether a graph has this knob.
+    pub(crate) fn fits(&self, graph: &GraphFile, registry: &Registry) -> bool {
         match &self.target {
             Target::Graph(_) | Target::Guards => true,
             Target::Node(id) => graph.node(id).is_some(),
             Target::Param { node, param } if node == "*" => {
                 if param == "every" {
-                    graph.nodes.iter().any(|n| may_rest(registry, &n.kind))
+                    graph.nodes.iter().any(|n| has_no_audio(registry, &n.kind))
                 } else {
                     graph.nodes.iter().any(|n| has(registry, &n.kind, param).is_some())
                 }
@@ -98,7 +99,7 @@ impl Knob {
         }
     }
 
-    /// Help for a knob that none of these graphs has: the nearest that there is.
+    /// Help for a knob that none of these graphs has: the nearest that one has.
     pub(crate) fn nearest<'g>(
         &self,
         graphs: impl Iterator<Item = (&'g GraphFile, &'g Registry)> + Clone,
@@ -111,8 +112,8 @@ impl Knob {
             Target::Param { node, param } => (node, param),
         };
         if node != "*" && !ids.contains(&node.as_str()) {
-            let help = asperity_diagnostics::nearest(node, ids.iter().copied());
-            return help.map_or_else(|| one_of(node, ids), |near| format!("did you mean `{near}.{param}`?"));
+            let near = asperity_diagnostics::nearest(node, ids.iter().copied());
+            return near.map_or_else(|| one_of(node, ids), |near| format!("did you mean `{near}.{param}`?"));
         }
         let mut names: Vec<String> = Vec::new();
         for (graph, registry) in graphs {
@@ -127,23 +128,27 @@ impl Knob {
         one_of(&self.to_string(), names.iter().map(String::as_str))
     }
 
-    /// The kind of a node that a value asks for and that nobody has, such as one of a plugin that is not
-    /// loaded.
-    pub fn lacks<'v>(&self, value: &'v Value, registry: &Registry) -> Option<&'v str> {
+    /// The kind of the node in a value, where no such kind is known: its plugin may not be loaded.
+    pub(crate) fn unknown_kind<'v>(&self, value: &'v Value, registry: &Registry) -> Option<&'v str> {
         let Kind::Record { fields, .. } = value.kind() else { return None };
         let kind = fields.iter().find(|(key, _)| key.name == "kind")?.1.text().ok()?;
         (matches!(self.target, Target::Node(_)) && registry.get(kind).is_none()).then_some(kind)
     }
 
-    /// Turns it.
+    /// Sets it in a graph.
     ///
     /// # Errors
-    /// A value that means nothing there; whether a parameter takes it shows when the graph is compiled.
-    pub fn turn(&self, turned: &mut Turned, value: &Value, registry: &Registry) -> Result<(), Diagnostic> {
+    /// A value that the knob cannot take. Values of parameters are checked when the graph is compiled.
+    pub(crate) fn turn(
+        &self,
+        turned: &mut Turned,
+        value: &Value,
+        registry: &Registry,
+    ) -> Result<(), Diagnostic> {
         let graph = &mut turned.graph;
         match &self.target {
             Target::Guards => turned.guards = value.bool()?,
-            Target::Graph(name) => graph.set(&format!("{name}={}", value), "the study").map_err(|e| {
+            Target::Graph(name) => graph.set(&format!("{name}={}", value), ORIGIN).map_err(|e| {
                 let help = e.help.clone().unwrap_or_default();
                 value.error(e.message).help(help)
             })?,
@@ -152,7 +157,7 @@ impl Knob {
                 for n in graph.nodes.iter_mut().filter(|n| node == "*" || n.id == *node) {
                     if param == "every" {
                         let every = value.i64_in(EVERY, "ticks")? as u32;
-                        if node != "*" || may_rest(registry, &n.kind) {
+                        if node != "*" || has_no_audio(registry, &n.kind) {
                             n.every = every;
                         }
                         continue;
@@ -180,21 +185,21 @@ pub(crate) fn set(node: &mut NodeDecl, param: &str, value: &Value) {
     });
 }
 
-/// What a kind's parameter may be, if it has one of that name.
+/// The type of a kind's parameter; none where it has no parameter of that name.
 pub(crate) fn has<'r>(registry: &'r Registry, kind: &str, param: &str) -> Option<&'r ParamKind> {
     let kind = registry.get(kind)?;
     Some(&kind.descriptor().params.iter().find(|p| p.name == param)?.kind)
 }
 
-/// Whether nodes of a kind need not run in every tick, whatever they are wired to: they carry no audio.
-fn may_rest(registry: &Registry, kind: &str) -> bool {
+/// Whether a kind has no audio ports, so that its nodes need not run in every tick.
+fn has_no_audio(registry: &Registry, kind: &str) -> bool {
     let audio = |shape: &ShapeSpec| matches!(shape, ShapeSpec::Audio(_) | ShapeSpec::Like(_));
     let Some(kind) = registry.get(kind) else { return false };
     let d = kind.descriptor();
     !d.inputs.iter().any(|p| audio(&p.shape)) && !d.outputs.iter().any(|p| audio(&p.shape))
 }
 
-/// Whether a choice has that word; whatever is no choice is left to the compiler.
+/// Whether a choice has this word. Other parameters are left to the compiler.
 fn takes(kind: &ParamKind, value: &Value) -> bool {
     match (kind, value.kind()) {
         (ParamKind::Choice(words), Kind::Text(word) | Kind::Word(word)) => words.iter().any(|w| w == word),
@@ -202,14 +207,14 @@ fn takes(kind: &ParamKind, value: &Value) -> bool {
     }
 }
 
-/// Puts another node in the place of one, or none at all.
+/// Replaces a node by another, or removes it.
 fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -> Result<(), Diagnostic> {
     if let Kind::Word(word) | Kind::Text(word) = value.kind() {
         return match word.as_str() {
             KEPT => Ok(()),
             BYPASSED => bypass(graph, id, value, registry),
             other => Err(value
-                .error(format!("`{other}` is nothing to turn a node to"))
+                .error(format!("a node cannot be set to `{other}`"))
                 .help(format!("{}, or a node: (kind: \"spsi\")", one_of(other, [KEPT, BYPASSED])))),
         };
     }
@@ -227,8 +232,8 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
     else {
         return Ok(());
     };
-    // Both retrieve phase: ports go by other names, and an `overlap_add` stands behind those that answer
-    // spectra. What the other has no port for, it is not told.
+    // Both retrieve phase. Ports have other names, and an `overlap_add` follows those that return spectra.
+    // Wires into ports that the new node does not have are removed.
     let main = |port: &Option<String>| port.as_deref().is_none_or(|port| port == before.input);
     let has = |port: &Option<String>| new_kind.inputs.iter().any(|i| Some(&*i.name) == port.as_deref());
     graph.wires.retain(|wire| wire.to.node != id || main(&wire.to.port) || has(&wire.to.port));
@@ -259,24 +264,24 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
         }
     } else if now.spectrum && !before.spectrum {
         let synthesis = free(graph, &format!("{id} overlap_add"));
-        graph.add_node(&synthesis, "overlap_add", &[], "the study")?;
+        graph.add_node(&synthesis, "overlap_add", &[], ORIGIN)?;
         for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
             wire.from.node = synthesis.clone();
             wire.from.port = Some("signal".to_owned());
         }
-        graph.add_wire(&format!("{id}.{}", now.output), &format!("{synthesis}.spectrum"), "the study");
+        graph.add_wire(&format!("{id}.{}", now.output), &format!("{synthesis}.spectrum"), ORIGIN);
     }
     Ok(())
 }
 
-/// An id that no node has yet.
+/// An unused id.
 fn free(graph: &GraphFile, wanted: &str) -> String {
     let more = (2..).map(|n| format!("{wanted} {n}"));
     std::iter::once(wanted.to_owned()).chain(more).find(|id| graph.node(id).is_none()).unwrap_or_default()
 }
 
-/// Takes a node out; what came to its first input goes to where its first output went. A sound card behind
-/// a limiter that is gone only looks on: nothing is to be played without one.
+/// Removes a node and wires its first input to where its first output went. A sound card behind a removed
+/// limiter becomes a probe: nothing may be played without a limiter.
 fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -> Result<(), Diagnostic> {
     let Some(kind) = graph.node(id).and_then(|n| registry.get(&n.kind)) else { return Ok(()) };
     let d = kind.descriptor();
@@ -289,7 +294,7 @@ fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -
     let Some(from) =
         graph.wires.iter().find(|w| w.to.node == id && is(&w.to.port, &input)).map(|w| w.from.clone())
     else {
-        return Err(value.error(format!("`{id}` cannot be bypassed: nothing goes into it")));
+        return Err(value.error(format!("`{id}` cannot be bypassed: it has no input wire")));
     };
     let mut behind = Vec::new();
     for wire in graph.wires.iter_mut().filter(|w| w.from.node == id && is(&w.from.port, &output)) {

@@ -11,7 +11,8 @@ const GRAPH: &str = r#"Graph(version: 1, nodes: {
     "inverse": (kind: "actuator_inverse"),
     "limiter": (kind: "limiter"),
     "out": (kind: "audio_out", params: (amps_per_volt: 2.0)),
-}, wires: [("frames", "phase"), ("phase", "rate"), ("rate", "inverse"), ("inverse", "limiter"), ("limiter.out", "out.in")])"#;
+}, wires: [("frames", "phase"), ("phase", "rate"), ("rate", "inverse"), ("inverse", "limiter"),
+    ("limiter.out", "out.in")])"#;
 
 fn registry() -> Registry {
     let layout = asperity_node::FrameLayout {
@@ -55,12 +56,12 @@ fn ids(graph: &GraphFile) -> Vec<&str> {
 }
 
 #[test]
-fn one_phase_retrieval_takes_the_place_of_another_and_overlap_add_comes_and_goes_with_it() {
+fn overlap_add_comes_and_goes_with_phase_retrieval() {
     let before = turned(&[]).graph;
     let spsi = turned(&[("phase", r#"(kind: "spsi")"#)]).graph;
     assert_eq!(spsi.node("phase overlap_add").map(|n| n.kind.as_str()), Some("overlap_add"));
     assert_eq!(spsi.nodes.len(), before.nodes.len() + 1);
-    // Another that answers spectra changes nothing else.
+    // Another one that returns spectra changes nothing else.
     let vocoder = turned(&[("phase", r#"(kind: "spsi")"#), ("phase", r#"(kind: "phase_vocoder")"#)]).graph;
     assert_eq!(ids(&vocoder), ids(&spsi));
     let back = turned(&[
@@ -74,11 +75,13 @@ fn one_phase_retrieval_takes_the_place_of_another_and_overlap_add_comes_and_goes
 }
 
 #[test]
-fn phase_retrieval_that_has_no_port_for_a_wire_is_not_told() {
+fn wires_into_missing_ports_are_removed() {
     let text = r#"Graph(version: 1, nodes: {
-        "stylus": (kind: "stroke"), "texture": (kind: "texture_network", params: (model: "m", library: "l", material: "a")),
+        "stylus": (kind: "stroke"),
+        "texture": (kind: "texture_network", params: (model: "m", library: "l", material: "a")),
         "phase": (kind: "shaped_noise"), "end": (kind: "probe"),
-    }, wires: [("texture", "phase"), ("texture.pattern", "phase.pattern"), ("stylus.position", "phase.position"), ("phase", "end")])"#;
+    }, wires: [("texture", "phase"), ("texture.pattern", "phase.pattern"),
+        ("stylus.position", "phase.position"), ("phase", "end")])"#;
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
     let registry = asperity_nodes::registry();
     let into = |graph: &GraphFile| {
@@ -96,7 +99,7 @@ fn phase_retrieval_that_has_no_port_for_a_wire_is_not_told() {
 }
 
 #[test]
-fn a_limiter_that_is_bypassed_leaves_nothing_to_play_on() {
+fn bypassed_limiter_turns_the_card_into_a_probe() {
     let bypassed = turned(&[("limiter", "bypassed")]).graph;
     assert!(bypassed.node("limiter").is_none());
     let out = bypassed.node("out").unwrap();
@@ -109,17 +112,17 @@ fn a_limiter_that_is_bypassed_leaves_nothing_to_play_on() {
 }
 
 #[test]
-fn parameters_rates_and_guards_are_turned_where_they_are() {
+fn parameters_rates_and_guards_are_set() {
     let all =
         turned(&[("phase.frames", "7"), ("frames.every", "1"), ("tick_hz", "1000"), ("guards", "false")]);
     let phase = all.graph.node("phase").unwrap();
     assert_eq!(phase.to_string(), r#""phase": (kind: "sample_commit", params: (frames: 7)),"#);
     assert_eq!((all.graph.tick_hz, all.guards), (1000, false));
     let rare = turned(&[("*.every", "2")]).graph;
-    // What carries audio runs in every tick.
+    // Nodes with audio run in every tick.
     let two: Vec<&str> = rare.nodes.iter().filter(|n| n.every == 2).map(|n| n.id.as_str()).collect();
     assert_eq!(two, ["stylus", "frames"]);
-    // Every node that has the parameter and takes the word.
+    // Every node with the parameter and this choice.
     let drives = turned(&[("*.phase", r#""minimum""#)]).graph;
     assert!(drives.node("rate").unwrap().to_string().contains("phase: \"minimum\""));
     assert!(!drives.node("phase").unwrap().to_string().contains("minimum"));
@@ -128,7 +131,7 @@ fn parameters_rates_and_guards_are_turned_where_they_are() {
 }
 
 #[test]
-fn the_nearest_knob_is_named() {
+fn nearest_knob_is_suggested() {
     let registry = registry();
     let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
     for (text, want) in [
@@ -142,13 +145,13 @@ fn the_nearest_knob_is_named() {
     ] {
         let help = knob(text).unwrap().nearest(std::iter::once((&graph, &registry)));
         assert_eq!(help, format!("did you mean {want}?"), "{text}");
-        // What is named can be turned.
+        // The suggestion exists.
         assert!(knob(want.trim_matches('`')).unwrap().fits(&graph, &registry), "{want}");
     }
 }
 
 #[test]
-fn what_is_no_knob_or_no_value_for_one_is_said() {
+fn invalid_knobs_and_values_are_refused() {
     let registry = registry();
     let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
     for text in ["", ".", "a.", ".b"] {
@@ -162,15 +165,19 @@ fn what_is_no_knob_or_no_value_for_one_is_said() {
         let mut turned = Turned { graph: graph.clone(), guards: true };
         knob(text).unwrap().turn(&mut turned, &value, &registry).unwrap_err().to_string()
     };
-    assert!(turn("phase", "gone").contains("nothing to turn a node to"));
-    assert!(turn("phase", r#"(kind: "spsy")"#).contains("spsi"));
-    assert!(turn("guards", "3").contains("value:1"));
-    assert!(turn("tick_hz", "7").contains("value:1"));
-    // As in a graph's file.
-    assert!(turn("phase.every", "0").contains("value:1"));
-    assert!(turn("phase.every", "1001").contains("1000"));
-    assert!(turn("stylus", "bypassed").contains("nothing goes into it"));
+    for (knob, value, want) in [
+        ("phase", "gone", "a node cannot be set to `gone`"),
+        ("phase", r#"(kind: "spsy")"#, "spsi"),
+        ("guards", "3", "value:1"),
+        ("tick_hz", "7", "value:1"),
+        // As in a graph's file.
+        ("phase.every", "0", "value:1"),
+        ("phase.every", "1001", "1000"),
+        ("stylus", "bypassed", "it has no input wire"),
+    ] {
+        assert!(turn(knob, value).contains(want), "{knob}={value}");
+    }
     let value = ron::parse(&Source::new("value", r#"(kind: "mine")"#)).unwrap();
-    assert_eq!(knob("phase").unwrap().lacks(&value, &registry), Some("mine"));
-    assert_eq!(knob("phase.frames").unwrap().lacks(&value, &registry), None);
+    assert_eq!(knob("phase").unwrap().unknown_kind(&value, &registry), Some("mine"));
+    assert_eq!(knob("phase.frames").unwrap().unknown_kind(&value, &registry), None);
 }

@@ -1,49 +1,42 @@
-//! What accuracy costs in time: many settings of a graph over the same strokes and materials.
+//! The trade-off between accuracy and cost: many settings of a graph over the same strokes and materials.
 //!
-//! A [`Study`] is a file that says which knobs of a graph are turned to what, and over what they are
-//! played; [`Settings`] are the graphs that come of it. Each is heard for its [accuracy](Figure), put to
-//! the hard cases, timed in turns with others, and measured for how late it answers; [`Results`] are what
-//! came of all.
+//! A [`Tradeoff`] file lists knobs with their values, strokes and materials. [`Settings`] are the graphs that
+//! follow from it. [`Prepared::run`] measures each of them: [accuracy](Figure), hard cases, time and response
+//! lag. [`Results`] choose a setting for a [`Budget`] and write the report.
 
 mod accuracy;
-mod chart;
+mod chain;
 mod choose;
 mod digest;
 mod figure;
 mod file;
-mod floor;
 mod fragment;
-mod front;
-mod hear;
-mod keep;
 mod knob;
 mod lag;
+mod markdown;
 mod merge;
-mod order;
-mod picture;
+mod noise;
+mod patch;
+mod pictures;
+mod prepare;
+mod progress;
 mod report;
-mod result;
+mod results;
 mod run;
 mod setting;
-mod short;
-mod spot;
 mod stroke;
 mod table;
 #[cfg(test)]
 mod testing;
 mod time;
-mod truth;
 
-pub use choose::{Budget, Choice, Reason};
+pub use chain::{Chain, Path3, Rendered};
+pub use choose::{Budget, Choice, Misfit};
 pub use digest::content;
 pub use figure::{Figure, Figures};
-pub use file::{Grid, Mark, Named, Study, Times};
-pub use hear::{Chain, Heard, Path3};
-pub use knob::Knob;
+pub use file::{Baseline, Tradeoff};
 pub use lag::Response;
-pub use order::{Order, Prepared};
-pub use result::{Fragment, Machine, Results, Row, Time};
-pub use setting::{Base, Setting, Settings};
-pub use stroke::{Stroke, StrokeDecl};
-pub use time::{LOAD_MS, Onlooker};
-pub use truth::Truth;
+pub use prepare::{Job, Prepared};
+pub use results::{Fragment, Machine, Results, Row, Time};
+pub use setting::{LoadedGraph, Settings};
+pub use time::Monitor;

@@ -1,6 +1,6 @@
-//! A study from its settings to its results.
+//! Runs a trade-off, from its settings to its results.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,326 +13,228 @@ use asperity_node::{Registry, random};
 use asperity_surfaces::topography::made_surfaces;
 use serde::{Deserialize, Serialize};
 
-use crate::accuracy::{Found, Plan, find};
-use crate::digest::{self, Names};
+use crate::accuracy::{Measured, Plan, Truth, Truths, measure};
+use crate::digest;
 use crate::figure::mean;
-use crate::file::Study;
-use crate::floor;
-use crate::keep::Kept;
-use crate::order::{Order, Prepared};
-use crate::result::{Fragment, Results, Row, VERSION};
-use crate::setting::{Base, Setting};
-use crate::stroke::{Known, Stroke};
-use crate::time::{Batch, Onlooker, batch};
-use crate::truth::{Truth, Truths};
+use crate::noise;
+use crate::prepare::{Job, Prepared};
+use crate::progress::Progress;
+use crate::results::{Fragment, Results, Row, VERSION};
+use crate::setting::{LoadedGraph, Setting};
+use crate::stroke::Known;
+use crate::time::{Batch, Monitor, batch};
 
-/// Pieces of a surface that each draw of the physics is of, and places on each that a stroke begins at.
+/// Pieces of a surface in each draw of the ground truth, and places on each where a stroke begins.
 const PIECES: u64 = 2;
 const PLACES: usize = 2;
 
-/// How accurate a setting is, or why it cannot be run.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-enum Heard {
-    Found(Found),
-    Error(String),
+/// A finished part.
+#[derive(Serialize, Deserialize)]
+enum Part {
+    /// Key of a setting, and what was measured.
+    Setting(String, Box<Measured>),
+    Batch(Batch),
 }
 
-/// Hard cases of a setting: how many it was put to, and those that do not hold.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Cases {
-    count: usize,
-    fails: BTreeMap<String, String>,
-}
-
-/// What is known of a setting but its times.
-#[derive(Clone, Debug, Default)]
-struct Part {
-    heard: Option<Heard>,
-    cases: Option<Cases>,
-}
-
-impl Part {
-    /// Whether there is nothing left to do for it.
-    fn is_finished(&self, order: &Order<'_>) -> bool {
-        match &self.heard {
-            None => false,
-            Some(Heard::Error(_)) => true,
-            Some(Heard::Found(_)) => self.cases.is_some() || !order.cases,
-        }
-    }
-
-    fn found(&self) -> Option<&Found> {
-        match &self.heard {
-            Some(Heard::Found(found)) => Some(found),
-            _ => None,
-        }
-    }
-}
+/// Accuracy of a setting, or why it does not run.
+type Outcome = Result<Box<Measured>, String>;
 
 impl Prepared<'_> {
-    /// Runs the study. Where the user asks to stop, results have all that is finished, now or earlier.
+    /// Runs the trade-off. After a stop, the results have the settings that are finished.
     ///
     /// # Errors
-    /// What cannot be written; another run that keeps its parts in the same folder. A setting that cannot
-    /// be run is a row that says why.
-    pub fn run(&self, onlooker: &dyn Onlooker) -> Result<Results, Diagnostic> {
-        let (order, study) = (self.order, self.order.study);
-        let kept = Kept::open(order.folder)?;
-        let work = Work { prepared: self, onlooker, kept: &kept };
-        let parts = work.parts()?;
-        onlooker.doing("times");
-        let batches = work.times(&parts)?;
-        let mut rows = Vec::new();
-        let mut models = Vec::new();
-        for (s, part) in self.settings.iter().zip(&parts).filter(|(_, part)| part.is_finished(order)) {
-            if s.default && models.is_empty() {
-                models.extend(part.found().map(|f| f.model.clone()));
+    /// A file that cannot be written, another run in the same folder. A setting that does not run is a row
+    /// with its error.
+    pub fn run(&self, monitor: &dyn Monitor) -> Result<Results, Diagnostic> {
+        let (job, tradeoff) = (self.job, self.job.tradeoff);
+        let depends_on = format!("{} {} {:?} {:?}", self.digest, job.program, job.machine, job.shard);
+        let (progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
+        let (mut outcomes, mut batches) = (HashMap::new(), Vec::new());
+        for part in parts {
+            match part {
+                Part::Setting(key, measured) => drop(outcomes.insert(key, Ok(measured))),
+                Part::Batch(batch) => batches.push(batch),
             }
-            rows.push(row(order, s, part));
         }
-        floor::put_times(&mut rows, &batches);
-        let finished = rows.iter().filter(|r| r.is_finished()).count();
-        if finished == self.settings.len() && order.cases {
-            tidy(&kept, &self.names)?;
-        }
+        let progress = Mutex::new(progress);
+        self.measure_all(&mut outcomes, &progress, monitor)?;
+        self.time_all(&outcomes, &mut batches, &progress, monitor)?;
+        let known = |s: &Setting| Some(row(job, s, outcomes.get(&s.key)?));
+        let mut rows: Vec<Row> = self.settings.iter().filter_map(known).collect();
+        noise::put_times(&mut rows, &batches);
+        let default = self.settings.iter().find(|s| s.default).and_then(|s| outcomes.get(&s.key));
+        let model = default.and_then(|o| o.as_ref().ok()).map(|m| &m.model);
         let mut results = Results {
             version: VERSION,
-            study: study.source.path().display().to_string(),
+            tradeoff: tradeoff.source.path().display().to_string(),
             digest: self.digest.clone(),
-            seed: study.seed,
+            seed: tradeoff.seed,
             strokes: self.strokes.iter().map(|s| format!("{} ({} s)", s.name, s.seconds)).collect(),
             materials: self.materials.iter().flatten().cloned().collect(),
-            machines: vec![order.machine.clone()],
-            shards: vec![(order.shard.0 + 1, order.shard.1.max(1))],
-            unfinished: self.settings.len() - finished,
+            machines: vec![job.machine.clone()],
+            shards: vec![(job.shard.0 + 1, job.shard.1.max(1))],
+            unfinished: self.settings.len() - rows.iter().filter(|r| r.is_finished()).count(),
             cases: self.cases.len(),
-            floor: Default::default(),
-            lag_floor_ms: None,
-            load_floor: None,
-            model: mean(models.iter()),
-            empty: floor::empty(&batches),
+            model: mean(model.into_iter()),
+            idle: noise::idle(&batches),
             notes: self.notes.clone(),
             rows,
+            ..Results::default()
         };
-        floor::find(&mut results);
+        noise::find_floors(&mut results);
         Ok(results)
     }
-}
 
-/// What all that is done for settings has in common.
-#[derive(Clone, Copy)]
-struct Work<'a> {
-    prepared: &'a Prepared<'a>,
-    onlooker: &'a dyn Onlooker,
-    kept: &'a Kept,
-}
-
-impl Work<'_> {
-    fn base(&self, setting: &Setting) -> Result<&Base, Diagnostic> {
-        let order = self.prepared.order;
-        let base = order.base(setting).or(order.bases.first());
-        base.ok_or_else(|| Diagnostic::new("there is no graph to study"))
+    fn base(&self, setting: &Setting) -> Result<&LoadedGraph, Diagnostic> {
+        let base = self.job.base(setting).or(self.job.bases.first());
+        base.ok_or_else(|| Diagnostic::new("no graph is given"))
     }
 
-    /// Says which kept parts are not as they were written.
-    fn tell_spoiled(&self) {
-        for file in self.kept.spoiled() {
-            self.onlooker.spoiled(&file);
-        }
-    }
-
-    /// Accuracy and hard cases of all settings: what is kept is taken, and what is new is kept.
-    fn parts(&self) -> Result<Vec<Part>, Diagnostic> {
-        let Prepared { order, strokes, materials, names, .. } = self.prepared;
-        let (study, onlooker) = (order.study, self.onlooker);
-        let kept = |names: &Names| Part {
-            heard: self.kept.get(&names.figures).map(Heard::Found),
-            cases: self.kept.get(&names.cases).filter(|_| order.cases),
-        };
-        let parts: Vec<Part> = names.iter().map(kept).collect();
-        self.tell_spoiled();
-        let left: Vec<usize> = (0..parts.len()).filter(|&i| !parts[i].is_finished(order)).collect();
-        let truths = if left.iter().any(|&i| parts[i].heard.is_none()) {
-            onlooker.doing("the physics");
-            truths(study, strokes, materials, order.jobs, onlooker)?
+    /// Measures accuracy and hard cases of the settings without an outcome, until the run is to stop.
+    fn measure_all(
+        &self,
+        outcomes: &mut HashMap<String, Outcome>,
+        progress: &Mutex<Progress>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Diagnostic> {
+        let left: Vec<&Setting> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.key)).collect();
+        let truths = if left.is_empty() {
+            Truths::new()
         } else {
-            Truths::default()
+            monitor.doing("physics");
+            self.truths(monitor)?
         };
+        let tradeoff = self.job.tradeoff;
         let plan = Plan {
-            strokes,
-            materials,
-            draws: study.draws,
-            seed: study.seed,
-            steps: study.steps,
+            strokes: &self.strokes,
+            materials: &self.materials,
+            draws: tradeoff.draws,
+            seed: tradeoff.seed,
+            steps: tradeoff.steps,
             truths: &truths,
         };
-        onlooker.doing("accuracy");
-        let (each, cases) = (self.prepared.renders(), self.prepared.cases.len() as u64);
-        for part in &parts {
-            let heard = if part.heard.is_some() { each } else { 0 };
-            onlooker.advanced(heard + if part.cases.is_some() { cases } else { 0 });
-        }
-        let parts = Mutex::new(parts);
-        on_several(&left, order.jobs, onlooker, |&i| {
-            let mut part = parts.lock().map_or_else(|_| Part::default(), |parts| parts[i].clone());
-            self.finish(i, &mut part, &plan)?;
-            if let Ok(mut parts) = parts.lock() {
-                parts[i] = part;
+        monitor.doing("accuracy");
+        monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
+        let all = Mutex::new(outcomes);
+        on_threads(&left, self.job.jobs, monitor, |setting| {
+            // A node may panic during preparation, where the engine does not contain it.
+            let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &plan, monitor)))
+                .unwrap_or_else(|_| Err(Diagnostic::new("it panicked while it was prepared")));
+            let outcome = match measured {
+                Ok(None) => return Ok(()),
+                // An error is not kept, since its cause may be repaired.
+                Err(e) => Err(e.to_string()),
+                Ok(Some(measured)) => {
+                    let part = Part::Setting(setting.key.clone(), Box::new(measured));
+                    let Ok(mut progress) = progress.lock() else { return Ok(()) };
+                    let Part::Setting(_, measured) = progress.put(&part)? else { return Ok(()) };
+                    Ok(measured)
+                }
+            };
+            if let Ok(mut all) = all.lock() {
+                all.insert(setting.key.clone(), outcome);
             }
             Ok(())
-        })?;
-        Ok(parts.into_inner().unwrap_or_default())
+        })
     }
 
-    /// What is left to do for a setting, unless the user asks to stop.
-    fn finish(&self, number: usize, part: &mut Part, plan: &Plan<'_>) -> Result<(), Diagnostic> {
-        let (setting, names) = (&self.prepared.settings[number], &self.prepared.names[number]);
+    /// Measures a setting; none where the run is to stop.
+    fn measure(
+        &self,
+        setting: &Setting,
+        plan: &Plan<'_>,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Measured>, Diagnostic> {
         let registry = &self.base(setting)?.registry;
-        if part.heard.is_none() {
-            // A node may panic while it is prepared, where nothing else contains it.
-            let found = catch_unwind(AssertUnwindSafe(|| find(setting, registry, plan, self.onlooker)));
-            // Errors are not kept: what they are about may be mended.
-            part.heard = Some(match found {
-                Ok(Ok(Some(found))) => Heard::Found(self.kept.put(&names.figures, &found)?),
-                Ok(Ok(None)) => return Ok(()),
-                Ok(Err(e)) => Heard::Error(e.to_string()),
-                Err(_) => Heard::Error("it panicked while it was prepared".into()),
-            });
-        }
-        if part.found().is_none() || part.cases.is_some() || !self.prepared.order.cases {
-            return Ok(());
-        }
+        let Some(mut measured) = measure(setting, registry, plan, monitor)? else { return Ok(None) };
         let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
-        let mut found = Cases::default();
-        for case in &self.prepared.cases {
-            if self.onlooker.stopped() {
-                return Ok(());
+        for case in &self.cases {
+            if monitor.stopped() {
+                return Ok(None);
             }
-            let outcome = catch_unwind(AssertUnwindSafe(|| case.run(&subject)));
-            let (verdict, why) = match outcome {
+            let (verdict, why) = match catch_unwind(AssertUnwindSafe(|| case.run(&subject))) {
                 Ok(outcome) => (outcome.verdict, outcome.found),
                 Err(_) => (Verdict::Fails, "it panicked".into()),
             };
-            found.count += usize::from(verdict != Verdict::NotApplicable);
+            measured.cases += usize::from(verdict != Verdict::NotApplicable);
             if verdict == Verdict::Fails {
-                found.fails.insert(case.name.to_owned(), why);
+                measured.fails.insert(case.name.to_owned(), why);
             }
-            self.onlooker.advanced(1);
+            monitor.advanced(1);
         }
-        part.cases = Some(self.kept.put(&names.cases, &found)?);
-        Ok(())
+        Ok(Some(measured))
     }
 
-    /// Times of all settings that run, in batches; those that are kept are taken from there.
-    fn times(&self, parts: &[Part]) -> Result<Vec<Batch>, Diagnostic> {
-        let Prepared { order, settings, names, materials, .. } = self.prepared;
-        let material = materials.first().and_then(|m| m.as_deref());
-        let all = || settings.iter().zip(names);
-        let mut batches: Vec<Batch> = Vec::new();
-        let mut known: Vec<String> = Vec::new();
-        for mut batch in self.kept.all::<Batch>("batch-") {
-            batch.rows.retain_mut(|(name, _)| match all().find(|(_, n)| n.times == *name) {
-                Some((setting, _)) => {
-                    known.push(std::mem::replace(name, setting.key.clone()));
-                    true
-                }
-                None => false,
-            });
-            if !batch.rows.is_empty() {
+    /// Times the settings that run and are in no batch yet, until the run is to stop.
+    fn time_all(
+        &self,
+        outcomes: &HashMap<String, Outcome>,
+        batches: &mut Vec<Batch>,
+        progress: &Mutex<Progress>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Diagnostic> {
+        monitor.doing("times");
+        let Some(anchor) = self.settings.first() else { return Ok(()) };
+        let timed = |key: &String| batches.iter().any(|b| b.rows.iter().any(|(timed, _)| timed == key));
+        let runs = |key: &String| outcomes.get(key).is_some_and(|o| o.is_ok());
+        let left: Vec<&Setting> = self.settings.iter().filter(|s| runs(&s.key) && !timed(&s.key)).collect();
+        let material = self.materials.first().and_then(|m| m.as_deref());
+        let times = self.job.tradeoff.times;
+        for some in left.chunks(times.batch.max(1)) {
+            let with = some.iter().map(|s| Ok((*s, &self.base(s)?.registry)));
+            let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
+            let anchor = (anchor, &self.base(anchor)?.registry);
+            let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
+            let Ok(mut progress) = progress.lock() else { break };
+            if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
                 batches.push(batch);
             }
         }
-        self.tell_spoiled();
-        let Some(anchor) = settings.first() else { return Ok(batches) };
-        let left: Vec<(&Setting, &Names)> = all()
-            .zip(parts)
-            .filter(|((_, names), part)| part.found().is_some() && !known.contains(&names.times))
-            .map(|(it, _)| it)
-            .collect();
-        let times = order.study.times;
-        for some in left.chunks(times.batch.max(1)) {
-            let with = some.iter().map(|(s, _)| Ok((*s, &self.base(s)?.registry)));
-            let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
-            let anchor = (anchor, &self.base(anchor)?.registry);
-            let Some(timed) = batch(anchor, &with, material, times, self.onlooker)? else { break };
-            // Under names that change with what a setting depends on.
-            let rows =
-                some.iter().zip(&timed.rows).map(|((_, n), (_, time))| (n.times.clone(), time.clone()));
-            let named = Batch { rows: rows.collect(), ..timed };
-            let all: String = some.iter().map(|(_, n)| n.times.as_str()).collect();
-            let name = format!("batch-{}", digest::of_bytes(all.as_bytes()));
-            let mut batch = self.kept.put(&name, &named)?;
-            for ((name, _), (setting, _)) in batch.rows.iter_mut().zip(some) {
-                name.clone_from(&setting.key);
+        Ok(())
+    }
+
+    /// Ground truths of all strokes over the materials that are made surfaces.
+    fn truths(&self, monitor: &dyn Monitor) -> Result<Truths, Diagnostic> {
+        let tradeoff = self.job.tradeoff;
+        let all = made_surfaces();
+        let surface = |name: &String| all.iter().find(|s| s.name == *name);
+        let known = self.materials.iter().flatten().filter_map(surface);
+        let wanted: Vec<_> =
+            known.flat_map(|surface| (0..tradeoff.draws).map(move |draw| (surface, draw))).collect();
+        let truths = Mutex::new(Truths::new());
+        on_threads(&wanted, self.job.jobs, monitor, |&(surface, draw)| {
+            let seed = |number: u64| random::bits(tradeoff.seed.wrapping_add(draw), number);
+            let pieces: Vec<Ground> = (0..PIECES).map(|piece| Ground::new(surface, seed(piece))).collect();
+            for (s, stroke) in self.strokes.iter().enumerate() {
+                let Known::Hand(hand) = &stroke.known else { continue };
+                let mut truth = Truth::default();
+                for (number, piece) in (0..).zip(pieces.iter().flat_map(|piece| [piece; PLACES])) {
+                    let felt = piece.felt(hand, seed(PIECES + number));
+                    // A stroke too short for a spectrogram has no truth.
+                    let _ = truth.add(&felt.axes(), felt.rate_hz);
+                }
+                if let Ok(mut truths) = truths.lock() {
+                    truths.insert((s, surface.name.clone(), draw), truth);
+                }
             }
-            batches.push(batch);
-        }
-        Ok(batches)
+            Ok(())
+        })?;
+        Ok(truths.into_inner().unwrap_or_default())
     }
 }
 
-/// Removes parts that no setting of this study needs any more: all but those of these names, and batches in
-/// which one of them was timed.
-fn tidy(kept: &Kept, names: &[Names]) -> Result<(), Diagnostic> {
-    let of = |f: fn(&Names) -> &String| names.iter().map(f).map(String::as_str).collect::<BTreeSet<_>>();
-    let (figures, cases, times) = (of(|n| &n.figures), of(|n| &n.cases), of(|n| &n.times));
-    kept.tidy(|name| match name.split_once('-') {
-        Some(("figures", _)) => figures.contains(name),
-        Some(("cases", _)) => cases.contains(name),
-        Some(("batch", _)) => {
-            let batch = kept.get::<Batch>(name);
-            batch.is_some_and(|b| b.rows.iter().any(|(name, _)| times.contains(name.as_str())))
-        }
-        _ => true,
-    })
-}
-
-/// The physics of all strokes over all materials that are made surfaces; nothing is known of others.
-fn truths(
-    study: &Study,
-    strokes: &[Stroke],
-    materials: &[Option<String>],
-    jobs: usize,
-    onlooker: &dyn Onlooker,
-) -> Result<Truths, Diagnostic> {
-    let all = made_surfaces();
-    let surface = |name: &String| all.iter().find(|s| s.name == *name);
-    let known = materials.iter().flatten().filter_map(surface);
-    let wanted: Vec<_> =
-        known.flat_map(|surface| (0..study.draws).map(move |draw| (surface, draw))).collect();
-    let truths = Mutex::new(Truths::default());
-    on_several(&wanted, jobs, onlooker, |&(surface, draw)| {
-        let seed = |number: u64| random::bits(study.seed.wrapping_add(draw), number);
-        let pieces: Vec<Ground> = (0..PIECES).map(|piece| Ground::new(surface, seed(piece))).collect();
-        for (s, stroke) in strokes.iter().enumerate() {
-            let Known::Hand(hand) = &stroke.known else { continue };
-            let mut truth = Truth::default();
-            for (number, piece) in (0..).zip(pieces.iter().flat_map(|piece| [piece; PLACES])) {
-                let felt = piece.felt(hand, seed(PIECES + number));
-                // A truth that cannot be measured is none.
-                let _ = truth.add(&felt.axes(), felt.rate_hz);
-            }
-            if let Ok(mut truths) = truths.lock() {
-                truths.insert(s, &surface.name, draw, truth);
-            }
-        }
-        Ok(())
-    })?;
-    Ok(truths.into_inner().unwrap_or_default())
-}
-
-/// Does something for each of several, on so many threads; stops at the first error, or where the user asks to.
-fn on_several<T: Sync>(
+/// Calls a function for each item, on so many threads, until the first error or until the run is to stop.
+fn on_threads<T: Sync>(
     all: &[T],
-    jobs: usize,
-    onlooker: &dyn Onlooker,
+    threads: usize,
+    monitor: &dyn Monitor,
     each: impl Fn(&T) -> Result<(), Diagnostic> + Sync,
 ) -> Result<(), Diagnostic> {
     let next = AtomicUsize::new(0);
     let wrong: Mutex<Option<Diagnostic>> = Mutex::new(None);
     let work = || {
         while let Some(it) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if onlooker.stopped() {
+            if monitor.stopped() {
                 return;
             }
             if let Err(e) = each(it) {
@@ -344,38 +246,33 @@ fn on_several<T: Sync>(
         }
     };
     std::thread::scope(|scope| {
-        for _ in 1..jobs.max(1) {
+        for _ in 1..threads.max(1) {
             scope.spawn(work);
         }
         work();
     });
-    match wrong.into_inner() {
-        Ok(Some(e)) => Err(e),
-        _ => Ok(()),
-    }
+    wrong.into_inner().unwrap_or_default().map_or(Ok(()), Err)
 }
 
-fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
-    let found = part.found().cloned().unwrap_or_default();
-    let error = match &part.heard {
-        Some(Heard::Error(why)) => Some(why.clone()),
-        _ => None,
+fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
+    let base = job.bases.get(s.base);
+    let (measured, error) = match outcome {
+        Ok(measured) => ((**measured).clone(), None),
+        Err(why) => (Measured::default(), Some(why.clone())),
     };
-    let base = order.bases.get(s.base);
-    let Cases { count, mut fails } = part.cases.clone().unwrap_or_default();
+    let mut fails = measured.fails;
     if !s.guards {
-        let why = "they are off, which is only measured: no graph and no command can have it so";
+        let why = "guards are off: this can only be measured, since no graph or command can turn them off";
         fails.insert("guards".into(), why.into());
     }
     let cards = |g: &GraphFile| g.nodes.iter().filter(|n| n.kind == "audio_out").count();
     if base.is_some_and(|base| cards(&base.graph) > cards(&s.graph)) {
-        let why =
-            "what drove the coil through a limiter goes nowhere any more: nothing is played without one";
+        let why = "the limiter before the coil is gone: nothing is played without one";
         fails.insert("limiter".into(), why.into());
     }
-    let lag_ms = (!found.lags_ms.is_empty()).then(|| {
-        let count = found.lags_ms.len() as f64;
-        let of = |i: usize| found.lags_ms.iter().map(|l| l[i]).sum::<f64>() / count;
+    let lags = &measured.lags_ms;
+    let lag_ms = (!lags.is_empty()).then(|| {
+        let of = |i: usize| lags.iter().map(|l| l[i]).sum::<f64>() / lags.len() as f64;
         [of(0), of(1), of(2)]
     });
     Row {
@@ -385,47 +282,18 @@ fn row(order: &Order<'_>, s: &Setting, part: &Part) -> Row {
         turned: s.turned.clone(),
         grids: s.grids.clone(),
         default: s.default,
-        mark: s.mark,
+        baseline: s.baseline,
         tick_hz: s.graph.tick_hz,
         fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
         error,
-        figures: mean(found.draws.iter()),
+        figures: mean(measured.draws.iter()),
         lag_ms,
-        lag_draws_ms: found.lags_ms.iter().map(|l| l[1]).collect(),
-        draws: found.draws,
-        latency_ms: found.latency_ms,
-        faults: found.faults,
-        cases: count,
+        lag_draws_ms: lags.iter().map(|l| l[1]).collect(),
+        draws: measured.draws,
+        latency_ms: measured.latency_ms,
+        faults: measured.faults,
+        cases: measured.cases,
         fails,
         time: None,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::result::Time;
-
-    #[test]
-    fn batches_in_which_no_setting_of_the_study_was_timed_are_removed() {
-        let dir = tempfile::tempdir().unwrap();
-        let kept = Kept::open(dir.path()).unwrap();
-        for (name, rows) in [("batch-1", &["times-1", "times-2"][..]), ("batch-2", &["times-3"])] {
-            let rows = rows.iter().map(|row| ((*row).to_owned(), Ok(Time::default()))).collect();
-            kept.put(name, &Batch { empty: Time::default(), anchor: Time::default(), rows }).unwrap();
-        }
-        kept.put("batch-3", &vec![1]).unwrap();
-        let names = |n: u32| Names {
-            figures: format!("figures-{n}"),
-            cases: format!("cases-{n}"),
-            times: format!("times-{n}"),
-        };
-        for name in ["figures-2", "figures-3", "cases-2", "cases-3", "other-3"] {
-            kept.put(name, &1).unwrap();
-        }
-        tidy(&kept, &[names(2)]).unwrap();
-        let there = |name: &str| dir.path().join(format!("{name}.json")).exists();
-        assert!(["batch-1", "figures-2", "cases-2", "other-3"].into_iter().all(there));
-        assert!(!["batch-2", "batch-3", "figures-3", "cases-3"].into_iter().any(there));
     }
 }

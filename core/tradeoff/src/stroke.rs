@@ -1,4 +1,4 @@
-//! What is stroked: made by rule, or recorded.
+//! Strokes: synthetic, from a trajectory file, or recorded with accelerations.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,18 +9,16 @@ use asperity_diagnostics::ron::Value;
 use asperity_diagnostics::{Diagnostic, Place};
 use asperity_motion::{self, Shape, StrokeParams, TrajectoryOptions};
 
+use crate::accuracy::Truth;
+use crate::chain::Path3;
 use crate::file::beside;
-use crate::hear::Path3;
-use crate::truth::Truth;
 
-/// A stroke as a study declares it.
+/// A stroke as the trade-off file declares it.
 #[derive(Clone, Debug)]
-pub struct StrokeDecl {
-    /// What it is called.
+pub(crate) struct StrokeDecl {
     pub name: String,
-    /// Where it stands.
     pub place: Place,
-    /// The material over which it was recorded.
+    /// The material of a recording.
     pub material: Option<(String, Place)>,
     from: From,
 }
@@ -30,48 +28,39 @@ enum From {
     Made(Box<StrokeParams>),
     /// Positions over time.
     File(PathBuf),
-    /// What was measured while a tool was dragged, its accelerations too.
+    /// Positions, forces and accelerations, measured while a tool was dragged.
     Recording(PathBuf),
 }
 
-/// What is known of what a tool feels along a stroke.
+/// Source of the accelerations that a setting is compared with.
 #[derive(Clone, Debug)]
-pub enum Known {
-    /// What the hand does, without the sensor's steps: the rest can be simulated where the material is a
-    /// made surface.
+pub(crate) enum Known {
+    /// Motion of the hand, without the sensor's quantisation. The acceleration can be simulated over a made
+    /// surface.
     Hand(Hand),
-    /// What the tool felt.
+    /// Recorded accelerations.
     Felt(Truth),
 }
 
 /// A stroke that can be sampled.
 #[derive(Clone)]
-pub struct Stroke {
-    /// What it is called.
+pub(crate) struct Stroke {
     pub name: String,
-    /// How long it lasts \[s\].
+    /// Length \[s\].
     pub seconds: f64,
-    /// What the sensor reads at a time in s: x, y, z in mm, z up; the surface is at 0 and gives way by 0.5
-    /// N/mm.
+    /// Position that the sensor measures. The surface is at z = 0, with a stiffness of 0.5 N/mm.
     pub measured: Path3,
-    /// What a tool feels of it.
     pub known: Known,
-    /// The material over which it was recorded: over others it is not played.
+    /// The material of a recording: it is not played over others.
     pub material: Option<String>,
-    /// Its extent where it was made smaller than the study says, since a scene's surface has no room for
-    /// more \[mm\].
-    pub made_mm: Option<f64>,
 }
 
 impl Stroke {
-    /// Whether it is played over a material; none stands for a graph's own.
-    pub fn goes_over(&self, material: Option<&str>) -> bool {
-        goes_over(self.material.as_deref(), material)
+    /// Whether it is played over a material; none stands for the graph's own.
+    pub(crate) fn goes_over(&self, material: Option<&str>) -> bool {
+        let own = self.material.as_deref();
+        own.is_none() || material.is_none() || own == material
     }
-}
-
-fn goes_over(own: Option<&str>, material: Option<&str>) -> bool {
-    own.is_none() || material.is_none() || own == material
 }
 
 impl std::fmt::Debug for Stroke {
@@ -99,11 +88,11 @@ const FIELDS: &[&str] = &[
     "seed",
 ];
 
-/// Longest stroke that is made by rule \[s\].
+/// Longest synthetic stroke \[s\].
 const LONGEST_S: f64 = 600.0;
 
-/// An error of a stroke by the names that its parameters have in a study.
-fn in_a_study(mut e: Diagnostic) -> Diagnostic {
+/// An error of a stroke, with the names that its parameters have in the trade-off file.
+fn renamed(mut e: Diagnostic) -> Diagnostic {
     let named =
         |text: &str| text.replace("`duration_s`", "`seconds`").replace("`mean_speed_mm_s`", "`speed_mm_s`");
     e.message = named(&e.message);
@@ -112,12 +101,12 @@ fn in_a_study(mut e: Diagnostic) -> Diagnostic {
 }
 
 impl StrokeDecl {
-    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or `(name: "..",
-    /// shape: circle, ..)` with what the node `stroke` has for parameters.
+    /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or
+    /// `(name: "..", shape: circle, ..)` with parameters of the node `stroke`.
     ///
     /// # Errors
-    /// Another value, an unknown field.
-    pub fn read(value: &Value) -> Result<Self, Diagnostic> {
+    /// Another value, an unknown field, a parameter out of its range.
+    pub(crate) fn read(value: &Value) -> Result<Self, Diagnostic> {
         let mut record = value.record("Stroke")?;
         let name = record.required("name")?.text()?.to_owned();
         if let Some(file) = record.optional("file") {
@@ -154,28 +143,22 @@ impl StrokeDecl {
             ..d
         };
         record.finish(FIELDS)?;
-        // What is out of range is said now, and at its place.
         asperity_motion::Stroke::new(params.clone())
-            .map_err(|e| in_a_study(e).at(value.source(), value.span()))?;
+            .map_err(|e| renamed(e).at(value.source(), value.span()))?;
         if params.duration_s > LONGEST_S {
             return Err(value
                 .error(format!("`seconds` is {}, out of range", params.duration_s))
-                .help(format!("at most {LONGEST_S}: what is heard of a stroke is held in memory")));
+                .help(format!("at most {LONGEST_S}: rendered strokes are held in memory")));
         }
         Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
     }
 
-    /// Whether it is a recording of which nothing says over which material.
-    pub(crate) fn is_anywhere(&self) -> bool {
+    /// Whether it is a recording that does not say its material.
+    pub(crate) fn lacks_material(&self) -> bool {
         matches!(self.from, From::Recording(_)) && self.material.is_none()
     }
 
-    /// As [`Stroke::goes_over`].
-    pub(crate) fn goes_over(&self, material: Option<&str>) -> bool {
-        goes_over(self.material.as_ref().map(|(name, _)| name.as_str()), material)
-    }
-
-    /// The file that it is read from.
+    /// The file that it is read from; none for a synthetic stroke.
     pub(crate) fn file(&self) -> Option<&Path> {
         match &self.from {
             From::Made(_) => None,
@@ -183,22 +166,21 @@ impl StrokeDecl {
         }
     }
 
-    /// A stroke that is made by rule, no larger than this \[mm\]; none where it comes from a file.
-    pub(crate) fn within(&self, room_mm: f64) -> Option<Result<Stroke, Diagnostic>> {
+    /// A synthetic stroke that fits into this room \[mm\], and its extent; none where it comes from a file.
+    pub(crate) fn shrunk(&self, room_mm: f64) -> Option<Result<(Stroke, f64), Diagnostic>> {
         let From::Made(params) = &self.from else { return None };
-        // Tremor and the sensor's steps come on top.
+        // Tremor and quantisation add to the extent.
         let most = room_mm - 2.0 * params.tremor_mm - 2.0 * params.quantum_mm - 0.5;
         let extent_mm = params.extent_mm.min(most.max(1.0));
         let from = From::Made(Box::new(StrokeParams { extent_mm, ..(**params).clone() }));
-        let smaller = Self { from, ..self.clone() }.open();
-        Some(smaller.map(|s| Stroke { made_mm: Some(extent_mm), ..s }))
+        Some(Self { from, ..self.clone() }.open().map(|stroke| (stroke, extent_mm)))
     }
 
-    /// The stroke itself; reads its file.
+    /// Opens the stroke, and reads its file.
     ///
     /// # Errors
-    /// A file that cannot be read or is no trajectory or recording.
-    pub fn open(&self) -> Result<Stroke, Diagnostic> {
+    /// A file that cannot be read, or is no trajectory or recording.
+    pub(crate) fn open(&self) -> Result<Stroke, Diagnostic> {
         let name = self.name.clone();
         let material = self.material.as_ref().map(|(name, _)| name.clone());
         let here = |e: Diagnostic| e.related(&self.place.source, self.place.span, "named here");
@@ -225,6 +207,6 @@ impl StrokeDecl {
                 (seconds, Arc::new(move |t| recording.place_mm(t)), Known::Felt(felt))
             }
         };
-        Ok(Stroke { name, seconds, measured, known, material, made_mm: None })
+        Ok(Stroke { name, seconds, measured, known, material })
     }
 }

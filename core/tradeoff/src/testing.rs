@@ -1,34 +1,51 @@
-//! Rows to test on.
+//! Graphs and rows for tests.
+
+use std::sync::Arc;
+
+use asperity_diagnostics::Source;
+use asperity_graph::GraphFile;
 
 use crate::figure::{Figure, Figures};
-use crate::result::{Fragment, Results, Row, Time, VERSION};
+use crate::results::{Results, Row, Time, VERSION};
+use crate::{LoadedGraph, Tradeoff};
 
-/// A row of which nothing is known.
+/// A graph file with these nodes and wires.
+pub(crate) fn graph_of(path: &str, nodes: &str, wires: &str) -> GraphFile {
+    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+    GraphFile::parse(&Source::new(path, text)).unwrap()
+}
+
+/// A graph, loaded with the built-in kinds.
+pub(crate) fn loaded(name: &str, graph: GraphFile) -> LoadedGraph {
+    LoadedGraph {
+        name: name.into(),
+        file: graph.clone(),
+        graph,
+        registry: asperity_nodes::registry(),
+        strength: 1.0,
+        plugins: Vec::new(),
+    }
+}
+
+/// A trade-off file of version 1 with these fields.
+pub(crate) fn tradeoff(path: &str, fields: &str) -> Tradeoff {
+    let source: Arc<Source> = Source::new(path, format!("Tradeoff(version: 1, {fields})"));
+    Tradeoff::parse(&source).unwrap()
+}
+
+/// A row without figures.
 pub(crate) fn row(name: &str) -> Row {
     Row {
         name: name.into(),
         key: name.into(),
         graph: "g.ron".into(),
-        turned: Vec::new(),
-        grids: Vec::new(),
-        default: false,
-        mark: false,
         tick_hz: 500,
-        fragment: Fragment::default(),
-        error: None,
-        figures: Figures::new(),
-        draws: Vec::new(),
-        lag_ms: None,
-        lag_draws_ms: Vec::new(),
-        latency_ms: None,
-        faults: 0,
         cases: 1,
-        fails: Default::default(),
-        time: None,
+        ..Row::default()
     }
 }
 
-/// A row with a load in per cent (a tick of 500 Hz takes 20 us for each), an error of the level and a lag.
+/// A row with a load in per cent (20 us for each in a tick of 500 Hz), an error of the level and a lag.
 pub(crate) fn measured(name: &str, load_percent: f64, level: f64, lag: f64) -> Row {
     let p50_us = 20.0 * load_percent;
     let time =
@@ -41,25 +58,28 @@ pub(crate) fn measured(name: &str, load_percent: f64, level: f64, lag: f64) -> R
     }
 }
 
-/// Results with these rows, and a floor of 0.1 dB of the level.
+/// The default, measured.
+pub(crate) fn default_row(load_percent: f64, level: f64, lag: f64) -> Row {
+    Row { default: true, ..measured("default", load_percent, level, lag) }
+}
+
+/// Results with these rows, and a noise floor of 0.1 dB for the level.
 pub(crate) fn results(rows: Vec<Row>) -> Results {
     Results {
         version: VERSION,
-        study: "s.ron".into(),
+        tradeoff: "s.ron".into(),
         digest: "d".into(),
         seed: 1,
         strokes: vec!["circle (5 s)".into()],
         materials: vec!["canvas".into()],
-        machines: Vec::new(),
         shards: vec![(1, 1)],
-        unfinished: 0,
         cases: 3,
-        floor: Figures::from([(Figure::Level, 0.1)]),
-        lag_floor_ms: Some(1.0),
-        load_floor: Some(1.02),
+        noise_floor: Figures::from([(Figure::Level, 0.1)]),
+        lag_noise_floor_ms: Some(1.0),
+        load_noise_floor: Some(1.02),
         model: Figures::from([(Figure::Level, 0.3)]),
-        empty: Some(Time { p999_us: 2.0, ..Time::default() }),
-        notes: Vec::new(),
+        idle: Some(Time { p999_us: 2.0, ..Time::default() }),
         rows,
+        ..Results::default()
     }
 }

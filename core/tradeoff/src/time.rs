@@ -1,12 +1,12 @@
-//! Times of settings, taken in turns.
+//! Times of settings, measured in turns.
 //!
-//! A batch of settings takes turns with the default and with a tick that does nothing, over and over, in an order that changes from round to round: what else
-//! the machine does falls on all alike. The default is in every batch; by the ratio to it batches, and shards on other machines, are put together.
+//! The settings of a batch alternate with the default and with an idle tick, in an order that changes from
+//! round to round. So other work on the machine affects all alike. The default is in every batch: its ratio
+//! puts batches, and shards from other machines, on one scale.
 //!
-//! A machine stalls by itself now and then, for milliseconds on one that is shared; whoever takes longer meets more of it. The tick that does nothing therefore
-//! spins for as long as the median tick of the default, as often as that ticks, and what it takes beyond that is the machine's.
+//! A shared machine stalls for milliseconds now and then, and longer ticks meet more stalls. The idle tick
+//! spins for the median tick of the default, at its tick rate. Anything beyond that is a stall.
 
-use std::path::Path;
 use std::time::Instant;
 
 use asperity_accuracy::timing::Timing;
@@ -16,74 +16,74 @@ use asperity_graph::GraphFile;
 use asperity_node::{Registry, random};
 use serde::{Deserialize, Serialize};
 
+use crate::chain::{Chain, over};
 use crate::file::Times;
-use crate::floor::median;
-use crate::hear::{Chain, over};
-use crate::result::Time;
+use crate::noise::median;
+use crate::patch;
+use crate::results::Time;
 use crate::setting::Setting;
-use crate::spot;
 
-/// Least length of signal whose median time is what is ranked; where nodes run in some ticks only, so much longer that all have run as often in each.
-pub const LOAD_MS: u64 = 8;
-/// Most ticks that such a length has. Where nodes that run in every n-th tick come to the same again after more, a length has one call of each too many or
-/// too few at most.
+/// Shortest block \[ms\] that the load is measured over. A block is longer where nodes run in every n-th
+/// tick, so that each runs equally often in every block.
+const LOAD_MS: u64 = 8;
+/// Most ticks of a block. Where the periods of all nodes have a longer common multiple, blocks differ by at
+/// most one call of each node.
 const MOST_TICKS: u64 = 8000;
-/// Turns before those that count.
+/// Length of the turn that warms up \[ms\].
 const WARM_MS: u64 = 400;
 
-/// What is seen of the outside.
-pub trait Onlooker: Sync {
-    /// Bytes that are taken from the heap and not given back, where they can be counted.
+/// Watches a run, and can stop it.
+pub trait Monitor: Sync {
+    /// Allocated bytes on the heap, where they can be counted.
     fn heap_bytes(&self) -> Option<u64> {
         None
     }
-    /// Whether the user asks to stop.
+    /// Whether the run is to stop.
     fn stopped(&self) -> bool {
         false
     }
-    /// So many parts of what is to be done are done.
+    /// Called when parts are finished.
     fn advanced(&self, _parts: u64) {}
-    /// What is done now.
+    /// Called when a stage begins: `physics`, `accuracy`, `times`.
     fn doing(&self, _what: &str) {}
-    /// A kept part was changed after it was written, and is measured again.
-    fn spoiled(&self, _file: &Path) {}
 }
 
 /// Times of a batch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Batch {
-    /// A tick in which nothing is done, for as long as the median of the default's.
-    pub empty: Time,
+    /// The idle tick.
+    pub idle: Time,
     /// The default of the first graph.
     pub anchor: Time,
-    /// Keys of settings, with their times or why there are none.
+    /// Keys of settings, each with its time or an error.
     pub rows: Vec<(String, Result<Time, String>)>,
 }
 
-/// What is timed.
+/// The work of a tick.
 enum Work {
     Chain(Box<Chain>),
-    /// Nothing, for so many nanoseconds.
+    /// Spins for so many nanoseconds.
     Spin(u64),
 }
 
-/// One that takes turns.
+/// A member of a batch.
 struct Entry {
     work: Work,
     tick_hz: u32,
-    /// Ticks whose sum is timed for the load.
-    group: u64,
-    timing: Timing,
-    groups: Timing,
+    /// Ticks in a block.
+    block: u64,
+    ticks: Timing,
+    blocks: Timing,
+    /// Median block of each turn \[ns\].
     turns: Vec<f64>,
     misses: u64,
-    /// The first tick of each turn, while the others' had the caches.
+    /// The first tick of each turn \[us\], after others used the caches.
     cold: Vec<f64>,
     memory: Option<u64>,
 }
 
-/// Ticks of a length of [`LOAD_MS`] and more in which each node runs as often as in any other of that length.
-fn group(graph: &GraphFile) -> u64 {
+/// Ticks of a block: [`LOAD_MS`] or more, and a common multiple of the periods of all nodes.
+fn block_ticks(graph: &GraphFile) -> u64 {
     let least = (u64::from(graph.tick_hz) * LOAD_MS).div_ceil(1000).max(1);
     let gcd = |mut a: u64, mut b: u64| {
         while b > 0 {
@@ -96,13 +96,13 @@ fn group(graph: &GraphFile) -> u64 {
     least.div_ceil(all).saturating_mul(all).min(MOST_TICKS)
 }
 
-/// What is made, and how many bytes it takes, where they can be counted. It is made twice: what is kept of the first, such as models that were read lately, is
-/// there for all that are made.
-fn weighed<T, E>(onlooker: &dyn Onlooker, make: impl Fn() -> Result<T, E>) -> Result<(T, Option<u64>), E> {
+/// Builds something and counts its bytes, where they can be counted. It is built twice: what the first leaves
+/// behind, such as cached models, is shared by all.
+fn weighed<T, E>(monitor: &dyn Monitor, make: impl Fn() -> Result<T, E>) -> Result<(T, Option<u64>), E> {
     drop(make()?);
-    let before = onlooker.heap_bytes();
+    let before = monitor.heap_bytes();
     let made = make()?;
-    let bytes = before.zip(onlooker.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
+    let bytes = before.zip(monitor.heap_bytes()).map(|(before, after)| after.saturating_sub(before));
     Ok((made, bytes))
 }
 
@@ -111,32 +111,31 @@ impl Entry {
         setting: &Setting,
         registry: &Registry,
         material: Option<&str>,
-        onlooker: &dyn Onlooker,
+        monitor: &dyn Monitor,
     ) -> Result<Self, Diagnostic> {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
         let options = Options { guards: setting.guards, ..Options::default() };
-        let way = spot::round(&graph, registry)?;
-        let (chain, memory) = weighed(onlooker, || Chain::new(&graph, registry, vec![way.clone()], options))?;
-        Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, group(&graph)) })
+        let path = patch::circle(&graph, registry)?;
+        let (chain, memory) = weighed(monitor, || Chain::new(&graph, registry, vec![path.clone()], options))?;
+        Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, block_ticks(&graph)) })
     }
 
-    fn of(work: Work, tick_hz: u32, group: u64) -> Self {
-        let (timing, groups) = (Timing::new(3), Timing::new(3));
+    fn of(work: Work, tick_hz: u32, block: u64) -> Self {
+        let (ticks, blocks) = (Timing::new(3), Timing::new(3));
         let (turns, cold) = (Vec::new(), Vec::new());
-        Self { work, tick_hz, group, timing, groups, turns, misses: 0, cold, memory: None }
+        Self { work, tick_hz, block, ticks, blocks, turns, misses: 0, cold, memory: None }
     }
 
-    /// One that does nothing, for as long as this one's median tick, as often.
+    /// An idle entry that spins for this one's median tick, at its tick rate.
     fn idle(&mut self) -> Self {
         self.turn(WARM_MS, true);
-        let spin = self.timing.summary().p50_ns;
-        let (work, tick_hz, group) =
-            (std::mem::replace(&mut self.work, Work::Spin(0)), self.tick_hz, self.group);
-        *self = Self { memory: self.memory, ..Self::of(work, tick_hz, group) };
-        Self::of(Work::Spin(spin), tick_hz, group)
+        let spin = self.ticks.summary().p50_ns;
+        let work = std::mem::replace(&mut self.work, Work::Spin(0));
+        *self = Self { memory: self.memory, ..Self::of(work, self.tick_hz, self.block) };
+        Self::of(Work::Spin(spin), self.tick_hz, self.block)
     }
 
-    /// One tick; how many nanoseconds it took.
+    /// Runs a tick, and returns its time \[ns\].
     fn tick(&mut self) -> u64 {
         let began = Instant::now();
         match &mut self.work {
@@ -150,28 +149,28 @@ impl Entry {
         began.elapsed().as_nanos() as u64
     }
 
-    /// One turn.
+    /// Runs a turn: a whole number of blocks, at least one.
     fn turn(&mut self, ms: u64, counts: bool) {
-        let group = self.group.max(1);
-        let groups = (u64::from(self.tick_hz) * ms / 1000 / group).max(1);
+        let block = self.block.max(1);
+        let blocks = (u64::from(self.tick_hz) * ms / 1000 / block).max(1);
         let tick_ns = 1_000_000_000 / u64::from(self.tick_hz);
         let mut turn = Timing::new(3);
         if counts {
             let cold = self.tick();
             self.cold.push(cold as f64 / 1e3);
         }
-        for _ in 0..groups {
+        for _ in 0..blocks {
             let mut sum = 0;
-            for _ in 0..group {
+            for _ in 0..block {
                 let ns = self.tick();
                 sum += ns;
                 if counts {
-                    self.timing.record(ns);
+                    self.ticks.record(ns);
                     self.misses += u64::from(ns > tick_ns);
                 }
             }
             if counts {
-                self.groups.record(sum);
+                self.blocks.record(sum);
                 turn.record(sum);
             }
         }
@@ -181,10 +180,10 @@ impl Entry {
     }
 
     fn time(&self) -> Time {
-        let (t, g) = (self.timing.summary(), self.groups.summary());
+        let (t, b) = (self.ticks.summary(), self.blocks.summary());
         let us = |ns: u64| ns as f64 / 1e3;
-        let lasts_ns = self.group as f64 * 1e9 / f64::from(self.tick_hz);
-        let middle = (g.p50_ns as f64).max(1.0);
+        let lasts_ns = self.block as f64 * 1e9 / f64::from(self.tick_hz);
+        let middle = (b.p50_ns as f64).max(1.0);
         let spread = self.turns.iter().map(|t| (t / middle).max(middle / t.max(1.0))).fold(1.0, f64::max);
         Time {
             p50_us: us(t.p50_ns),
@@ -193,7 +192,7 @@ impl Entry {
             max_us: us(t.max_ns),
             misses: self.misses,
             ticks: t.count,
-            load_percent: 100.0 * g.p50_ns as f64 / lasts_ns,
+            load_percent: 100.0 * b.p50_ns as f64 / lasts_ns,
             spread,
             cold_us: median(self.cold.clone()),
             memory_kib: self.memory.map(|b| b as f64 / 1024.0),
@@ -206,9 +205,10 @@ impl Entry {
     }
 }
 
-/// What the machine by itself adds to the 99.9th percentile of a tick of this median \[us\], from ticks in which nothing was done.
+/// Share of the machine's stalls in the 99.9th percentile of a tick with this median \[us\], from idle ticks.
 ///
-/// One that takes k times as long meets k times as many stalls: of its ticks as many are that late at 99.9 % as of those at `1 - 0.001 / k`.
+/// A tick that takes k times as long meets k times as many stalls. So its 99.9th percentile corresponds to
+/// the quantile `1 - 0.001 / k` of the idle tick.
 fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
     let middle = idle.summary().p50_ns as f64;
     if p50_us <= 0.0 || middle <= 0.0 {
@@ -218,24 +218,24 @@ fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
     (idle.quantile_ns(1.0 - late.min(0.5)) as f64 - middle).max(0.0) / 1e3
 }
 
-/// Times a batch. Nothing else is to run meanwhile.
+/// Times a batch; none where the run is to stop. Nothing else should run meanwhile.
 ///
 /// # Errors
-/// A default that does not compile; none where the user asks to stop.
+/// A default that does not compile.
 pub(crate) fn batch(
     anchor: (&Setting, &Registry),
     settings: &[(&Setting, &Registry)],
     material: Option<&str>,
     times: Times,
-    onlooker: &dyn Onlooker,
+    monitor: &dyn Monitor,
 ) -> Result<Option<Batch>, Diagnostic> {
-    let mut first = Entry::new(anchor.0, anchor.1, material, onlooker)?;
+    let mut first = Entry::new(anchor.0, anchor.1, material, monitor)?;
     first.turn(WARM_MS, false);
     let idle = first.idle();
     let mut entries = vec![idle, first];
     let mut errors: Vec<Option<String>> = Vec::new();
     for (setting, registry) in settings {
-        match Entry::new(setting, registry, material, onlooker) {
+        match Entry::new(setting, registry, material, monitor) {
             Ok(entry) => {
                 entries.push(entry);
                 errors.push(None);
@@ -250,19 +250,19 @@ pub(crate) fn batch(
     for turn in 0..times.turns {
         order.sort_by_key(|i| random::bits(turn as u64 + 1, *i as u64));
         for &i in &order {
-            if onlooker.stopped() {
+            if monitor.stopped() {
                 return Ok(None);
             }
             entries[i].turn(times.turn_ms, true);
         }
-        onlooker.advanced(1);
+        monitor.advanced(1);
     }
-    let idle = &entries[0].timing;
+    let idle = &entries[0].ticks;
     let mut done = entries.iter().map(|entry| {
         let time = entry.time();
         Time { stall_us: stall_us(idle, time.p50_us), ..time }
     });
-    let (Some(empty), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
+    let (Some(idle), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
     let rows = settings.iter().zip(errors).map(|((setting, _), error)| {
         let time = match error {
             Some(why) => Err(why),
@@ -271,12 +271,12 @@ pub(crate) fn batch(
         (setting.key.clone(), time)
     });
     let rows = rows.collect();
-    Ok(Some(Batch { empty, anchor, rows }))
+    Ok(Some(Batch { idle, anchor, rows }))
 }
 
 impl Time {
-    /// What it would have been where everything is so much slower or faster. Only medians are: a stall takes as long on a fast machine, and one that was met
-    /// is not one that another machine has. No percentile is below the median.
+    /// The time on a machine that is slower by this factor. Only medians and load are scaled: stalls last as
+    /// long on any machine. No percentile is below the median.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         let p50_us = self.p50_us * factor;
@@ -294,22 +294,21 @@ impl Time {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use asperity_diagnostics::Source;
+    use crate::testing::graph_of;
 
     fn graph(tick_hz: u32, every: &[u32]) -> GraphFile {
         let nodes: Vec<String> =
             every.iter().enumerate().map(|(i, e)| format!("\"{i}\": (kind: \"mix\", every: {e})")).collect();
-        let text = format!("Graph(version: 1, tick_hz: {tick_hz}, nodes: {{{}}})", nodes.join(", "));
-        GraphFile::parse(&Source::new("g.ron", text)).unwrap()
+        GraphFile { tick_hz, ..graph_of("g.ron", &nodes.join(", "), "") }
     }
 
     #[test]
-    fn what_a_process_keeps_of_a_graph_is_not_counted_as_its_memory() {
+    fn memory_excludes_what_the_process_shares() {
         use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
         #[derive(Default)]
         struct Heap(AtomicU64);
-        impl Onlooker for Heap {
+        impl Monitor for Heap {
             fn heap_bytes(&self) -> Option<u64> {
                 Some(self.0.load(Relaxed))
             }
@@ -322,7 +321,7 @@ mod tests {
         }
         let heap = Heap::default();
         let kept = std::cell::Cell::new(false);
-        // 100 bytes, and a model of 1000 that whichever comes first reads.
+        // 100 bytes, and a model of 1000 that the first one reads.
         let make = || {
             heap.0.fetch_add(if kept.replace(true) { 100 } else { 1100 }, Relaxed);
             Ok::<_, ()>(Made(&heap))
@@ -333,13 +332,13 @@ mod tests {
         assert_eq!(bytes, Some(100));
         drop(first);
         struct Blind;
-        impl Onlooker for Blind {}
+        impl Monitor for Blind {}
         assert_eq!(weighed(&Blind, || Ok::<_, ()>(())).unwrap().1, None);
     }
 
     #[test]
-    fn the_load_is_of_as_many_calls_of_every_node_whatever_ticks_they_run_in() {
-        // 8 ms, and so many more that all periods are whole.
+    fn block_is_a_multiple_of_all_periods() {
+        // 8 ms, extended to a multiple of all periods.
         for (tick_hz, every, ticks) in [
             (500, &[1, 1][..], 4),
             (500, &[2], 4),
@@ -352,28 +351,28 @@ mod tests {
             (700, &[1], 6),
             (500, &[1000, 999], MOST_TICKS),
         ] {
-            assert_eq!(group(&graph(tick_hz, every)), ticks, "{tick_hz} Hz, every {every:?}");
+            assert_eq!(block_ticks(&graph(tick_hz, every)), ticks, "{tick_hz} Hz, every {every:?}");
         }
     }
 
     #[test]
-    fn a_turn_is_whole_groups_and_the_load_is_over_what_they_last() {
+    fn turn_is_whole_blocks() {
         let mut entry = Entry::of(Work::Spin(0), 500, 16);
         entry.turn(100, false);
         assert_eq!(entry.time().ticks, 0);
         entry.turn(100, true);
-        // 50 ticks are three groups; one that is longer than a turn is had all the same.
+        // 50 ticks are three blocks. A turn has at least one.
         assert_eq!(entry.time().ticks, 48);
         entry.turn(8, true);
         assert_eq!(entry.time().ticks, 64);
-        entry.groups = Timing::new(3);
-        entry.groups.record(320_000);
+        entry.blocks = Timing::new(3);
+        entry.blocks.record(320_000);
         // 320 us of 32 ms.
         assert!((entry.time().load_percent - 1.0).abs() < 1e-3);
     }
 
     #[test]
-    fn the_tick_that_does_nothing_lasts_as_long_as_what_it_is_beside() {
+    fn idle_tick_lasts_as_long_as_the_default() {
         let mut beside = Entry::of(Work::Spin(30_000), 500, 4);
         let mut idle = beside.idle();
         assert_eq!(beside.time().ticks, 0);
@@ -383,12 +382,12 @@ mod tests {
         }
         let (beside, idle) = (beside.time(), idle.time());
         assert_eq!(beside.ticks, idle.ticks);
-        // It ends no sooner than what it is beside, however slow the machine is.
+        // It never ends early, however slow the machine is.
         assert!(idle.p50_us >= 29.9, "{idle:?}");
     }
 
     #[test]
-    fn what_takes_longer_meets_more_stalls() {
+    fn longer_ticks_meet_more_stalls() {
         // 20 us, of which one in 2000 is 4 ms late, and one in 20000 a second.
         let mut idle = Timing::new(3);
         for n in 0..40_000 {
@@ -399,16 +398,14 @@ mod tests {
             });
         }
         let near = |us: f64, want: f64| assert!((us - want).abs() <= 0.002 * want + 0.05, "{us} {want}");
-        near(stall_us(&idle, 20.0), 0.0);
-        near(stall_us(&idle, 5.0), 0.0);
-        near(stall_us(&idle, 50.0), 4000.0);
-        near(stall_us(&idle, 1000.0), 1e6);
-        near(stall_us(&idle, 0.0), 0.0);
+        for (p50_us, want) in [(20.0, 0.0), (5.0, 0.0), (50.0, 4000.0), (1000.0, 1e6), (0.0, 0.0)] {
+            near(stall_us(&idle, p50_us), want);
+        }
         assert_eq!(stall_us(&Timing::new(3), 20.0), 0.0);
     }
 
     #[test]
-    fn only_medians_are_another_machines() {
+    fn scaling_leaves_stalls_unchanged() {
         let time = Time {
             p50_us: 10.0,
             p99_us: 12.0,

@@ -1,77 +1,54 @@
-//! Calls into audio servers that may never answer.
+//! Calls into audio servers that may never return.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::sync_channel;
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use crate::quiet::hush_alsa;
 
-/// Hosts in which a call hangs. Another one is not begun before that has come back, so that threads do not pile up.
+/// Hosts with a call that hangs. No other call into such a host is made until it returns, so that threads
+/// do not pile up.
 static HANGING: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-enum Answer<T> {
-    Awaited,
-    /// None: the call panicked.
-    Here(Option<T>),
-    Abandoned,
-}
-
-/// The slot of an answer, and what tells of it.
-type Place<T> = Arc<(Mutex<Answer<T>>, Condvar)>;
-
-/// Gives the answer when it is dropped, so that a call that panics comes back too.
-struct Return<T> {
-    host: String,
-    place: Place<T>,
-    answer: Option<T>,
-}
-
-impl<T> Drop for Return<T> {
-    fn drop(&mut self) {
-        let (slot, told) = &*self.place;
-        let mut slot = lock(slot);
-        if matches!(*slot, Answer::Abandoned) {
-            lock(&HANGING).remove(&self.host);
-        } else {
-            *slot = Answer::Here(self.answer.take());
-            told.notify_one();
-        }
-    }
-}
-
-/// Runs `call` on a thread of its own, where ALSA's library prints nothing. None where it takes longer than `limit`, or where an
-/// earlier call into the same host still hangs; the thread is left to its fate then, and what it answers is dropped. None, at once,
-/// where it panics.
+/// Runs `call` on a thread of its own, with ALSA's messages off. `None` if the call takes longer than
+/// `limit`, if an earlier call into the same host still hangs, or (at once) if the call panics. A call that
+/// takes too long keeps its thread; its result is dropped.
 pub(crate) fn bounded<T: Send + 'static>(
     host: &str,
     limit: Duration,
     call: impl FnOnce() -> T + Send + 'static,
 ) -> Option<T> {
-    if lock(&HANGING).contains(host) {
+    if HANGING.lock().contains(host) {
         return None;
     }
-    let place: Place<T> = Arc::new((Mutex::new(Answer::Awaited), Condvar::new()));
-    let back = Return { host: host.to_owned(), place: place.clone(), answer: None };
+    let (to, from) = sync_channel(1);
+    let name = host.to_owned();
     std::thread::spawn(move || {
         hush_alsa();
-        let mut back = back;
-        back.answer = Some(call());
-    });
-    let (slot, told) = &*place;
-    let waiting = |answer: &mut Answer<T>| matches!(answer, Answer::Awaited);
-    let (mut slot, _) =
-        told.wait_timeout_while(lock(slot), limit, waiting).unwrap_or_else(PoisonError::into_inner);
-    match std::mem::replace(&mut *slot, Answer::Abandoned) {
-        Answer::Here(answer) => answer,
-        _ => {
-            lock(&HANGING).insert(host.to_owned());
-            None
+        let answer = catch_unwind(AssertUnwindSafe(call)).ok();
+        // The caller gives up under the same lock: either it has this answer, or the send fails.
+        let mut hanging = HANGING.lock();
+        let given_up = to.send(answer);
+        if given_up.is_err() {
+            hanging.remove(&name);
         }
+        // Dropping the answer may take long: not under the lock.
+        drop(hanging);
+        drop(given_up);
+    });
+    if let Ok(answer) = from.recv_timeout(limit) {
+        return answer;
     }
+    let mut hanging = HANGING.lock();
+    let answer = from.try_recv();
+    if answer.is_err() {
+        hanging.insert(host.to_owned());
+    }
+    drop(from);
+    answer.ok().flatten()
 }
 
 #[cfg(test)]
@@ -79,21 +56,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_host_that_hangs_is_left_alone_until_it_answers() {
+    fn hanging_host_is_left_alone_until_it_answers() {
         let (go, wait) = std::sync::mpsc::channel::<()>();
         let short = Duration::from_millis(20);
         assert_eq!(bounded("one", short, move || wait.recv().is_ok()), None);
         assert_eq!(bounded("one", short, || true), None);
         assert_eq!(bounded("two", Duration::from_secs(10), || true), Some(true));
         go.send(()).unwrap();
-        while lock(&HANGING).contains("one") {
+        while HANGING.lock().contains("one") {
             std::thread::yield_now();
         }
         assert_eq!(bounded("one", Duration::from_secs(10), || true), Some(true));
     }
 
     #[test]
-    fn a_call_that_panics_does_not_close_its_host_for_ever() {
+    fn panicking_call_does_not_close_its_host() {
         let long = Duration::from_secs(60);
         assert_eq!(bounded("panics", long, || -> bool { panic!("within the host") }), None);
         assert_eq!(bounded("panics", long, || true), Some(true));
@@ -101,10 +78,10 @@ mod tests {
         let (go, wait) = std::sync::mpsc::channel::<()>();
         let late = move || -> bool { panic!("late: {:?}", wait.recv()) };
         assert_eq!(bounded("panics", Duration::from_millis(20), late), None);
-        assert!(lock(&HANGING).contains("panics"));
+        assert!(HANGING.lock().contains("panics"));
         go.send(()).unwrap();
         let began = std::time::Instant::now();
-        while lock(&HANGING).contains("panics") {
+        while HANGING.lock().contains("panics") {
             assert!(began.elapsed() < long, "it hangs for ever");
             std::thread::yield_now();
         }

@@ -1,4 +1,4 @@
-//! What runs on a device's thread: fills its blocks, takes what it recorded. No allocation, no lock, no waiting.
+//! Runs on a device's thread: fills its blocks, takes recorded ones. Never allocates, locks or waits.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,30 +9,31 @@ use cpal::{InputCallbackInfo, OutputCallbackInfo};
 use ringbuf::HeapProd;
 use ringbuf::traits::Producer;
 
+use crate::block::frames_ns;
 use crate::format::DeviceSample;
 use crate::quiet::hush_alsa;
 use crate::{Block, Capture, Captured, Process, now_ns};
 
-/// Samples of a piece: longer calls are filled in pieces of this.
+/// Largest piece in samples; longer calls are filled in several pieces.
 const SCRATCH: usize = 1 << 16;
 /// Calls whose length is remembered.
 const RECENT: usize = 64;
-/// A stream that is over fades out over one of so many parts of a second.
+/// An ended stream fades out within 1 / this of a second.
 const FADE_HZ: u32 = 100;
-/// A gap of more than this is told, if it is also more than 3 periods [ns].
+/// A longer gap is reported, if it is also more than 3 periods [ns].
 const GAP_NS: u64 = 50_000_000;
 
-/// What a device's threads tell the watch.
+/// Messages of a device's threads to the watch.
 pub(crate) enum Message {
-    /// No call for so many nanoseconds, and then another one.
+    /// A gap between two calls [ns].
     Gap(u64),
     /// The process panicked.
     Panic(Box<dyn Any + Send>),
-    /// cpal says so.
+    /// An error of cpal.
     Error(cpal::Error),
 }
 
-/// What one side of a stream has done.
+/// Counts of one side of a stream.
 pub(crate) struct Counts {
     pub(crate) rate_hz: u32,
     pub(crate) calls: AtomicU64,
@@ -41,13 +42,13 @@ pub(crate) struct Counts {
     pub(crate) longest_gap_ns: AtomicU64,
     pub(crate) xruns: AtomicU64,
     pub(crate) errors: AtomicU64,
-    /// When it last called; 0 before the first time.
+    /// Time of the last call; 0 before the first.
     pub(crate) last_ns: AtomicU64,
-    /// What the host last said of its latency [ns].
+    /// Latency that the host last reported [ns].
     pub(crate) latency_ns: AtomicU64,
-    /// Whether the stream is over and must be silent.
+    /// Whether the stream has ended and must be silent.
     pub(crate) over: AtomicBool,
-    /// When the last sample of a stream that is over is heard; 0 before its last block is filled.
+    /// When the last sample of an ended stream is heard; 0 until its last block is filled.
     pub(crate) faded_ns: AtomicU64,
     recent: [AtomicU32; RECENT],
 }
@@ -70,7 +71,7 @@ impl Counts {
         }
     }
 
-    /// Lengths of the last calls [frames], none of them 0, in no order.
+    /// Lengths of the last calls [frames], without 0, unordered.
     pub(crate) fn recent(&self) -> Vec<u32> {
         self.recent.iter().map(|frames| frames.load(Relaxed)).filter(|frames| *frames > 0).collect()
     }
@@ -80,7 +81,7 @@ impl Counts {
         self.recent.iter().map(|frames| frames.load(Relaxed)).max().unwrap_or(0)
     }
 
-    /// Counts a call. Answers the gap before it, where there was one that is worth telling [ns].
+    /// Counts a call. Returns a gap before it that must be reported [ns].
     pub(crate) fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
         let before = self.last_ns.swap(now, Relaxed);
         let call = self.calls.fetch_add(1, Relaxed);
@@ -90,7 +91,7 @@ impl Counts {
         let last = u64::from(place(call.wrapping_sub(1)).load(Relaxed)).max(frames as u64);
         place(call).store(frames.min(u32::MAX as usize) as u32, Relaxed);
         let gap = now.saturating_sub(before);
-        let told = before > 0 && gap > GAP_NS.max(3 * last * 1_000_000_000 / u64::from(self.rate_hz.max(1)));
+        let told = before > 0 && gap > GAP_NS.max(frames_ns(3 * last, self.rate_hz));
         if told {
             self.gaps.fetch_add(1, Relaxed);
             self.longest_gap_ns.fetch_max(gap, Relaxed);
@@ -99,15 +100,15 @@ impl Counts {
     }
 }
 
-/// What both directions have in common.
+/// Common part of both directions.
 struct Line {
     counts: Arc<Counts>,
     messages: HeapProd<Message>,
-    /// Which of the device's channels (from 0) each of the block's is.
+    /// Device channel (from 0) of each channel of the block.
     map: Vec<usize>,
     /// Channels of the device.
     width: usize,
-    /// Room for one piece of a block.
+    /// Buffer for one piece of a block.
     scratch: Vec<f32>,
     /// Whether ALSA's library may print on this thread.
     loud: bool,
@@ -124,7 +125,7 @@ impl Line {
         Self { counts, messages, map, width, scratch, loud: true, late: false, panicked: false }
     }
 
-    /// Begins a call. False where nothing is to be done but to fall silent.
+    /// Begins a call. False if the stream must fall silent.
     fn begin(&mut self, now: u64, samples: usize, latency_ns: u64) -> bool {
         if std::mem::take(&mut self.loud) {
             hush_alsa();
@@ -132,20 +133,20 @@ impl Line {
         let gap = self.counts.called(now, samples / self.width, latency_ns);
         self.late = gap.is_some();
         if let Some(gap) = gap {
-            // Where the watch is that far behind, the count tells.
+            // If the watch is that late, the count still tells.
             let _ = self.messages.try_push(Message::Gap(gap));
         }
         !self.panicked && !self.counts.over.load(Relaxed)
     }
 
-    /// Samples of the device in one piece.
+    /// Samples of the device in a piece.
     fn piece(&self) -> usize {
         self.scratch.len() / self.map.len().max(1) * self.width
     }
 
-    /// From when a call began to the piece that begins at this frame [ns].
+    /// Time from the start of a call to its frame `frames` [ns].
     fn offset_ns(&self, frames: usize) -> u64 {
-        frames as u64 * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1))
+        frames_ns(frames as u64, self.counts.rate_hz)
     }
 
     fn failed(&mut self, panic: Box<dyn Any + Send>) {
@@ -157,13 +158,13 @@ impl Line {
     }
 }
 
-/// Fills what a device plays.
+/// Fills a device's output.
 pub(crate) struct Filler {
     line: Line,
     process: Box<dyn Process>,
-    /// The last frame that was played, channels as in the block.
+    /// Last frame played, channels as in the block.
     last: Vec<f32>,
-    /// Frames of a fade to silence, all of them and those still to come.
+    /// Frames of the fade to silence: all, and those still to come.
     fade: (u32, u32),
 }
 
@@ -184,10 +185,10 @@ impl Filler {
         let now_ns = now_ns();
         let stamp = info.timestamp();
         let ahead = stamp.playback.saturating_duration_since(stamp.callback).as_nanos() as u64;
-        data.fill(T::ZERO);
+        data.fill(T::EQUILIBRIUM);
         let goes_on = self.line.begin(now_ns, data.len(), ahead);
         if self.line.late {
-            // The device has been silent: the fade must not begin with a step.
+            // The device was silent: the fade must not begin with a step.
             self.last.fill(0.0);
         }
         if !goes_on {
@@ -245,7 +246,7 @@ impl Filler {
     }
 }
 
-/// Takes what a device recorded.
+/// Takes a device's recording.
 pub(crate) struct Gatherer {
     line: Line,
     capture: Box<dyn Capture>,
@@ -320,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_neither_allocates_nor_frees_however_long_it_is_and_also_after_a_gap() {
+    fn callback_of_any_length_never_allocates() {
         assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
         let seen = violation_count();
         assert!(seen > 0, "the instrument must see an allocation");
@@ -351,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_is_over_fades_from_what_it_played_last_and_stays_silent() {
+    fn ended_stream_fades_and_stays_silent() {
         let counts = Arc::new(Counts::new(48_000));
         let (outward, _told) = HeapRb::new(4).split();
         let mut filler = Filler::new(counts.clone(), outward, &[2], 2, Box::new(Half));
@@ -376,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_more_than_three_periods_and_50_ms() {
+    fn gap_is_longer_than_3_periods_and_50_ms() {
         let counts = Counts::new(48_000);
         let ms = |ms: u64| ms * 1_000_000;
         assert_eq!(counts.called(ms(1000), 64, 0), None);

@@ -1,4 +1,4 @@
-//! Which device a user means.
+//! Finds the requested device.
 
 use cpal::traits::DeviceTrait;
 
@@ -29,7 +29,7 @@ impl Side {
         }
     }
 
-    /// Whether a device may have this side. A host's default is asked when it is opened: ALSA does not tell before.
+    /// Whether a device may have this side. ALSA knows only when its default device is opened.
     pub(crate) fn fits(self, listed: &Listed) -> bool {
         self.is_default(listed)
             || match self {
@@ -52,7 +52,7 @@ fn split<'a>(host: Option<&'a str>, device: Option<&'a str>) -> (Option<&'a str>
     }
 }
 
-/// The device that is meant, and no other one.
+/// Finds the requested device, and never another one.
 pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Result<Listed, OpenError> {
     let (host, wanted) = split(host, device);
     let hosts = match host {
@@ -83,7 +83,7 @@ pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Resu
             }
             Err(reason) => away.push(format!("{name}: {reason}")),
         }
-        // The first host that answers gives the default.
+        // The first host that answers provides the default.
         if wanted.is_none()
             && let Some(at) = there.iter().position(|one| side.is_default(one))
         {
@@ -93,7 +93,7 @@ pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Resu
     choose(wanted, side, there, away)
 }
 
-/// The one that is meant: by its id, else by its name.
+/// Chooses a device by id, or else by name.
 fn choose(
     wanted: Option<&str>,
     side: Side,

@@ -1,4 +1,4 @@
-//! The hosts there are, and what stands in them.
+//! Hosts and their devices.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use cpal::{Device, HostId};
 use crate::bounded::bounded;
 use crate::simulated;
 
-/// How long a host may take to say what it has.
+/// Longest time that a host may take to list its devices.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(4);
 
 /// The host of simulated cards.
@@ -33,7 +33,7 @@ impl Listed {
         Self { host: host.to_owned(), id, name, device, default_output: false, default_input: false }
     }
 
-    /// What opens exactly this device: `host:id`.
+    /// Id that opens exactly this device: `host:id`.
     pub(crate) fn full_id(&self) -> String {
         format!("{}:{}", self.host, self.id)
     }
@@ -44,19 +44,29 @@ impl Listed {
     }
 }
 
-/// Names of all hosts of this build, the one that is asked for a default device first.
+/// Names of all hosts of this build; the first ones are asked first for a default device.
 pub(crate) fn names() -> Vec<String> {
     let real = cpal::ALL_HOSTS.iter().filter(|id| **id != HostId::Custom).map(ToString::to_string);
     real.chain([SIMULATED.to_owned()]).collect()
 }
 
-/// The devices of a host; the error says why it has none.
+/// Whether a host is a mixing server: it takes any width and rate, and converts to those of its device. It
+/// also moves a stream whose device goes away to another one.
+pub(crate) fn is_mixer(host: &str) -> bool {
+    matches!(host, "pulseaudio" | "pipewire")
+}
+
+/// cpal's id of a host.
+pub(crate) fn host_id(name: &str) -> Option<HostId> {
+    cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == name)
+}
+
+/// Devices of a host; the error says why there are none.
 pub(crate) fn list(host: &str) -> Result<Vec<Listed>, String> {
     if host == SIMULATED {
         return Ok(simulated::devices().into_iter().map(|device| Listed::new(SIMULATED, device)).collect());
     }
-    let id = cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == host);
-    let id = id.ok_or_else(|| "there is no such host".to_owned())?;
+    let id = host_id(host).ok_or_else(|| "there is no such host".to_owned())?;
     let name = host.to_owned();
     let found = bounded(host, PATIENCE, move || look(id, &name));
     found.unwrap_or_else(|| Err(format!("no answer in {} s", PATIENCE.as_secs())))

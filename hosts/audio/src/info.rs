@@ -1,4 +1,4 @@
-//! What devices there are, for a user to read.
+//! Lists devices for a user.
 
 use std::time::{Duration, Instant};
 
@@ -8,22 +8,22 @@ use serde::Serialize;
 use crate::Format;
 use crate::bounded::bounded;
 use crate::find::Side;
-use crate::hosts::{Listed, PATIENCE, list, names};
+use crate::hosts::{Listed, PATIENCE, is_mixer, list, names};
 use crate::jack;
 use crate::plan::abilities;
 
-/// Rates that are worth a question [Hz].
+/// Rates that devices are asked for [Hz].
 pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
 
-/// How long a device may take to say what it can do.
+/// Longest time that a device may take to report its abilities.
 const EACH: Duration = Duration::from_millis(1500);
 
-/// A host and what it has.
+/// A host and its devices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HostInfo {
     /// Its name, as a user types it.
     pub name: String,
-    /// Why it has no devices, where it does not answer: no server runs, or one hangs.
+    /// Why it has no devices: no server runs, or one hangs.
     pub note: Option<String>,
     /// Its devices.
     pub devices: Vec<DeviceInfo>,
@@ -34,7 +34,7 @@ pub struct HostInfo {
 pub struct DeviceInfo {
     /// Name of its host.
     pub host: String,
-    /// What a user types to mean this one: `host:id` is unambiguous.
+    /// Id to type; `host:id` is unambiguous.
     pub id: String,
     /// A name for people; several may share it.
     pub name: String,
@@ -42,48 +42,50 @@ pub struct DeviceInfo {
     pub default_output: bool,
     /// Whether it is its host's default input.
     pub default_input: bool,
-    /// What it plays, if it does.
+    /// Output side, if any.
     pub output: Option<SideInfo>,
-    /// What it records, if it does.
+    /// Input side, if any.
     pub input: Option<SideInfo>,
-    /// Why it says nothing of itself: it is busy, or there only in name.
+    /// Why it reports no abilities: it is busy, or exists only in name.
     pub note: Option<String>,
 }
 
-/// What a device can do on one side.
+/// Abilities of one side of a device.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SideInfo {
-    /// Channels it has at most. JACK says 64 however many its card has (`card_channels`); a server that mixes says its device's own.
+    /// Most channels. JACK says 64 whatever its card has (see `card_channels`); a mixing server says its
+    /// device's own number.
     pub channels: u16,
-    /// How many of them lead to a card, from the first on; none where the host does not tell. JACK does.
+    /// How many of them, from the first, lead to a card; `None` if the host does not tell. JACK does.
     pub card_channels: Option<u16>,
-    /// Which of 44100, 48000 and 96000 it can [Hz].
+    /// Supported ones of 44100, 48000 and 96000 [Hz].
     pub rates_hz: Vec<u32>,
-    /// The lowest and the highest rate [Hz].
+    /// Lowest and highest rate [Hz].
     pub rate_range_hz: (u32, u32),
-    /// The rate it is set to, or would choose [Hz].
+    /// Current or default rate [Hz].
     pub rate_hz: Option<u32>,
-    /// How it can hold samples.
+    /// Supported formats.
     pub formats: Vec<Format>,
-    /// The fewest and the most frames a call, if it says. JACK: the only number.
+    /// Fewest and most frames a call, if it says; equal for JACK.
     pub buffer_frames: Option<(u32, u32)>,
 }
 
-/// Every host of this build, and every device that it has. Never fails as a whole: a host that does not answer says so in its note.
-/// Asks servers, all of them at once, and opens devices; takes four seconds where one hangs. The simulated host lists the devices that tests made;
-/// those that are described by their id ([`simulated`](crate::simulated)) are there without being listed.
+/// Every host of this build, with its devices. Never fails as a whole: a host that does not answer says so
+/// in its note. Asks all servers at once, and opens devices; takes four seconds if one hangs. The simulated
+/// host lists devices that tests made; those described by their id ([`simulated`](crate::simulated)) need
+/// no listing.
 pub fn hosts() -> Vec<HostInfo> {
     std::thread::scope(|scope| {
-        // All at once: one that hangs holds up no other.
+        // All at once, so that one that hangs delays no other.
         let asked = names().into_iter().map(|name| (name.clone(), scope.spawn(move || host(name))));
         let asked: Vec<_> = asked.collect();
         let panicked =
-            |name| HostInfo { name, note: Some("asking it failed".to_owned()), devices: Vec::new() };
+            |name| HostInfo { name, note: Some("the query failed".to_owned()), devices: Vec::new() };
         asked.into_iter().map(|(name, host)| host.join().unwrap_or_else(|_| panicked(name))).collect()
     })
 }
 
-/// A host and what it says within [`PATIENCE`].
+/// A host and its answers within [`PATIENCE`].
 fn host(name: String) -> HostInfo {
     let began = Instant::now();
     let listed = match list(&name) {
@@ -94,13 +96,13 @@ fn host(name: String) -> HostInfo {
     HostInfo { name, note: None, devices }
 }
 
-/// The devices of all hosts that answer.
+/// Devices of all hosts that answer.
 pub fn devices() -> Vec<DeviceInfo> {
     hosts().into_iter().flat_map(|host| host.devices).collect()
 }
 
-/// What devices of a host say of themselves in this time. Where one hangs, so would the others: ALSA opens one at a time. So those
-/// that lead to another server, which may hang, are asked last.
+/// Abilities of a host's devices within `limit`. If one hangs, so would the next: ALSA opens one at a time.
+/// So devices that lead to another server, which may hang, are asked last.
 fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
     let began = Instant::now();
     let mut order: Vec<usize> = (0..listed.len()).collect();
@@ -122,7 +124,7 @@ fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
     said.into_iter().flatten().collect()
 }
 
-/// How far a device of ALSA is from the hardware, for who asks one after the other.
+/// Rank of an ALSA device by its distance from the hardware.
 fn distance(id: &str) -> u8 {
     match id {
         "default" => 1,
@@ -141,8 +143,7 @@ fn detail(listed: &Listed) -> DeviceInfo {
         match abilities(listed, side) {
             Ok((ranges, usual)) => {
                 let rate_hz = usual.as_ref().map(|usual| usual.sample_rate());
-                let own = matches!(listed.host.as_str(), "pulseaudio" | "pipewire");
-                let own = usual.filter(|_| own).map(|usual| usual.channels());
+                let own = usual.filter(|_| is_mixer(&listed.host)).map(|usual| usual.channels());
                 let mut side_info = summary(&ranges, rate_hz, own)?;
                 side_info.card_channels =
                     if listed.host == "jack" { jack::card_channels(side) } else { None };
@@ -155,7 +156,7 @@ fn detail(listed: &Listed) -> DeviceInfo {
         }
     };
     let (output, input) = (side(Side::Output), side(Side::Input));
-    // One side that answers says enough.
+    // One side that answers is enough.
     let note = note.filter(|_| output.is_none() && input.is_none());
     about(listed, output, input, note)
 }

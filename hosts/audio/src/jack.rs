@@ -1,15 +1,15 @@
-//! What cpal does not tell of a JACK server.
+//! Facts of a JACK server that cpal does not tell.
 
 use jack::{Client, ClientOptions, PortFlags};
 
 use crate::find::Side;
 
-/// Ports that a side of a JACK device is connected to by itself, one a channel from the first on: those of the server's card. The
-/// channels above them lead nowhere, though cpal offers 64. None where no server answers. Asks the server.
+/// Ports of the server's card on one side. JACK connects as many channels to them; the channels above lead
+/// nowhere, though cpal offers 64. `None` if no server answers. Asks the server.
 pub(crate) fn card_channels(side: Side) -> Option<u16> {
     let name = format!("asperity_look_{}", std::process::id());
     let (client, _) = Client::new(&name, ClientOptions::NO_START_SERVER).ok()?;
-    // The names that cpal looks for, too.
+    // cpal looks for these names too.
     let ports = match side {
         Side::Output => "^system:playback_",
         Side::Input => "^system:capture_",
@@ -17,7 +17,7 @@ pub(crate) fn card_channels(side: Side) -> Option<u16> {
     u16::try_from(client.ports(Some(ports), None, PortFlags::empty()).len()).ok()
 }
 
-/// What to know of channels that the server's card does not have.
+/// Note on channels that the server's card does not have.
 pub(crate) fn note(side: Side, highest: u16, card: u16) -> Option<String> {
     let ports = match side {
         Side::Output => "playback",
@@ -26,8 +26,8 @@ pub(crate) fn note(side: Side, highest: u16, card: u16) -> Option<String> {
     let count = if card == 1 { "1 port".to_owned() } else { format!("{card} ports") };
     (highest > card).then(|| {
         format!(
-            "JACK offers 64 {} channels whatever is behind them; its card has {count} (system:{ports}_N): channel {highest} leads \
-             nowhere unless something is patched to it",
+            "JACK offers 64 {} channels whatever is behind them; its card has {count} \
+             (system:{ports}_N): channel {highest} leads nowhere unless something is patched to it",
             side.name()
         )
     })

@@ -1,8 +1,9 @@
-//! Audio devices: what there is, and how to play on one.
+//! Audio devices: lists them, and plays and records on one.
 //!
-//! This is the only crate that sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block it
-//! wants, and a [`Capture`] for every block it recorded. [`hosts`] says what there is, [`open`] opens what a [`Request`] asks for
-//! and nothing else, and [`Event`]s say what happens to it. [`simulated`] is a sound card for those who have none.
+//! Only this crate sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block to
+//! play, and a [`Capture`] for every recorded block. [`hosts`] lists devices, [`open`] opens exactly the
+//! device of a [`Request`], and [`Event`]s report what happens to it. [`simulated`] is a sound card for
+//! those who have none.
 
 mod block;
 mod bounded;

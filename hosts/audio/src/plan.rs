@@ -1,4 +1,4 @@
-//! How to run a device that was found: width, rate, format, buffer.
+//! Chooses width, rate, format and buffer of a device.
 
 use cpal::traits::DeviceTrait;
 use cpal::{
@@ -7,22 +7,22 @@ use cpal::{
 
 use crate::Format;
 use crate::find::Side;
-use crate::hosts::Listed;
+use crate::hosts::{Listed, is_mixer};
 use crate::jack;
 use crate::request::{OpenError, Request};
 
-/// Frames a call where nobody says. A host's own default may be 2 s (PulseAudio), so it is never left to it.
+/// Default frames a call. A host's own default may be 2 s (PulseAudio), so it is never used.
 const USUAL_PERIOD: u32 = 256;
 
-/// How a device is to be run.
+/// Configuration of a device.
 pub(crate) struct Plan {
     pub(crate) config: StreamConfig,
     pub(crate) format: Format,
-    /// What a user should know, as sentences.
+    /// Notes for a user, as sentences.
     pub(crate) notes: Vec<String>,
 }
 
-/// What a device can do on one side, and what it is set to.
+/// Supported configurations of one side, and the default one.
 pub(crate) fn abilities(
     listed: &Listed,
     side: Side,
@@ -34,7 +34,7 @@ pub(crate) fn abilities(
     })
 }
 
-/// Frames that a JACK server runs at.
+/// Period of a JACK server in frames.
 fn only_period(range: Option<&SupportedStreamConfigRange>) -> Option<u32> {
     match range?.buffer_size() {
         SupportedBufferSize::Range { min, max } if min == max => Some(*min),
@@ -42,7 +42,7 @@ fn only_period(range: Option<&SupportedStreamConfigRange>) -> Option<u32> {
     }
 }
 
-/// How to run the device for this request; the error says what it can do instead.
+/// Plans the device for this request; the error says what the device supports.
 pub(crate) fn plan(
     listed: &Listed,
     side: Side,
@@ -83,7 +83,7 @@ pub(crate) fn plan(
         notes.extend(jack::note(side, width, card));
     }
     if let Some(rate) = usual.map(|usual| usual.sample_rate())
-        && is_mixer(listed)
+        && is_mixer(&listed.host)
         && rate != request.rate_hz
     {
         notes
@@ -93,13 +93,9 @@ pub(crate) fn plan(
     Ok(Plan { config, format, notes })
 }
 
-/// Whether the host is a server that takes any width and rate, and mixes and resamples to what its device has.
-fn is_mixer(listed: &Listed) -> bool {
-    matches!(listed.host.as_str(), "pulseaudio" | "pipewire")
-}
-
-/// Channels to open the device with: a mixing server's own number, since it would spread or fold any other; on JACK as many ports as
-/// are needed; else the smallest number that has room, but not one, which ALSA's converters would copy to all channels.
+/// Channels to open the device with. A mixing server: its own number, since it spreads or folds any other.
+/// JACK: as many ports as needed. Others: the smallest number with room, but not one, which ALSA's
+/// converters copy to all channels.
 fn width(
     listed: &Listed,
     side: Side,
@@ -110,13 +106,13 @@ fn width(
     let highest = channels.iter().copied().max().unwrap_or(1);
     let all = || ranges.iter().map(SupportedStreamConfigRange::channels);
     let most = match usual {
-        Some(usual) if is_mixer(listed) => usual.channels(),
+        Some(usual) if is_mixer(&listed.host) => usual.channels(),
         _ => all().max().unwrap_or(0),
     };
     let least = |floor: u16| all().filter(|count| *count >= floor).min();
     let width = match listed.host.as_str() {
         _ if highest > most => None,
-        _ if is_mixer(listed) => Some(most),
+        _ if is_mixer(&listed.host) => Some(most),
         "jack" => Some(highest),
         _ => least(highest.max(2)).or_else(|| least(highest)),
     };
@@ -124,7 +120,7 @@ fn width(
     width.ok_or(OpenError::NoChannel { device, side: side.name(), wanted: highest, there: most })
 }
 
-/// The buffer to ask for.
+/// Buffer size to request.
 fn buffer(
     listed: &Listed,
     wanted: Option<u32>,

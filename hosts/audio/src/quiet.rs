@@ -1,6 +1,7 @@
-//! ALSA's library writes to stderr whatever it dislikes, also while it is only asked what there is. Errors come back as values.
+//! Silences ALSA's library, which prints its errors to stderr, even for a mere query. Errors come back as
+//! values too.
 
-/// Keeps ALSA's library from printing on the calling thread, from here on. Does not allocate or wait.
+/// Silences ALSA's library on the calling thread from now on. Does not allocate or wait.
 pub(crate) fn hush_alsa() {
     #[cfg(target_os = "linux")]
     {
@@ -14,8 +15,9 @@ pub(crate) fn hush_alsa() {
             _arguments: *mut alsa_sys::__va_list_tag,
         ) {
         }
-        // SAFETY: the handler has the type ALSA asks for, touches none of its arguments and lives as long as the program. It is
-        // set for this thread only. (The handler for all threads is variadic, which stable Rust cannot write.)
+        // SAFETY: the handler has the type ALSA asks for, touches none of its arguments and lives as long
+        // as the program. It is set for this thread only. (The handler for all threads is variadic, which
+        // stable Rust cannot write.)
         unsafe { alsa_sys::snd_lib_error_set_local(Some(nothing)) };
     }
 }

@@ -1,29 +1,33 @@
-//! What a user asks of a device, and why it may not be had.
+//! The request for a device, and the reasons why it is refused.
 
 use std::fmt;
 
 use crate::Format;
 
-/// What is wanted of an output device, and of an input device beside it.
+/// Request for an output device, and an input device beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// The host, by name (`alsa`, `jack`, `pulseaudio`, `pipewire`, `simulated`). Then only that one is looked at. None: every host
-    /// is searched for a device that is named, and the first that answers gives its default device where none is.
+    /// Name of the host (`alsa`, `jack`, `pulseaudio`, `pipewire`, `simulated`); then only that host is
+    /// searched. `None`: a named
+    /// device is searched in all hosts; a default device is that of the first host that answers.
     pub host: Option<String>,
-    /// The device: its id, `host:id`, or its name in any case. None: the host's default.
+    /// The device: its id, `host:id`, or its name in any case. `None`: the host's default.
     pub device: Option<String>,
-    /// The device's output channels, from 1: one for every channel of a block, in their order. The others stay silent.
+    /// Output channels of the device, from 1, one for every channel of a block, in order. The others stay
+    /// silent.
     pub channels: Vec<u16>,
-    /// The input device, as `device`. None: the host's default input; on the simulated host, the same device.
+    /// The input device, as `device`. `None`: the host's default input; on the simulated host, the same
+    /// device.
     pub input_device: Option<String>,
-    /// The input device's channels, from 1, one for every channel of a recorded block. Empty: nothing is recorded.
+    /// Channels of the input device, from 1, one for every channel of a recorded block. Empty: no
+    /// recording.
     pub inputs: Vec<u16>,
-    /// Frames a second [Hz]. A device that cannot do it is an error.
+    /// Frames a second [Hz]. An unsupported rate is an error.
     pub rate_hz: u32,
-    /// Frames a call. A wish: devices may do otherwise, and [`Stream::period`](crate::Stream::period) says what they do. None:
-    /// 256, and on JACK what its server runs at.
+    /// Requested frames a call. The device may choose another number: see
+    /// [`Stream::period`](crate::Stream::period). `None`: 256, or the server's own on JACK.
     pub period_frames: Option<u32>,
-    /// How the device is to hold samples. None: the first of [`Format::ALL`] that it can.
+    /// Sample format. `None`: the first of [`Format::ALL`] that the device supports.
     pub format: Option<Format>,
 }
 
@@ -44,7 +48,7 @@ impl Default for Request {
 }
 
 impl Request {
-    /// Whether the request makes sense before any device is looked at.
+    /// Checks the request without any device.
     pub(crate) fn check(&self) -> Result<(), OpenError> {
         let wrong = |text: String| Err(OpenError::Request(text));
         if self.channels.is_empty() {
@@ -65,24 +69,24 @@ impl Request {
     }
 }
 
-/// Why a device could not be opened. Nothing else was opened in its place.
+/// Why a device was not opened. No other device is opened instead.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// The request makes no sense for any device.
+    /// The request is invalid for any device.
     Request(String),
-    /// A device is described, and cannot be as the description says: a simulated one.
+    /// The description of a simulated device is invalid.
     Description {
-        /// `host:id` as it was given.
+        /// `host:id` as given.
         device: String,
         /// `output` or `input`.
         side: &'static str,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
     },
     /// There is no host of that name in this build.
     NoHost {
-        /// What was asked for.
+        /// The requested name.
         wanted: String,
         /// Names of the hosts there are.
         there: Vec<String>,
@@ -91,12 +95,12 @@ pub enum OpenError {
     HostAway {
         /// The host.
         host: String,
-        /// What it says.
+        /// The reason, in its own words.
         reason: String,
     },
     /// No such device.
     NoDevice {
-        /// What was asked for; none where a default was.
+        /// The requested name; `None` for a default device.
         wanted: Option<String>,
         /// `output` or `input`.
         side: &'static str,
@@ -107,12 +111,12 @@ pub enum OpenError {
     },
     /// The name fits several devices.
     Ambiguous {
-        /// What was asked for.
+        /// The requested name.
         wanted: String,
-        /// What it fits, as `host:id (name)`.
+        /// Matching devices, as `host:id (name)`.
         fits: Vec<String>,
     },
-    /// The device has no such channel.
+    /// The device does not have that channel.
     NoChannel {
         /// `host:id` of the device.
         device: String,
@@ -129,23 +133,23 @@ pub enum OpenError {
         device: String,
         /// The rate [Hz].
         wanted: u32,
-        /// What it can do: rates and ranges [Hz].
+        /// Supported rates and ranges [Hz].
         there: Vec<(u32, u32)>,
     },
-    /// The device cannot hold samples in that format, or in none that is known here.
+    /// The device does not support that format, or none that is known here.
     NoFormat {
         /// `host:id` of the device.
         device: String,
-        /// The format that was asked for.
+        /// Requested format.
         wanted: Option<Format>,
-        /// What it can do.
+        /// Supported formats.
         there: Vec<Format>,
     },
     /// The device is there and refuses.
     Refused {
         /// `host:id` of the device.
         device: String,
-        /// What it says.
+        /// The reason, in its own words.
         reason: String,
     },
 }

@@ -1,25 +1,22 @@
-//! Whether a device is still there.
+//! Checks whether a device is still there.
 //!
-//! PulseAudio and PipeWire move a stream whose device goes away to another one, at full level and without a word; cpal cannot ask
-//! them not to. So their devices are listed again and again, beside the watch. A device that goes and comes back under its name
-//! between two looks is not missed, nor is a stream that a user moves by hand.
+//! When a device goes away, PulseAudio and PipeWire move its stream to another one, at full level and
+//! without notice; cpal cannot prevent it. So their devices are listed repeatedly, beside the watch. Not
+//! detected: a device that goes and comes back under its name between two looks, and a stream that a user
+//! moves by hand.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use cpal::HostId;
 use cpal::traits::HostTrait;
 
-use crate::hosts::Listed;
+use crate::hosts::{Listed, host_id, is_mixer};
 
-/// Time from one answer to the next question.
+/// Time from one list to the next.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// Hosts that move streams.
-const MOVERS: [&str; 2] = ["pulseaudio", "pipewire"];
-
-/// Calls the roll of the devices that a stream has open, on a thread of its own, until it is dropped: a host that hangs keeps that
-/// thread and nobody else.
+/// Checks a stream's devices, on a thread of its own, until it is dropped. A host that hangs blocks only
+/// that thread.
 pub(crate) struct Roll {
     gone: Receiver<String>,
     /// Dropped with this, which ends the thread.
@@ -27,9 +24,9 @@ pub(crate) struct Roll {
 }
 
 impl Roll {
-    /// Of devices by host and id; those of hosts that do not move streams are left out.
+    /// Checks devices by host and id; those of hosts that do not move streams are left out.
     pub(crate) fn new(devices: impl Iterator<Item = (String, String)>) -> std::io::Result<Self> {
-        let devices: Vec<_> = devices.filter(|(host, _)| MOVERS.contains(&host.as_str())).collect();
+        let devices: Vec<_> = devices.filter(|(host, _)| is_mixer(host)).collect();
         let (tell, gone) = channel();
         let (done, wait) = channel();
         if !devices.is_empty() {
@@ -39,35 +36,35 @@ impl Roll {
         Ok(Self { gone, _done: done })
     }
 
-    /// Answers which device is gone, once one is. Never waits.
+    /// Message about a device that is gone, once. Never waits.
     pub(crate) fn look(&self) -> Option<String> {
         self.gone.try_recv().ok()
     }
 }
 
-/// Looks until a device is gone or nobody wants to know. Every device has one connection that is kept: cpal does not always give
-/// up the threads of a PulseAudio connection that is closed.
+/// Looks until a device is gone or the roll is dropped. Each device keeps one connection: cpal does not
+/// always end the threads of a closed PulseAudio connection.
 fn call(devices: Vec<(String, String)>, tell: &Sender<String>, wait: &Receiver<()>) {
-    let host = |name: &str| cpal::ALL_HOSTS.iter().copied().find(|id: &HostId| id.to_string() == name);
     let connect = |(name, id): (String, String)| {
-        let host = host(&name).and_then(|host| cpal::host_from_id(host).ok())?;
+        let host = host_id(&name).and_then(|id| cpal::host_from_id(id).ok())?;
         Some((host, name, id))
     };
     let devices: Vec<_> = devices.into_iter().filter_map(connect).collect();
     while wait.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
         if let Some((_, name, id)) = devices.iter().find(|(host, name, id)| is_gone(host, name, id)) {
-            // Who has lost the stream already does not listen.
+            // If the stream is lost already, nobody listens.
             let _ = tell.send(format!("the device is gone: {name}:{id}"));
             return;
         }
     }
 }
 
-/// Whether a host does not have a device. One that does not answer is not asked again here: the watch sees that it does not call.
+/// Whether a host no longer has a device. One that does not answer counts as having it: the watch sees that
+/// it does not call.
 fn is_gone(host: &cpal::Host, name: &str, id: &str) -> bool {
     let anew;
     let host = if name == "pipewire" {
-        // PipeWire's lists its devices once, when it is made.
+        // PipeWire's host lists its devices only when it is made.
         let Ok(made) = cpal::host_from_id(host.id()) else { return false };
         anew = made;
         &anew

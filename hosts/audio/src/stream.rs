@@ -1,7 +1,8 @@
 //! A device that plays.
 //!
-//! What a host says of its latency ([`Block::ahead_ns`](crate::Block::ahead_ns), [`Captured::behind_ns`](crate::Captured::behind_ns),
-//! [`Stats::latency_ms`]), measured at 48 kHz against the time that samples took in a loop from output to input:
+//! The latency that a host reports ([`Block::ahead_ns`](crate::Block::ahead_ns),
+//! [`Captured::behind_ns`](crate::Captured::behind_ns), [`Stats::latency_ms`]), at 48 kHz, against the
+//! measured time in a loop from output to input:
 //!
 //! | host | frames a call | ahead [ms] | behind [ms] | loop [ms] |
 //! |---|---|---|---|---|
@@ -10,16 +11,17 @@
 //! | JACK, dummy driver, a cable within JACK | 256 | 5.31 | 5.40 | 0.04 |
 //! | ALSA over PulseAudio | 682 (of 1024) | 28.3 | | |
 //!
-//! PulseAudio's account is right within 0.4 ms. JACK counts from the start of its cycle and speaks of the card's converters, one
-//! period each way with the dummy driver; a cable within JACK passes neither. ALSA says two periods, which is its buffer, and
-//! nothing of the server behind it.
+//! PulseAudio's figure is right within 0.4 ms. JACK counts from the start of its cycle and includes the
+//! card's converters, one period each way with the dummy driver; a cable within JACK passes neither. ALSA
+//! reports its buffer of two periods, without the server behind it.
 
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use cpal::traits::{DeviceTrait, StreamTrait};
+use parking_lot::Mutex;
 use ringbuf::HeapRb;
 use ringbuf::traits::{Producer, Split};
 
@@ -34,31 +36,32 @@ use crate::roll::Roll;
 use crate::watch::{CLOSING, Shared, Watched, watch};
 use crate::{Capture, Events, Format, Process, now_ns};
 
-/// How long a host may take to open a stream.
+/// Longest time that a host may take to open a stream.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What one side of a stream runs at, and what has happened to it.
+/// Figures of one side of a stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stats {
-    /// Times the device has called.
+    /// Calls of the device.
     pub callbacks: u64,
-    /// Frames it has taken or given.
+    /// Frames played or recorded.
     pub frames: u64,
     /// Underruns or overruns that the host reported. PulseAudio and PipeWire report none.
     pub xruns: u64,
     /// Other errors that the host reported.
     pub errors: u64,
-    /// Times when the device did not call for more than 50 ms and three periods, and went on.
+    /// Gaps: times without a call of more than 50 ms and three periods.
     pub gaps: u64,
-    /// The longest of them [ms].
+    /// Longest gap [ms].
     pub longest_gap_ms: f64,
-    /// Time since the last call [ms]; none before the first.
+    /// Time since the last call [ms]; `None` before the first.
     pub silent_ms: Option<f64>,
-    /// What the host last said of its latency [ms]: from the call until the block is heard, or since it was at the input.
+    /// Latency that the host last reported [ms]: from the call until the block is heard, or since it was at
+    /// the input.
     pub latency_ms: f64,
 }
 
-/// One side of a stream that is open.
+/// One side of an open stream.
 #[derive(Clone)]
 struct Opened {
     host: String,
@@ -70,7 +73,7 @@ struct Opened {
     counts: Arc<Counts>,
 }
 
-/// A device that is open. Dropping it closes the device and drops what filled it.
+/// An open device. Dropping it closes the device and drops the process.
 pub struct Stream {
     output: Opened,
     input: Option<Opened>,
@@ -80,7 +83,7 @@ pub struct Stream {
     watch: Option<JoinHandle<()>>,
 }
 
-/// What cpal opened, before anything watches it.
+/// An opened side, before it is watched.
 struct Built {
     opened: Opened,
     stream: cpal::Stream,
@@ -88,7 +91,7 @@ struct Built {
     notes: Vec<String>,
 }
 
-/// What a device calls.
+/// The callback of one side.
 enum Work {
     Output(Box<dyn Process>),
     Input(Box<dyn Capture>),
@@ -103,9 +106,9 @@ impl Work {
     }
 }
 
-/// Opens the device that is asked for, and no other: `process` is called for every block it wants, `capture` for every block it
-/// records if channels of an input are asked for. The stream stands still until [`Stream::play`]. What happens to it afterwards is
-/// sent to `events`; after [`Event::Lost`](crate::Event::Lost) it is closed, and to go on it has to be opened anew.
+/// Opens exactly the requested device. It calls `process` for every block to play, and `capture` for every
+/// recorded block if input channels are requested. The stream stands still until [`Stream::play`]. Its
+/// events go to `events`; after [`Event::Lost`](crate::Event::Lost) it is closed, and must be opened again.
 pub fn open(
     request: &Request,
     process: Box<dyn Process>,
@@ -113,7 +116,7 @@ pub fn open(
     events: Events,
 ) -> Result<Stream, OpenError> {
     request.check()?;
-    // The first look at the clock sets it up, which must not happen on the audio thread.
+    // The first use of the clock sets it up, which must not happen on the audio thread.
     now_ns();
     let found = find(request.host.as_deref(), request.device.as_deref(), Side::Output)?;
     let input = match capture.filter(|_| !request.inputs.is_empty()) {
@@ -164,7 +167,7 @@ pub fn open(
     Ok(Stream { output: output.opened, input, rate_hz, notes, shared, watch: Some(watch) })
 }
 
-/// The input device: of the same host unless its own id says otherwise, on a simulated card the same card.
+/// The input device: on the same host unless its id names another; on a simulated card the same card.
 fn find_input(request: &Request, output: &Listed) -> Result<Listed, OpenError> {
     let wanted = request.input_device.as_deref();
     let same = wanted.is_none_or(|wanted| wanted == output.id || wanted == output.full_id());
@@ -198,7 +201,7 @@ fn build(found: Listed, work: Work, request: &Request) -> Result<Built, OpenErro
     bounded(&host, PATIENCE, build).unwrap_or(Err(OpenError::Refused { device, reason }))
 }
 
-/// Builds the stream of cpal.
+/// Builds cpal's stream.
 fn start(found: Listed, plan: &Plan, channels: &[u16], work: Work) -> Result<Built, (String, cpal::Error)> {
     let counts = Arc::new(Counts::new(plan.config.sample_rate));
     let (messages, from_data) = HeapRb::<Message>::new(16).split();
@@ -209,7 +212,8 @@ fn start(found: Listed, plan: &Plan, channels: &[u16], work: Work) -> Result<Bui
         let xrun = error.kind() == cpal::ErrorKind::Xrun;
         let count = if xrun { &counting.xruns } else { &counting.errors };
         count.fetch_add(1, Relaxed);
-        // Dropping it would free memory here. Where the watch is that far behind it closes the stream, which bounds what is leaked.
+        // Dropping it would free memory on this thread. The watch closes a flooding stream, which bounds
+        // the leak.
         if let Err(Message::Error(error)) = errors.try_push(Message::Error(error))
             && !counting.over.load(Relaxed)
         {
@@ -261,14 +265,15 @@ impl Opened {
 }
 
 impl Stream {
-    /// Starts it, or goes on after [`Stream::pause`]. The error is what the device says.
+    /// Starts the stream, or resumes it after [`Stream::pause`]. The error is the device's.
     pub fn play(&self) -> Result<(), String> {
         self.each_side(|counts| counts.last_ns.store(0, Relaxed));
         self.shared.playing_since.store(now_ns(), Relaxed);
         self.each_stream(StreamTrait::play)
     }
 
-    /// Holds it: the device plays silence or stands still, and is not watched. Devices that cannot do this say so.
+    /// Pauses the stream: the device plays silence or stands still, and is not watched. Some devices
+    /// cannot.
     pub fn pause(&self) -> Result<(), String> {
         let since = self.shared.playing_since.swap(0, Relaxed);
         self.each_stream(StreamTrait::pause)
@@ -285,7 +290,7 @@ impl Stream {
         if let Some(reason) = self.lost() {
             return Err(reason.to_owned());
         }
-        let streams = self.shared.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        let streams = self.shared.streams.lock();
         streams.iter().try_for_each(|stream| act(stream).map_err(|error| error.to_string()))
     }
 
@@ -299,7 +304,7 @@ impl Stream {
         &self.output.name
     }
 
-    /// What opens exactly this device again: `host:id`.
+    /// Id that opens exactly this device again: `host:id`.
     pub fn id(&self) -> String {
         self.output.full_id()
     }
@@ -314,50 +319,50 @@ impl Stream {
         self.rate_hz
     }
 
-    /// The device's channels (from 1) that the channels of a block go to.
+    /// Device channels (from 1) of the block's channels.
     pub fn channels(&self) -> &[u16] {
         &self.output.channels
     }
 
-    /// Channels the device was opened with.
+    /// Channels of the open device.
     pub fn device_channels(&self) -> u16 {
         self.output.width
     }
 
-    /// How the device holds samples.
+    /// Sample format.
     pub fn format(&self) -> Format {
         self.output.format
     }
 
-    /// What a user should know of how the device was opened, as sentences; often nothing.
+    /// Notes for a user on how the device was opened, as sentences; often none.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Frames a call, as measured: the median of up to 64 calls. None before the first.
+    /// Frames a call: median of the last 64 calls. `None` before the first.
     pub fn period(&self) -> Option<u32> {
         let mut recent = self.output.counts.recent();
         recent.sort_unstable();
         recent.get(recent.len() / 2).copied()
     }
 
-    /// The shortest and the longest of the last 64 calls [frames]. None before the first.
+    /// Shortest and longest of the last 64 calls [frames]. `None` before the first.
     pub fn period_range(&self) -> Option<(u32, u32)> {
         let recent = self.output.counts.recent();
         Some((recent.iter().copied().min()?, recent.iter().copied().max()?))
     }
 
-    /// What has happened on the output.
+    /// Figures of the output.
     pub fn stats(&self) -> Stats {
         self.output.stats()
     }
 
-    /// What has happened on the input, if there is one.
+    /// Figures of the input, if there is one.
     pub fn input_stats(&self) -> Option<Stats> {
         self.input.as_ref().map(Opened::stats)
     }
 
-    /// Why the stream was lost, once it was. It never comes back: open another one.
+    /// Why the stream is lost, if it is. It never comes back: open another one.
     pub fn lost(&self) -> Option<&str> {
         self.shared.lost.get().map(String::as_str)
     }

@@ -1,62 +1,64 @@
-//! Watches a stream from a thread of its own: hosts do not tell all that goes wrong.
+//! Watches a stream from a thread of its own, since hosts do not report everything.
 //!
-//! PulseAudio reports no underruns and says nothing when its server is stopped; ALSA over a Pulse server that was killed reports
-//! 40,000 errors a second until the stream is dropped. So calls are timed here, errors are counted, and a stream that is
-//! lost is closed from here, at once.
+//! PulseAudio reports no underruns, and is silent when its server is stopped. ALSA over a killed Pulse
+//! server reports 40,000 errors a second until the stream is dropped. So the watch times calls, counts
+//! errors, and closes a lost stream at once.
 
 use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
+use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 
 use cpal::ErrorKind;
+use parking_lot::Mutex;
 use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
+use crate::block::frames_ns;
 use crate::callback::{Counts, Message};
 use crate::quiet::hush_alsa;
 use crate::roll::Roll;
 use crate::{Event, Events, now_ns};
 
-/// How often the watch looks.
+/// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(5);
-/// No call for so long is a loss, if it is also ten periods [ns].
+/// Time without a call that is a loss, if it is also ten periods [ns].
 const LOSS_NS: u64 = 1_000_000_000;
-/// How long a device may take to call for the first time [ns].
+/// Longest time before the first call [ns].
 const FIRST_NS: u64 = 2_000_000_000;
-/// A watch that has not looked for so long was held up itself [ns].
+/// A longer time between two looks is a stall of the machine [ns].
 const STANDSTILL_NS: u64 = 250_000_000;
-/// More errors than this at once are a loss ...
+/// More errors than this at once are a loss, ...
 const FLOOD: f64 = 32.0;
-/// ... where so many a second do no harm.
+/// ... but this many a second are tolerated.
 const TOLERATED_HZ: f64 = 20.0;
-/// How long a lost stream that still calls may take to fade, and again until the fade is heard.
+/// Longest fade of a lost stream that still calls, and longest wait until the fade is heard.
 const FADING: Duration = Duration::from_millis(50);
-/// How long a host may take to close a stream that is lost before it is left to a thread: word of the loss waits for it, so that
-/// whoever opens the device again does not find it taken.
+/// Longest wait for a host to close a lost stream before the loss is reported. So whoever reopens the
+/// device does not find it busy.
 const CLOSING_LOST: Duration = Duration::from_millis(100);
-/// The same for a stream that is dropped.
+/// Longest wait for a host to close a dropped stream.
 pub(crate) const CLOSING: Duration = Duration::from_millis(500);
 
-/// What the stream, its watch and its owner share.
+/// State that the stream, its watch and its owner share.
 pub(crate) struct Shared {
-    /// The streams of cpal, input first; empty when it is over.
+    /// cpal's streams, input first; empty when closed.
     pub(crate) streams: Mutex<Vec<cpal::Stream>>,
-    /// Since when it plays [ns]; 0 while it does not.
+    /// Start of playing [ns]; 0 while it does not play.
     pub(crate) playing_since: std::sync::atomic::AtomicU64,
-    /// Why it was lost.
+    /// Reason of the loss.
     pub(crate) lost: OnceLock<String>,
-    /// Whether the watch is to end.
+    /// Whether the watch must end.
     pub(crate) done: std::sync::atomic::AtomicBool,
-    /// Whether the time between calls says anything: not on a simulated card that is called by hand.
+    /// Whether the time between calls is watched: not on a simulated card that is called by hand.
     pub(crate) timed: bool,
 }
 
 impl Shared {
-    /// Closes the streams, on a thread of its own: a server that hangs would hold the caller.
+    /// Closes the streams on a thread of its own, since a server that hangs would block the caller.
     pub(crate) fn close(&self, patience: Duration) {
-        let streams = std::mem::take(&mut *self.streams.lock().unwrap_or_else(PoisonError::into_inner));
+        let streams = std::mem::take(&mut *self.streams.lock());
         if streams.is_empty() {
             return;
         }
@@ -70,12 +72,12 @@ impl Shared {
     }
 }
 
-/// One side of the stream, as the watch sees it.
+/// The watch's view of one side.
 pub(crate) struct Watched {
     pub(crate) counts: Arc<Counts>,
-    /// From the data callback and from the error callback.
+    /// Messages from the data callback and from the error callback.
     pub(crate) messages: [HeapCons<Message>; 2],
-    /// Errors, as water in a leaking bucket, and how many had been counted when it was last filled.
+    /// Leaky bucket of errors, and the count when it was last filled.
     pub(crate) bucket: f64,
     pub(crate) counted: u64,
 }
@@ -85,7 +87,7 @@ impl Watched {
         Self { counts, messages, bucket: 0.0, counted: 0 }
     }
 
-    /// Takes what has come; answers why the stream is lost, if it is.
+    /// Reads messages and counts; returns why the stream is lost, if it is.
     fn look(&mut self, events: &mut VecDeque<Event>) -> Option<String> {
         let mut lost = None;
         let mut last = String::new();
@@ -108,7 +110,7 @@ impl Watched {
         lost
     }
 
-    /// Why it counts as lost, if it has not called for too long; the time before `since` does not count.
+    /// Why the device is lost by silence, if it is. The time before `since` does not count.
     fn silent(&self, now: u64, since: u64) -> Option<String> {
         let last = self.counts.last_ns.load(Relaxed);
         if last == 0 {
@@ -117,8 +119,7 @@ impl Watched {
                 format!("the device is open and has not called once in {:.0} s", FIRST_NS as f64 / 1e9)
             });
         }
-        let ten_periods =
-            10 * u64::from(self.counts.longest()) * 1_000_000_000 / u64::from(self.counts.rate_hz.max(1));
+        let ten_periods = frames_ns(10 * u64::from(self.counts.longest()), self.counts.rate_hz);
         let silence = now.saturating_sub(last.max(since));
         let over = silence > LOSS_NS.max(ten_periods);
         over.then(|| format!("the device has not called for {:.1} s", silence as f64 / 1e9))
@@ -140,10 +141,13 @@ fn is_loss(kind: ErrorKind) -> bool {
 fn told(panic: Box<dyn Any + Send>) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    format!("what filled the device's blocks panicked: {}", text.as_deref().unwrap_or("no message"))
+    format!(
+        "the process that fills the device's blocks panicked: {}",
+        text.as_deref().unwrap_or("no message")
+    )
 }
 
-/// Tells a device that is silent from a machine that stood still: nobody calls while this thread cannot run either.
+/// Tells a silent device from a stalled machine, on which this thread does not run either.
 #[derive(Default)]
 struct Awake {
     looked: u64,
@@ -151,7 +155,7 @@ struct Awake {
 }
 
 impl Awake {
-    /// Takes note of a look; answers since when this thread has looked without a pause [ns].
+    /// Notes a look; returns since when looks have come without a stall [ns].
     fn look(&mut self, now: u64) -> u64 {
         if now.saturating_sub(self.looked) > STANDSTILL_NS {
             self.since = now;
@@ -161,7 +165,7 @@ impl Awake {
     }
 }
 
-/// Watches until the stream is lost or done.
+/// Watches until the stream is lost or dropped.
 pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, events: &Events) {
     let mut waiting = VecDeque::new();
     let mut awake = Awake::default();
@@ -177,7 +181,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, event
             lost = lost.or(said).or(quiet);
         }
         lost = lost.or_else(|| roll.look());
-        // Where nobody reads, what happened is in the counts.
+        // If nobody reads events, the counts still tell.
         waiting.drain(..).for_each(|event| drop(events.try_send(event)));
         if let Some(reason) = lost {
             return lose(shared, &sides, reason, events);
@@ -186,7 +190,7 @@ pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, event
     }
 }
 
-/// Waits until an output that still calls has faded and that is heard.
+/// Waits until the fade of a calling output is heard.
 fn fade(counts: &Counts) {
     let limit = FADING.as_nanos() as u64;
     let began = now_ns();
@@ -200,7 +204,7 @@ fn fade(counts: &Counts) {
     }
 }
 
-/// Closes the stream and says so, once.
+/// Closes the stream and reports the loss, once.
 fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
     sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
     // The first side is the output.
@@ -220,17 +224,21 @@ fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ringbuf::HeapRb;
+    use ringbuf::traits::Split;
 
     fn ms(ms: u64) -> u64 {
         ms * 1_000_000
     }
 
+    fn watched(counts: &Arc<Counts>) -> Watched {
+        Watched::new(counts.clone(), [(); 2].map(|()| HeapRb::new(1).split().1))
+    }
+
     #[test]
-    fn a_machine_that_stood_still_is_not_taken_for_a_device_that_is_lost() {
+    fn stall_of_the_machine_is_no_loss_of_the_device() {
         let counts = Arc::new(Counts::new(48_000));
-        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let side = Watched::new(counts.clone(), [data, errors]);
+        let side = watched(&counts);
         counts.last_ns.store(ms(1000), Relaxed);
         let mut awake = Awake::default();
         let mut look = |now: u64| side.silent(now, awake.look(now));
@@ -241,11 +249,9 @@ mod tests {
     }
 
     #[test]
-    fn long_periods_are_given_more_time() {
+    fn long_periods_get_more_time() {
         let counts = Arc::new(Counts::new(1000));
-        let (_, data) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let (_, errors) = ringbuf::traits::Split::split(ringbuf::HeapRb::new(1));
-        let side = Watched::new(counts.clone(), [data, errors]);
+        let side = watched(&counts);
         counts.called(ms(1), 300, 0);
         assert_eq!(side.silent(ms(3001), 0), None);
         assert!(side.silent(ms(3002), 0).is_some());

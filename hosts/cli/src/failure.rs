@@ -1,19 +1,20 @@
-//! How the program fails: with what was wrong, where, and an exit code.
+//! Errors with their place and exit code, and all messages to the user.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place};
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-/// Why a command did not do what it was asked.
+/// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
-    /// Something the user gave is wrong: exit code 2; or no more files can be opened to read it: 1.
+    /// The user's input is wrong: exit code 2; or too many files are open to read it: 1.
     Input(Vec<Diagnostic>),
-    /// The machine did not play along, such as a full disk: exit code 1.
+    /// The machine failed, such as a full disk: exit code 1.
     Machine(String),
 }
 
@@ -29,13 +30,18 @@ impl From<Vec<Diagnostic>> for Failure {
     }
 }
 
+/// The error for a file or option at fault, with help.
+pub fn wrong(at: impl Into<PathBuf>, what: impl Into<String>, help: impl Into<String>) -> Failure {
+    Diagnostic::new(what).in_file(at).help(help).into()
+}
+
 impl Failure {
     /// A file that could not be written.
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
         Self::Machine(format!("cannot write {}: {}", path.display(), without_path(error)))
     }
 
-    /// Says which option names the file that is wrong.
+    /// Adds the option that names the file.
     pub fn named_by(self, option: &str) -> Self {
         let Self::Input(all) = self else { return self };
         let named = |d: Diagnostic| {
@@ -46,7 +52,7 @@ impl Failure {
         Self::Input(all.into_iter().map(named).collect())
     }
 
-    /// Takes away where it stands in a text that the program wrote for itself, and nobody sees.
+    /// Removes places in a text that the program wrote for itself, and no user sees.
     pub fn not_shown(self, text: &Path) -> Self {
         let Self::Input(mut all) = self else { return self };
         for d in &mut all {
@@ -58,7 +64,7 @@ impl Failure {
         Self::Input(all)
     }
 
-    /// What is wrong, in a line.
+    /// The error in a line.
     pub fn reason(&self) -> String {
         match self {
             Failure::Input(all) => all.first().map(|d| clean(&d.message)).unwrap_or_default(),
@@ -66,7 +72,7 @@ impl Failure {
         }
     }
 
-    /// Prints what is wrong and answers the exit code.
+    /// Prints the error and answers the exit code.
     pub fn report(&self) -> ExitCode {
         complain(&self.text());
         match self {
@@ -82,7 +88,7 @@ impl Failure {
         }
     }
 
-    /// What is wrong, for a person.
+    /// The error as a user reads it.
     pub fn text(&self) -> String {
         match self {
             Failure::Input(all) => {
@@ -101,7 +107,7 @@ impl Failure {
     }
 }
 
-/// Most errors that are printed: as many as a person mends at a time.
+/// Most errors that are printed.
 const MOST_SHOWN: usize = 50;
 
 /// Most further places that are shown with an error.
@@ -115,14 +121,14 @@ fn grouped(number: usize) -> String {
     }
 }
 
-/// The text of an I/O error without the temporary name that a file has until it is whole.
+/// The text of an I/O error without the temporary name of an incomplete file.
 pub fn without_path(error: impl fmt::Display) -> String {
     error.to_string().split(" at path ").next().unwrap_or_default().to_owned()
 }
 
-/// Help where the system lets nobody open another file; none for any other failure.
+/// Help for an error of too many open files; `None` for any other.
 ///
-/// Wrappers of an I/O error keep its text and seldom its type.
+/// It looks at the text: wrappers of an I/O error seldom keep its type.
 fn open_files(message: &str) -> Option<&'static str> {
     let found = message.split_once("Too many open files")?.1;
     Some(match found.starts_with(" in system") {
@@ -131,7 +137,7 @@ fn open_files(message: &str) -> Option<&'static str> {
     })
 }
 
-/// Prints to the standard output. A reader that has gone away ends the program quietly.
+/// Prints to the standard output. If its reader has gone, the program ends quietly.
 pub fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write as _;
     let mut out = std::io::stdout().lock();
@@ -142,6 +148,15 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// A progress bar; a quiet one is hidden.
+pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
 /// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
     if !QUIET.load(Ordering::Relaxed) {
@@ -149,21 +164,21 @@ pub fn warn(message: &str) {
     }
 }
 
-/// Whether nothing but errors is to be said.
+/// Whether only errors are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Says nothing but errors from now on, where that is asked for.
+/// Prints only errors from now on, if `quiet`.
 pub fn be_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
 }
 
-/// Writes to the standard error; where nobody can read it, there is nothing left to do.
+/// Writes to the standard error, and ignores its errors.
 pub fn complain(text: &str) {
     use std::io::Write as _;
     let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }
 
-/// A text from a file, harmless to a terminal, and no longer than a person reads.
+/// A text from a file, harmless to a terminal, and at most 600 characters.
 pub fn clean(text: &str) -> String {
     const MOST: usize = 600;
     let harmful = |c: char| {
@@ -177,7 +192,7 @@ pub fn clean(text: &str) -> String {
     out
 }
 
-/// A diagnostic as a person reads it: `file:line:column: message` on the first line, then the text with a caret.
+/// A diagnostic as text: `file:line:column: message` on the first line, then the source with a caret.
 struct Shown<'a>(&'a Diagnostic);
 
 impl fmt::Display for Shown<'_> {
@@ -194,7 +209,7 @@ impl fmt::Display for Shown<'_> {
             }
             _ => writeln!(f, "error: {}", clean(&d.message))?,
         }
-        // What stands in another file than the error itself is shown for itself.
+        // Places in other files have snippets of their own.
         let (here, elsewhere): (Vec<_>, Vec<_>) = d
             .related
             .iter()
@@ -244,9 +259,9 @@ fn write_snippet(
     let snippet = Snippet { source: NamedSource::new(name, place.source.text().to_owned()), labels };
     let mut text = String::new();
     handler.render_report(&mut text, &snippet)?;
-    // The first line is the report's own title, which stands above already.
+    // Skip the report's title, which is printed above.
     for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
-        // The place stands in the first line, counted in bytes; above it is counted in characters.
+        // Its first line counts columns in bytes; the one above counts characters.
         match line.split_once("─[") {
             Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
             _ => writeln!(f, "{}", clean(line))?,
@@ -255,10 +270,10 @@ fn write_snippet(
     Ok(())
 }
 
-/// Longest line, in bytes, that is shown whole; beyond 65535 columns the snippet's renderer gives up.
+/// Longest line that is shown whole \[bytes\]. Beyond 65535 columns the renderer gives up.
 const MAX_LINE: usize = 240;
 
-/// The longest of the lines that are shown with a place: its own and its neighbours.
+/// Length of the longest line around a place: its own and its neighbours \[bytes\].
 fn longest_line(place: &Place) -> usize {
     let line = place.position().line;
     let len = |n: usize| {
@@ -268,7 +283,7 @@ fn longest_line(place: &Place) -> usize {
     (line.saturating_sub(1).max(1)..=line + 1).map(len).max().unwrap_or(0)
 }
 
-/// What stands around a place in a long line, with a caret under it.
+/// The text around a place in a long line, with a caret under it.
 fn cut_line(place: &Place, label: &str) -> String {
     const AROUND: usize = 40;
     let line = place.source.line_span(place.position().line);

@@ -1,4 +1,4 @@
-//! The kinds of nodes there are: built in, and from plugins.
+//! The kinds of nodes: built in, and from plugins.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -11,60 +11,48 @@ use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
 use asperity_node::Registry;
 
 use crate::commands::plugin::survives;
+use crate::commands::trust::{ask, is_trusted};
 use crate::failure::{Failure, warn};
 use crate::phase::OFFLINE;
-use crate::trust::{ask, is_trusted};
 
-/// Where kinds come from. Kept while a graph is watched, so that a plugin is loaded again only when its file changed.
+/// Makes registries. Kept while a graph is watched: a plugin is loaded again only when its file changed.
 #[derive(Debug, Default)]
 pub struct Kinds {
     loader: Loader,
-    /// What `--plugin` names.
+    /// Values of `--plugin`.
     named: Vec<PathBuf>,
-    /// Files of the plugins that the last registry was made of, or was to be.
+    /// Files of the plugins of the last registry, also of those that did not load.
     files: Vec<PathBuf>,
-    /// Whether a graph plays with what was loaded.
+    /// Whether a graph plays with these kinds.
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
     apart: bool,
-    /// Whether the graph is only looked at.
+    /// Whether the graph is inspected, not run.
     looks: bool,
-    /// Why plugins of the graph were left out of the last registry.
+    /// Untrusted plugins that the last registry lacks.
     left_out: Vec<Diagnostic>,
-    /// Folders that the person was asked about.
+    /// Folders about which the user was asked.
     asked: HashSet<PathBuf>,
 }
 
-/// Why a plugin is left out.
-fn untrusted(path: &Path, decl: &PluginDecl) -> Diagnostic {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    Diagnostic::new(format!("the plugin `{}` was not loaded: its folder is not trusted", decl.name))
-        .at(&decl.place.source, decl.place.span)
-        .help(format!(
-            "a plugin may do whatever you may. To allow those of this folder: asperity trust {}. To allow this one: --plugin {}",
-            folder.display(),
-            path.display()
-        ))
-}
-
 impl Kinds {
-    /// Kinds with the plugins that a command line names.
+    /// Kinds with the plugins that `--plugin` names.
     pub fn new(named: &[PathBuf]) -> Self {
         Self { named: named.to_vec(), ..Self::default() }
     }
 
-    /// The same, with nodes of plugins on threads of their own or not: there, one that never returns does not keep
-    /// the graph.
+    /// Runs nodes of plugins on threads of their own: a call that never returns does not stop the graph.
     pub fn apart(self, apart: bool) -> Self {
         Self { apart, ..self }
     }
 
-    /// The same, for a graph that is only looked at: plugins that may not be loaded are left out.
+    /// For a graph that is inspected: untrusted plugins are left out, and [`judge`](Self::judge) reports
+    /// them.
     pub fn looking(self) -> Self {
         Self { looks: true, ..self }
     }
 
-    /// What came of a graph that was looked at, with what was left out.
+    /// Adds the plugins that were left out to the result of an inspection.
     pub fn judge<T>(&self, found: Result<T, Failure>) -> Result<T, Failure> {
         match found {
             _ if self.left_out.is_empty() => found,
@@ -74,125 +62,139 @@ impl Kinds {
         }
     }
 
-    /// Whether a plugin that a graph names may be loaded: the command line or the plugin path names it too, or its
-    /// folder is trusted.
-    fn may_load(&mut self, path: &Path, place: &Place) -> bool {
-        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let is_it = |other: &Path| other.canonicalize().is_ok_and(|other| whole == other);
-        let list = || std::env::var_os(PATH_VARIABLE);
-        let named = self.named.iter().filter_map(|n| find(&n.to_string_lossy(), Path::new(""), list()).ok());
-        let found = search(list()).0.into_iter().map(|found| found.path);
-        if named.chain(found).any(|other| is_it(&other)) || is_trusted(path) {
-            return true;
-        }
-        // Nobody is asked while a graph plays, and nobody twice. What is not there is told where it is loaded.
-        let folder = whole.parent().unwrap_or(Path::new("")).to_owned();
-        !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
-    }
-
-    /// Files of the plugins that the last registry was made of, or was to be.
+    /// Files of the plugins of the last registry, also of those that did not load.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
-    /// From here on a graph plays: what is loaded comes into a run.
+    /// Says that a graph plays from now on: new code is tried in another process first, and nobody is
+    /// asked.
     pub fn plays(&mut self) {
         self.plays = true;
     }
 
-    /// Loads a plugin. While a graph plays, one that is new or was rebuilt is tried in another process first:
-    /// its code, damaged perhaps, could end the run.
-    fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
-        let plays = self.plays;
-        self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
-    }
-
-    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin`, and along the plugin path. What a graph or a
-    /// command line names must load and must not be there twice; what merely lies on the path is left out with a warning.
+    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin
+    /// path.
+    ///
+    /// # Errors
+    /// A plugin that the graph or `--plugin` names does not load, or has a kind that exists already.
+    /// Such a plugin on the plugin path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
-        let mut made = Made::new(self.apart);
+        let mut merged =
+            Merged { registry: asperity_nodes::registry(), from: HashMap::new(), apart: self.apart };
         self.files.clear();
         self.left_out.clear();
-        let list = || std::env::var_os(PATH_VARIABLE);
         for decl in graph.map_or(&[][..], |g| &g.plugins) {
             let place = &decl.place;
             let base = place.source.path().parent().unwrap_or(Path::new(""));
-            let path = find(&decl.name, base, list()).map_err(|e| match e.path() {
-                Some(_) => e.related(&place.source, place.span, "looked for on behalf of this"),
-                None => e.at(&place.source, place.span),
-            })?;
-            // One that does not load is watched all the same: it may be mended.
+            let path =
+                find(&decl.name, base, std::env::var_os(PATH_VARIABLE)).map_err(|e| match e.path() {
+                    Some(_) => e.related(&place.source, place.span, "looked for on behalf of this"),
+                    None => e.at(&place.source, place.span),
+                })?;
+            // One that does not load is watched as well: it may be mended.
             self.files.push(path.clone());
             if !self.may_load(&path, place) {
                 self.left_out.push(untrusted(&path, decl));
                 continue;
             }
-            let added = self.load(&path).and_then(|p| made.add(&p));
+            let added = self.load(&path).and_then(|p| merged.add(&p, true));
             added.map_err(|e| e.related(&place.source, place.span, "named here"))?;
         }
         if !self.left_out.is_empty() && !self.looks {
             return Err(self.left_out.clone().into());
         }
-        for named in &self.named.clone() {
-            let name = named.to_string_lossy();
-            let path = find(&name, Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
+        for name in self.named.clone() {
+            let path = named_plugin(&name)?;
             self.files.push(path.clone());
-            made.add(&self.load(&path)?)?;
+            merged.add(&self.load(&path)?, true)?;
         }
-        let (found, problems) = search(list());
-        problems.iter().for_each(|p| warn(&p.to_string()));
-        for Found { path, .. } in found {
+        for Found { path, .. } in plugins_on_path() {
             self.files.push(path.clone());
-            match self.load(&path).and_then(|p| made.add_where_new(&p)) {
-                Ok(()) => {}
-                Err(e) => warn(&format!("left out of {PATH_VARIABLE}: {e}")),
+            if let Err(e) = self.load(&path).and_then(|p| merged.add(&p, false)) {
+                warn(&format!("left out of {PATH_VARIABLE}: {e}"));
             }
         }
-        Ok(made.registry)
+        Ok(merged.registry)
+    }
+
+    /// Whether a plugin that a graph names may be loaded: its folder is trusted, or the command line or the
+    /// plugin path names it too.
+    fn may_load(&mut self, path: &Path, place: &Place) -> bool {
+        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let is_it = |other: PathBuf| other.canonicalize().is_ok_and(|other| whole == other);
+        let named = self.named.iter().filter_map(|name| named_plugin(name).ok());
+        let found = search(std::env::var_os(PATH_VARIABLE)).0.into_iter().map(|found| found.path);
+        if named.chain(found).any(is_it) || is_trusted(path) {
+            return true;
+        }
+        // Nobody is asked while a graph plays, or twice. Loading reports a file that does not exist.
+        let folder = whole.parent().unwrap_or(Path::new("")).to_owned();
+        !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
+    }
+
+    /// Loads a plugin. While a graph plays, new code is tried in another process first: it could end the
+    /// run.
+    fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
+        let plays = self.plays;
+        self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
     }
 }
 
-/// The kinds that are there without a graph.
+/// The kinds that exist without a graph.
 pub fn registry(plugins: &[PathBuf]) -> Result<Registry, Failure> {
     Kinds::new(plugins).registry(None)
 }
 
-/// A registry in the making, and which file each kind of a plugin came from.
-struct Made {
+/// File of the plugin that `--plugin` names.
+pub fn named_plugin(name: &Path) -> Result<PathBuf, Diagnostic> {
+    let list = std::env::var_os(PATH_VARIABLE);
+    find(&name.to_string_lossy(), Path::new(""), list).map_err(|e| e.in_file("--plugin"))
+}
+
+/// Plugins along the plugin path. Folders that cannot be read cause warnings.
+pub fn plugins_on_path() -> Vec<Found> {
+    let (found, problems) = search(std::env::var_os(PATH_VARIABLE));
+    problems.iter().for_each(|p| warn(&p.to_string()));
+    found
+}
+
+/// The error for a plugin whose folder is not trusted.
+fn untrusted(path: &Path, decl: &PluginDecl) -> Diagnostic {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    Diagnostic::new(format!("the plugin `{}` was not loaded: its folder is not trusted", decl.name))
+        .at(&decl.place.source, decl.place.span)
+        .help(format!(
+            "a plugin may do whatever you may. To allow those of this folder: asperity trust {}. \
+             To allow this one: --plugin {}",
+            folder.display(),
+            path.display()
+        ))
+}
+
+/// A registry that grows, and the plugin of each kind that is not built in.
+struct Merged {
     registry: Registry,
     from: HashMap<String, Plugin>,
     apart: bool,
 }
 
-impl Made {
-    fn new(apart: bool) -> Self {
-        Self { registry: asperity_nodes::registry(), from: HashMap::new(), apart }
-    }
-
-    /// Adds a plugin that was asked for.
-    fn add(&mut self, plugin: &Plugin) -> Result<(), Diagnostic> {
-        self.take(plugin, true)
-    }
-
-    /// Adds a plugin that merely lies on the path; kinds that were asked for from another file are not replaced.
-    fn add_where_new(&mut self, plugin: &Plugin) -> Result<(), Diagnostic> {
-        self.take(plugin, false)
-    }
-
-    fn take(&mut self, plugin: &Plugin, asked: bool) -> Result<(), Diagnostic> {
+impl Merged {
+    /// Adds a plugin. One that was not asked for replaces no kind of another plugin.
+    fn add(&mut self, plugin: &Plugin, asked: bool) -> Result<(), Diagnostic> {
         let refuse = |kind: &str, other: &str| {
             Diagnostic::new(format!("its kind `{kind}` is there already: {other}"))
                 .in_file(plugin.path())
-                .help("name the kind otherwise, or leave one of the two out")
+                .help("rename the kind, or leave one of the two out")
         };
         let mut kinds = Vec::new();
         for kind in plugin.kinds() {
             let name = kind.descriptor().kind.to_string();
-            // What a command line means by these is no node.
+            // `--phase` gives these names another meaning.
             if name == "default" || OFFLINE.contains(&name.as_str()) {
                 let message =
                     format!("its kind cannot be called `{name}`, which `--phase` knows as something else");
-                return Err(Diagnostic::new(message).in_file(plugin.path()).help("name the kind otherwise"));
+                return Err(Diagnostic::new(message).in_file(plugin.path()).help("rename the kind"));
             }
             match (self.from.get(&name), self.registry.get(&name)) {
                 (Some(other), _) if other.build() == plugin.build() || !asked => continue,

@@ -1,21 +1,24 @@
-//! The end of the program, which is the program's own: a plugin that calls `exit` does not make a run that
-//! wrote nothing look like one that did.
+//! How the program ends: on its own terms, also while plugins run, and when the user asks.
 
-use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed, Ordering::SeqCst};
+use std::sync::{Arc, OnceLock};
+
+use crate::failure::{complain, warn};
+
+/// Exit code of an interrupted command, as a shell would have it.
+pub const INTERRUPTED: u8 = 130;
 
 /// Whether the program ends because it wants to.
 static MEANT: AtomicBool = AtomicBool::new(false);
 
-/// From here on an end that was not meant has exit code 1. After the command line has been read, which may
-/// end the program too.
+/// From here on, an end that the program did not choose has exit code 1: a plugin that calls `exit` does
+/// not make a run look complete. Call it after parsing the command line, which may end the program too.
 pub fn on_purpose_only() -> Staying {
     #[cfg(unix)]
     {
         extern "C" fn ending() {
             if !MEANT.load(SeqCst) {
-                crate::failure::complain(
-                    "error: foreign code, such as a plugin, called exit(): the run is not complete\n",
-                );
+                complain("error: foreign code, such as a plugin, called exit(): the run is not complete\n");
                 // SAFETY: it ends the process at once, and runs nothing more of it.
                 unsafe { libc::_exit(1) }
             }
@@ -26,16 +29,16 @@ pub fn on_purpose_only() -> Staying {
     Staying
 }
 
-/// A file that grows beyond the shell's limit is an error like a full disk, and no signal that ends the program.
+/// Makes a file beyond the shell's size limit an error like a full disk, instead of a signal.
 pub fn not_for_a_long_file() {
     #[cfg(unix)]
-    // SAFETY: no code of this program is run by it; writing answers with an error from here on.
+    // SAFETY: it runs no code of this program; writing returns an error from here on.
     unsafe {
         libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
     }
 }
 
-/// Until this is dropped, an end is not meant: dropped as `main` returns or unwinds.
+/// While this lives, an end is not meant. `main` drops it as it returns or unwinds.
 pub struct Staying;
 
 impl Drop for Staying {
@@ -44,13 +47,40 @@ impl Drop for Staying {
     }
 }
 
-/// This process may end in any way: another one looks at how it did.
+/// Lets this process end in any way: its parent looks at how it did.
 pub fn as_it_likes() {
     MEANT.store(true, SeqCst);
 }
 
-/// The program ends now, with this code.
+/// Ends the program now, with this exit code.
 pub fn now(code: u8) -> ! {
     MEANT.store(true, SeqCst);
     std::process::exit(code.into())
+}
+
+/// Set when the user asks to stop. The third time, the program ends at once: what runs may not listen, such
+/// as a plugin in an endless loop.
+///
+/// The whole program has one flag, also where a command plays several times.
+pub fn stop_flag() -> Arc<AtomicBool> {
+    static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    let make = || {
+        let stop = Arc::new(AtomicBool::new(false));
+        let set = stop.clone();
+        let mut asked = 0;
+        let heard = move || {
+            set.store(true, Relaxed);
+            asked += 1;
+            match asked {
+                1 => {}
+                2 => complain("it is about to end; once more, and it ends at once and keeps no output\n"),
+                _ => now(INTERRUPTED),
+            }
+        };
+        if let Err(e) = ctrlc::set_handler(heard) {
+            warn(&format!("Ctrl-C will not be caught: {e}"));
+        }
+        stop
+    };
+    STOP.get_or_init(make).clone()
 }

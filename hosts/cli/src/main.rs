@@ -1,77 +1,137 @@
 //! The `asperity` program: graphs from the command line.
+//!
+//! A command is one file or folder in [`commands`]: its arguments, its help and `run`. [`load`] makes a
+//! schedule of a graph or scene; [`card`] opens the sound card; [`output`] writes files.
 
 // Everything here is the one program; `pub` says what a module offers the others.
 #![allow(unreachable_pub)]
 
 mod args;
+mod card;
 mod commands;
 mod failure;
 mod heap;
 mod kinds;
 mod leave;
-mod live;
 mod load;
 mod machine;
+mod number;
 mod output;
 mod phase;
-mod render;
 mod simulated;
-mod source;
-mod trust;
-mod watch;
 
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
-use clap::Parser;
+use clap::{Parser, Subcommand};
 
-use args::{Args, Command};
+use commands::{
+    calibrate, check, choose, compare, devices, encode, fit_ar, graph, invert, latency, materials, nodes,
+    plugin, recover, render, run, scene, selftest, setup, tone, tradeoff, trust,
+};
 use failure::Failure;
+
+/// Haptic rendering as a real-time dataflow graph.
+#[derive(Debug, Parser)]
+#[command(name = "asperity", version, about, max_term_width = 100)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Most memory that files and graphs may take; by default half of the machine's
+    #[arg(long, global = true, value_name = "N MiB|GiB", value_parser = number::memory)]
+    memory: Option<u64>,
+    /// Use only vector instructions that every CPU has: slower, with the same result to the last bit
+    #[arg(long, global = true)]
+    portable: bool,
+    /// Let a graph overwrite files that Asperity did not make
+    #[arg(long, global = true)]
+    overwrite: bool,
+}
+
+/// The commands, in the order in which `--help` lists them.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Render(render::Args),
+    Run(run::Args),
+    Recover(recover::Args),
+    Devices(devices::Args),
+    Setup(setup::Args),
+    Tone(tone::Args),
+    Latency(latency::Args),
+    Calibrate(Box<calibrate::Args>),
+    Check(check::Args),
+    Nodes(nodes::Args),
+    Graph(graph::Args),
+    Invert(invert::Args),
+    Compare(compare::Args),
+    /// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
+    ///
+    /// Finished settings are kept in the folder: the same command continues a study that was stopped.
+    /// --shard splits a study between machines; `tradeoff merge` puts the parts together.
+    Tradeoff(args::Tradeoff),
+    /// Print the best setting that a budget of time and lag allows, as a fragment to paste into a graph
+    Choose(args::Choose),
+    Encode(encode::Args),
+    FitAr(Box<fit_ar::Args>),
+    Materials(materials::Args),
+    #[command(subcommand)]
+    Scene(scene::Command),
+    /// Run hard cases over a graph and its plugins: all must stay finite and bounded, and recover
+    ///
+    /// Without a graph, only the cases that look at kinds of nodes are run, over all kinds that are found.
+    /// Check a plugin that may crash with `plugin check` first: here it runs in this process.
+    /// Exit code 0: all cases that apply hold; 1: one fails; 2: the graph does not load.
+    #[command(name = "selftest")]
+    SelfTest(args::SelfTest),
+    #[command(subcommand)]
+    Plugin(plugin::Command),
+    Trust(trust::Args),
+}
 
 fn main() -> ExitCode {
     simulated::register();
-    let args = Args::parse();
+    let cli = Cli::parse();
     let _staying = leave::on_purpose_only();
     leave::not_for_a_long_file();
-    heap::limit(args.memory);
-    if args.overwrite {
+    heap::limit(cli.memory);
+    if cli.overwrite {
         output::overwrite();
     }
-    if let Err(failure) = instructions(args.portable) {
+    if let Err(failure) = instructions(cli.portable) {
         return failure.report();
     }
-    let result = match args.command {
+    let result = match cli.command {
         Command::Render(args) => render::run(&args),
-        Command::Run(args) => live::run(&args),
-        Command::Setup(args) => commands::setup::run(&args),
-        Command::Recover(args) => commands::recover::run(&args),
-        Command::Tone(args) => commands::tone::run(&args),
-        Command::Latency(args) => commands::latency::run(&args),
-        Command::Devices(args) => commands::devices::run(&args),
-        Command::Calibrate(args) => commands::calibrate::run(&args),
-        Command::Check(args) => commands::check::run(&args),
-        Command::Nodes(args) => commands::nodes::run(&args),
-        Command::Graph(args) => commands::graph::run(&args),
-        Command::Invert(args) => commands::invert::run(&args),
-        Command::Compare(args) => commands::compare::run(&args),
-        Command::Tradeoff(args) => commands::tradeoff::run(&args),
-        Command::Choose(args) => commands::choose::run(&args),
-        Command::Encode(args) => commands::encode::run(&args),
-        Command::FitAr(args) => commands::fit_ar::run(&args),
-        Command::Materials(args) => commands::materials::run(&args),
-        Command::Scene(command) => commands::scene::run(&command),
-        Command::SelfTest(args) => commands::selftest::run(&args),
-        Command::Plugin(command) => commands::plugin::run(&command),
-        Command::Trust(args) => commands::trust::run(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Recover(args) => recover::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Setup(args) => setup::run(&args),
+        Command::Tone(args) => tone::run(&args),
+        Command::Latency(args) => latency::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Check(args) => check::run(&args),
+        Command::Nodes(args) => nodes::run(&args),
+        Command::Graph(args) => graph::run(&args),
+        Command::Invert(args) => invert::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Choose(args) => choose::run(&args),
+        Command::Encode(args) => encode::run(&args),
+        Command::FitAr(args) => fit_ar::run(&args),
+        Command::Materials(args) => materials::run(&args),
+        Command::Scene(command) => scene::run(&command),
+        Command::SelfTest(args) => selftest::run(&args),
+        Command::Plugin(command) => plugin::run(&command),
+        Command::Trust(args) => trust::run(&args),
     };
     result.unwrap_or_else(|failure| failure.report())
 }
 
-/// The best instruction set that may be used, by its name.
+/// Environment variable that names the best instruction set to use.
 const INSTRUCTIONS: &str = "ASPERITY_ISA";
 
-/// Limits the vector instructions that kernels use, where that is asked for.
+/// Limits the vector instructions of kernels, as `--portable` or the environment asks.
 fn instructions(portable: bool) -> Result<(), Failure> {
     let Some(name) = std::env::var_os(INSTRUCTIONS).filter(|name| !name.is_empty()) else {
         if portable {

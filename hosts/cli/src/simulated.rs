@@ -1,5 +1,5 @@
-//! An actuator for the simulated sound card: `simulated:plant=hapcoil_one,plant_handle_g=60` has one between its first output and
-//! its first input, so that what needs an actuator and an accelerometer can be tried without.
+//! An actuator and an accelerometer for the simulated sound card, from its first output to its first input:
+//! `simulated:plant=hapcoil_one,plant_handle_g=60`. Commands that need both can be tried without them.
 
 use std::fmt::Display;
 use std::str::FromStr;
@@ -8,11 +8,10 @@ use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 use asperity_audio::simulated::{Response, set_plants};
 use asperity_diagnostics::one_of;
 
-/// The plant moves so many times a sample, along straight lines between samples: near enough to what a card's converters make of
-/// them.
+/// Steps of the plant in a sample, with linear interpolation: close enough to a card's converters.
 const OVERSAMPLING: u32 = 8;
 
-/// Words of a plant's description.
+/// Parameters of a plant.
 const WORDS: [&str; 8] = [
     "plant",
     "plant_handle_g",
@@ -24,7 +23,7 @@ const WORDS: [&str; 8] = [
     "plant_invert",
 ];
 
-/// Makes such devices known.
+/// Registers plants with the simulated sound card.
 pub fn register() {
     set_plants(|words, rate_hz| {
         let actuator: Actuator = words.try_into()?;
@@ -35,26 +34,27 @@ pub fn register() {
 /// An actuator on a handle with an accelerometer, from the card's output to its input.
 #[derive(Clone, Debug)]
 pub struct Actuator {
-    /// What it is.
+    /// Profile of the actuator.
     pub profile: ActuatorProfile,
     /// Mass of the handle \[g\].
     pub handle_g: f64,
-    /// What the amplifier puts out.
+    /// Output of the amplifier.
     pub drive: Drive,
-    /// What that is at the card's full scale \[A or V\].
+    /// Drive at the card's full scale \[A or V\].
     pub at_full_scale: f64,
     /// Acceleration at which the input is at full scale, where it clips \[m/s^2\].
     pub full_scale: f64,
     /// White noise of the accelerometer \[m/s^2 rms\].
     pub noise: f64,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
     /// Whether the accelerometer points the other way.
     pub invert: bool,
 }
 
 impl Actuator {
-    /// One on 100 g behind 1 A at full scale, with an accelerometer of 100 m/s^2 at full scale without noise.
+    /// An actuator on 100 g, 1 A at full scale, and an accelerometer of 100 m/s^2 at full scale without
+    /// noise.
     pub fn new(profile: ActuatorProfile) -> Self {
         Self {
             profile,
@@ -68,7 +68,7 @@ impl Actuator {
         }
     }
 
-    /// What it makes of samples at this rate, from rest on.
+    /// Its response to samples at this rate, from rest on.
     pub fn at(&self, rate_hz: f64) -> Result<Response, String> {
         let dynamics = Dynamics::new(&self.profile, self.handle_g).map_err(|e| e.to_string())?;
         let mut plant = Plant::new(&dynamics, self.drive, rate_hz * f64::from(OVERSAMPLING));

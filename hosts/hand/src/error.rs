@@ -1,32 +1,32 @@
-//! What keeps a source from starting.
+//! Errors of a source's start.
 
 use std::fmt;
 
-/// What the caller can do about a [`HandError`].
+/// Remedy of a [`HandError`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Next {
-    /// Change an option: what is written cannot be meant.
+    /// Change an option: its value is invalid.
     Option,
-    /// Install or start something, or plug it in; then try again.
+    /// Install, start or plug in something; then try again.
     Provide,
-    /// Wait until somebody else lets go of it, or choose another.
+    /// Wait until another program releases it, or choose another one.
     Free,
 }
 
-/// Why a source does not start: what was found, and what would do.
+/// Why a source does not start, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HandError {
-    /// What was found.
+    /// The fault.
     pub message: String,
-    /// What would do.
+    /// The remedy.
     pub help: String,
-    /// Which of the caller's doings that is.
+    /// Kind of remedy.
     pub next: Next,
 }
 
 impl HandError {
-    /// An option that cannot be meant.
+    /// An invalid option.
     pub(crate) fn option(message: impl Into<String>, help: impl Into<String>) -> Self {
         Self { message: message.into(), help: help.into(), next: Next::Option }
     }

@@ -1,10 +1,10 @@
-//! A device's axes and the graph's.
+//! Axes of a device and of the graph.
 
 use asperity_motion::AxisMap;
 
 use crate::HandError;
 
-/// Takes a device's positions to the graph's axes (z up, mm), and forces back again.
+/// Maps a device's positions to the graph's axes (z up, mm), and forces back.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Frame {
     axes: AxisMap,
@@ -12,8 +12,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// `axes` names the device's axis for each of the graph's x, y, z, like a trajectory's: `x,-z,y` for a device whose vertical is y.
-    /// `origin_mm` is the point, in the graph's directions, that becomes 0, 0, 0.
+    /// `axes`: the device's axis for each of the graph's x, y, z, as for a trajectory: `x,-z,y` for a
+    /// device whose vertical is y. `origin_mm`: the point, in the graph's axes, that becomes 0, 0, 0.
     ///
     /// # Errors
     /// Axes that are not x, y and z once each; an origin that is not finite.
@@ -29,13 +29,13 @@ impl Frame {
         Ok(Self { axes, origin: origin_mm })
     }
 
-    /// A position of the device, in mm, in the graph's axes.
+    /// Position of the device in mm, in the graph's axes.
     pub fn position(&self, device_mm: [f64; 3]) -> [f64; 3] {
         let p = self.axes.apply(device_mm);
         [p[0] - self.origin[0], p[1] - self.origin[1], p[2] - self.origin[2]]
     }
 
-    /// A force in the graph's axes, in the device's. The map exchanges and turns axes only, so its inverse is its transpose.
+    /// Force in the device's axes. The map permutes and flips axes only, so its inverse is its transpose.
     pub fn force(&self, graph: [f64; 3]) -> [f64; 3] {
         let unit = |i: usize| self.axes.apply([0, 1, 2].map(|k| if k == i { 1.0 } else { 0.0 }));
         [0, 1, 2].map(|i| {
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_force_against_the_vertical_goes_back_to_the_devices_vertical() {
+    fn vertical_force_maps_to_the_device_vertical() {
         let frame = Frame::new("x,-z,y", [0.0, 0.0, 10.0]).unwrap();
         // 25 mm up the device's y, 3 mm toward the user.
         assert_eq!(frame.position([1.0, 25.0, 3.0]), [1.0, -3.0, 15.0]);
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn work_is_the_same_in_both_axes_for_every_map() {
+    fn work_is_equal_in_both_frames() {
         for axes in ["x,y,z", "z,x,y", "-y,x,z", "x,-z,y", "-z,-y,-x"] {
             let frame = Frame::new(axes, [0.0; 3]).unwrap();
             let (move_, force) = ([0.3, -1.2, 2.5], [1.0, 4.0, -0.7]);
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_axes_are_told_with_what_would_do() {
+    fn wrong_axes_error_names_valid_axes() {
         let e = Frame::new("x,y", [0.0; 3]).unwrap_err();
         assert!(e.to_string().contains("has 2") && e.help.contains("x,-z,y"), "{e}");
         assert!(Frame::new("x,y,z", [f64::NAN, 0.0, 0.0]).is_err());

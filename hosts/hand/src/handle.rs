@@ -1,45 +1,54 @@
-//! A running source, as other threads see it.
+//! A running source, for other threads.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use asperity_live::{Sample, SampleWriter};
+use parking_lot::Mutex;
 
+use crate::HandError;
 use crate::servo::passivity::DeviceDamping;
 
-/// Problems that wait to be read; of more, the newest are lost.
+/// Most unread problems; newer ones are dropped.
 const PROBLEMS: usize = 16;
-/// Without a good message for so long, the bad ones are told.
+/// After this time without a usable message, unusable ones are reported.
 const DEAF: Duration = Duration::from_secs(1);
 
-/// What is known of the device behind a source.
+/// The device of a source.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Device {
-    /// As its maker calls it, or its number; empty for none.
+    /// Name or number of the device; empty for none.
     pub name: String,
-    /// Largest force that it is driven to \[N\]; 0 where it cannot push.
+    /// Largest force \[N\]; 0 if it cannot push.
     pub max_force_n: f64,
-    /// Largest stiffness that its maker recommends \[N/mm\], where it says so.
+    /// Largest stiffness that its maker recommends \[N/mm\], if any.
     pub max_stiffness_n_per_mm: Option<f64>,
 }
 
 impl Device {
-    /// What is known of its damping, to be held against [`passivity`](crate::servo::passivity::passivity).
+    /// Its damping, for [`passivity`](crate::servo::passivity::passivity).
     pub fn damping(&self) -> DeviceDamping {
         self.max_stiffness_n_per_mm.map_or(DeviceDamping::Unknown, DeviceDamping::Recommended)
     }
 }
 
-/// A running source. Dropping it stops the source: a device's force is ramped down first; it takes at most about 100 ms.
+/// A running source. Dropping it stops the source within about 100 ms; a device's force ramps down first.
 #[derive(Debug)]
 pub struct Handle {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     address: Option<SocketAddr>,
+}
+
+/// Starts a source's thread. Error: the system gives no thread.
+pub(crate) fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, HandError> {
+    Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
+        HandError::missing(format!("no thread for `{name}`: {e}"), "free some memory or processes")
+    })
 }
 
 impl Handle {
@@ -52,54 +61,55 @@ impl Handle {
         self.shared.samples.load(Relaxed)
     }
 
-    /// Samples that found the queue to the tick thread full.
+    /// Samples lost because the queue to the tick thread was full.
     pub fn lost(&self) -> u64 {
         self.shared.lost.load(Relaxed)
     }
 
-    /// Messages that could not be used: not of the format, of a wrong type, not finite.
+    /// Unusable messages: wrong format, wrong type, not finite.
     pub fn bad(&self) -> u64 {
         self.shared.bad.load(Relaxed)
     }
 
-    /// What was wrong with the last of them, for a person.
+    /// Why the last of them was unusable, for a person.
     pub fn last_bad(&self) -> Option<String> {
-        let text = self.shared.text();
+        let text = self.shared.text.lock();
         (!text.bad.is_empty()).then(|| text.bad.clone())
     }
 
-    /// Whether the device or the peer is there. A network source has no peer: then true while the socket is open.
+    /// Whether the device is connected. For a network source, which has no peer: whether the socket is
+    /// open.
     pub fn connected(&self) -> bool {
         self.shared.connected.load(Relaxed)
     }
 
-    /// How often the device or the peer was lost.
+    /// How often the device was lost.
     pub fn losses(&self) -> u64 {
         self.shared.losses.load(Relaxed)
     }
 
-    /// Size of the force that the device was last told to make \[N\].
+    /// Size of the last commanded force \[N\].
     pub fn force_n(&self) -> f64 {
         f64::from_bits(self.shared.force.load(Relaxed))
     }
 
-    /// The oldest thing that went wrong while running and was not read yet; and that it goes again. Each is said once,
-    /// and not again before the source has worked in between. The first message that cannot be used is told, and later ones where
-    /// no good one came for a second.
+    /// Oldest unread problem, or the notice of its end. Each is reported once, and again only after the
+    /// source has worked in between. Unusable messages are reported at the first one, and later after a
+    /// second without a usable one.
     pub fn problem(&self) -> Option<String> {
         let (good, bad) = (self.samples() + self.lost(), self.bad());
-        let mut text = self.shared.text();
+        let mut text = self.shared.text.lock();
         text.problems.pop_front().or_else(|| text.unusable(good, bad, Instant::now()))
     }
 
-    /// Where a network source listens: with port 0 asked for, the port that was given.
+    /// Address where a network source listens, with the actual port if port 0 was requested.
     pub fn address(&self) -> Option<SocketAddr> {
         self.address
     }
 
-    /// What is known of the device.
+    /// The device.
     pub fn device(&self) -> Device {
-        self.shared.text().device.clone()
+        self.shared.text.lock().device.clone()
     }
 }
 
@@ -113,7 +123,8 @@ impl Drop for Handle {
     }
 }
 
-/// What a source's threads and its handle both see. The counters may be touched from a servo callback; the texts not.
+/// State that a source's threads share with its handle. A servo callback may touch the counters, but not
+/// the texts.
 #[derive(Debug, Default)]
 pub(crate) struct Shared {
     pub(crate) stop: AtomicBool,
@@ -130,27 +141,27 @@ pub(crate) struct Shared {
 struct Text {
     bad: String,
     problems: VecDeque<String>,
-    /// The problem there is now.
+    /// Current problem.
     now: Option<String>,
     device: Device,
     heard: Heard,
 }
 
-/// What [`Handle::problem`] saw of the messages when it was asked last.
+/// Messages as of the last [`Handle::problem`].
 #[derive(Debug, Default)]
 struct Heard {
     good: u64,
     bad: u64,
-    /// When a good one was seen last.
+    /// Time of the last usable one.
     at: Option<Instant>,
-    /// Whether the bad ones were told since.
+    /// Whether unusable ones were reported since.
     told: bool,
-    /// Whether they were ever told.
+    /// Whether they were ever reported.
     ever: bool,
 }
 
 impl Text {
-    /// A line on messages that cannot be used, if it is to be said now.
+    /// Report of unusable messages, if it is due.
     fn unusable(&mut self, good: u64, bad: u64, now: Instant) -> Option<String> {
         let heard = &mut self.heard;
         if good != heard.good {
@@ -158,7 +169,7 @@ impl Text {
         }
         let more = bad > std::mem::replace(&mut heard.bad, bad);
         let deaf = !heard.ever || heard.at.is_none_or(|at| now.saturating_duration_since(at) >= DEAF);
-        // A servo counts without a reason.
+        // A servo counts them without a reason.
         if !more || !deaf || heard.told || self.bad.is_empty() {
             return None;
         }
@@ -168,10 +179,6 @@ impl Text {
 }
 
 impl Shared {
-    fn text(&self) -> MutexGuard<'_, Text> {
-        self.text.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sends a sample and counts it.
     pub(crate) fn send(&self, writer: &mut SampleWriter, sample: Sample) {
         let counter = if writer.send(sample) { &self.samples } else { &self.lost };
@@ -187,18 +194,18 @@ impl Shared {
     }
 
     pub(crate) fn set_device(&self, device: Device) {
-        self.text().device = device;
+        self.text.lock().device = device;
     }
 
-    /// Counts a message that could not be used.
+    /// Counts an unusable message.
     pub(crate) fn bad(&self, why: String) {
         self.bad.fetch_add(1, Relaxed);
-        self.text().bad = why;
+        self.text.lock().bad = why;
     }
 
-    /// Says what went wrong, unless that is what was said last.
+    /// Reports a problem, unless it is the current one.
     pub(crate) fn trouble(&self, what: String) {
-        let mut text = self.text();
+        let mut text = self.text.lock();
         if text.now.as_ref() != Some(&what) {
             if text.problems.len() < PROBLEMS {
                 text.problems.push_back(what.clone());
@@ -207,15 +214,15 @@ impl Shared {
         }
     }
 
-    /// It works; what went wrong before may be said again. `what` is told if something had gone wrong.
+    /// Ends the current problem, and reports `what` if there was one.
     pub(crate) fn well(&self, what: &str) {
-        let mut text = self.text();
+        let mut text = self.text.lock();
         if text.now.take().is_some() && text.problems.len() < PROBLEMS {
             text.problems.push_back(what.to_owned());
         }
     }
 
-    /// The device or the peer is there, or is gone.
+    /// Notes whether the device is connected; counts losses.
     pub(crate) fn set_connected(&self, there: bool) {
         if self.connected.swap(there, Relaxed) && !there {
             self.losses.fetch_add(1, Relaxed);
@@ -228,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_problem_is_said_once_and_again_only_after_it_went_well() {
+    fn problem_is_reported_once_until_it_is_over() {
         let shared = Arc::new(Shared::default());
         let handle = Handle::new(shared.clone(), std::thread::spawn(|| {}), None);
         for _ in 0..100 {
@@ -246,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_cannot_be_used_are_told_once_until_good_ones_came_and_stopped() {
+    fn unusable_messages_are_reported_once_per_silence() {
         let mut text = Text { bad: "a text".into(), ..Text::default() };
         let begin = Instant::now();
         let mut said = |good, bad, ms| text.unusable(good, bad, begin + Duration::from_millis(ms));
@@ -261,9 +268,9 @@ mod tests {
     }
 
     #[test]
-    fn problems_that_nobody_reads_do_not_pile_up() {
+    fn unread_problems_are_bounded() {
         let shared = Shared::default();
         (0..1000).for_each(|i| shared.trouble(format!("problem {i}")));
-        assert_eq!(shared.text().problems.len(), PROBLEMS);
+        assert_eq!(shared.text.lock().problems.len(), PROBLEMS);
     }
 }

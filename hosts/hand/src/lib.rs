@@ -1,9 +1,9 @@
-//! Where a hand's motion comes from, and how a device pushes back.
+//! Sources of a hand's motion, and force feedback.
 //!
-//! A source runs on a thread of its own and sends [`Sample`](asperity_live::Sample)s to the tick thread: [`osc`] hears packets of
-//! a network, [`openhaptics`] and [`haply`] read force-feedback devices. A device that can push evaluates the
-//! [`ForceModel`](asperity_live::ForceModel) that the graph publishes in its own loop, by the law in [`servo`]. Every source is started by a function
-//! that answers a [`Handle`]; it stops when the handle is dropped.
+//! A source runs on a thread of its own and sends [`Sample`](asperity_live::Sample)s to the tick thread:
+//! [`osc`] receives network packets, [`openhaptics`] and [`haply`] read force-feedback devices. A device
+//! that can push evaluates the graph's [`ForceModel`](asperity_live::ForceModel) in its own loop, by the
+//! law in [`servo`]. Each module's `start` returns a [`Handle`]; dropping it stops the source.
 
 mod error;
 mod frame;
@@ -17,9 +17,10 @@ pub use error::{HandError, Next};
 pub use frame::Frame;
 pub use handle::{Device, Handle};
 
-/// The servo rate in Hz to hand to [`passivity`](servo::passivity::passivity) for a sink of this kind: 1 / (T + 2 d) with the period T and the
-/// delay d of its loop. `openhaptics_force` is evaluated within its period ([`openhaptics::SERVO_HZ`], d = 0); `haply_force` and
-/// whatever is not known count with [`haply::USUAL_HZ`] and [`haply::DELAY_S`].
+/// Effective servo rate [Hz] of a kind of force sink, for [`passivity`](servo::passivity::passivity): 1 /
+/// (T + 2 d) with the period T and the delay d of its loop. `openhaptics_force` has
+/// [`openhaptics::SERVO_HZ`] and d = 0; `haply_force`, and any unknown kind, have [`haply::USUAL_HZ`] and
+/// [`haply::DELAY_S`].
 pub fn servo_hz(kind: &str) -> f64 {
     match kind {
         "openhaptics_force" => f64::from(openhaptics::SERVO_HZ),
@@ -32,7 +33,7 @@ mod tests {
     use super::servo_hz;
 
     #[test]
-    fn a_delay_of_half_a_period_halves_the_rate_that_counts() {
+    fn delay_of_half_a_period_halves_the_servo_rate() {
         assert_eq!(servo_hz("openhaptics_force"), 1000.0);
         assert!((servo_hz("haply_force") - 500.0).abs() < 1e-9);
     }

@@ -1,8 +1,12 @@
-//! Nodes of foreign code, each on a thread of its own.
+//! Runs nodes of foreign code, each on a thread of its own.
 //!
-//! A thread cannot be stopped from outside, and the thread that ticks has nobody to go on in its place. So foreign code is called by a
-//! thread that can be left: the one that ticks hands over the inputs, waits, and takes the outputs back. Where the call does not
-//! return in time, the thread stays in it, with all that the call may still touch, and the graph goes on without the node.
+//! A thread cannot be stopped from outside, and nothing can replace the tick thread. So foreign code runs
+//! on a thread that can be abandoned: the tick thread passes inputs, waits, and takes the outputs. If a
+//! call does not return in time, its thread stays in it, with all memory that the call may touch, and the
+//! graph goes on without the node.
+//!
+//! Both threads share a standard mutex, also the tick thread: it waits for the answer in any case. Its
+//! futex never allocates; parking_lot's may, for a thread that waits for the first time.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,13 +23,14 @@ use asperity_numbers::denormals::Flushed;
 
 use crate::realtime::ask_priority;
 
-/// How long a call may take before the node is left: a thread that the machine keeps waiting comes back sooner.
+/// Longest call before the node is abandoned. A thread that the machine delays returns sooner.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// How long an answer is waited for awake: most come within it, and to be woken takes half as long again.
+/// Time to wait for an answer awake: most come within it, and waking up takes half as long again.
 const AWAKE: Duration = Duration::from_micros(200);
 
-/// The same kind, whose nodes run on threads of their own. These ask for a real-time priority, if one is given.
+/// The same kind, whose nodes run on threads of their own. With `priority`, these request a real-time
+/// priority.
 pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
     Arc::new(Kind { kind, priority })
 }
@@ -59,7 +64,7 @@ impl NodeKind for Kind {
     }
 }
 
-/// What the thread is to do. Inputs, outputs and bytes lie on the desk.
+/// Call to the thread. Inputs, outputs and bytes lie on the desk.
 enum Call {
     Process,
     Wants,
@@ -74,7 +79,7 @@ enum Call {
     End,
 }
 
-/// What it answers.
+/// Answer of the thread.
 enum Answer {
     Status(Status),
     Flag(bool),
@@ -84,11 +89,11 @@ enum Answer {
     Facts(Vec<Fact>),
 }
 
-/// What both threads have in their hands in turn.
+/// Data that both threads use in turn.
 struct Desk {
     index: u64,
     tick_hz: u32,
-    /// Copies of the inputs, and one that stands in for an input of another kind.
+    /// Copies of the inputs, and a last one that replaces an input of another kind.
     inputs: Vec<Buffer>,
     map: Vec<InputRef>,
     outputs: Vec<Buffer>,
@@ -122,7 +127,7 @@ impl Desk {
         }
     }
 
-    /// Exchanges the outputs with those of the engine, which hold the same.
+    /// Swaps the outputs with the engine's, after copying their content.
     fn lend(&mut self, tick: &mut Tick<'_>) {
         for (ours, theirs) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
             if ours.copy_from(theirs) {
@@ -131,12 +136,12 @@ impl Desk {
         }
     }
 
-    /// Exchanges them again.
+    /// Swaps them back.
     fn give_back(&mut self, tick: &mut Tick<'_>) {
         self.outputs.iter_mut().zip(tick.outputs.buffers()).for_each(|(a, b)| std::mem::swap(a, b));
     }
 
-    /// The tick, over what lies here.
+    /// Runs `call` with this data as the tick.
     fn tick<T>(&mut self, call: impl FnOnce(&mut Tick<'_>) -> T) -> T {
         let inputs = Inputs::new(&self.inputs, &[], self.inputs.len(), &self.map);
         let outputs = Outputs::new(&mut self.outputs);
@@ -144,11 +149,11 @@ impl Desk {
     }
 }
 
-/// What the two threads tell each other.
+/// Mailbox of the two threads.
 struct Mail {
     call: Option<Call>,
     answer: Option<Result<Answer, Fault>>,
-    /// None while the thread works on it.
+    /// `None` while the thread works on it.
     desk: Option<Desk>,
 }
 
@@ -156,9 +161,9 @@ struct Shared {
     mail: Mutex<Mail>,
     called: Condvar,
     answered: Condvar,
-    /// Whether there is an answer: looked at without the lock.
+    /// Whether there is an answer; read without the lock.
     ready: AtomicBool,
-    /// Nobody waits for the thread any more.
+    /// The thread is abandoned.
     left: AtomicBool,
 }
 
@@ -168,7 +173,7 @@ impl Shared {
     }
 }
 
-/// A node whose calls are made by a thread of its own.
+/// A node whose calls run on a thread of its own.
 struct Apart {
     shared: Arc<Shared>,
     latency: Latency,
@@ -201,7 +206,8 @@ impl Apart {
         Ok(apart)
     }
 
-    /// Has the thread make a call; `before` and `after` see the desk. A thread that was left answers nothing.
+    /// Runs a call on the thread; `before` and `after` access the desk. An abandoned thread answers
+    /// [`Fault::Stuck`].
     fn ask<T>(
         &self,
         call: Call,
@@ -237,20 +243,20 @@ impl Apart {
         }
     }
 
-    /// A call of a tick that puts nothing out.
+    /// A call of a tick without outputs.
     fn told(&self, call: Call, tick: &Tick<'_>) -> Result<Answer, Fault> {
         self.ask(call, |desk| desk.take(tick), |answer, _| answer)
     }
 }
 
 impl Drop for Apart {
-    /// The node is dropped by its thread; one that does not return from that is left too.
+    /// The thread drops the node; if that does not return, the thread is abandoned too.
     fn drop(&mut self) {
         let _ = self.ask(Call::End, |_| {}, |_, _| {});
     }
 }
 
-/// The thread: makes the calls, until it is told to end or finds that it was left.
+/// The thread: runs calls until it is ended or abandoned.
 fn work(shared: &Shared, node: Box<dyn Processor>, priority: Option<i32>) {
     let mut node = Some(node);
     // As on the thread that ticks.
@@ -307,9 +313,9 @@ fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answe
     })
 }
 
-/// Runs foreign code. After a panic the engine starts the node over, or calls it no more.
+/// Runs foreign code. After a panic the engine restarts the node, or stops calling it.
 fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-    // What a panic carries may panic in its turn when it is dropped.
+    // The payload of a panic may panic itself when it is dropped.
     let forget = |payload: Box<dyn Any + Send>| std::mem::forget(payload);
     catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| {
         forget(payload);
@@ -327,7 +333,7 @@ impl Processor for Apart {
             desk.lend(tick);
         };
         let answer = self.ask(Call::Process, before, |answer, _| answer);
-        // Whatever it answered. Of those that a thread holds for ever the engine has copies.
+        // In any case. Buffers that an abandoned thread keeps are copied in the engine.
         if let Some(desk) = &mut self.shared.mail().desk {
             desk.give_back(tick);
         }

@@ -69,7 +69,7 @@ fn samples(buffer: &Buffer) -> &[f32] {
 }
 
 #[test]
-fn node_apart_answers_as_it_would_in_place() {
+fn node_apart_answers_like_one_in_place() {
     let mut node = start(Doubler(0));
     for _ in 0..3 {
         let (answer, output) = process(&mut node, [1.0, 2.0, 3.0, 4.0]);
@@ -86,7 +86,7 @@ fn node_apart_answers_as_it_would_in_place() {
 }
 
 #[test]
-fn node_that_never_returns_is_left_and_the_outputs_stay() {
+fn stuck_node_is_left_and_its_outputs_stay() {
     let mut node = start(Doubler(0));
     let (answer, output) = process(&mut node, [101.0; 4]);
     assert_eq!(answer, Err(Fault::Stuck));
@@ -104,7 +104,7 @@ fn node_that_never_returns_is_left_and_the_outputs_stay() {
 }
 
 #[test]
-fn panic_apart_is_the_nodes_fault_and_it_goes_on() {
+fn panicking_node_counts_a_fault_and_goes_on() {
     let mut node = start(Doubler(0));
     assert_eq!(process(&mut node, [-1.0; 4]).0, Err(Fault::Panicked));
     let (answer, output) = process(&mut node, [1.0; 4]);
@@ -112,7 +112,7 @@ fn panic_apart_is_the_nodes_fault_and_it_goes_on() {
 }
 
 #[test]
-fn node_that_never_returns_from_its_end_is_left() {
+fn stuck_drop_of_a_node_is_left() {
     struct Endless;
     impl Processor for Endless {
         fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {

@@ -1,7 +1,6 @@
-//! The control side of a running graph: changes it, and looks at it.
+//! Control side of a running graph: changes the graph and reads its figures.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
@@ -21,103 +20,126 @@ use crate::timeline::{Delay, Timeline};
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
 
-/// Kinds of nodes that a host feeds with where a hand is.
+opaque_debug!(Conductor);
+
+/// Kinds of nodes that the host feeds with the position of a hand.
 pub const HANDS: [&str; 4] = ["osc_input", "pointer_input", "openhaptics_input", "haply_input"];
 
-/// Kinds of sinks that a device pushes back with.
+/// Kinds of sinks whose forces a device renders.
 pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
 
-/// How long a scope's samples may wait to be looked at.
+/// Time that a scope's queue holds [s].
 const SCOPE_S: f64 = 0.25;
 
-/// A call that is seen to be under way for longer than this is a fault of the node: far more than a busy machine adds to one, and less than
-/// [`Session::stop`](crate::Session::stop) waits for a tick.
+/// A call that lasts longer is shown as a fault. A busy machine adds far less;
+/// [`Session::stop`](crate::Session::stop) waits longer.
 const HANGS: Duration = Duration::from_secs(1);
 
-/// What [`NodeView::last_fault`](crate::view::NodeView::last_fault) says of a node whose call is under way for long. Where there is a limit, the engine
-/// counts the same fault when the call ends.
+/// [`NodeView::last_fault`](crate::view::NodeView::last_fault) of a node whose call lasts too long. If
+/// there is a limit, the engine counts the same fault when the call ends.
 pub const DOES_NOT_COME_BACK: &str = "does not come back";
 
-/// The ends of what reaches nodes from outside, by node id.
+/// Queues between nodes and devices, by node id.
 #[derive(Debug, Default)]
 pub struct Ends {
-    /// Where hands come in.
+    /// Samples of hands.
     pub hands: HashMap<String, SampleReader>,
-    /// Where surfaces to push back with go out.
+    /// Force models for devices.
     pub forces: HashMap<String, ForceWriter>,
 }
 
-/// What the control side keeps of a graph that it sent.
+/// A graph that was sent to the tick thread.
 struct Sent {
     /// [`Engine::swaps`] from which on it runs.
     swap: u64,
     schedule: Arc<Schedule>,
     meters: Arc<NodeMeters>,
-    sources: Vec<(String, Arc<SourceMeter>)>,
+    sources: Vec<Source>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
-    /// What its sinks record.
+    /// Recordings of its sinks.
     tapes: Vec<Tape>,
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
     recorded: Vec<String>,
 }
 
-/// Changes a running graph from a control thread, and looks at it; the other end of a [`Player`].
+/// Changes a running graph from a control thread, and reads its figures. The other end of a [`Player`].
 pub struct Conductor {
     controller: Controller,
     gate: GateControl,
     wirings: HeapProd<Box<Wiring>>,
     retired: HeapCons<Box<Wiring>>,
-    /// The graph that will run once all that was sent is taken over.
+    /// The newest graph that was sent.
     sent: Sent,
     before: Vec<(u64, u64)>,
-    /// The call that was under way when it was last looked at, and how long it has been seen to be.
+    /// The call in progress at the last look, and for how long it was seen.
     inside: Option<(u64, Duration)>,
-    counts: Vec<Rate>,
-    /// Of each source, the meters of the devices that it had before.
-    earlier: Vec<Vec<Arc<SourceMeter>>>,
-    swaps: u64,
-    /// Tapes of earlier graphs first, while there is something on them.
+    /// Recordings, those of earlier graphs first, until they are read to their end.
     tapes: Vec<Tape>,
     lost: u64,
 }
 
-/// What one sink of one graph records.
+/// Recording of one sink of one graph.
 struct Tape {
     sink: String,
     graph: u64,
     reader: TapeReader,
 }
 
-/// What a sink recorded in a tick.
+/// Values that a sink recorded in a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Recorded<'r> {
     /// The node.
     pub sink: &'r str,
-    /// The [`Layout`]'s number of the graph it was in.
+    /// Number of the graph, as in [`Layout`].
     pub graph: u64,
-    /// Where the values begin: a tick for controls, a sample at the signal's rate for audio and frames.
+    /// Start of the values: a tick for controls, a sample at the signal's rate for audio and frames.
     pub start: u64,
     /// The values.
     pub values: &'r [f32],
 }
 
-/// How often something comes, averaged over about a second.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rate {
+/// A source of a hand's motion. It goes on through swaps under its node's id.
+#[derive(Clone, Default)]
+struct Source {
+    id: String,
+    meter: Arc<SourceMeter>,
+    /// Meters of the devices that it had before.
+    earlier: Vec<Arc<SourceMeter>>,
+    /// Samples when it was last looked at, and samples a second, averaged over about a second.
     samples: u64,
     per_s: f64,
 }
 
-impl fmt::Debug for Conductor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Conductor").field("controller", &self.controller).finish_non_exhaustive()
+impl Source {
+    /// Figures now, `seconds` after the last time.
+    fn view(&mut self, seconds: f64) -> SourceView {
+        let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
+            self.earlier.iter().chain([&self.meter]).map(|meter| count(meter).load(Relaxed)).sum()
+        };
+        let (stalls, total) = (all(|meter| &meter.stalls), all(|meter| &meter.samples));
+        let samples = self.meter.samples.load(Relaxed);
+        let fresh = samples.saturating_sub(self.samples) as f64;
+        if seconds > 0.0 {
+            self.per_s += (fresh / seconds - self.per_s) * (1.0 - (-seconds).exp());
+        }
+        self.samples = samples;
+        SourceView {
+            id: self.id.clone(),
+            rate_hz: self.per_s,
+            age_ms: self.meter.age_ns.load(Relaxed) as f64 * 1e-6,
+            delay_ms: self.meter.delay_ns.load(Relaxed) as f64 * 1e-6,
+            stalls,
+            stalled: self.meter.stalled.load(Relaxed),
+            samples: total,
+        }
     }
 }
 
-/// Makes a graph ready to be run in real time: what a driver runs, and what controls it. `ends` holds an end for every node
-/// of [`HANDS`] and [`FORCES`]; one that is missing stays silent. `materials` says what a person may choose.
+/// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
+/// for every node of [`HANDS`] and [`FORCES`]; a node without one stays silent. `materials`: the textures
+/// that a person may choose.
 pub fn conduct(
     compiled: Compiled,
     graph: &GraphFile,
@@ -144,27 +166,24 @@ pub fn conduct(
         sent,
         before: Vec::new(),
         inside: None,
-        counts: Vec::new(),
-        earlier: Vec::new(),
-        swaps: 0,
     };
     (conductor, player)
 }
 
 impl Conductor {
-    /// The graph that will run once all that was sent is taken over.
+    /// The newest graph that was sent.
     pub fn schedule(&self) -> &Arc<Schedule> {
         self.controller.schedule()
     }
 
-    /// Whether [`swap`](Self::swap) would find room now.
+    /// Whether [`swap`](Self::swap) has room now.
     pub fn ready(&mut self) -> bool {
         while self.retired.try_pop().is_some() {}
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] named, and others that are to be
-    /// put in the place of those there are.
+    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] names, and
+    /// any that replace others.
     ///
     /// # Errors
     /// [`SwapError`] says what to do. Nothing is sent then.
@@ -179,7 +198,7 @@ impl Conductor {
         if !self.ready() {
             return Err(SwapError::Busy);
         }
-        // All that could go wrong with the swap is asked before anything is sent.
+        // Everything that can fail is checked before anything is sent.
         let (old, new) = (self.controller.schedule(), &compiled.schedule);
         if old.tick_hz != new.tick_hz {
             return Err(SwapError::TickRate { running: old.tick_hz, asked: new.tick_hz });
@@ -188,14 +207,8 @@ impl Conductor {
             return Err(SwapError::AudioRate { running: old.audio_hz, asked: new.audio_hz });
         }
         let schedule = Arc::new(compiled.schedule.clone());
-        let number = self.swaps + 1;
+        let number = self.sent.swap + 1;
         let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
-        let counts = |(_, meter): &(String, Arc<SourceMeter>)| {
-            let was = self.sent.sources.iter().position(|(_, m)| Arc::ptr_eq(m, meter));
-            was.and_then(|i| self.counts.get(i).copied()).unwrap_or_default()
-        };
-        let counts = sent.sources.iter().map(counts).collect();
-        let earlier = sent.sources.iter().map(|(id, meter)| self.earlier(id, meter)).collect();
         let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
@@ -203,24 +216,10 @@ impl Conductor {
         }
         let report = self.controller.swap(compiled, changed)?;
         self.gate.send(outlet);
-        self.swaps = number;
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
         self.before.clear();
-        self.counts = counts;
-        self.earlier = earlier;
         Ok(report)
-    }
-
-    /// The meters of a source's devices before this one, where it goes on under its name.
-    fn earlier(&self, id: &str, meter: &Arc<SourceMeter>) -> Vec<Arc<SourceMeter>> {
-        let Some(i) = self.sent.sources.iter().position(|(was, _)| was == id) else { return Vec::new() };
-        let mut earlier = self.earlier.get(i).cloned().unwrap_or_default();
-        let last = &self.sent.sources[i].1;
-        if !Arc::ptr_eq(last, meter) {
-            earlier.push(last.clone());
-        }
-        earlier
     }
 
     /// Sets a live parameter; see [`Controller::set_parameter`].
@@ -238,29 +237,29 @@ impl Conductor {
         Ok(())
     }
 
-    /// The nodes that play on these channels of a device.
+    /// Nodes that play on these channels of a device.
     pub(crate) fn channels_of(&self, device: &[u16]) -> Vec<(u16, String)> {
         device.iter().copied().zip(self.sent.channels.iter().cloned()).collect()
     }
 
-    /// The nodes that play, channel by channel, if `graph` took the place of the one that runs.
+    /// Nodes that would play, by channel, if `graph` replaced the running one.
     pub fn channels_after(&self, graph: &GraphFile, schedule: &Schedule) -> Vec<String> {
         channels(graph, schedule, "audio_out", Some(&self.sent.channels))
     }
 
-    /// The guards of the device's channels.
+    /// Guards of the device's channels.
     pub(crate) fn gate(&self) -> &GateControl {
         &self.gate
     }
 
-    /// Drops what the tick thread gave back, and says which swaps are over.
+    /// Drops what the tick thread returned, and reports finished swaps.
     pub fn collect(&mut self) -> Vec<Finished> {
         while self.retired.try_pop().is_some() {}
         self.controller.collect()
     }
 
-    /// Hands on what sinks recorded since it was last asked, what an earlier graph recorded first. Answers how many ticks found no
-    /// room so far, because nobody asked for 4 s.
+    /// Passes on what sinks recorded since the last call, earlier graphs first. Returns how many ticks were
+    /// lost so far because nobody read them for 4 s.
     pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
         for Tape { sink, graph, reader } in &mut self.tapes {
@@ -273,12 +272,12 @@ impl Conductor {
         self.lost + self.tapes.iter().map(|tape| tape.reader.lost()).sum::<u64>()
     }
 
-    /// The graph as a person sees it, with what its live parameters are set to now.
+    /// The graph for a person, with the current values of its live parameters.
     pub fn layout(&self) -> &Layout {
         &self.sent.layout
     }
 
-    /// Adds what is seen of nodes, sources and scopes. `since` is how long it is since it was last asked.
+    /// Adds figures of nodes, sources and scopes. `since`: time since the last call.
     pub fn look(&mut self, view: &mut View, since: Duration) {
         let sent = &mut self.sent;
         view.layout = sent.swap;
@@ -289,7 +288,7 @@ impl Conductor {
             (Some((seen, lasts)), Some((call, node))) if *seen == call => {
                 *lasts += since;
                 if let Some(node) = view.nodes.get_mut(node).filter(|_| *lasts > HANGS) {
-                    // The engine counts it when it comes back, if it does.
+                    // The engine counts it when the call ends, if it does.
                     node.faults += 1;
                     node.last_fault = DOES_NOT_COME_BACK.into();
                     view.faults += 1;
@@ -298,37 +297,11 @@ impl Conductor {
             (inside, call) => *inside = call.map(|(call, _)| (call, Duration::ZERO)),
         }
         view.scopes = sent.scopes.iter_mut().map(|s| s.pop_iter().collect()).collect();
-        self.counts.resize(sent.sources.len(), Rate::default());
-        self.earlier.resize(sent.sources.len(), Vec::new());
-        let seconds = since.as_secs_f64();
-        type Source<'s> = (&'s (String, Arc<SourceMeter>), &'s Vec<Arc<SourceMeter>>);
-        let source = |(((id, meter), earlier), rate): (Source<'_>, &mut Rate)| {
-            let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
-                earlier.iter().chain([meter]).map(|meter| count(meter).load(Relaxed)).sum()
-            };
-            let samples = meter.samples.load(Relaxed);
-            let fresh = samples.saturating_sub(rate.samples) as f64;
-            if seconds > 0.0 {
-                rate.per_s += (fresh / seconds - rate.per_s) * (1.0 - (-seconds).exp());
-            }
-            rate.samples = samples;
-            SourceView {
-                id: id.clone(),
-                rate_hz: rate.per_s,
-                age_ms: meter.age_ns.load(Relaxed) as f64 * 1e-6,
-                delay_ms: meter.delay_ns.load(Relaxed) as f64 * 1e-6,
-                stalls: all(|meter| &meter.stalls),
-                stalled: meter.stalled.load(Relaxed),
-                samples: all(|meter| &meter.samples),
-            }
-        };
-        let sources = sent.sources.iter().zip(&self.earlier);
-        view.sources = sources.zip(&mut self.counts).map(source).collect();
+        view.sources = sent.sources.iter_mut().map(|source| source.view(since.as_secs_f64())).collect();
     }
 }
 
-/// The nodes of a graph that need an end of their own when it takes the place of another: there was none of that name, or it
-/// was set otherwise.
+/// Nodes that need a new end when `next` replaces `running`: their name is new, or their parameters differ.
 pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
     let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
     let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
@@ -339,13 +312,13 @@ fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
     kinds.contains(&node.kind.as_str())
 }
 
-/// The node of the graph before that another goes on as, with what reaches it from outside.
+/// Node of the graph before that `node` continues, with its end.
 fn goes_on<'s>(before: &'s Schedule, node: &ScheduledNode) -> Option<&'s ScheduledNode> {
     let same = |a: &Params, b: &Params| a.iter().eq(b.iter());
     before.nodes.iter().find(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
 }
 
-/// Where the nodes of a graph meet the world.
+/// Connects the nodes of a graph with devices, recordings and meters.
 fn wire(
     swap: u64,
     graph: &GraphFile,
@@ -366,15 +339,22 @@ fn wire(
     let mut sources = Vec::new();
     let mut hands = Vec::new();
     for (at, node) in of(&HANDS) {
-        let from = slot(node, &HANDS);
         let timeline = ends.hands.remove(&node.id).map(|reader| {
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
-        let from = from.filter(|_| timeline.is_none());
-        let goes_on = from.and_then(|i| before?.sources.get(i)).map(|(_, meter)| meter.clone());
-        let meter = goes_on.unwrap_or_default();
-        sources.push((node.id.clone(), meter.clone()));
+        let from = slot(node, &HANDS).filter(|_| timeline.is_none());
+        let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
+        let source = match (was, from) {
+            (Some(was), Some(_)) => was.clone(),
+            (Some(was), None) => {
+                let earlier = was.earlier.iter().chain([&was.meter]).cloned().collect();
+                Source { id: node.id.clone(), earlier, ..Source::default() }
+            }
+            (None, _) => Source { id: node.id.clone(), ..Source::default() },
+        };
+        let meter = source.meter.clone();
+        sources.push(source);
         hands.push(HandSlot { node: at, from, timeline, meter });
     }
     let mut forces = Vec::new();
@@ -430,8 +410,7 @@ fn wire(
     )
 }
 
-/// The nodes of a kind by channel of the device: in the order of the file at first; afterwards each keeps its
-/// channel, wherever it stands.
+/// Nodes of a kind by channel of the device: in the file's order at first; later each keeps its channel.
 fn channels(graph: &GraphFile, schedule: &Schedule, kind: &str, was: Option<&Vec<String>>) -> Vec<String> {
     let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
     let declared = graph.nodes.iter().map(|n| n.id.as_str());
@@ -443,15 +422,15 @@ fn places(schedule: &Schedule, ids: &[String]) -> Vec<usize> {
     ids.iter().map(|id| schedule.index_of(id).unwrap_or(usize::MAX)).collect()
 }
 
-/// The nodes of a device by channel after a swap: who was there keeps its channel, and who is new takes the place of one
-/// that is gone.
+/// Nodes by channel after a swap: a node that stays keeps its channel, a new one takes that of a node that
+/// is gone.
 fn kept_in_place(was: &[String], are: &[String]) -> Vec<String> {
     let mut new = are.iter().filter(|id| !was.contains(id));
     let keep = |id: &String| if are.contains(id) { Some(id.clone()) } else { new.next().cloned() };
     was.iter().filter_map(keep).collect()
 }
 
-/// When a source is too old, and how far behind it is read.
+/// Reading delay and timeout of a source [ns].
 fn timing(params: &Params) -> (Delay, u64) {
     let ns = |ms: f64| (ms * 1e6) as u64;
     let delay = params.get_number("delay_ms").map_or(Delay::Auto, |ms| Delay::Fixed(ns(ms)));
@@ -463,7 +442,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_that_change_places_in_a_file_keep_their_channels() {
+    fn nodes_moved_in_the_file_keep_their_channels() {
         let ids = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
         assert_eq!(kept_in_place(&ids("left right"), &ids("right left")), ids("left right"));
         assert_eq!(kept_in_place(&ids("left right"), &ids("right other")), ids("other right"));

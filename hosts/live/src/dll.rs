@@ -1,49 +1,51 @@
-//! The time of every frame of a device, from when its callbacks came.
+//! Time of every frame of a device, from the times of its callbacks.
 //!
-//! A callback comes late by whatever the machine was doing. A delay-locked loop of second order filters that out (F.
-//! Adriaensen, "Using a DLL to filter time", Linux Audio Conference 2005): the time of a callback is predicted, and a part of
-//! the error goes into the slope until the next one, a smaller part into the rate. Time is a line through frames
-//! without a step, so that what is spaced evenly in frames is spaced evenly in time. The loop starts wide, to find the
-//! rate, and narrows to [`BANDWIDTH_HZ`].
+//! A callback comes late by whatever the machine was doing. A delay-locked loop of second order filters
+//! that out (F. Adriaensen, "Using a DLL to filter time", Linux Audio Conference 2005). It predicts the
+//! time of a callback; a part of the error goes into the slope until the next one, a smaller part into the
+//! rate. Time is a continuous line over frames, so points spaced evenly in frames are spaced evenly in
+//! time. The loop starts wide, to find the rate, and narrows to [`BANDWIDTH_HZ`].
 //!
-//! Measured (tests below): 1024 frames at 48 kHz, callbacks late by 0 to 0.5 ms at random, a rate that is 0.5 % off: after
-//! 5 s, points 2 ms apart are within 0.5 us of that at p99.
+//! Measured (tests below): 1024 frames at 48 kHz, callbacks 0 to 0.5 ms late at random, a rate 0.5 % off.
+//! After 5 s, points 2 ms apart are within 0.5 us of that at p99.
 
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Bandwidth of the loop once it is narrow.
+/// Final bandwidth of the loop.
 pub const BANDWIDTH_HZ: f64 = 0.1;
 /// Bandwidth at the start.
 const WIDE_HZ: f64 = 2.0;
-/// Callbacks that come within this part of the time they span belong to the wake-up before: a server asks in bunches.
+/// Callbacks within this share of the time they span belong to the wake-up before: a server calls in
+/// bunches.
 pub(crate) const BUNCH: f64 = 0.25;
-/// A bunch that is longer than this is a server that runs as fast as it can.
+/// A longer bunch comes from a server that runs as fast as it can [ns].
 pub(crate) const LONGEST_BUNCH_NS: f64 = 0.25e9;
-/// A callback that is later than this, and than one and a half periods, is a gap.
+/// A callback later than this, and than 1.5 periods, is a gap [ns].
 const GAP_NS: f64 = 4e6;
-/// An error larger than this that callbacks share, one after the other, is time lost or gained and not jitter. Larger errors also pull no
-/// harder than this.
+/// A larger error [ns] that callbacks in a row share is time lost or gained, not jitter. Larger errors pull
+/// no harder either.
 const OFFSET_NS: f64 = 1e6;
-/// For how long, and for how many callbacks.
+/// Least time [ns] and number of callbacks for that.
 const OFFSET_FOR: (f64, u32) = (30e6, 4);
-/// Before this much time, the loop has found neither rate nor place, and reports no loss.
+/// Until then, the loop has found neither rate nor position, and reports no loss [ns].
 const SETTLING_NS: f64 = 0.5e9;
-/// How long the longest period and the largest earliness are remembered, at least.
+/// Least memory of the longest period and the largest earliness [ns].
 const REMEMBERED_NS: f64 = 2e9;
 
-/// The line of time through frames, as of the last callback. Plain data, to be handed to other threads.
+/// Line of time over frames, as of the last callback. Plain data for other threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// Callbacks so far; 0 for none: then the line says nothing.
+    /// Callbacks so far; with 0 the line is undefined.
     pub callbacks: u64,
-    /// Frames that a wake-up of the device asks for, the most in the last seconds: less those that it asks for because it came late.
+    /// Frames of a wake-up: the maximum of the last seconds, without those that it asks for because it was
+    /// late.
     pub period_frames: u64,
-    /// How much earlier than predicted callbacks came, the most in the last seconds, in nanoseconds; at most a period. Time that was
-    /// called lost and came back is not counted.
+    /// Largest earliness of callbacks in the last seconds [ns], at most a period. Time that was called lost
+    /// and came back does not count.
     pub early_ns: f64,
     first: f64,
     first_ns: f64,
-    /// Nanoseconds a frame within the last block, correction included.
+    /// Nanoseconds a frame within the last block, with the correction.
     slope: f64,
     end: f64,
     end_ns: f64,
@@ -52,7 +54,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// When a frame is asked for, in nanoseconds by [`now_ns`](crate::now_ns). Behind the last block, predicted.
+    /// Time of a frame by [`now_ns`](crate::now_ns). Predicted after the last block.
     pub fn time_ns(&self, position: f64) -> f64 {
         if position <= self.end {
             self.first_ns + (position - self.first) * self.slope
@@ -61,7 +63,7 @@ impl Line {
         }
     }
 
-    /// Which frame is asked for at a time: the inverse of [`time_ns`](Self::time_ns).
+    /// Frame at a time: the inverse of [`time_ns`](Self::time_ns).
     pub fn position(&self, time_ns: f64) -> f64 {
         if time_ns <= self.end_ns {
             self.first + (time_ns - self.first_ns) / self.slope
@@ -70,12 +72,12 @@ impl Line {
         }
     }
 
-    /// Filtered frames a second.
+    /// Frames a second, filtered.
     pub fn rate_hz(&self) -> f64 {
         1e9 / self.frame_ns
     }
 
-    /// Frames asked for so far, and lost: the position of the next block.
+    /// Position of the next block: frames so far, including lost ones.
     pub fn end(&self) -> f64 {
         self.end
     }
@@ -86,16 +88,16 @@ impl Line {
     }
 }
 
-/// What a callback meant.
+/// Result of a callback.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Heard {
     /// Position of its first frame.
     pub position: u64,
-    /// Frames of time that went by before it without being asked for.
+    /// Frames of time before it that were never asked for.
     pub lost: u64,
 }
 
-/// The most of something over [`REMEMBERED_NS`] to twice that.
+/// Maximum over the last [`REMEMBERED_NS`] to twice that.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Most {
     before: f64,
@@ -117,45 +119,34 @@ impl Most {
 }
 
 /// A delay-locked loop over callbacks of any length.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Dll {
     nominal_ns: f64,
     line: Line,
     began_ns: f64,
-    /// When the loop last moved, and the frames that were asked for since.
+    /// Time of the loop's last step, and frames since.
     moved_ns: f64,
     since: f64,
-    /// Of these, frames that a wake-up which came in time would have been asked for before.
+    /// Of these, frames that a punctual wake-up would have asked for earlier.
     late: f64,
-    /// Time that was called lost, less what came back, in nanoseconds.
+    /// Time called lost, less what came back [ns].
     gone_ns: f64,
     period: Most,
     early: Most,
-    /// Errors of one sign beyond [`OFFSET_NS`], one after the other: since when, how many, the smallest.
+    /// Errors of one sign beyond [`OFFSET_NS`] in a row: since when, how many, the smallest.
     shared: (f64, u32, f64),
 }
 
 impl Dll {
-    /// A loop for a device of a nominal rate.
+    /// Loop for a device of a nominal rate.
     pub fn new(rate_hz: u32) -> Self {
         let nominal_ns = 1e9 / f64::from(rate_hz.max(1));
         let line = Line { slope: nominal_ns, frame_ns: nominal_ns, ..Line::default() };
-        Self {
-            nominal_ns,
-            line,
-            began_ns: 0.0,
-            moved_ns: 0.0,
-            since: 0.0,
-            late: 0.0,
-            gone_ns: 0.0,
-            period: Most::default(),
-            early: Most::default(),
-            shared: (0.0, 0, 0.0),
-        }
+        Self { nominal_ns, line, ..Self::default() }
     }
 
-    /// Takes note of a callback that wants `frames`. A gap moves the position on by the frames of time that were lost, and the loop
-    /// locks on again with the rate it had. A block of 0 frames says nothing.
+    /// Notes a callback for `frames`. A gap advances the position by the frames lost, and the loop restarts
+    /// with its rate. A block of 0 frames is ignored.
     pub fn callback(&mut self, now_ns: u64, frames: u64) -> Heard {
         let now = now_ns as f64;
         if frames == 0 {
@@ -181,12 +172,12 @@ impl Dll {
         &self.line
     }
 
-    /// Whether the loop has run long enough to tell lost time from finding its place.
+    /// Whether the loop has run long enough to tell lost time from settling.
     pub fn settled(&self) -> bool {
         self.line.callbacks > 8 && self.moved_ns - self.began_ns > SETTLING_NS
     }
 
-    /// Begins at this callback, with the rate so far and all else forgotten.
+    /// Restarts at this callback; keeps the rate only.
     fn lock_anew(&mut self, now: f64) {
         self.line.end_ns = now;
         self.began_ns = now;
@@ -196,7 +187,7 @@ impl Dll {
         self.follow(now);
     }
 
-    /// Goes on without a correction from a place that was just set.
+    /// Goes on from a position that was just set, without a correction.
     fn follow(&mut self, now: f64) {
         self.line.slope = self.line.frame_ns;
         self.moved_ns = now;
@@ -205,13 +196,13 @@ impl Dll {
         self.shared = (now, 0, 0.0);
     }
 
-    /// Moves the loop; returns the frames of time that were lost.
+    /// Makes a step of the loop; returns the frames lost.
     fn step(&mut self, now: f64) -> f64 {
         let error = now - self.line.end_ns;
         let usual = if self.period.get() > 0.0 { self.period.get() } else { self.since };
         let gap = GAP_NS.max(1.5 * (usual * self.nominal_ns).min(now - self.moved_ns));
         if error.abs() > gap {
-            // A device with a deeper buffer makes up for a late callback: what was called lost comes back.
+            // A device with a deeper buffer makes up for a late callback: time called lost comes back.
             if !self.settled() || -error > self.gone_ns + gap {
                 self.lock_anew(now);
                 return 0.0;
@@ -237,7 +228,7 @@ impl Dll {
         self.offset(now, error)
     }
 
-    /// Looks for an error that is no jitter, since callback after callback has it; returns the frames of time that were lost.
+    /// Detects an error that all callbacks share, which is no jitter; returns the frames lost.
     fn offset(&mut self, now: f64, error: f64) -> f64 {
         let (from, count, least) = &mut self.shared;
         if error.abs() < OFFSET_NS || error * *least < 0.0 || *count == 0 {

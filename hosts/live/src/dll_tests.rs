@@ -24,6 +24,12 @@ impl Device {
         heard
     }
 
+    /// Error of the line at its end [ns].
+    fn off_ns(&self) -> f64 {
+        let line = self.dll.line();
+        line.time_ns(line.end()) - self.time_ns
+    }
+
     fn run(&mut self, frames: u64, seconds: f64) {
         let until = self.time_ns + seconds * 1e9;
         while self.time_ns < until {
@@ -79,7 +85,7 @@ fn blocks_of_any_length_give_the_same_line() {
     let p99 = p99_us_off_2ms(spacings(&mut device, (0..3_000).map(|i| sizes[i % 7])));
     assert!(p99 < 3.0, "{p99} us");
     // Half the jitter is what a filter of lateness ends at.
-    let end = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let end = device.off_ns();
     assert!((0.0..0.2e6).contains(&end), "{end}");
     let line = *device.dll.line();
     for p in [line.end() - 100.0, line.end() - 0.5, line.end() + 3_000.0] {
@@ -88,7 +94,7 @@ fn blocks_of_any_length_give_the_same_line() {
 }
 
 #[test]
-fn a_gap_is_counted_in_frames_and_not_dragged_along() {
+fn gap_is_counted_in_frames_and_time_is_right_at_once() {
     for (frames, gap_ms) in [(64, 14.0), (1024, 100.0), (441, 2_000.0)] {
         let mut device = Device::new(48_000, 1.0, 0.1e6);
         device.run(frames, 4.0);
@@ -100,13 +106,13 @@ fn a_gap_is_counted_in_frames_and_not_dragged_along() {
         assert_eq!(heard.position, before + heard.lost);
         // The time is right at once.
         device.run(frames, 0.1);
-        let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+        let off = device.off_ns();
         assert!(off.abs() < 0.2e6, "{off}");
     }
 }
 
 #[test]
-fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
+fn late_callback_made_up_for_leaves_loop_settled() {
     let mut device = Device::new(48_000, 1.0, 0.1e6);
     device.run(64, 4.0);
     // 20 ms late, then all that were missed at once.
@@ -118,7 +124,7 @@ fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
     }
     assert!((950..=970).contains(&lost), "{lost} of 960");
     device.run(64, 0.05);
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.3e6 && device.dll.settled(), "{off}");
     let before = device.dll.line().end();
     device.time_ns += 20e6;
@@ -126,18 +132,18 @@ fn a_late_callback_that_the_device_makes_up_for_leaves_the_loop_settled() {
 }
 
 #[test]
-fn time_lost_in_less_than_a_period_is_found_by_what_all_callbacks_share() {
+fn shared_error_below_a_period_counts_as_lost_time() {
     let mut device = Device::new(48_000, 1.0, 0.1e6);
     device.run(1024, 4.0);
     device.time_ns += 5e6;
     let lost: u64 = (0..50).map(|_| device.call(1024).lost).sum();
     assert!((200..=300).contains(&lost), "{lost} of 240");
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.5e6, "{off}");
 }
 
 #[test]
-fn a_server_that_asks_in_bunches_has_the_period_of_the_bunch() {
+fn bunched_calls_have_the_period_of_the_bunch() {
     let mut device = Device::new(48_000, 1.0, 0.0);
     let mut late = Vec::new();
     for i in 0..1_000 {
@@ -158,12 +164,12 @@ fn a_server_that_asks_in_bunches_has_the_period_of_the_bunch() {
     }
     device.time_ns += 20e6;
     device.run(1000, 3.0);
-    let off = device.dll.line().time_ns(device.dll.line().end()) - device.time_ns;
+    let off = device.off_ns();
     assert!(off.abs() < 0.1e6 && device.dll.line().period_frames == 1000, "{off}");
 }
 
 #[test]
-fn a_server_faster_than_time_loses_nothing() {
+fn server_faster_than_real_time_loses_nothing() {
     let mut dll = Dll::new(48_000);
     for i in 0..50_000_u64 {
         let stall = if i % 1000 == 0 { 8_000_000 } else { 0 };
@@ -172,8 +178,8 @@ fn a_server_faster_than_time_loses_nothing() {
     }
 }
 
-/// What a paced thread reads ahead of a device, in milliseconds, after each of its callbacks: callbacks of `frames` come late by what `late` says
-/// of the time they are due, in seconds.
+/// Lead of a paced thread after each callback, in milliseconds. Callbacks of `frames` come `late(due)`
+/// seconds after they are due.
 fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<f64> {
     let mut dll = Dll::new(48_000);
     let period_s = frames as f64 / 48_000.0;
@@ -187,7 +193,8 @@ fn leads_ms(frames: u64, seconds: f64, mut late: impl FnMut(f64) -> f64) -> Vec<
     (0..(seconds / period_s) as u64).map(lead).collect()
 }
 
-/// What was due while a machine stood still is asked for at once after: a stall of up to `longest_s` begins every `every_s` or so.
+/// Lateness by stalls of a machine: after a stall, everything due is asked for at once. A stall of up to
+/// `longest_s` begins about every `every_s`.
 fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
     let (mut stall, mut next, mut count) = ((0.0, 0.0), 2.0 * every_s, 0);
     move |due| {
@@ -201,7 +208,7 @@ fn stalls(every_s: f64, longest_s: f64) -> impl FnMut(f64) -> f64 {
 }
 
 #[test]
-fn a_machine_that_stalls_does_not_make_a_device_look_as_if_it_asked_for_more_at_once() {
+fn stalls_of_the_machine_do_not_lengthen_the_period() {
     for (frames, every_s, longest_s) in
         [(256, 1.0, 0.014), (256, 5.0, 0.03), (1024, 1.0, 0.014), (1024, 1.0, 0.03), (1024, 5.0, 0.1)]
     {
@@ -214,7 +221,7 @@ fn a_machine_that_stalls_does_not_make_a_device_look_as_if_it_asked_for_more_at_
 }
 
 #[test]
-fn callbacks_that_are_late_for_a_while_are_not_early_after() {
+fn callbacks_after_late_ones_are_not_early() {
     // 6 ms late for 110 ms, which counts as time lost; then all is as before.
     let late = |due: f64| if due % 10.0 > 9.89 { 6e-3 } else { 0.0 };
     let leads = leads_ms(1024, 60.0, late);
@@ -223,7 +230,7 @@ fn callbacks_that_are_late_for_a_while_are_not_early_after() {
 }
 
 #[test]
-fn a_device_that_wakes_unevenly_is_early_for_good() {
+fn uneven_wake_ups_stay_early() {
     // Every other callback comes half a period before its time.
     let mut odd = false;
     let leads = leads_ms(1024, 10.0, |_| {

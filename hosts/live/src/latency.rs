@@ -1,16 +1,17 @@
-//! What makes up the latency from a hand to the actuator, item by item.
+//! Latency of a graph from the hand to the actuator, as items.
 //!
-//! It is the time from where the hand was to when the sample that follows from it is heard. How long a texture takes to follow
-//! a change of speed is another figure: its windows reach into the past, which the latencies that nodes declare
-//! balance with what they emit early. So of a graph only what delays samples counts here.
+//! It is the time from a position of the hand to the sound of its sample. The response lag of a texture to
+//! a change of speed is another figure: its windows reach into the past, and the latencies that nodes
+//! declare balance this with samples that they emit early. So only nodes that delay samples count here.
 
 use asperity_graph::Schedule;
 use asperity_node::Latency;
 
-/// The nodes before a sink of the device that delay what reaches it most, each with its milliseconds.
+/// Nodes on the path of most delay to an audio output, each with its milliseconds.
 pub(crate) fn of_graph(schedule: &Schedule) -> Vec<(String, f64)> {
     let late = |i: usize| schedule.nodes[i].latency.max(Latency::ZERO).ms();
-    // Nodes stand in the order they run; what closes a cycle is heard a turn later and is left out.
+    // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before, and
+    // is left out.
     let mut sums = vec![0.0; schedule.nodes.len()];
     let mut before = vec![None; schedule.nodes.len()];
     for (i, node) in schedule.nodes.iter().enumerate() {

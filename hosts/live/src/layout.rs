@@ -1,15 +1,15 @@
-//! A graph as a person sees it.
+//! The layout of a graph for a person.
 
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{ParamKind, ParamValue, Shape, Unit};
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 
-/// A signal for a scope: node and output.
+/// Signal of a scope: node and output.
 pub(crate) type Signal = (usize, usize);
 
-/// The signals that tell most about a graph, each with its name: how fast and how hard the hand is, what the texture
-/// model says, what the coil gets.
+/// Signals for scopes, with their names: speed and force of the hand, output of the texture model, drive of
+/// the coil.
 pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let outputs = || {
         let of = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
@@ -20,7 +20,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     };
     let control =
         |unit: &Unit| outputs().find(|(_, p, _)| matches!(p.shape, Shape::Control { .. }) && p.unit == *unit);
-    // The last one in the order they run: what is nearest to the actuator.
+    // The last one in running order, which is nearest to the actuator.
     let audio = |units: &[Unit]| {
         let fits = |shape: Shape| shape == Shape::Audio { rate_hz: schedule.audio_hz };
         outputs().rfind(|(_, p, _)| fits(p.shape) && units.contains(&p.unit))
@@ -40,7 +40,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     wanted.into_iter().filter_map(scope).collect()
 }
 
-/// The graph as it is being run.
+/// Layout of the running graph.
 pub(crate) fn layout(
     number: u64,
     graph: &GraphFile,
@@ -76,7 +76,7 @@ pub(crate) fn layout(
     }
 }
 
-/// A live parameter and what it is set to; none for one that is no number.
+/// Live parameter with its value; `None` if it is no number.
 fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     let mut out = LiveLayout { name: param.name.clone(), unit: param.unit.clone(), ..LiveLayout::default() };
     match (&param.kind, value) {
@@ -102,8 +102,9 @@ fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLay
     Some(out)
 }
 
-/// The part of a range that is worth a slider: up to some four times the value. A gain may be a million, and a step of a slider over
-/// all that is two thousand. None where the whole is not much wider, or is moved through by factors.
+/// Useful slider range of a value: up to about four times the value. A gain may reach a million, and a
+/// slider over all of it
+/// would step by two thousand. `None` if the whole range is not much wider, or is used by factors.
 fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     const FACTORS: f64 = 100.0;
     if least > 0.0 && most / least > FACTORS {
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn every_live_parameter_is_a_number_between_two_others() {
+    fn live_parameter_of_each_kind_becomes_a_number() {
         let all = |l: LiveLayout| (l.value, l.least, l.most, l.whole, l.words);
         let number = of(ParamKind::Number(0.5..=4.0), &ParamValue::Number(2.0)).map(all);
         assert_eq!(number, Some((2.0, 0.5, 4.0, false, vec![])));
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slider_covers_what_a_value_may_sensibly_become() {
+    fn slider_range_follows_the_value() {
         for (value, range, is) in [
             (0.5, [-1e6, 1e6], Some([0.0, 2.0])),
             (-3.0, [-1e6, 1e6], Some([-20.0, 0.0])),

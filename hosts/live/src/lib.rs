@@ -1,8 +1,22 @@
 //! Runs a graph in real time.
 //!
-//! A driver says when the next tick is due: the audio callback itself, a thread that is paced by a delay-locked loop on the
-//! callback's clock, or a timer where there is no audio. Before a tick, inputs are read at the tick's own time; after it,
-//! sinks are handed on. What happens is counted on the tick thread and looked at from others.
+//! A driver calls the ticks: the audio callback itself, a thread paced by the callback's clock, or a timer
+//! without audio. Before a tick, inputs are read at the tick's own time. After it, outputs go to their
+//! sinks. The tick thread counts what happens; other threads read the counts.
+//!
+//! To change one thing, read: `session` for a run and its device, `conductor` for changes of the graph,
+//! `player` for one tick, `driver` for the clocks, `outlet` for the guards of the device.
+
+/// Gives types a `Debug` that shows their name alone, since their queues have none.
+macro_rules! opaque_debug {
+    ($($type:ty),*) => {$(
+        impl std::fmt::Debug for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.debug_struct(stringify!($type)).finish_non_exhaustive()
+            }
+        }
+    )*};
+}
 
 mod apart;
 mod conductor;

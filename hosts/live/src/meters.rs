@@ -1,18 +1,18 @@
-//! Times and counts of a run: written on the threads that must not wait, read by any other.
+//! Times and counts of a run: written on real-time threads, read by others.
 //!
-//! One record of a tick takes 4 ns (mean of 10^6, 2 cores of a shared virtual AMD EPYC).
+//! A record of a tick takes 4 ns (mean of 10^6, 2 cores of a shared virtual AMD EPYC).
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::view::TimingView;
 
-/// Bins an octave: a bin is 6 % wide, so that its middle is within 3.2 % of what fell into it.
+/// Bins an octave: a bin is 6 % wide, so its middle is within 3.2 % of every value in it.
 const PART: u32 = 16;
-/// Times from 2^36 ns, a minute, fall into the last bin.
+/// Times from 2^36 ns (a minute) fall into the last bin.
 const OCTAVES: u32 = 36;
 const BINS: usize = ((OCTAVES - 3) * PART) as usize;
 
-/// A histogram of nanoseconds in bins of fixed ratio. One thread writes, any number read, nobody waits.
+/// Histogram of nanoseconds in bins of fixed ratio. One thread writes, others read, nobody waits.
 #[derive(Debug)]
 pub struct Histogram {
     bins: [AtomicU64; BINS],
@@ -25,12 +25,12 @@ impl Default for Histogram {
     }
 }
 
-/// Where one thread writes, no read-modify-write is needed.
-fn add(to: &AtomicU64, n: u64) {
+/// With one writer, no read-modify-write is needed.
+pub(crate) fn add(to: &AtomicU64, n: u64) {
     to.store(to.load(Relaxed).wrapping_add(n), Relaxed);
 }
 
-/// Below 16 a bin a nanosecond; above, the leading bit and the four that follow it.
+/// Bin of a time: below 16 ns one a nanosecond, above by the leading bit and the four bits after it.
 fn bin_of(ns: u64) -> usize {
     let octave = (ns | 1).ilog2();
     if octave < 4 {
@@ -47,7 +47,7 @@ fn edge(bin: usize) -> u64 {
 }
 
 impl Histogram {
-    /// Counts a time. The one writer.
+    /// Counts a time. The writer only.
     pub fn record(&self, ns: u64) {
         if let Some(bin) = self.bins.get(bin_of(ns)) {
             add(bin, 1);
@@ -57,17 +57,17 @@ impl Histogram {
         }
     }
 
-    /// Times so far.
+    /// Number of times.
     pub fn count(&self) -> u64 {
         self.bins.iter().map(|b| b.load(Relaxed)).sum()
     }
 
-    /// The longest time so far, exactly.
+    /// Longest time, exact.
     pub fn max_ns(&self) -> u64 {
         self.max.load(Relaxed)
     }
 
-    /// The time that a part `q` of all are not above, within 3.2 %; 0 for none.
+    /// Quantile `q` (0 to 1), within 3.2 %; 0 for none.
     pub fn quantile_ns(&self, q: f64) -> u64 {
         let count = self.count();
         let rank = ((count as f64 * q).ceil() as u64).max(1);
@@ -88,7 +88,7 @@ impl Histogram {
         all.map(|ns| ns as f64 / 1e3)
     }
 
-    /// Counts in octaves of nanoseconds from 2^9 (0.5 us) to 2^26 (67 ms); the last is open.
+    /// Counts in octaves from 2^9 ns (0.5 us) to 2^26 ns (67 ms); the last is open.
     fn octaves(&self) -> Vec<u64> {
         let mut counts = vec![0; OCTAVES_SHOWN.len() + 1];
         for (i, bin) in self.bins.iter().enumerate() {
@@ -102,20 +102,20 @@ impl Histogram {
 
 const OCTAVES_SHOWN: std::ops::Range<u32> = 9..27;
 
-/// A tick as it went. Times by [`now_ns`](crate::now_ns).
+/// Times of a tick, by [`now_ns`](crate::now_ns).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Record {
     /// Its number.
     pub tick: u64,
-    /// When it was to begin.
+    /// Due time.
     pub due_ns: u64,
-    /// When it began.
+    /// Start.
     pub woke_ns: u64,
-    /// When its samples were there.
+    /// End, when its samples were complete.
     pub done_ns: u64,
 }
 
-/// A count that goes up now and then. Any thread.
+/// A counter of rare events. Any thread.
 #[derive(Debug, Default)]
 pub struct Count(AtomicU64);
 
@@ -132,57 +132,42 @@ impl Count {
 }
 
 /// Times and counts of a run.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Meters {
     tick_ns: u64,
     /// Wake-up lateness of ticks.
     pub late: Histogram,
     /// Computing time of ticks.
     pub compute: Histogram,
-    /// From when a tick that was missed was due to when the next one was there in time.
+    /// Time from the due time of a deadline miss to the end of the next tick in time.
     pub recovery: Histogram,
-    /// When the first of the misses that are not over was due, plus 1; 0 for none.
+    /// Due time of the first deadline miss of the current series, plus 1; 0 for none.
     behind_since: AtomicU64,
-    /// The number of the last tick, plus 1.
+    /// Number of the last tick, plus 1.
     next: AtomicU64,
     misses: AtomicU64,
     woke_late: AtomicU64,
     /// Callbacks that found too few samples.
     pub underruns: Count,
-    /// Samples of each channel that were never played: time went on without them.
+    /// Samples of each channel that were never played because their time passed.
     pub lost_samples: Count,
-    /// Ticks that were left out, because they were too far behind.
+    /// Ticks skipped because they were too late.
     pub skipped_ticks: Count,
-    /// Ticks that ran at once, because they were a tick or more behind.
+    /// Ticks that ran at once because they were a tick or more late.
     pub caught_up_ticks: Count,
-    /// Gaps of callbacks that the loop over their times saw; what the device's host says is counted by its stream.
+    /// Gaps between callbacks that the loop over their times saw. The stream counts the host's reports.
     pub xruns: Count,
     /// How often the device was lost.
     pub losses: Count,
 }
 
 impl Meters {
-    /// Meters for a tick rate. Allocates nothing by itself, but is large: keep it behind a pointer.
+    /// Meters for a tick rate. Large: keep it behind a pointer.
     pub fn new(tick_hz: u32) -> Self {
-        Self {
-            tick_ns: 1_000_000_000 / u64::from(tick_hz.max(1)),
-            late: Histogram::default(),
-            compute: Histogram::default(),
-            recovery: Histogram::default(),
-            behind_since: AtomicU64::new(0),
-            next: AtomicU64::new(0),
-            misses: AtomicU64::new(0),
-            woke_late: AtomicU64::new(0),
-            underruns: Count::default(),
-            lost_samples: Count::default(),
-            skipped_ticks: Count::default(),
-            caught_up_ticks: Count::default(),
-            xruns: Count::default(),
-            losses: Count::default(),
-        }
+        Self { tick_ns: 1_000_000_000 / u64::from(tick_hz.max(1)), ..Self::default() }
     }
 
-    /// Takes note of a tick. The thread that ticks, alone.
+    /// Records a tick. The tick thread only.
     pub fn record(&self, tick: Record) {
         let computed = tick.done_ns.saturating_sub(tick.woke_ns);
         self.late.record(tick.woke_ns.saturating_sub(tick.due_ns));
@@ -203,17 +188,17 @@ impl Meters {
         }
     }
 
-    /// Ticks that were done later than a tick after they were due.
+    /// Deadline misses: ticks that ended more than a tick after they were due.
     pub fn misses(&self) -> u64 {
         self.misses.load(Relaxed)
     }
 
-    /// Misses of ticks that took less than a tick to compute: they woke too late.
+    /// Deadline misses of ticks that took less than a tick to compute: they woke too late.
     pub fn woke_late(&self) -> u64 {
         self.woke_late.load(Relaxed)
     }
 
-    /// The tick after the last one that ran.
+    /// Number of the tick after the last one that ran.
     pub fn next_tick(&self) -> u64 {
         self.next.load(Relaxed)
     }
@@ -240,7 +225,7 @@ mod tests {
     use asperity_node::random::uniform;
 
     #[test]
-    fn quantiles_are_within_five_per_cent_of_the_sorted_times() {
+    fn quantiles_are_within_5_percent_of_sorted_times() {
         let histogram = Histogram::default();
         let mut times: Vec<u64> = (0..50_000).map(|i| (10.0_f64.powf(uniform(1, i) * 9.0)) as u64).collect();
         times.iter().for_each(|t| histogram.record(*t));
@@ -258,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn every_time_falls_into_the_bin_that_holds_it() {
+    fn time_falls_into_its_bin() {
         for ns in (0..5000).chain((0..35).map(|o| (1 << o) - 1)).chain((0..35).map(|o| 1 << o)) {
             let bin = bin_of(ns);
             assert!(edge(bin) <= ns && ns < edge(bin + 1), "{ns} in {bin}");
@@ -266,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_is_late_waking_or_long_computing() {
+    fn miss_is_late_waking_or_long_computing() {
         let meters = Meters::new(500);
         let tick = |due_ns, woke_ns, done_ns| Record { tick: 6, due_ns, woke_ns, done_ns };
         meters.record(tick(0, 10_000, 2_000_000));

@@ -1,4 +1,4 @@
-//! The last stage before a device: a guard for every channel, behind all ramps and fades.
+//! Last stage before a device: a guard for every channel, behind all ramps and fades.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -8,8 +8,10 @@ use asperity_node::{Coil, Guard, Unit};
 
 use crate::driver::Slot;
 
-/// Guards of a device's channels. What is known of coils and movers belongs to the channel: it goes on from
-/// one graph to the next, from a lost device to the one that is back, and from one run to another.
+opaque_debug!(Outlet, Gate);
+
+/// Guards of a device's channels. The state of coils and movers belongs to the channel: it continues from
+/// one graph to the next, over the loss of a device, and from one run to another.
 #[derive(Default)]
 pub struct Outlet {
     channels: Vec<Option<Channel>>,
@@ -21,23 +23,23 @@ struct Channel {
     guard: Box<dyn Guard>,
     /// The drive at full scale \[A or V\].
     unit: f64,
-    /// It stays when the graph changes.
+    /// Whether it stays when the graph changes.
     stays: bool,
 }
 
 /// Heat and thermal limits of a channel's coil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
-    /// Mean of the square of the current \[A^2\].
+    /// Mean square of the current \[A^2\].
     pub heat: f64,
-    /// The same that the coil bears for ever.
+    /// Mean square that the coil bears for ever \[A^2\].
     pub rating: f64,
     /// Time constant with which it cools \[s\].
     pub cools_in: f64,
 }
 
 impl Outlet {
-    /// Guards for the nodes of a graph that play on channels 0, 1 and so on, at rest and cold.
+    /// Guards for the nodes of a graph that play on channels 0, 1, ..., at rest and cold.
     pub fn new(compiled: &Compiled, outs: impl IntoIterator<Item = usize>) -> Self {
         let guarded = |out| {
             let guard = compiled.processors[limiter_of(&compiled.schedule, out)?].guard()?;
@@ -46,15 +48,14 @@ impl Outlet {
         Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }
     }
 
-    /// Guards that are known already, each with the drive at full scale \[A or V\]. They stay, whatever graph
-    /// plays.
+    /// Given guards, each with the drive at full scale \[A or V\]. They stay whatever graph plays.
     pub fn staying(channels: impl IntoIterator<Item = Option<(Box<dyn Guard>, f64)>>) -> Self {
         let stays = |(guard, unit)| Channel { guard, unit, stays: true };
         Self { channels: channels.into_iter().map(|c| c.map(stays)).collect(), changed: 0 }
     }
 
-    /// Goes on from the coils of another outlet, channel by channel, and takes over its guards that stay.
-    /// Tick thread.
+    /// Continues the coils of another outlet, channel by channel, and takes over its guards that stay. Tick
+    /// thread.
     pub fn go_on(&mut self, before: &mut Self) {
         self.changed = before.changed;
         for (channel, was) in self.channels.iter_mut().zip(&mut before.channels) {
@@ -64,7 +65,7 @@ impl Outlet {
                     channel.guard.go_on(&was.guard.coil());
                     continue;
                 }
-                // A channel that nothing plays on keeps its coil for what plays on it next.
+                // A silent channel keeps its coil for the next graph.
                 (None, Some(_)) => {}
                 _ => continue,
             }
@@ -72,7 +73,7 @@ impl Outlet {
         }
     }
 
-    /// Holds interleaved frames of so many channels to the limits. Tick thread.
+    /// Limits interleaved frames; `step` is the number of channels. Tick thread.
     pub fn hold(&mut self, frames: &mut [f32], step: usize) {
         for (first, channel) in self.channels.iter_mut().enumerate().take(step) {
             if let (Some(channel), Some(samples)) = (channel, frames.get_mut(first..)) {
@@ -81,12 +82,12 @@ impl Outlet {
         }
     }
 
-    /// Samples that were changed so far.
+    /// Samples changed so far.
     pub fn changed(&self) -> u64 {
         self.changed
     }
 
-    /// How the coil of each channel stands; none for a channel that is not played on.
+    /// State of each channel's coil; `None` for a silent channel.
     pub fn standing(&self) -> Vec<Option<Standing>> {
         let of = |c: &Channel| Standing {
             heat: c.guard.coil().heat,
@@ -96,12 +97,12 @@ impl Outlet {
         self.channels.iter().map(|c| c.as_ref().map(of)).collect()
     }
 
-    /// Lets every coil lie still and cool.
+    /// Lets every coil rest and cool.
     pub(crate) fn rest(&mut self, seconds: f64) {
         self.channels.iter_mut().flatten().for_each(|c| c.guard.rest(seconds));
     }
 
-    /// Sets how warm the coils are \[A^2\].
+    /// Sets the heat of the coils \[A^2\].
     pub(crate) fn warm(&mut self, heat: &[f64]) {
         for (channel, heat) in self.channels.iter_mut().zip(heat) {
             if let Some(channel) = channel {
@@ -111,13 +112,7 @@ impl Outlet {
     }
 }
 
-impl std::fmt::Debug for Outlet {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Outlet").field("channels", &self.channels.len()).finish_non_exhaustive()
-    }
-}
-
-/// The limiter before a node that plays on a device.
+/// Limiter before a node that plays on a device.
 pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
     let from = schedule.nodes.get(out)?.inputs.first()?.from?;
     Some(from.0)
@@ -130,21 +125,21 @@ pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
     amplifier * out.params.number("volts_at_full_scale")
 }
 
-/// An outlet as the device's thread has it, with what comes from the control thread.
+/// An outlet on the device's thread, with its link to the control thread.
 pub(crate) struct Gate {
     outlet: Outlet,
-    /// The guards of the next graph; afterwards those of the one before.
+    /// Guards of the next graph; after the exchange, those of the one before.
     next: triple_buffer::Output<Outlet>,
-    /// This run's part of each limit: what it plays is multiplied by it.
+    /// This run's share of each limit: a factor on its output.
     share: f32,
     seen: Arc<Seen>,
 }
 
-/// The guards of a run's channels, which its drivers hold their output to, one after the other.
+/// Guards of a run's channels, which its drivers use one after the other.
 #[derive(Clone, Debug)]
 pub struct Guards(pub(crate) Arc<Slot<Gate>>);
 
-/// Figures of an outlet, for other threads.
+/// Figures of an outlet for other threads.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     /// Bits of each channel's heat.
@@ -152,7 +147,7 @@ pub(crate) struct Seen {
     changed: AtomicU64,
 }
 
-/// Where guards of the next graph are put, and what is seen of those that hold.
+/// Control side: sends guards of the next graph, reads figures of the current ones.
 pub(crate) struct GateControl {
     next: triple_buffer::Input<Outlet>,
     pub(crate) gate: Guards,
@@ -161,7 +156,7 @@ pub(crate) struct GateControl {
     standing: Vec<Option<Standing>>,
 }
 
-/// The gate of a run, and its control.
+/// The gate of a run and its control.
 pub(crate) fn gate(outlet: Outlet) -> GateControl {
     let (input, next) = triple_buffer::TripleBuffer::<Outlet>::default().split();
     let standing = outlet.standing();
@@ -171,14 +166,8 @@ pub(crate) fn gate(outlet: Outlet) -> GateControl {
     GateControl { next: input, gate, seen, standing }
 }
 
-impl std::fmt::Debug for Gate {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Gate").field("outlet", &self.outlet).finish_non_exhaustive()
-    }
-}
-
 impl Gate {
-    /// Holds what the device is given. Nothing here allocates, frees, locks or waits.
+    /// Limits the output. Never allocates, frees, locks or waits.
     pub(crate) fn hold(&mut self, frames: &mut [f32], channels: usize) {
         if self.next.update() {
             let next = self.next.output_buffer_mut();
@@ -192,14 +181,14 @@ impl Gate {
         self.publish();
     }
 
-    /// Nothing was played for so long.
+    /// Notes a time without output.
     pub(crate) fn rest(&mut self, seconds: f64) {
         self.outlet.rest(seconds);
         self.publish();
     }
 
-    /// Begins with coils that are so warm \[A^2\], and with a part of each limit.
-    /// Guards of the machine take the place of the graph's.
+    /// Starts with coils of this heat \[A^2\], and a share of each limit. Guards of the machine replace the
+    /// graph's.
     pub(crate) fn begin(&mut self, heat: &[f64], share: f32, mut machine: Outlet) {
         for (channel, machine) in self.outlet.channels.iter_mut().zip(&mut machine.channels) {
             if machine.is_some() {
@@ -237,14 +226,14 @@ impl Seen {
         (0..self.heat.len()).map(|channel| self.heat(channel)).collect()
     }
 
-    /// Samples that were changed so far.
+    /// Samples changed so far.
     pub(crate) fn changed(&self) -> u64 {
         self.changed.load(Relaxed)
     }
 }
 
 impl GateControl {
-    /// Sends the guards of another graph; they hold from the device's next block on.
+    /// Sends the guards of another graph, for the device's next block.
     pub(crate) fn send(&mut self, outlet: Outlet) {
         self.next.write(outlet);
     }

@@ -1,19 +1,19 @@
-//! The envelope behind the graph's sinks: what starts, ends or breaks off does so without a click. It can only lower.
+//! Envelope behind the graph's sinks: starts, stops and breaks without a click. It only lowers the signal.
 
 use std::f64::consts::PI;
 
-/// Silence to full at the start.
+/// Time from silence to full at the start [s].
 pub const START_S: f64 = 2.0;
-/// Full to silence: stop, mute, a panic.
+/// Time from full to silence at a stop, mute or panic [s].
 pub const DOWN_S: f64 = 0.015;
-/// Silence to full after a mute.
+/// Time from silence to full after a mute [s].
 pub const UNMUTE_S: f64 = 0.2;
-/// The last sample to silence, where there are no more.
+/// Time from the last sample to silence when samples run out [s].
 pub const STARVED_S: f64 = 0.005;
-/// Silence to full where there are samples again.
+/// Time from silence to full when samples come again [s].
 pub const FED_S: f64 = 0.01;
 
-/// Where the envelope stands.
+/// State of the envelope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// Silent, and staying so.
@@ -31,7 +31,7 @@ fn raised(u: f64) -> f64 {
     0.5 - 0.5 * (PI * u).cos()
 }
 
-/// From 0 to 1, and at an end where only rounding is missing: n steps of 1 / n must arrive.
+/// Clamps to 0 and 1, and snaps to them within 1e-9, so that n steps of 1 / n arrive.
 fn settled(u: f64) -> f64 {
     if u < 1e-9 {
         0.0
@@ -42,30 +42,31 @@ fn settled(u: f64) -> f64 {
     }
 }
 
-/// An envelope over interleaved samples.
+/// Envelope over interleaved samples.
 ///
-/// Two gains, each a raised cosine of a place that moves by a fixed step a frame: one for start, mute and stop, one for
-/// breaks in the stream. A turn on the way goes back from where it is. Across a break, the last frame that was put out decays while what follows
-/// rises; the two weights never add up to more than 1.
+/// Two gains, each a raised cosine of a position that moves by a fixed step a frame: one for start, mute
+/// and stop, one for breaks in the stream. A reversed ramp goes back from where it is. Across a break, the
+/// last frame decays while the next ones rise; the two weights never add up to more than 1.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     rate_hz: f64,
     open: bool,
-    /// Place of the gain from 0 to 1, and its step a frame upwards.
+    /// Position of the gain from 0 to 1, and its upward step a frame.
     place: f64,
     up: f64,
-    /// Place of the gain after a break.
+    /// Position of the gain after a break.
     joined: f64,
-    /// Place of the last frame's weight, from 1 down.
+    /// Position of the last frame's weight, from 1 down.
     held: f64,
-    /// The last frame before the break; its length is the channels.
+    /// Last frame before the break, one value a channel.
     last: Vec<f32>,
-    /// The last frame that was put out.
+    /// Last frame of the output.
     out: Vec<f32>,
 }
 
 impl Ramp {
-    /// Silent, and rising over `start_s` once [`open`](Self::open) is said; 0 opens at once. Allocates.
+    /// Starts silent, and rises over `start_s` seconds while [`open`](Self::open); 0 opens at once.
+    /// Allocates.
     pub fn new(rate_hz: u32, channels: usize, start_s: f64) -> Self {
         let mut ramp = Self {
             rate_hz: f64::from(rate_hz.max(1)),
@@ -85,8 +86,8 @@ impl Ramp {
         1.0 / (seconds * self.rate_hz).max(1.0)
     }
 
-    /// Lets the gain rise, or fall within [`DOWN_S`]. What has fallen once rises again over [`UNMUTE_S`], or over the start's time if it had
-    /// not come up yet.
+    /// Lets the gain rise, or fall within [`DOWN_S`]. Once it was full, it rises again over [`UNMUTE_S`];
+    /// else over the start's time.
     pub fn open(&mut self, open: bool) {
         if self.open && !open && self.place >= 1.0 {
             self.up = self.step(UNMUTE_S);
@@ -94,7 +95,7 @@ impl Ramp {
         self.open = open;
     }
 
-    /// Where the envelope of start, mute and stop stands.
+    /// State of the gain of start, mute and stop.
     pub fn level(&self) -> Level {
         match (self.open, self.place) {
             (true, p) if p >= 1.0 => Level::Full,
@@ -104,19 +105,19 @@ impl Ramp {
         }
     }
 
-    /// Whether nothing more is heard until it opens: down, and nothing decays.
+    /// Whether the output stays silent until it opens: the gain is 0 and no frame decays.
     pub fn silent(&self) -> bool {
         self.level() == Level::Silent && self.held <= 0.0
     }
 
-    /// The stream breaks before the next frame: the last one decays, the next ones rise.
+    /// Marks a break before the next frame: the last frame decays, the next ones rise.
     pub fn broken(&mut self) {
         self.last.copy_from_slice(&self.out);
         self.held = 1.0;
         self.joined = 0.0;
     }
 
-    /// Puts the envelope on frames of the signal. A value that is not finite counts as 0.
+    /// Applies the envelope to frames of the signal. A value that is not finite counts as 0.
     pub fn play(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.out.len()) {
             self.advance();
@@ -129,7 +130,7 @@ impl Ramp {
         }
     }
 
-    /// Fills frames for which there is no signal: the last one that was put out decays, then silence. The signal after this rises.
+    /// Fills frames without a signal: the last frame decays to silence. The signal after this rises.
     pub fn starve(&mut self, frames: &mut [f32]) {
         if frames.len() >= self.out.len() && self.joined > 0.0 {
             self.broken();

@@ -20,7 +20,7 @@ fn largest_step(x: &[f32]) -> f32 {
 }
 
 #[test]
-fn the_start_rises_over_two_seconds_as_a_raised_cosine() {
+fn start_rises_over_2_s_as_a_raised_cosine() {
     let mut ramp = Ramp::new(RATE, 1, START_S);
     assert_eq!(ramp.level(), Level::Rising);
     let x = ones(&mut ramp, 96_000);
@@ -35,7 +35,7 @@ fn the_start_rises_over_two_seconds_as_a_raised_cosine() {
 }
 
 #[test]
-fn a_stop_is_silent_after_15_ms_and_from_wherever_the_rise_was() {
+fn stop_is_silent_after_15_ms_from_any_level() {
     let mut ramp = full(1);
     ramp.open(false);
     let x = ones(&mut ramp, 720);
@@ -53,7 +53,7 @@ fn a_stop_is_silent_after_15_ms_and_from_wherever_the_rise_was() {
 }
 
 #[test]
-fn an_unmute_rises_again_from_where_it_is() {
+fn unmute_rises_from_the_current_level() {
     let mut ramp = full(1);
     ramp.open(false);
     let mut x = ones(&mut ramp, 300);
@@ -63,7 +63,7 @@ fn an_unmute_rises_again_from_where_it_is() {
 }
 
 #[test]
-fn an_underrun_decays_from_the_last_frame_and_rises_after_on_every_channel() {
+fn underrun_fades_out_and_in_on_every_channel() {
     let mut ramp = full(2);
     let mut x: Vec<f32> = (0..480).flat_map(|i| [(i as f32 * 0.05).sin() * 0.8, 0.25]).collect();
     ramp.play(&mut x);
@@ -84,7 +84,7 @@ fn an_underrun_decays_from_the_last_frame_and_rises_after_on_every_channel() {
 }
 
 #[test]
-fn breaks_at_any_moment_never_make_it_louder_or_step() {
+fn breaks_never_raise_the_level_or_step() {
     let mut ramp = full(1);
     let mut heard = vec![1.0];
     for n in [1, 3, 100, 240, 7, 481, 50, 2, 2, 600] {

@@ -1,31 +1,31 @@
-//! What a run asks of the system so as to be on time, and what it got.
+//! Real-time requests to the system, and their results.
 //!
-//! Nothing here is needed to run. The part for an audio callback makes three system calls and allocates nothing; the
-//! words for a person are made elsewhere, from the numbers it left.
+//! A run works without them. The request of an audio callback makes three system calls and allocates
+//! nothing; texts for a person are made elsewhere from the numbers.
 
 use std::fmt;
 use std::fs::File;
 use std::sync::OnceLock;
 
-/// Priority that is asked for where nobody says another: below JACK's own threads of most set-ups, above all else.
+/// Default priority: below JACK's own threads of most set-ups, above all else.
 pub const PRIORITY: i32 = 80;
 
-/// What became of one request.
+/// Result of a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grant {
-    /// It was not asked for.
+    /// Not requested.
     #[default]
     NotAsked,
-    /// It holds; it was looked at afterwards.
+    /// Granted, and checked afterwards.
     Granted,
-    /// The system said no, with this error number; 0 where it said yes and did not do it.
+    /// Refused with this error number; 0 if the system accepted it and did nothing.
     Refused(i32),
-    /// This system has no such thing.
+    /// Not available on this system.
     NotSupported,
 }
 
 impl Grant {
-    /// Whether it was asked for and is not there.
+    /// Whether it was requested and not granted.
     pub fn missing(self) -> bool {
         matches!(self, Self::Refused(_) | Self::NotSupported)
     }
@@ -36,42 +36,45 @@ impl fmt::Display for Grant {
         match self {
             Self::NotAsked => f.write_str("not asked for"),
             Self::Granted => f.write_str("granted"),
-            Self::Refused(0) => f.write_str("the system said yes and did not do it"),
+            Self::Refused(0) => f.write_str("the system accepted it but did not do it"),
             Self::Refused(error) => write!(f, "{}", std::io::Error::from_raw_os_error(*error)),
             Self::NotSupported => f.write_str("not supported here"),
         }
     }
 }
 
-/// All that was asked for.
+/// Results of all requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Grants {
-    /// SCHED_FIFO for the thread that ticks, and for the device's where that is another.
+    /// SCHED_FIFO for the tick thread, and for the device's if that is another.
     pub priority: Grant,
-    /// The process's memory locked.
+    /// Locked memory of the process.
     pub memory: Grant,
-    /// /dev/cpu_dma_latency held at 0: cores that do not sleep deeply.
+    /// /dev/cpu_dma_latency held at 0: cores do not sleep deeply.
     pub latency: Grant,
 }
 
 impl Grants {
-    /// For each thing that was refused: what, why, and the line that would allow it. Allocates.
+    /// One line a refusal: what, why, and the setting that allows it. Allocates.
     pub fn refused(&self) -> Vec<String> {
         let all = [
             (
                 self.priority,
                 "real-time priority (SCHED_FIFO)",
-                "put `@audio - rtprio 90` into /etc/security/limits.d/audio.conf, be in the group audio, and log in again",
+                "put `@audio - rtprio 90` into /etc/security/limits.d/audio.conf, \
+                 be in the group audio, and log in again",
             ),
             (
                 self.memory,
                 "memory locked (mlockall)",
-                "put `@audio - memlock unlimited` into /etc/security/limits.d/audio.conf (`ulimit -l unlimited` for one shell)",
+                "put `@audio - memlock unlimited` into /etc/security/limits.d/audio.conf \
+                 (`ulimit -l unlimited` for one shell)",
             ),
             (
                 self.latency,
                 "cores kept awake (/dev/cpu_dma_latency at 0)",
-                "put `KERNEL==\"cpu_dma_latency\", GROUP=\"audio\", MODE=\"0660\"` into /etc/udev/rules.d/99-cpu-dma-latency.rules",
+                "put `KERNEL==\"cpu_dma_latency\", GROUP=\"audio\", MODE=\"0660\"` \
+                 into /etc/udev/rules.d/99-cpu-dma-latency.rules",
             ),
         ];
         let missing = all.into_iter().filter(|(grant, ..)| grant.missing());
@@ -84,7 +87,7 @@ impl Grants {
     }
 }
 
-/// What holds for the whole process. The cores may sleep again when this is dropped; memory stays locked.
+/// Requests for the whole process. When dropped, cores may sleep again; memory stays locked.
 #[derive(Debug)]
 pub struct Machine {
     memory: Grant,
@@ -93,31 +96,32 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Asks for locked memory and for cores that stay awake. Control thread.
+    /// Requests locked memory and waking cores. Control thread.
     pub fn ask() -> Self {
         let memory = os::lock_memory();
         let (latency, held) = os::hold_latency();
         Self { memory, latency, _held: held }
     }
 
-    /// What was granted, with what a thread got for itself.
+    /// Results, with that of a thread's priority.
     pub fn grants(&self, priority: Grant) -> Grants {
         Grants { priority, memory: self.memory, latency: self.latency }
     }
 }
 
-/// Asks for SCHED_FIFO at a priority for the calling thread, and looks whether it is so. A thread that is real-time already keeps what it has.
-/// Allocates nothing; at most three system calls. Any thread.
+/// Requests SCHED_FIFO at a priority for the calling thread, and checks it. A thread that is real-time
+/// already keeps its state. Allocates nothing; at most three system calls. Any thread.
 pub fn ask_priority(priority: i32) -> Grant {
     os::ask_priority(priority)
 }
 
-/// What a real-time thread asks for at its start, kept for others to read.
+/// Request of a real-time thread at its start; other threads read the result.
 #[derive(Debug, Default)]
 pub struct Asked(OnceLock<Grant>);
 
 impl Asked {
-    /// Asks the first time it is called: priority (`None` asks for nothing) and `STACK` bytes of stack brought in.
+    /// At the first call: requests the priority (`None` requests nothing) and touches `STACK` bytes of
+    /// stack.
     pub fn once<const STACK: usize>(&self, priority: Option<i32>) {
         if self.0.get().is_none() {
             let _ = self.0.set(priority.map_or(Grant::NotAsked, ask_priority));
@@ -125,20 +129,21 @@ impl Asked {
         }
     }
 
-    /// What the thread got; `NotAsked` before it ran.
+    /// Result; `NotAsked` before the thread ran.
     pub fn get(&self) -> Grant {
         self.0.get().copied().unwrap_or_default()
     }
 }
 
-/// Writes to every page of the next `STACK` bytes of stack, so that none is brought in later. No system call.
+/// Writes to every page of the next `STACK` bytes of stack, so that none is paged in later. No system call.
 #[inline(never)]
 pub fn touch_stack<const STACK: usize>() {
     let mut stack = [0_u8; STACK];
     std::hint::black_box(&mut stack);
 }
 
-/// Least time the kernel may lengthen a sleep of this thread by: the default is 50 us where it is not real-time.
+/// Sets the kernel's timer slack of this thread to its minimum; the default is 50 us without real-time
+/// priority.
 pub(crate) fn sleep_sharply() {
     os::sleep_sharply();
 }
@@ -171,7 +176,7 @@ mod os {
         }
     }
 
-    /// Whether locking what comes later can be trusted not to make a later allocation fail.
+    /// Whether locking future memory cannot make a later allocation fail.
     fn unlimited() -> bool {
         let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
         // SAFETY: `limit` is of the type that is filled.
@@ -236,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_refused_is_said_with_the_line_that_allows_it() {
+    fn refusal_names_the_line_that_allows_it() {
         let grants =
             Grants { priority: Grant::Refused(1), memory: Grant::Granted, latency: Grant::NotSupported };
         let lines = grants.refused();
@@ -252,7 +257,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_priority_that_is_called_granted_is_what_the_system_says() {
+    fn granted_priority_is_what_the_system_reports() {
         let (grant, policy, slept) = std::thread::spawn(|| {
             let asked = Asked::default();
             assert_eq!(asked.get(), Grant::NotAsked);

@@ -1,17 +1,19 @@
-//! What a person may do to a run at any time, from any thread: mute it, stop it, ask for a change.
+//! Control of a run from any thread: mute it, stop it, request a change.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use parking_lot::Mutex;
 
 use crate::view::Request;
 
-/// Requests that may wait; of the same parameter or texture only the newest waits.
+/// Most requests that may wait. A newer one of the same parameter or texture replaces an older one.
 const REQUESTS: usize = 256;
 
-/// A hand on a run; every clone is one on the same run.
+/// Control of a run; every clone controls the same run.
 ///
-/// Muting and stopping wait for nobody: every driver looks here in its own callback, so that the output begins to fall with the next
-/// one, whatever the thread that made the run is doing. All else that is asked for is kept until that thread takes it.
+/// Muting and stopping never wait: every driver reads them in its next callback, whatever the control
+/// thread is doing. Requests wait until the control thread takes them.
 #[derive(Clone, Debug, Default)]
 pub struct Reins(Arc<Held>);
 
@@ -22,27 +24,27 @@ struct Held {
     requests: Mutex<Vec<Request>>,
 }
 
-/// Why a request is not kept.
+/// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unheard {
-    /// 256 others wait: try again.
+    /// 256 others wait. Try again later.
     Busy,
     /// The run is stopping.
     Over,
 }
 
 impl Reins {
-    /// Reins of a run that is not muted. It is stopped by this flag too, which a handler of signals may set.
+    /// Control of a run that is not muted. The flag stops it too; a signal handler may set it.
     pub fn stopped_by(flag: Arc<AtomicBool>) -> Self {
         Self(Arc::new(Held { stopping: flag, ..Held::default() }))
     }
 
-    /// Ramps the output down within 15 ms, or up again. Ticks go on. It holds for a device that comes back, too.
+    /// Mutes the output within 15 ms, or unmutes it. Ticks go on. A device that comes back stays muted.
     pub fn mute(&self, mute: bool) {
         self.0.muted.store(mute, Relaxed);
     }
 
-    /// Mutes what is heard, and plays what is muted.
+    /// Mutes an audible run, unmutes a muted one.
     pub fn toggle_mute(&self) {
         self.0.muted.fetch_not(Relaxed);
     }
@@ -52,7 +54,7 @@ impl Reins {
         self.0.muted.load(Relaxed)
     }
 
-    /// Ramps the output down within 15 ms, for good; whoever made the run is to end it then.
+    /// Ramps the output down within 15 ms, for good. The owner of the run must end it then.
     pub fn stop(&self) {
         self.0.stopping.store(true, Relaxed);
     }
@@ -62,15 +64,15 @@ impl Reins {
         self.0.stopping.load(Relaxed)
     }
 
-    /// Asks for a change. One that waits for the same parameter or texture is replaced.
+    /// Requests a change. It replaces one that waits for the same parameter or texture.
     ///
     /// # Errors
-    /// [`Unheard`] where it is not kept.
+    /// [`Unheard`] says why it is refused.
     pub fn ask(&self, request: Request) -> Result<(), Unheard> {
         if self.stopping() {
             return Err(Unheard::Over);
         }
-        let mut requests = self.requests();
+        let mut requests = self.0.requests.lock();
         requests.retain(|waiting| !waiting.is_of_the_same(&request));
         if requests.len() >= REQUESTS {
             return Err(Unheard::Busy);
@@ -79,13 +81,9 @@ impl Reins {
         Ok(())
     }
 
-    /// What was asked for since this was last called, oldest first.
+    /// Takes the requests since the last call, oldest first.
     pub fn asked(&self) -> Vec<Request> {
-        std::mem::take(&mut *self.requests())
-    }
-
-    fn requests(&self) -> MutexGuard<'_, Vec<Request>> {
-        self.0.requests.lock().unwrap_or_else(PoisonError::into_inner)
+        std::mem::take(&mut *self.0.requests.lock())
     }
 }
 
@@ -102,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn of_requests_for_the_same_thing_the_newest_waits() {
+    fn newer_request_replaces_an_older_one() {
         let reins = Reins::default();
         for request in [
             set("gain", 1.0),
@@ -120,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_are_bounded_and_a_run_that_stops_takes_none() {
+    fn requests_are_bounded_and_end_with_the_run() {
         let flag = Arc::new(AtomicBool::new(false));
         let reins = Reins::stopped_by(flag.clone());
         let refused =

@@ -1,61 +1,66 @@
 //! The clock of another machine or program, mapped to ours.
 //!
-//! A message was under way for an unknown time, never for less than none: of many, the one with the least arrival minus
-//! sending says best how the clocks stand to each other. (NTP picks the sample of least delay in the same way: RFC 5905, section
-//! 10, clock filter algorithm; V. Paxson, "On calibrating measurements of packet transit times", SIGMETRICS 1998, is about the
-//! same minimum.) What is left of the unknown is the least time under way; a lead that a sender adds to all its times is taken out too.
+//! The time that a message was under way is unknown, but never negative. Of many messages, the one with the
+//! least arrival minus sending tells the offset of the clocks best. (NTP picks the sample of least delay in
+//! the same way: RFC 5905, section 10, clock filter algorithm. V. Paxson, "On calibrating measurements of
+//! packet transit times", SIGMETRICS 1998, uses the same minimum.) The error left is the least time under
+//! way. A lead that a sender adds to all times is removed too.
 
-/// How long a least difference counts: so many buckets, less part of the newest.
+/// Buckets of the window in which a least difference counts, less part of the newest.
 const BUCKETS: usize = 5;
-/// One bucket of the window.
+/// Length of a bucket [ns].
 const BUCKET_NS: u64 = 1_000_000_000;
-/// By how much a least difference rises with each bucket that it is old: 100 parts in a million, for a clock that is slow.
+/// Rise of a least difference with each bucket of age [ns]: 100 ppm, for a slow clock.
 const CREEP_NS: i64 = 100_000;
-/// Differences that are off the least by more than this, either way...
+/// Differences further from the least than this, either way [ns], ...
 const JUMP_NS: i64 = 100_000_000;
-/// ...in so many messages without exception are another clock's: it was set...
+/// ... in so many messages in a row belong to a clock that was set, ...
 const JUMPED: u32 = 4;
-/// ...and, where they are larger, for so long: messages that were held up look the same for a while.
+/// ... if larger ones last this long [ns]: delayed messages look the same for a while.
 const HELD_UP_NS: u64 = 250_000_000;
-/// A message that is older than the newest by more than this was sent by a clock that was set back: none overtakes another by so much.
+/// A message older than the newest by more than this [ns] comes from a clock that was set back: none is
+/// overtaken by so much.
 const BACK_NS: i64 = 1_000_000_000;
 
-/// Where a message stands among those before it.
+/// Order of a message among those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Behind them.
+    /// After them.
     Next,
-    /// It was sent before one that is already here.
+    /// Sent before one that has already arrived.
     Late,
-    /// The clock was set anew: what came before does not join on.
+    /// The clock was set: earlier messages do not join on.
     Anew,
 }
 
-/// Maps the times of a device's own clock, of unknown offset and a drift of some 100 ppm, to [`now_ns`](crate::now_ns).
+/// Maps the times of a device's clock, of unknown offset and a drift of about 100 ppm, to
+/// [`now_ns`](crate::now_ns).
 ///
-/// A clock that is set forward by more than 0.1 s is followed after four messages, which until then count as sent when they arrived: a single
-/// stamp from the future changes nothing. A single one that is more than 1 s old begins anew, and so does the next. A clock that is set back by more than 1 s is followed at once, by 0.1 to 1 s after 0.25 s and
-/// four messages, by less within 5 s; until then its messages count as sent too early.
+/// - A clock set forward by more than 0.1 s is followed after four messages. Until then they count as sent
+///   when they arrived, so a single time stamp from the future changes nothing.
+/// - A single message more than 1 s old restarts the mapping, and so does the next.
+/// - A clock set back by more than 1 s is followed at once; by 0.1 to 1 s after 0.25 s and four messages;
+///   by less within 5 s. Until then its messages count as sent too early.
 ///
-/// Of 250 messages a second that are 0 to 8 ms under way beyond the least, the root of the mean squared error is 0.11 ms without drift, 0.15 ms and
-/// 0.04 ms at 100 ppm fast and slow.
+/// With 250 messages a second that are 0 to 8 ms late, the rms error is 0.11 ms without drift, 0.15 ms at
+/// 100 ppm fast and 0.04 ms at 100 ppm slow.
 #[derive(Clone, Debug)]
 pub struct RemoteClock {
     /// The least arrival minus sending of each bucket, the newest first; `i64::MAX` for none.
     least: [i64; BUCKETS],
     bucket_ns: u64,
-    /// When the newest message was sent that fits the least.
+    /// Sending time of the newest message that fits the least.
     newest: i64,
     odd: Odd,
 }
 
-/// The messages, one after the other, that do not fit the least.
+/// Messages in a row that do not fit the least.
 #[derive(Clone, Copy, Debug)]
 struct Odd {
     count: u32,
     since_ns: u64,
     larger: bool,
-    /// The least of their differences.
+    /// Least of their differences.
     least: i64,
 }
 
@@ -68,13 +73,13 @@ impl Default for RemoteClock {
 }
 
 impl RemoteClock {
-    /// A clock nothing is known of yet.
+    /// An unknown clock.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Takes note of a message that was sent at `sent_s` seconds of the other clock and arrived at `arrived_ns` of ours. A time that is not
-    /// finite, or beyond 290 years, says nothing.
+    /// Notes a message sent at `sent_s` seconds of the other clock, arrived at `arrived_ns` of ours. A time
+    /// that is not finite, or beyond 290 years, is ignored.
     pub fn hear(&mut self, sent_s: f64, arrived_ns: u64) -> Order {
         let Some((sent, arrived)) = whole(sent_s, arrived_ns) else { return Order::Next };
         let Some(difference) = arrived.checked_sub(sent) else { return Order::Next };
@@ -102,8 +107,9 @@ impl RemoteClock {
         if late { Order::Late } else { Order::Next }
     }
 
-    /// Our time of what was at `at_s` seconds of the other clock, by the messages so far; never later than `arrived_ns`, when we learned of
-    /// it, which is the answer where nothing is known. A time that is not finite, or beyond 290 years, is taken as the arrival.
+    /// Our time of `at_s` seconds of the other clock, by the messages so far: never later than its arrival
+    /// `arrived_ns`, which is
+    /// also the result if nothing is known, or if the time is not finite or beyond 290 years.
     pub fn time_ns(&self, at_s: f64, arrived_ns: u64) -> u64 {
         let (Some((at, arrived)), Some(offset)) = (whole(at_s, arrived_ns), self.offset()) else {
             return arrived_ns;
@@ -134,7 +140,7 @@ impl RemoteClock {
         }
     }
 
-    /// Counts a message that does not fit; whether they are so many that the clock was set.
+    /// Counts a message that does not fit. True if there are so many that the clock was set.
     fn odd(&mut self, larger: bool, difference: i64, arrived_ns: u64) -> bool {
         if self.odd.count == 0 || self.odd.larger != larger {
             self.odd = Odd { since_ns: arrived_ns, larger, ..NONE };

@@ -5,8 +5,8 @@ const MS: f64 = 1e6;
 /// The least time under way, in ms.
 const WAY_MS: f64 = 1.0;
 
-/// Messages at 250 Hz over a way of 1 ms and more by `delay_ms` (of the message's number and time in s), in order. The error of each message's time in
-/// ms, beyond the shortest way, and where it stood.
+/// Messages at 250 Hz over a way of 1 ms and more by `delay_ms` (of the message's number and time in s), in
+/// order. The error of each message's time in ms, beyond the shortest way, and where it stood.
 fn heard(
     clock: &mut RemoteClock,
     seconds: std::ops::Range<u64>,
@@ -40,8 +40,9 @@ fn follow(heard: &[(f64, Order)]) -> bool {
 }
 
 #[test]
-fn a_clock_of_any_offset_and_drift_is_followed_but_for_the_shortest_way() {
-    // An offset as of a browser, of an OSC time tag (seconds since 1900), and a time before the other clock's zero.
+fn clock_of_any_offset_and_drift_is_followed() {
+    // An offset as of a browser, of an OSC time tag (seconds since 1900), and a time before the other
+    // clock's zero.
     for (offset, ppm) in [(0.0, 0.0), (12.3, 100.0), (3.9e9, -100.0), (-5000.0, 50.0)] {
         let delays: [&dyn Fn(u64, f64) -> f64; 3] = [
             &jitter,
@@ -59,7 +60,7 @@ fn a_clock_of_any_offset_and_drift_is_followed_but_for_the_shortest_way() {
 }
 
 #[test]
-fn a_clock_that_is_set_begins_anew_once_and_is_followed_again() {
+fn clock_that_is_set_restarts_once_and_is_followed() {
     for (jump, patience) in [(1000.0, 4), (0.3, 4), (-1000.0, 1), (-0.5, 66)] {
         let mut clock = RemoteClock::new();
         heard(&mut clock, 1..20, |t| t, jitter);
@@ -75,7 +76,7 @@ fn a_clock_that_is_set_begins_anew_once_and_is_followed_again() {
 }
 
 #[test]
-fn one_stamp_from_the_future_changes_nothing_but_its_own_time() {
+fn future_time_stamp_changes_only_its_own_time() {
     for ahead in [0.2, 5.0, 1e9] {
         let mut clock = RemoteClock::new();
         heard(&mut clock, 1..10, |t| t, jitter);
@@ -86,14 +87,14 @@ fn one_stamp_from_the_future_changes_nothing_but_its_own_time() {
 }
 
 #[test]
-fn messages_that_were_held_up_for_seconds_keep_their_times() {
+fn messages_delayed_for_seconds_keep_their_times() {
     let mut clock = RemoteClock::new();
     let held = |i, t: f64| if (10.0..12.0).contains(&t) { (12.0 - t) * 1e3 } else { jitter(i, t) };
     assert!(follow(&heard(&mut clock, 1..20, |t| t, held)[4 * 250..]));
 }
 
 #[test]
-fn a_message_that_was_overtaken_is_late_and_keeps_its_time() {
+fn overtaken_message_is_late_and_keeps_its_time() {
     let mut clock = RemoteClock::new();
     assert_eq!(clock.hear(5.0, 1_000_000_000), Order::Next);
     assert_eq!(clock.hear(5.02, 1_020_000_000), Order::Next);
@@ -103,7 +104,7 @@ fn a_message_that_was_overtaken_is_late_and_keeps_its_time() {
 }
 
 #[test]
-fn nonsense_is_its_arrival_and_does_no_harm() {
+fn invalid_time_counts_as_the_arrival() {
     let mut clock = RemoteClock::new();
     assert_eq!(clock.time_ns(3.0, 7), 7, "nothing is known yet");
     heard(&mut clock, 1..5, |t| t, jitter);

@@ -1,32 +1,34 @@
-//! What a hand does, as it comes in from a device, a network or a page.
+//! Samples of a hand from a device, a network or a page.
 
 use ringbuf::traits::{Consumer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-/// Samples that may wait for the tick thread.
+opaque_debug!(SampleWriter, SampleReader);
+
+/// Size of the queue to the tick thread.
 pub const QUEUE: usize = 4096;
 
 /// One reading of a hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
-    /// When the hand was there, by [`now_ns`](crate::now_ns). Where the device has a clock of its own, that clock's time mapped
-    /// to this one; else when it arrived.
+    /// Time of the reading, by [`now_ns`](crate::now_ns): the device's own clock mapped to ours, or else
+    /// the arrival.
     pub time_ns: u64,
-    /// When it arrived here, by the same clock; at least about `time_ns`.
+    /// Time of arrival, by the same clock; not before `time_ns`, or only little.
     pub arrived_ns: u64,
     /// x, y, z in mm, z up.
     pub position: [f64; 3],
-    /// What the device says of how hard: a force in N, or a pressure from 0 to 1, as its node declares. 0 off the surface.
+    /// Force in N, or pressure from 0 to 1, as the node declares. 0 off the surface.
     pub force: f64,
-    /// Counts touches that do not join on to what was before: another number means that the hand was lifted and put down
-    /// elsewhere, and that nothing between is to be made up.
+    /// Stroke number. A new number means that the hand was lifted and put down elsewhere: nothing is
+    /// interpolated between.
     pub stroke: u32,
 }
 
-/// Where a source puts its samples, in the order of their times. One thread.
+/// Writer of a source, in the order of time. One thread.
 pub struct SampleWriter(HeapProd<Sample>);
 
-/// Where the tick thread takes them.
+/// Reader of the tick thread.
 pub struct SampleReader(HeapCons<Sample>);
 
 /// A queue from a source to the tick thread.
@@ -36,7 +38,8 @@ pub fn samples() -> (SampleWriter, SampleReader) {
 }
 
 impl SampleWriter {
-    /// Sends a sample. False where the queue is full, because nobody ticks, or where the values are not finite: then it is lost.
+    /// Sends a sample. False if it is lost: the queue is full because nothing ticks, or a value is not
+    /// finite.
     pub fn send(&mut self, sample: Sample) -> bool {
         let finite = sample.position.iter().all(|x| x.is_finite()) && sample.force.is_finite();
         finite && self.0.try_push(sample).is_ok()
@@ -47,17 +50,5 @@ impl SampleReader {
     /// Takes the oldest sample. Tick thread.
     pub fn take(&mut self) -> Option<Sample> {
         self.0.try_pop()
-    }
-}
-
-impl std::fmt::Debug for SampleWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleWriter").finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for SampleReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleReader").finish_non_exhaustive()
     }
 }

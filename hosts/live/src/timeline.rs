@@ -1,45 +1,47 @@
-//! Where a hand was at a tick's own time, from samples that come when they come.
+//! Position of a hand at a tick's own time, from samples that come at any time.
 //!
-//! A tick reads the hand a little in its past, so that the samples around that time have arrived and nothing is made up: between two
-//! samples on a line, after the newest one held. How far in the past is given, or follows how late samples come.
+//! A tick reads the hand a little in the past, so that the samples around that time have arrived: positions
+//! are interpolated between two samples, and held after the newest. The reading delay is fixed, or follows
+//! the lateness of samples.
 
 use std::collections::VecDeque;
 
 use crate::sample::{Sample, SampleReader};
 
-/// No reading delay is longer.
+/// Longest reading delay [ns].
 pub const MOST_DELAY_NS: u64 = 30_000_000;
-/// Time-out of a source that declares none.
+/// Timeout of a source that declares none [ns].
 pub const TIMEOUT_NS: u64 = 50_000_000;
-/// How fast the delay moves, as a part of time: it falsifies speeds by as much.
+/// Fastest change of the delay, as a share of time. It distorts speeds by as much.
 const SLEW: f64 = 0.02;
-/// A need for delay is forgotten with this time constant.
+/// Time constant with which a need for delay decays [s].
 const FORGET_S: f64 = 3.0;
-/// Samples that are kept: 30 ms at 17 kHz.
+/// Samples kept: 30 ms at 17 kHz.
 const KEPT: usize = 512;
 
-/// How far behind a tick's time the hand is read.
+/// Reading delay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delay {
-    /// Always this far, in nanoseconds.
+    /// Fixed [ns].
     Fixed(u64),
-    /// As far as samples come late, and one sample's distance: the most of it in the last seconds, 30 ms at most.
+    /// Follows the lateness of samples plus one sample's distance: the maximum of the last seconds, 30 ms
+    /// at most.
     Auto,
 }
 
-/// What is known of the hand at a time.
+/// State of the hand at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// x, y, z in mm.
     pub position: [f64; 3],
     /// As in [`Sample::force`].
     pub force: f64,
-    /// Another number means that the hand did not move from the last reading to here: it was put down anew, or comes
-    /// back from a stall.
+    /// Stroke number. A new number means that the hand did not move here from the last reading: it was put
+    /// down anew, or comes back from a stall.
     pub stroke: u32,
-    /// From the time of the newest sample to the tick's; 0 before any.
+    /// Age of the newest sample at the tick's time [ns]; 0 before any.
     pub age_ns: u64,
-    /// Whether nothing came within the time-out, or nothing at all so far. The position is held.
+    /// Whether nothing came within the timeout, or nothing at all so far. The position is held.
     pub stalled: bool,
 }
 
@@ -48,15 +50,15 @@ pub struct Reading {
 pub struct Seen {
     /// Samples so far.
     pub samples: u64,
-    /// How often nothing came within the time-out.
+    /// How often nothing came within the timeout.
     pub stalls: u64,
-    /// Samples with a time before that of the sample before them; taken as of the same time.
+    /// Samples older than the sample before them; taken as of the same time.
     pub disordered: u64,
-    /// Samples with a time after their arrival; taken as of their arrival.
+    /// Samples newer than their arrival; taken as of their arrival.
     pub from_the_future: u64,
-    /// Samples that arrived when their time had been read already.
+    /// Samples that arrived after their time was read.
     pub too_late: u64,
-    /// The reading delay as it is now.
+    /// Current reading delay [ns].
     pub delay_ns: u64,
 }
 
@@ -67,23 +69,23 @@ pub struct Timeline {
     kept: VecDeque<Sample>,
     delay: Delay,
     timeout_ns: u64,
-    /// The delay now, and what samples need, in nanoseconds.
+    /// Current delay, and the delay that samples need [ns].
     delay_ns: f64,
     need_ns: f64,
-    /// Time of the newest sample as it was sent in, and when something last came.
+    /// Time of the newest sample as sent, and of the last arrival [ns].
     newest_ns: u64,
     arrived_ns: u64,
-    /// Time of the last call, and the time that was read.
+    /// Time of the last call, and the time it read [ns].
     last_ns: u64,
     read_ns: u64,
-    /// Strokes that a stall ended.
+    /// Strokes ended by a stall.
     broken: u32,
     stalled: bool,
     seen: Seen,
 }
 
 impl Timeline {
-    /// Reads a source. `timeout_ns`: how long it may say nothing; a source at rest says so by repeating itself.
+    /// Reads a source. `timeout_ns`: longest silence of a live source; a source at rest repeats itself.
     pub fn new(from: SampleReader, delay: Delay, timeout_ns: u64) -> Self {
         let fixed = if let Delay::Fixed(ns) = delay { ns as f64 } else { 0.0 };
         Self {
@@ -103,8 +105,8 @@ impl Timeline {
         }
     }
 
-    /// The hand at a tick's time by [`now_ns`](crate::now_ns), as far as samples have come. Times must not go back; one that does
-    /// is taken as the last. Takes all samples that wait.
+    /// The hand at a tick's time by [`now_ns`](crate::now_ns), from the samples so far. Takes all waiting
+    /// samples. A time before that of the last call counts as the last.
     pub fn at(&mut self, time_ns: u64) -> Reading {
         let time_ns = time_ns.max(self.last_ns);
         let passed = (time_ns - self.last_ns) as f64;
@@ -149,7 +151,7 @@ impl Timeline {
             self.seen.too_late += 1;
             sample.time_ns = self.read_ns;
         }
-        // The newest one was held until now; the way to the next begins where it was held last, so that nothing jumps.
+        // The newest sample was held until now. The line to the next begins there, so that nothing jumps.
         if let Some(last) = self.kept.back_mut() {
             last.time_ns = last.time_ns.max(self.read_ns.min(sample.time_ns));
         }
@@ -159,10 +161,10 @@ impl Timeline {
         self.kept.push_back(sample);
     }
 
-    /// Takes note of how far behind this sample would have to be read: until it had arrived, the way to it was not known.
+    /// Notes the delay that this sample needs: until it arrived, the line to it was unknown.
     fn need(&mut self, sample: &Sample) {
         let Some(last) = self.kept.back().filter(|last| last.stroke == sample.stroke) else { return };
-        // A hand at rest repeats itself as slowly as it likes.
+        // A hand at rest may repeat itself slowly.
         if last.position != sample.position || last.force != sample.force {
             let need = sample.arrived_ns.saturating_sub(self.newest_ns).min(MOST_DELAY_NS);
             self.need_ns = self.need_ns.max(need as f64);
@@ -181,7 +183,7 @@ impl Timeline {
             return;
         }
         let most = SLEW * passed_ns;
-        // Nothing has moved yet that a jump could falsify.
+        // No motion yet that a jump could distort.
         let most = if self.seen.samples <= 2 { f64::INFINITY } else { most };
         self.delay_ns += (self.need_ns - self.delay_ns).clamp(-most, most);
     }

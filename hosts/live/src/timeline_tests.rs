@@ -32,7 +32,7 @@ fn run(
 }
 
 #[test]
-fn a_hand_that_moves_evenly_is_read_on_its_line_one_delay_ago() {
+fn steady_motion_is_read_one_delay_ago() {
     let (mut to, mut line) = timeline(Delay::Fixed(10 * MS));
     // 250 Hz, 3 ms late, 100 mm/s.
     let all: Vec<_> = (0..250).map(|i| sample(i * 4 * MS, i * 4 * MS + 3 * MS, i as f64 * 0.4)).collect();
@@ -46,7 +46,7 @@ fn a_hand_that_moves_evenly_is_read_on_its_line_one_delay_ago() {
 }
 
 #[test]
-fn the_delay_finds_what_samples_need_and_falsifies_no_speed_by_more_than_two_per_cent() {
+fn auto_delay_changes_speed_by_at_most_2_percent() {
     let (mut to, mut line) = timeline(Delay::Auto);
     // 250 Hz, 1 ms late, then 6 to 9 ms late for 2 s, then 1 ms again; 100 mm/s.
     let late = |i: u64| if (500..1000).contains(&i) { 6 * MS + (uniform(1, i) * 3e6) as u64 } else { MS };
@@ -69,7 +69,7 @@ fn the_delay_finds_what_samples_need_and_falsifies_no_speed_by_more_than_two_per
 }
 
 #[test]
-fn nothing_is_made_up_between_strokes_or_after_the_newest_sample() {
+fn position_is_held_between_strokes_and_at_the_end() {
     let (mut to, mut line) = timeline(Delay::Fixed(5 * MS));
     let mut all: Vec<_> = (1..=10).map(|i| sample(i * 2 * MS, i * 2 * MS, i as f64)).collect();
     // The hand is put down elsewhere 40 ms later.
@@ -88,7 +88,7 @@ fn nothing_is_made_up_between_strokes_or_after_the_newest_sample() {
 }
 
 #[test]
-fn a_sample_after_a_pause_does_not_make_the_position_jump() {
+fn sample_after_a_pause_does_not_jump() {
     let (mut to, mut line) = timeline(Delay::Fixed(8 * MS));
     // At rest without a word for 40 ms, then 100 mm/s at 250 Hz.
     let mut all = vec![sample(10 * MS, 10 * MS, 0.0)];
@@ -101,7 +101,7 @@ fn a_sample_after_a_pause_does_not_make_the_position_jump() {
 }
 
 #[test]
-fn a_stall_is_told_within_20_ms_counted_once_and_ends_with_a_new_stroke() {
+fn stall_counts_once_and_ends_with_a_new_stroke() {
     let (mut to, mut line) = timeline(Delay::Auto);
     assert!(line.at(0).stalled);
     let mut all: Vec<_> = (1..=50).map(|i| sample(i * 4 * MS, i * 4 * MS + MS, i as f64)).collect();
@@ -120,7 +120,7 @@ fn a_stall_is_told_within_20_ms_counted_once_and_ends_with_a_new_stroke() {
 }
 
 #[test]
-fn a_hand_at_rest_that_says_so_is_no_stall_and_asks_for_no_delay() {
+fn hand_at_rest_neither_stalls_nor_adds_delay() {
     let (mut to, mut line) = timeline(Delay::Auto);
     let mut all: Vec<_> = (1..=100).map(|i| sample(i * 4 * MS, i * 4 * MS, i as f64)).collect();
     all.extend((1..=40).map(|i| sample((400 + i * 25) * MS, (400 + i * 25) * MS, 100.0)));
@@ -130,7 +130,7 @@ fn a_hand_at_rest_that_says_so_is_no_stall_and_asks_for_no_delay() {
 }
 
 #[test]
-fn samples_out_of_order_or_from_the_future_are_clamped_and_counted() {
+fn disordered_and_future_samples_are_clamped() {
     let (mut to, mut line) = timeline(Delay::Fixed(10 * MS));
     let all = [
         sample(10 * MS, 12 * MS, 1.0),

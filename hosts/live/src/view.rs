@@ -1,11 +1,11 @@
-//! What a person sees of a running graph: figures for a page, a terminal or a report.
+//! Figures of a running graph for a page, a terminal or a report.
 
 use serde::Serialize;
 
-/// The graph as it is being run. Changes only when another graph is taken over.
+/// The running graph. Changes only when another graph takes over.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Layout {
-    /// Counts the graphs that were taken over, from 0.
+    /// Number of the graph: the first is 0, each one that takes over is one more.
     pub number: u64,
     /// The graph file.
     pub file: String,
@@ -17,9 +17,9 @@ pub struct Layout {
     pub nodes: Vec<NodeLayout>,
     /// Wires: node and output, node and input, by index.
     pub wires: Vec<[usize; 4]>,
-    /// What the scopes show.
+    /// Signals on scopes.
     pub scopes: Vec<ScopeLayout>,
-    /// Textures that may be chosen: node id, the one it has, and all there are.
+    /// Textures that a person may choose, by node.
     pub materials: Vec<Materials>,
 }
 
@@ -36,7 +36,7 @@ pub struct NodeLayout {
     pub outputs: Vec<[String; 2]>,
     /// Parameters that may change while it runs.
     pub live: Vec<LiveLayout>,
-    /// Whether it wants to be heard for its own sake.
+    /// Whether it is a sink.
     pub sink: bool,
 }
 
@@ -45,15 +45,15 @@ pub struct NodeLayout {
 pub struct LiveLayout {
     /// Its name.
     pub name: String,
-    /// What it was last set to; a flag is 0 or 1, a choice the place of its word.
+    /// Current value; 0 or 1 for a flag, the index of its word for a choice.
     pub value: f64,
     /// Least value.
     pub least: f64,
     /// Greatest value.
     pub most: f64,
-    /// The part of the range around its value that is worth a slider, where the whole is far wider.
+    /// Useful slider range around the value, if the whole range is far wider.
     pub reach: Option<[f64; 2]>,
-    /// Only whole numbers.
+    /// Whether it takes whole numbers only.
     pub whole: bool,
     /// Words of a choice, `off` and `on` of a flag; empty for a number.
     pub words: Vec<String>,
@@ -73,7 +73,7 @@ pub struct ScopeLayout {
 }
 
 impl LiveLayout {
-    /// Least and greatest value of a slider: those that it may have, or the part of them that is worth one.
+    /// Range of a slider: `reach`, or else least to most.
     pub fn slide(&self) -> [f64; 2] {
         self.reach.unwrap_or([self.least, self.most])
     }
@@ -90,7 +90,7 @@ pub struct Materials {
     pub names: Vec<String>,
 }
 
-/// How the run stands.
+/// State of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Condition {
@@ -99,9 +99,9 @@ pub enum Condition {
     Starting,
     /// It plays.
     Playing,
-    /// The output was muted by hand.
+    /// A person muted the output.
     Muted,
-    /// The device is lost, and the run waits for it.
+    /// The device is lost; the run waits for it.
     Lost,
     /// The output is ramping down for good.
     Stopping,
@@ -109,22 +109,22 @@ pub enum Condition {
     Failed,
 }
 
-/// Figures of the moment. Times are in microseconds unless the name says otherwise.
+/// Figures now. Times are in microseconds unless the name says otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct View {
     /// Counts views.
     pub number: u64,
-    /// The [`Layout`] that the numbers of nodes are of.
+    /// Number of the [`Layout`] that the node indices refer to.
     pub layout: u64,
-    /// How the run stands.
+    /// State of the run.
     pub condition: Condition,
-    /// Whether a person muted it, whatever else is the matter.
+    /// Whether a person muted it, in any condition.
     pub muted: bool,
-    /// What drives the ticks: `callback`, `paced`, `timer`.
+    /// Clock of the ticks: `callback`, `paced`, `timer`.
     pub clock: String,
-    /// The device, as a person knows it; empty for none.
+    /// Name of the device; empty for none.
     pub device: String,
-    /// Frames of a callback, as last seen; 0 for none.
+    /// Frames a callback, as measured; 0 for none.
     pub period_frames: u32,
     /// Ticks so far.
     pub ticks: u64,
@@ -136,15 +136,15 @@ pub struct View {
     pub underruns: u64,
     /// Samples of each channel that were never played.
     pub lost_samples: u64,
-    /// Samples that a channel's guard had to hold to the limits, behind the graph's own limiters.
+    /// Samples that a channel's guard limited, behind the graph's own limiters.
     pub guarded: u64,
-    /// Gaps of callbacks that the loop over their times saw, or xruns the host reported; what both saw counts once.
+    /// Xruns: gaps between callbacks, or xruns that the host reported. One that both saw counts once.
     pub xruns: u64,
     /// How often the device was lost.
     pub losses: u64,
-    /// Ticks that were left out, because they were too far behind.
+    /// Ticks skipped because they were too late.
     pub skipped_ticks: u64,
-    /// Recorded samples of each channel that were lost, or were not there when a tick wanted them.
+    /// Recorded samples of each channel that were lost, or missing when a tick needed them.
     pub recording_gaps: u64,
     /// Faults of all nodes.
     pub faults: u64,
@@ -154,27 +154,27 @@ pub struct View {
     pub sources: Vec<SourceView>,
     /// New samples of each scope, oldest first.
     pub scopes: Vec<Vec<f32>>,
-    /// Latency from a hand to the actuator, itemised: what, milliseconds.
+    /// Latency from the hand to the actuator, as items with milliseconds.
     pub latency_ms: Vec<(String, f64)>,
-    /// Peak of what the device was given since the view before, behind the ramp of start, mute and stop, of full scale; 0 without
-    /// a device.
+    /// Peak of the output since the view before, behind all ramps, of full scale; 0 without a device.
     pub peak: f32,
 }
 
-/// Times of ticks since the start: how late they woke, and how long they took.
+/// Wake-up lateness and computing time of ticks since the start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TimingView {
     /// One tick in microseconds: the deadline.
     pub deadline_us: f64,
-    /// Ticks that were done later than a tick after they were due.
+    /// Deadline misses: ticks that ended more than a tick after they were due.
     pub misses: u64,
-    /// Of these, ticks that woke too late: the machine's doing.
+    /// Deadline misses by late waking: the computing itself took less than a tick.
     pub woke_late: u64,
     /// Wake-up lateness: p50, p99, p99.9, max.
     pub late_us: [f64; 4],
     /// Computing: p50, p99, p99.9, max.
     pub compute_us: [f64; 4],
-    /// Recovery, from when a tick that was missed was due to when the next one was there in time: p50, p99, p99.9, max; 0 for none.
+    /// Time from the due time of a deadline miss to the end of the next tick in time: p50, p99, p99.9, max;
+    /// 0 for none.
     pub recovery_us: [f64; 4],
     /// Upper edges of the histogram's bins; the last bin is open.
     pub edges_us: Vec<f64>,
@@ -201,7 +201,7 @@ pub struct NodeView {
     pub last_fault: String,
     /// Whether it is no longer called.
     pub quarantined: bool,
-    /// For every output: the first value of a control, the rms of audio since the view before, the largest bin of a frame.
+    /// One figure an output: the first value of a control, the rms of audio, the largest bin of a frame.
     pub values: Vec<f32>,
 }
 
@@ -214,7 +214,7 @@ pub struct SourceView {
     pub rate_hz: f64,
     /// Age of the newest sample in milliseconds.
     pub age_ms: f64,
-    /// How far behind the hand it is read, in milliseconds, so that samples need not be made up.
+    /// Reading delay in milliseconds.
     pub delay_ms: f64,
     /// How often it stalled.
     pub stalls: u64,
@@ -224,7 +224,7 @@ pub struct SourceView {
     pub samples: u64,
 }
 
-/// What a person asks of a running graph, beside muting and stopping it: see [`Reins`](crate::Reins).
+/// Change that a person requests of a running graph; see [`Reins`](crate::Reins) for muting and stopping.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Set a live parameter: node, parameter, value.
@@ -246,7 +246,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// Whether both are of one parameter, or of one node's texture: then only the newer of them counts.
+    /// Whether both change the same parameter, or the texture of the same node: then the newer one counts.
     pub fn is_of_the_same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Set { node, param, .. }, Self::Set { node: n, param: p, .. }) => node == n && param == p,

@@ -1,4 +1,4 @@
-//! One page that watches.
+//! One page: figures out, requests and strokes in.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -17,23 +17,23 @@ use crate::hand::Pen;
 use crate::server::Shared;
 use crate::wire::{self, AHEAD, Ask, PATIENCE, Told};
 
-/// Messages a second that a page may send, and how many at once. A pen of 1 kHz sends 1000.
+/// Most messages of a page in a second, and at once. A pen of 1 kHz sends 1000 a second.
 const MESSAGES: [f64; 2] = [4000.0, 8000.0];
-/// What it may ask for in a second, and at once. A slider sends one a picture.
+/// Most requests of a page in a second, and at once. A slider sends one a frame.
 const ASKS: [f64; 2] = [250.0, 500.0];
-/// Answers that may wait for a page.
+/// Most answers that wait for a page.
 const ANSWERS: usize = 16;
 
-/// How long a page may take to hear why it is let go.
+/// Longest wait for a page to hear why it is disconnected.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Why a page is let go: the code of the WebSocket, and a reason.
+/// Why a page is disconnected: WebSocket close code and reason.
 type Leave = (u16, &'static str);
 
-const SLOW: Leave = (close_code::POLICY, "too slow: what was sent was not taken");
+const SLOW: Leave = (close_code::POLICY, "too slow: views were not acknowledged");
 const GONE: Leave = (close_code::NORMAL, "");
 
-/// Shows the run to a page and hears it, until it leaves, breaks a rule, or the server stops.
+/// Serves a page until it leaves, breaks a rule, or the server stops.
 pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
     let (mut to, mut from) = socket.split();
     let (got, got_by_page) = watch::channel(0);
@@ -46,7 +46,7 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
     };
     shared.hand.free(page, &shared.counts);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
-    // What is not read when a socket closes takes with it what was sent last: the reason would be lost.
+    // A socket that closes with unread data also loses its last message: the reason.
     let farewell = async {
         if to.send(close).await.is_ok() {
             while let Some(Ok(_)) = from.next().await {}
@@ -55,7 +55,7 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
     let _ = timeout(FAREWELL, farewell).await;
 }
 
-/// Hears a page.
+/// Reads the messages of a page.
 async fn listen(
     from: &mut SplitStream<WebSocket>,
     page: u64,
@@ -66,26 +66,26 @@ async fn listen(
     let (mut messages, mut asks) = (Bucket::new(MESSAGES), Bucket::new(ASKS));
     let mut pen = Pen::default();
     while let Some(message) = from.next().await {
-        // A message that is too long, or not of the protocol.
-        let Ok(message) = message else { return (close_code::PROTOCOL, "this is not for here") };
+        // Too long, or not a WebSocket message.
+        let Ok(message) = message else { return (close_code::PROTOCOL, "not a valid message") };
         if !messages.take() {
             return (close_code::POLICY, "too many messages");
         }
         match message {
             Message::Text(text) => {
                 let Ok(ask) = serde_json::from_str(&text) else {
-                    return (close_code::INVALID, "this asks for nothing known");
+                    return (close_code::INVALID, "unknown request");
                 };
                 if !asks.take() {
                     return (close_code::POLICY, "too many requests");
                 }
                 if let Err(why) = pass(ask, shared) {
-                    // A page that does not read its answers does without.
+                    // A page that does not read its answers loses them.
                     let _ = answers.try_send(serde_json::json!({ "refused": why }).to_string());
                 }
             }
             Message::Binary(bytes) => match wire::told(&bytes) {
-                None => return (close_code::INVALID, "this is not what a page sends"),
+                None => return (close_code::INVALID, "not a valid binary message"),
                 Some(Told::Got(count)) => {
                     got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
                 }
@@ -101,7 +101,7 @@ async fn listen(
     GONE
 }
 
-/// Does what was asked for, or passes it on if the graph has it.
+/// Carries a request out, or passes it on if it fits the graph. An error is shown on the page.
 fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
     let request = match ask {
         Ask::Mute(mute) => {
@@ -124,7 +124,7 @@ fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
 fn set(node: String, param: String, value: f64, layout: &Layout) -> Result<Request, String> {
     let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
     let Some(live) = live.iter().find(|x| x.name == param) else {
-        return Err(format!("{node} has no {param} that may change while it runs."));
+        return Err(format!("{node} has no parameter {param} that can change while it runs."));
     };
     let fits = (live.least..=live.most).contains(&value) && !(live.whole && value.fract() != 0.0);
     if !fits {
@@ -146,10 +146,10 @@ struct Show<'a> {
     to: &'a mut SplitSink<WebSocket, Message>,
     page: u64,
     shared: &'a Shared,
-    /// Views that the page says it has got, and that it was sent.
+    /// Views that the page has acknowledged, and that it was sent.
     got: watch::Receiver<u64>,
     sent: u64,
-    /// Since when it owes an answer.
+    /// Start of the wait for an acknowledgement.
     since: Instant,
     layouts: u64,
     seen: u64,
@@ -182,7 +182,7 @@ impl<'a> Show<'a> {
                     self.since = Instant::now();
                     if got.is_err() { return GONE }
                     if *self.got.borrow_and_update() > self.sent {
-                        return (close_code::INVALID, "it says it has got more than was sent");
+                        return (close_code::INVALID, "acknowledged more views than were sent");
                     }
                     None
                 }
@@ -206,7 +206,7 @@ impl<'a> Show<'a> {
         }
     }
 
-    /// Sends what was published, as far as the page keeps up.
+    /// Sends what is new, as far as the page keeps up.
     async fn catch_up(&mut self) -> Result<(), Leave> {
         let news = self.shared.feed.after(self.layouts, self.seen);
         if let Some((layout, count)) = news.layout {
@@ -246,7 +246,7 @@ impl<'a> Show<'a> {
     }
 }
 
-/// So many a second, and so many at once.
+/// A rate limit: so many a second, and so many at once.
 struct Bucket {
     a_second: f64,
     most: f64,

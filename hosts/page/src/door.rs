@@ -1,4 +1,6 @@
-//! Who is connected. Those that showed the token are counted apart: strangers cannot take their place.
+//! Limits of connections.
+//!
+//! Connections with the token are counted apart: those without it cannot take their places.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -23,11 +25,11 @@ struct Strangers {
     here: BTreeMap<u64, AbortHandle>,
 }
 
-/// One connection. Dropping it frees its place.
+/// One connection. A drop frees its place.
 pub(crate) struct Visitor {
     door: Arc<Door>,
     number: u64,
-    /// Its place among those with the token.
+    /// Its place among the connections with the token.
     place: OnceLock<OwnedSemaphorePermit>,
 }
 
@@ -38,7 +40,7 @@ impl Default for Door {
 }
 
 impl Door {
-    /// Spawns what a new connection does. Returns whether the oldest stranger was closed for it.
+    /// Spawns the task of a new connection. Returns whether the oldest stranger was closed for it.
     pub(crate) fn enter<F>(self: &Arc<Self>, attend: impl FnOnce(Visitor) -> F) -> bool
     where
         F: Future<Output = ()> + Send + 'static,
@@ -60,7 +62,7 @@ impl Door {
 }
 
 impl Visitor {
-    /// Takes a place among those with the token. Returns false where none is left.
+    /// Takes a place among the connections with the token. Returns whether there was one.
     pub(crate) fn admit(&self) -> bool {
         if self.place.get().is_some() {
             return true;

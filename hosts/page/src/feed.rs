@@ -1,4 +1,4 @@
-//! Where a run leaves its figures for the pages.
+//! The newest figures of a run, for the pages.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -10,43 +10,43 @@ use tokio::sync::watch;
 
 use crate::wire;
 
-/// Views that are kept for a page that was late by a moment. One that is later than this gets the newest alone.
+/// Views that are kept for slow pages. A page further behind gets the newest alone.
 const KEPT: usize = 4;
 
-/// What a run shows. Filled by one control thread, read by every page.
+/// The figures of a run. One control thread writes them, every page reads them.
 ///
-/// Nothing here waits for a page, and nothing grows: the newest layout and the newest few views are kept. The lock is held
-/// for the exchange of a pointer only. A view of 13 nodes and four scopes, two of them at 48 kHz, takes
+/// Nothing here waits for a page, and nothing grows: the newest layout and few views are kept. The lock is
+/// held for the exchange of a pointer only. A view of 13 nodes and four scopes, two of them at 48 kHz, takes
 /// 6 us to pack and hand over (median of 2000; 256 kB of samples take 90).
 #[derive(Debug)]
 pub struct Feed {
     state: Mutex<State>,
-    /// Counts what was published, so that pages need not look.
+    /// Counts publications, to wake the pages.
     news: watch::Sender<u64>,
 }
 
 #[derive(Debug, Default)]
 struct State {
     layout: Arc<Layout>,
-    /// Counts layouts that were published.
+    /// Number of published layouts.
     layouts: u64,
-    /// The number of the newest view kept here, counted by us: a run may begin its own count anew.
+    /// Number of published views. A run may restart its own count.
     newest: u64,
     views: VecDeque<Bytes>,
-    /// Samples of each scope since the layout came.
+    /// Samples of each scope since the layout.
     seen: Vec<u64>,
-    /// Whose numbers the views are of.
+    /// Number of the layout that the views belong to.
     of: u64,
 }
 
-/// What a page has not seen.
+/// Everything that a page has not seen.
 #[derive(Debug, Default)]
 pub(crate) struct News {
-    /// A layout that it does not know, and its count.
+    /// A new layout, and its count.
     pub(crate) layout: Option<(Arc<Layout>, u64)>,
     /// Views, oldest first.
     pub(crate) views: Vec<Bytes>,
-    /// Count of the last of them.
+    /// Count of the newest view.
     pub(crate) newest: u64,
 }
 
@@ -57,8 +57,7 @@ impl Feed {
         Self { state: Mutex::default(), news: watch::Sender::new(0) }
     }
 
-    /// Shows another layout, or the same one with other values: a parameter that was moved is seen on every page once the
-    /// layout says so.
+    /// Shows another layout, or the same one with other values. Pages take the values of parameters from it.
     pub fn publish_layout(&self, layout: Layout) {
         let layout = Arc::new(layout);
         {
@@ -69,7 +68,7 @@ impl Feed {
         self.news.send_modify(|n| *n += 1);
     }
 
-    /// Shows the figures of the moment. Values that are not finite are shown as missing.
+    /// Shows new figures. Values that are not finite are shown as missing.
     pub fn publish(&self, view: View) {
         let mut seen = {
             let mut state = self.state.lock();
@@ -91,18 +90,18 @@ impl Feed {
         self.news.send_modify(|n| *n += 1);
     }
 
-    /// The layout as it was published last.
+    /// The newest layout.
     pub(crate) fn layout(&self) -> Arc<Layout> {
         self.state.lock().layout.clone()
     }
 
-    /// Tells when something was published.
+    /// Changes whenever something is published.
     pub(crate) fn news(&self) -> watch::Receiver<u64> {
         self.news.subscribe()
     }
 
-    /// What came after layout count `layouts` and view count `seen`. A page that is at most four views behind gets them all, so
-    /// that its scopes have no holes; one that is further behind gets the newest.
+    /// Everything after layout count `layouts` and view count `seen`. A page at most four views behind gets
+    /// them all, so that its scopes have no gaps. A page further behind gets the newest.
     pub(crate) fn after(&self, layouts: u64, seen: u64) -> News {
         let state = self.state.lock();
         let layout = (state.layouts > layouts).then(|| (state.layout.clone(), state.layouts));
@@ -112,7 +111,7 @@ impl Feed {
         News { layout, views, newest: state.newest }
     }
 
-    /// Bytes of the views kept.
+    /// Bytes of the kept views.
     pub(crate) fn kept_bytes(&self) -> usize {
         self.state.lock().views.iter().map(Bytes::len).sum()
     }
@@ -129,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_that_is_a_little_late_misses_nothing_and_a_late_one_gets_the_newest() {
+    fn slow_page_gets_all_views_or_the_newest() {
         let feed = Feed::new();
         assert!(feed.after(0, 0).views.is_empty());
         feed.publish_layout(Layout::default());

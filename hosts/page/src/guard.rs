@@ -1,4 +1,4 @@
-//! Who may ask, and what the answer forbids.
+//! Checks of requests, and the security headers of answers.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use axum::response::{IntoResponse, Response};
 use crate::door::Visitor;
 use crate::server::Shared;
 
-/// Lets a request through where host, origin and token are right, and says in every answer what the browser must not do.
+/// Lets a request with the right host, origin and token through. Adds the security headers to every answer.
 pub(crate) async fn guard(
     State(shared): State<Arc<Shared>>,
     Extension(visitor): Extension<Arc<Visitor>>,
@@ -31,19 +31,19 @@ pub(crate) async fn guard(
         }
     };
     shut(response.headers_mut(), shared.port);
-    // One request, one connection: what waits between requests would take the place of another.
+    // One request, one connection: an idle connection would take the place of another.
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response
 }
 
-/// Why a request is refused.
+/// Why a request is refused, if it is.
 ///
-/// A request without an origin is not refused for that: browsers leave it out when a page is opened, and always send it with
-/// a WebSocket. What opens a WebSocket without one is a program of this machine, and it knows the token.
+/// A request may lack an origin: browsers leave it out when they open a page, and always send it with a
+/// WebSocket. A WebSocket without one comes from a program on this machine that knows the token.
 fn refused(headers: &HeaderMap, query: &str, port: u16, token: &str) -> Option<&'static str> {
-    let Some(host) = only(headers, header::HOST) else { return Some("a request needs one Host\n") };
+    let Some(host) = only(headers, header::HOST) else { return Some("a request needs exactly one Host\n") };
     if host != format!("127.0.0.1:{port}") && host != format!("localhost:{port}") {
         return Some("the Host of this request is not this machine\n");
     }
@@ -68,13 +68,14 @@ fn only(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     }
 }
 
-/// Whether two texts are the same, in a time that does not tell where they differ.
+/// Whether two texts are equal. The time taken does not depend on where they differ.
 fn same(a: &str, b: &str) -> bool {
     let differ = a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| std::hint::black_box(differ | (a ^ b)));
     a.len() == b.len() && differ == 0
 }
 
-/// Forbids all that the page does not need. WebSockets are named beside `'self'`, which older browsers take for HTTP alone.
+/// Forbids everything that the page does not need. WebSockets are named, since `'self'` means HTTP alone in
+/// older browsers.
 fn shut(headers: &mut HeaderMap, port: u16) {
     let policy = format!(
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; \
@@ -102,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_are_the_same_only_where_all_of_them_is() {
+    fn same_compares_whole_texts() {
         assert!(same("abc", "abc"));
         for other in ["", "ab", "abcd", "abd", "bbc"] {
             assert!(!same("abc", other) && !same(other, "abc"), "{other}");

@@ -1,4 +1,4 @@
-//! The hand on a page: whose it is, and how what it does becomes samples.
+//! The hand on the pages: which page has it, and its strokes as samples.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use crate::server::Counters;
 use crate::wire::Stroke;
 
-/// The one hand, which the page that touched last has. It is there while the graph listens to it.
+/// The one hand. The page that touched last has it. It exists while the graph has a pointer.
 #[derive(Debug)]
 pub(crate) struct Hand {
     state: Mutex<State>,
@@ -18,28 +18,28 @@ pub(crate) struct Hand {
 
 #[derive(Debug)]
 struct State {
-    /// None while no graph listens.
+    /// `None` while the graph has no pointer.
     to: Option<SampleWriter>,
     /// The newest sample.
     last: Sample,
 }
 
-/// What the server knows of one page's hand.
+/// State of one page's hand.
 #[derive(Debug, Default)]
 pub(crate) struct Pen {
-    /// The browser's.
+    /// The browser's clock.
     clock: RemoteClock,
-    /// The touch that its last sample belonged to. A page that lost the hand gets it with another touch.
+    /// Touch of its last sample. A page that lost the hand gets it back with a new touch.
     number: Option<u32>,
 }
 
 impl Hand {
-    /// A hand that writes here.
+    /// A hand that writes to `to`.
     pub(crate) fn new(to: Option<SampleWriter>) -> Self {
         Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
     }
 
-    /// Writes here from now on; the stroke goes on. Without anywhere to write, no page has the hand.
+    /// Writes to `to` from now on; the stroke continues. Without a writer no page has the hand.
     pub(crate) fn set_writer(&self, to: Option<SampleWriter>) {
         let gone = to.is_none();
         let old = std::mem::replace(&mut self.state.lock().to, to);
@@ -49,17 +49,17 @@ impl Hand {
         }
     }
 
-    /// Whether a graph listens.
+    /// Whether the graph has a pointer.
     pub(crate) fn is_there(&self) -> bool {
         self.state.lock().to.is_some()
     }
 
-    /// Tells which page has the hand.
+    /// The page that has the hand.
     pub(crate) fn holder(&self) -> watch::Receiver<Option<u64>> {
         self.holder.subscribe()
     }
 
-    /// Takes what a page sent. A touch that begins takes the hand; what else comes from a page without it is nothing.
+    /// Takes samples of a page. A new touch takes the hand. Other samples of a page without it are ignored.
     pub(crate) fn moved(
         &self,
         page: u64,
@@ -69,7 +69,7 @@ impl Hand {
         counts: &Counters,
     ) {
         let arrived_ns = now_ns();
-        // A place is older than its message: the message alone says how the clocks stand to each other.
+        // A sample is older than its message: the clocks are compared by the message.
         pen.clock.hear(sent_ms / 1e3, arrived_ns);
         let mut state = self.state.lock();
         if state.to.is_none() {
@@ -96,7 +96,7 @@ impl Hand {
         }
     }
 
-    /// Lifts the hand of a page that lets it go, or that is gone.
+    /// Lifts the hand of a page that lets it go, or that has gone.
     pub(crate) fn free(&self, page: u64, counts: &Counters) {
         if *self.holder.borrow() != Some(page) {
             return;
@@ -110,7 +110,7 @@ impl Hand {
 }
 
 impl State {
-    /// Times are increasing and not in the future, whatever the page says.
+    /// Writes a sample. Times are made to increase and not to lie in the future.
     fn put(&mut self, mut sample: Sample, counts: &Counters) {
         sample.time_ns = sample.time_ns.min(sample.arrived_ns).max(self.last.time_ns + 1);
         self.last = sample;
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_touch_takes_the_hand_and_the_rest_of_an_older_one_is_nothing() {
+    fn newest_touch_takes_the_hand() {
         let (to, mut from) = samples();
         let (hand, counts) = (Hand::new(Some(to)), Counters::default());
         let (mut a, mut b) = (Pen::default(), Pen::default());

@@ -1,16 +1,27 @@
-//! The live page: a surface to stroke, and what a running graph does, in a browser on this machine.
+//! The live page: a surface to stroke, and the figures of a running graph, in a browser on this machine.
 //!
-//! [`serve`] starts a server on a thread of its own. The control thread of a run hands its figures to a [`Feed`] and goes on at
-//! once, whatever the pages do; what a hand does on the page comes out of an
-//! [`asperity_live::SampleReader`], and what a person asks for out of the run's [`asperity_live::Reins`]. The tick thread knows nothing of all this.
+//! [`serve`] starts a server on a thread of its own. The control thread of a run hands figures to a
+//! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
+//! requests out of the run's [`asperity_live::Reins`]. The tick thread is not involved.
 //!
-//! Who may look: programs on this machine that know the token in the address. Every request names its host, which must be
-//! the loopback address or `localhost` with our port, so that a foreign name that resolves to this machine gets nothing; where it names an
-//! origin, that must be this page. Nothing is loaded from elsewhere, and the browser is told to load nothing from elsewhere.
+//! | module | job |
+//! |---|---|
+//! | `server` | the thread, the routes, the files of `static/` |
+//! | `door` | limits of connections |
+//! | `guard` | checks of host, origin and token; security headers |
+//! | `client` | one page: figures out, requests and strokes in |
+//! | `wire` | the messages of the WebSocket |
+//! | `feed` | the newest figures |
+//! | `hand` | strokes as samples |
 //!
-//! The cost of a page is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`]
-//! pages that watch, [`AHEAD`] views on the way to each of them, messages of [`MESSAGE`] bytes and so many a
-//! second. A page that does not say for [`PATIENCE`] that it has got a view is let go.
+//! Only programs on this machine that know the token in the address are served. `Host` must be the loopback
+//! address or `localhost` with our port: a foreign name that resolves to this machine is refused. `Origin`,
+//! where a request has one, must be this page. The page loads nothing from elsewhere, and the browser is
+//! told so.
+//!
+//! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages,
+//! [`AHEAD`] views on the way to each, and messages of [`MESSAGE`] bytes at a limited rate. A page that
+//! acknowledges no view for [`PATIENCE`] is disconnected.
 
 mod client;
 mod door;

@@ -26,52 +26,52 @@ use crate::feed::Feed;
 use crate::hand::Hand;
 use crate::{client, guard, wire};
 
-/// Pages that may watch at a time. One more gets 503.
+/// Most pages at a time. One more gets 503.
 pub const PAGES: usize = 16;
-/// Connections with the token at a time, beside those of the pages that watch. One more gets 503.
+/// Most connections with the token at a time, beside those of the pages. One more gets 503.
 ///
-/// As many again may be there without it. One more closes the oldest of these.
+/// As many may be open without the token. One more closes the oldest of these.
 pub const CONNECTIONS: usize = 64;
-/// How long a request may take to come, and to be answered.
+/// Longest time for a request to arrive, and to be answered.
 const REQUEST: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(10)];
-/// Bytes of the longest request, with all its headers.
+/// Most bytes of a request with its headers.
 const HEADERS: usize = 16 * 1024;
-/// Bytes that may wait to be written to a page: more than the layout of any graph.
+/// Most bytes that wait to be written to a page: more than the layout of any graph.
 const WAITING: usize = 16 * 1024 * 1024;
-/// How long pages may take to hear that the run has ended.
+/// Longest wait for pages to hear that the run has ended.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// How to serve.
+/// Options of a server.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The port; 0 for any that is free.
+    /// The port; 0 for any free one.
     pub port: u16,
-    /// What the address must hold, of letters, digits, `-` and `_`; none for a new random one of 128 bits.
+    /// Secret in the address: letters, digits, `-` and `_`. `None` makes a random one of 128 bits.
     pub token: Option<String>,
 }
 
-/// What happened so far.
+/// Counts since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Pages that watch now.
+    /// Pages that are connected now.
     pub pages: u64,
-    /// Requests refused for their host, origin or token, or because too many watch.
+    /// Requests refused for their host, origin or token, or for too many pages or connections.
     pub refused: u64,
-    /// Samples of a hand that went on to the graph.
+    /// Samples of the hand that were passed to the graph.
     pub samples: u64,
-    /// Samples that were lost because nobody took them.
+    /// Samples that were lost because the graph did not take them.
     pub lost_samples: u64,
     /// Views sent, to all pages together.
     pub views: u64,
-    /// Views that pages missed because they were slow, all together.
+    /// Views that slow pages missed, all together.
     pub skipped_views: u64,
-    /// Bytes of the views that are kept for all pages together.
+    /// Bytes of the kept views, which all pages share.
     pub kept_bytes: usize,
 }
 
 #[derive(Debug, Default)]
 pub(crate) struct Counters {
-    /// Pages that ever watched.
+    /// Pages since the start.
     pages: AtomicU64,
     refused: AtomicU64,
     pub(crate) samples: AtomicU64,
@@ -86,7 +86,7 @@ impl Counters {
     }
 }
 
-/// What all requests share.
+/// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
     pub(crate) token: String,
@@ -98,7 +98,7 @@ pub(crate) struct Shared {
     places: Arc<Semaphore>,
 }
 
-/// A server that runs. Dropping it stops it and tells the pages that the run has ended.
+/// A running server. A drop stops it and tells the pages that the run has ended.
 pub struct Page {
     url: String,
     shared: Arc<Shared>,
@@ -107,12 +107,16 @@ pub struct Page {
 
 /// Serves the page on 127.0.0.1, on a thread of its own, until the [`Page`] is dropped.
 ///
-/// `feed` is what is shown. `reins` are held by every page: mute and stop act at once, and what else is asked for waits there, after
-/// it was held against the layout; where too much waits the page is told to try again. `pointer` is where a hand on the page puts its samples: x to the right and y away from
-/// the hand, in mm from the middle of the surface, z 0, and a pressure from 0 to 1 as force; none while the graph listens to no pointer.
+/// Pages show `feed`. Every page holds `reins`: mute and stop act at once. Other requests are checked
+/// against the layout and wait in `reins`; when these are full, the page is told to try again.
+///
+/// `pointer` takes the samples of the hand: x to the right and y away from the person, in mm from the
+/// middle of the surface, z 0, pressure from 0 to 1 as force. It is `None` while the graph has no pointer.
 ///
 /// # Errors
-/// The port is taken, the token is not one that stands in an address, the machine has no random numbers or no thread.
+///
+/// The port is taken, the token has other characters than an address may hold, or the system gives no
+/// random numbers or no thread.
 pub fn serve(
     options: Options,
     feed: Arc<Feed>,
@@ -121,7 +125,10 @@ pub fn serve(
 ) -> io::Result<Page> {
     let token = options.token.map_or_else(random, Ok)?;
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)) {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "a token is of letters, digits, - and _"));
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "a token may hold letters, digits, - and _ only",
+        ));
     }
     let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, options.port))?;
     listener.set_nonblocking(true)?;
@@ -140,7 +147,7 @@ pub fn serve(
     let ours = shared.clone();
     let thread = std::thread::Builder::new().name("asperity-page".to_owned()).spawn(move || {
         runtime.block_on(async {
-            // Only a runtime without I/O makes this fail.
+            // This fails only on a runtime without I/O.
             if let Ok(listener) = TcpListener::from_std(listener) {
                 accept(listener, ours).await;
             }
@@ -156,14 +163,14 @@ impl Page {
         &self.url
     }
 
-    /// Hands the samples of the hand to another writer, as after a change of the graph; none where the graph no longer listens to a
-    /// pointer. A stroke goes on, numbered as before; the old writer is dropped. Pages hear with the next layout whether there is
-    /// something to stroke.
+    /// Gives the hand another writer, as after a change of the graph; `None` where the graph has no pointer.
+    /// A stroke continues with its number. The old writer is dropped. With the next layout, pages hear
+    /// whether there is something to stroke.
     pub fn set_pointer(&self, to: Option<SampleWriter>) {
         self.shared.hand.set_writer(to);
     }
 
-    /// What happened so far.
+    /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let Counters { samples, lost, views, skipped, refused, .. } = &self.shared.counts;
@@ -223,10 +230,10 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
                 if door.enter(|visitor| answer(stream, router, visitor)) {
                     shared.counts.refused();
                 }
-                // A request that is already there is read before the next connection comes.
+                // Lets a request that has arrived be read before the next connection.
                 tokio::task::yield_now().await;
             }
-            // Too many open files, or a connection that was gone again.
+            // Too many open files, or a connection that has gone again.
             Err(_) => tokio::time::sleep(Duration::from_millis(20)).await,
         }
     }
@@ -235,7 +242,7 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
     let _ = timeout(FAREWELL, gone).await;
 }
 
-/// Answers one request. A WebSocket goes on by itself.
+/// Answers one request. A WebSocket continues by itself.
 async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
     let _ = stream.set_nodelay(true);
     let mut http = hyper::server::conn::http1::Builder::new();
@@ -251,18 +258,18 @@ async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
 
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/ws", get(watch)).route("/places", get(places));
-    for file in FILES {
-        let body = with_token(file.text, &shared.token);
-        let answer = move || async move { ([(header::CONTENT_TYPE, file.kind)], body) };
-        router = router.route(file.path, get(answer));
+    for (path, kind, text) in FILES {
+        let body = with_token(text, &shared.token);
+        let answer = move || async move { ([(header::CONTENT_TYPE, *kind)], body) };
+        router = router.route(path, get(answer));
     }
     router
-        .fallback(async || (StatusCode::NOT_FOUND, "there is no such page\n"))
+        .fallback(async || (StatusCode::NOT_FOUND, "no such page\n"))
         .layer(middleware::from_fn_with_state(shared.clone(), guard::guard))
         .with_state(shared.clone())
 }
 
-/// How many watch and may: a browser does not show a page why its WebSocket was refused.
+/// Number of pages, and the most there may be: a browser does not tell a page why its WebSocket failed.
 async fn places(State(shared): State<Arc<Shared>>) -> Response {
     let text = serde_json::json!({ "pages": shared.watching(), "most": PAGES }).to_string();
     ([(header::CONTENT_TYPE, "application/json")], text).into_response()
@@ -271,7 +278,7 @@ async fn places(State(shared): State<Arc<Shared>>) -> Response {
 async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
         shared.counts.refused();
-        let why = format!("{PAGES} pages watch this run already; close one\n");
+        let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
     let page = shared.counts.pages.fetch_add(1, Relaxed);
@@ -286,46 +293,31 @@ async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> R
         })
 }
 
-struct File {
-    path: &'static str,
-    kind: &'static str,
-    text: &'static str,
-}
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-macro_rules! file {
-    ($path:literal, $name:literal, $kind:literal) => {
-        File { path: $path, kind: $kind, text: include_str!(concat!("../static/", $name)) }
-    };
-}
-
-macro_rules! script {
-    ($name:literal) => {
-        file!($name, $name, "text/javascript; charset=utf-8")
-    };
-}
-
-const FILES: &[File] = &[
-    file!("/", "index.html", "text/html; charset=utf-8"),
-    file!("/page.css", "page.css", "text/css; charset=utf-8"),
-    file!("/icon.svg", "icon.svg", "image/svg+xml"),
-    script!("/main.js"),
-    script!("/link.js"),
-    script!("/hand.js"),
-    script!("/graph.js"),
-    script!("/layers.js"),
-    script!("/scope.js"),
-    script!("/spectrum.js"),
-    script!("/timing.js"),
-    script!("/health.js"),
-    script!("/controls.js"),
-    script!("/draw.js"),
+/// The files of the page: path, content type, text.
+const FILES: &[(&str, &str, &str)] = &[
+    ("/", "text/html; charset=utf-8", include_str!("../static/index.html")),
+    ("/page.css", "text/css; charset=utf-8", include_str!("../static/page.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
+    ("/main.js", SCRIPT, include_str!("../static/main.js")),
+    ("/link.js", SCRIPT, include_str!("../static/link.js")),
+    ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
+    ("/graph.js", SCRIPT, include_str!("../static/graph.js")),
+    ("/layers.js", SCRIPT, include_str!("../static/layers.js")),
+    ("/scope.js", SCRIPT, include_str!("../static/scope.js")),
+    ("/spectrum.js", SCRIPT, include_str!("../static/spectrum.js")),
+    ("/timing.js", SCRIPT, include_str!("../static/timing.js")),
+    ("/health.js", SCRIPT, include_str!("../static/health.js")),
+    ("/controls.js", SCRIPT, include_str!("../static/controls.js")),
+    ("/draw.js", SCRIPT, include_str!("../static/draw.js")),
 ];
 
-/// Puts the token into the addresses of a file's own imports and links, since every request needs it.
+/// Adds the token to a file's imports and links: every request needs it.
 fn with_token(text: &str, token: &str) -> String {
     let mut text = text.to_owned();
-    for file in FILES.iter().filter(|file| file.path.len() > 1) {
-        let link = format!("\".{}", file.path);
+    for (path, ..) in FILES.iter().filter(|(path, ..)| path.len() > 1) {
+        let link = format!("\".{path}");
         text = text.replace(&format!("{link}\""), &format!("{link}?token={token}\""));
     }
     text

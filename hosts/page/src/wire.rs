@@ -1,72 +1,80 @@
-//! What goes over a page's WebSocket.
+//! The messages of a page's WebSocket. All numbers are little-endian.
 //!
-//! From the server, text: `{"layout": ..., "hand": bool}`, `{"hand": "yours" | "theirs" | "free"}` and
-//! `{"refused": "why"}`. Binary: a view, as the length of its head in bytes (u32), the head in JSON, zeros up to a multiple
-//! of four, and the new samples of every scope (f32). The head is `{"view": View without scopes, "scopes": [[first, count], ...]}`, where
-//! `first` counts the samples of that scope since its layout came, so that a page sees what it missed. All numbers are
-//! little-endian.
+//! From the server, text:
+//! - `{"layout": ..., "hand": bool}`: the graph, and whether it has a pointer,
+//! - `{"hand": "yours" | "theirs" | "free"}`,
+//! - `{"refused": "why"}`: the answer to a request.
 //!
-//! From the page, text: `{"set": {"node", "param", "value"}}`, `{"material": {"node", "name"}}`, `{"mute": bool}`, `"stop"`.
-//! Binary, f64: `[0, view]` has got a view; `[1, sent, (time, x, y, pressure, stroke) ...]` is a hand, with the browser's
-//! times in ms and places in mm; `[2]` lets the hand go.
+//! From the server, binary: a view. It is the length of its head in bytes (u32), the head in JSON, zeros up
+//! to a multiple of four, and the new samples of every scope (f32). The head is
+//! `{"view": View without scopes, "scopes": [[first, count], ...]}`. `first` counts the samples of that scope
+//! since its layout, so that a page sees gaps.
+//!
+//! From the page, text: `{"set": {"node", "param", "value"}}`, `{"material": {"node", "name"}}`,
+//! `{"mute": bool}`, `"stop"`.
+//!
+//! From the page, binary (f64):
+//! - `[0, count]`: the number of views it has got,
+//! - `[1, sent, (time, x, y, pressure, stroke) ...]`: the hand; browser times in ms, places in mm,
+//! - `[2]`: lets the hand go.
 
 use std::time::Duration;
 
 use asperity_live::view::{Layout, View};
 use serde::{Deserialize, Serialize};
 
-/// Bytes of the longest message that a page may send.
+/// Most bytes of a message from a page.
 pub const MESSAGE: usize = 16 * 1024;
-/// Views that may be on the way to a page.
+/// Most views on the way to a page.
 pub const AHEAD: u64 = 8;
-/// How long a page may take to say that it has got a view, or to take what was sent.
+/// Longest wait for a page to acknowledge a view, or to take a message.
 pub const PATIENCE: Duration = Duration::from_secs(5);
-/// Samples of a hand in one message.
+/// Most samples of a hand in one message.
 const BATCH: usize = 256;
-/// New samples of one scope in a view; where there are more, the newest.
+/// Most new samples of one scope in a view; older ones are left out.
 const SCOPE: usize = 8192;
 /// Greatest distance from the middle of the surface in mm.
 const REACH_MM: f64 = 10_000.0;
 
-/// What a page asks.
+/// A request of a page.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Ask {
-    /// Move a parameter.
+    /// Sets a parameter.
     Set { node: String, param: String, value: f64 },
-    /// Give a texture another material.
+    /// Gives a texture another material.
     Material { node: String, name: String },
-    /// Mute, or play again.
+    /// Mutes the run, or lets it play again.
     Mute(bool),
-    /// End the run.
+    /// Ends the run.
     Stop,
 }
 
-/// One place of a hand, as a page tells it.
+/// One sample of the hand, as the page sends it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stroke {
-    /// The browser's clock, in ms.
+    /// Time of the browser's clock in ms.
     pub(crate) at_ms: f64,
     pub(crate) x_mm: f64,
     pub(crate) y_mm: f64,
     /// 0 to 1; 0 off the surface.
     pub(crate) pressure: f64,
-    /// Counts the page's touches.
+    /// Number of the touch.
     pub(crate) number: u32,
 }
 
 /// A binary message from a page.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Told {
-    /// It has got this view.
+    /// The number of views it has got.
     Got(u64),
-    /// What its hand did, and when it said so.
+    /// Browser time of the message in ms, and samples of the hand.
     Hand(f64, Vec<Stroke>),
-    /// It lets the hand go.
+    /// Lets the hand go.
     Free,
 }
 
-/// Reads a binary message. None where it is anything else than the page would send.
+/// Reads a binary message. `None` for anything that the page would not send.
 pub(crate) fn told(bytes: &[u8]) -> Option<Told> {
     let (eights, rest) = bytes.as_chunks::<8>();
     let numbers: Vec<f64> = eights.iter().map(|x| f64::from_le_bytes(*x)).collect();
@@ -96,7 +104,7 @@ fn whole(x: f64, most: f64) -> Option<f64> {
     (x.fract() == 0.0 && (0.0..=most).contains(&x)).then_some(x)
 }
 
-/// A layout as a message; `hand` says whether there is something to stroke.
+/// A layout as a message; `hand` says whether the graph has a pointer.
 pub(crate) fn layout(layout: &Layout, hand: bool) -> String {
     #[derive(Serialize)]
     struct Message<'a> {
@@ -106,7 +114,7 @@ pub(crate) fn layout(layout: &Layout, hand: bool) -> String {
     serde_json::to_string(&Message { layout, hand }).unwrap_or_default()
 }
 
-/// A view as a message. `seen` counts the samples of every scope so far, and is brought up to date.
+/// A view as a message. `seen` counts the samples of every scope so far, and is updated.
 pub(crate) fn view(mut view: View, seen: &mut Vec<u64>) -> Vec<u8> {
     #[derive(Serialize)]
     struct Head<'a> {
@@ -122,7 +130,7 @@ pub(crate) fn view(mut view: View, seen: &mut Vec<u64>) -> Vec<u8> {
         places.push((*seen - new.len() as u64, new.len()));
     }
     let mut bytes = vec![0; 4];
-    // Only a map with keys that are not strings, or a Serialize that fails, makes this fail.
+    // This cannot fail: all keys are strings.
     let _ = serde_json::to_writer(&mut bytes, &Head { view: &view, scopes: places });
     let head = (bytes.len() - 4) as u32;
     bytes[..4].copy_from_slice(&head.to_le_bytes());
@@ -146,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_says_where_the_samples_of_its_scopes_stand() {
+    fn view_counts_the_samples_of_its_scopes() {
         let mut seen = Vec::new();
         let of = |scopes: &[usize]| View {
             number: 7,
@@ -166,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_is_read_as_the_page_sends_it() {
+    fn hand_message_is_read() {
         let read = told(&bytes(&[1.0, 10.5, 10.25, -3.0, 4.0, 0.5, 2.0])).unwrap();
         let stroke = Stroke { at_ms: 10.25, x_mm: -3.0, y_mm: 4.0, pressure: 0.5, number: 2 };
         assert_eq!(read, Told::Hand(10.5, vec![stroke]));
@@ -175,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_page_would_send_is_refused() {
+    fn invalid_binary_messages_are_refused() {
         let good = [1.0, 0.0, 0.0, 1.0, 1.0, 0.5, 1.0];
         let but = |place: usize, value: f64| {
             let mut bad = good;

@@ -1,7 +1,7 @@
-// Parameters that may change while the run goes on, and materials to choose.
+// Live parameters and materials.
 import { make } from "./draw.js";
 
-/// A range wider than this, and all above zero, is moved by factors.
+/// A positive range whose ends have this ratio or more is logarithmic.
 const WIDE = 300;
 const STEPS = 1000;
 
@@ -10,7 +10,7 @@ export class Controls {
   #box;
   #link;
   #layout = null;
-  /// What is to be sent with the next picture: the newest of each parameter.
+  /// The newest value of each parameter, to be sent with the next frame.
   #waiting = new Map();
   #shown = new Map();
 
@@ -26,7 +26,7 @@ export class Controls {
     else this.#build();
   }
 
-  /** What was asked for was refused: show again what holds. */
+  /** A request was refused: shows the true values again. */
   refused() {
     if (this.#layout) this.#refresh(true);
   }
@@ -91,7 +91,7 @@ export class Controls {
     return field;
   }
 
-  /** A slider over what is worth one, and a number that may be anything allowed. */
+  /** A slider over the useful range, and a number over the allowed range. */
   #slider(node, live) {
     const field = make("label", "field");
     const range = make("input");
@@ -126,7 +126,7 @@ export class Controls {
       }
       show(held);
     });
-    // What is being moved or typed is not moved back by what the run says of a moment ago.
+    // A control in use is not set back by an older value from the run.
     this.#shown.set(`${node}\n${live.name}`, (value, force) => {
       held = value;
       if (force || !(range.matches(":active") || typed.matches(":focus"))) show(value);
@@ -147,7 +147,7 @@ export class Controls {
   }
 }
 
-/** A name of a parameter as a person would write it. Its unit stands behind the value, and is said once. */
+/** The name of a parameter in words, without its unit: that stands behind the value. */
 function words({ name, unit }) {
   const plain = (text) => text.toLowerCase().replace(/\bper\b|[^a-z0-9]+/g, "");
   const parts = name.split("_");
@@ -155,7 +155,7 @@ function words({ name, unit }) {
   return (said > 0 ? parts.slice(0, said) : parts).join(" ");
 }
 
-/** Between a value and the place of a slider: in equal steps, or by equal factors. */
+/** Conversion between a value and the place of a slider: linear or logarithmic. */
 function scaled({ least, most, whole }) {
   if (whole && most - least <= 2 * STEPS) {
     return { steps: most - least, to: (value) => value - least, from: (at) => least + at };

@@ -1,6 +1,6 @@
-// What the parts that draw share: canvases at the screen's own resolution, colours of the style sheet, figures as text.
+// Helpers for drawing: canvases at screen resolution, colours of the style sheet, figures as text.
 
-/** A canvas whose unit is a CSS pixel. One that is `solid` is never seen through. */
+/** A canvas whose unit is a CSS pixel. A `solid` one is opaque. */
 export function canvas(element, solid = false) {
   const pen = element.getContext("2d", { alpha: !solid });
   const box = { width: 0, height: 0, scale: 0, stale: true };
@@ -15,7 +15,7 @@ export function canvas(element, solid = false) {
   return {
     element,
     resized: () => box.stale,
-    /** What it is drawn on as it stands: the pen, its size in CSS pixels, and the screen's pixels in one of those. */
+    /** The pen, the size in CSS pixels, and the screen pixels in a CSS pixel. */
     kept: () => ({ pen, ...box }),
     clear() {
       if (!box.width) measure();
@@ -51,11 +51,11 @@ export function signal(name, place) {
   return colour(SIGNALS[name] ?? OTHERS[place % OTHERS.length]);
 }
 
-/** A number to three places that count, as long whatever it is. */
+/** A number to three significant digits, of about constant length. */
 export function figure(x) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
   const size = Math.abs(x);
-  // Of no quantity here is a millionth more than the dregs of a filter.
+  // Values below a millionth are the rest of a filter: shown as 0.
   if (size < 1e-6) return "0";
   if (size < 0.0005 || size >= 1e6) return x.toExponential(1).replace("-", "−").replace("e+", "e").replace("e-", "e−");
   const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
@@ -75,14 +75,14 @@ export function make(tag, name = "", text = "") {
   return element;
 }
 
-/** Sets a text only where it is another: the browser lays out no more than it must. */
+/** Sets a text only if it differs, to save layout. */
 export function write(element, text) {
   if (element.textContent === text) return;
   if (element.firstChild) element.firstChild.nodeValue = text;
   else element.textContent = text;
 }
 
-/** The least of 1, 2, 5, 10, ... that is not under `x`. */
+/** The least of 1, 2, 5, 10, ... that is at least `x`. */
 export function round(x) {
   if (!(x > 0)) return 1;
   const ten = 10 ** Math.floor(Math.log10(x));

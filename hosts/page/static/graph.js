@@ -1,15 +1,15 @@
-// The graph as it runs: a box for each node, with what it puts out, what it costs and how it fares.
+// The running graph: a box for each node with its outputs, cost and state.
 import { count, figure, write } from "./draw.js";
 import { place } from "./layers.js";
 
 const NODE = 174;
-/// A box narrower than this has no room for two names in a row.
+/// A narrower box has no room for two names in a row.
 const NARROW = 150;
 const HEAD = 40;
 const ROW = 16;
 const PAD = 8;
 const SVG = "http://www.w3.org/2000/svg";
-/// A node that was not called in this many looks at it sleeps.
+/// A node without a call in so many updates is asleep.
 const ASLEEP = 2;
 
 function svg(tag, attributes = {}, text = "") {
@@ -72,7 +72,7 @@ export class Graph {
     this.#nodes = layout.nodes.map((node, i) => {
       const drawn = box(node, placed.places[i], wide, (input) => wired.has(`${i} ${input}`));
       root.append(drawn.group);
-      // What nobody points at is not written.
+      // The tooltip is written only while someone points at the node.
       drawn.group.addEventListener("pointerenter", () => this.#tell(i));
       return { ...drawn, calls: null, idle: 0, stands: "" };
     });
@@ -81,7 +81,7 @@ export class Graph {
 
   show(view) {
     this.#view = view;
-    // Nothing is built before the page has a width.
+    // There are no nodes before the page has a width.
     if (!this.#nodes.length) return;
     let asleep = 0;
     view.nodes.forEach((now, i) => {
@@ -108,7 +108,7 @@ export class Graph {
     write(this.#note, `${view.nodes.length - asleep} of ${view.nodes.length} nodes awake, ${figure(all)} µs a tick`);
   }
 
-  /** What a node did so far, for who points at it. */
+  /** Writes the tooltip of a node: its totals. */
   #tell(i) {
     const now = this.#view?.nodes[i];
     if (!now) return;
@@ -123,14 +123,14 @@ export class Graph {
 /** Whether the inputs of a node have their names beside them. */
 const several = (node) => node.inputs.length > 1;
 
-/** Rows above the first output: where names of inputs and outputs do not fit beside each other, one stands under the other. */
+/** Rows above the first output. In a narrow box, outputs stand below the inputs. */
 const under = (node, wide) => (wide < NARROW && several(node) ? node.inputs.length : 0);
 
 function box(node, { x, y, height }, wide, wired) {
   const group = svg("g", { class: "node", transform: `translate(${x} ${y})` });
   const title = svg("title");
   group.append(title, svg("rect", { class: node.sink ? "box sink" : "box", width: wide, height, rx: 5 }));
-  // Faults stand beside the name.
+  // Room beside the name for faults.
   const names = [18, 78].map((rest) => cut(node.id, Math.floor((wide - rest) / 6.6)));
   const id = svg("text", { class: "id", x: 9, y: 17 }, names[0]);
   group.append(id);
@@ -141,7 +141,7 @@ function box(node, { x, y, height }, wide, wired) {
   node.inputs.forEach(([name], k) => {
     const at = HEAD + k * ROW + ROW / 2;
     group.append(svg("circle", { class: "port", cx: 0, cy: at, r: 2.5 }));
-    // What nothing is wired to has a dot, but no name to crowd the row.
+    // An unwired input has a dot but no name.
     if (several(node) && wired(k)) group.append(svg("text", { class: "port-name", x: 9, y: at + 4 }, cut(name, 8)));
   });
   const outputs = node.outputs.map(([name, unit], k) => {
@@ -187,7 +187,7 @@ function curve(a, b) {
   return `C${middle} ${a.y} ${middle} ${b.y} ${b.x} ${b.y}`;
 }
 
-/** Out to the gap beside the column, down under the band, along it, and in. Each net has lanes of its own. */
+/** Out to the gap beside the column, down below the band, along it, and in. Each net has its own lane. */
 function corners(a, b, { bands, lane }, net) {
   const { bottom, nets } = bands[a.band];
   const at = nets.indexOf(net);

@@ -1,19 +1,19 @@
-// The surface: what a pointer does on it goes to the run as it happens, and is drawn.
+// The surface: strokes of a pointer are sent to the run at once, and drawn.
 import { canvas, colour, write } from "./draw.js";
 
 const INCH_MM = 25.4;
 const BAR_PX = 96;
-/// A hand that rests, or is lifted, still says so, well within the 50 ms after which a source is taken for stalled.
+/// A resting or lifted hand repeats its sample this often; a source stalls after 50 ms.
 const BEAT_MS = 15;
-/// Moves come late, up to a picture where the browser holds them back; a beat must not overtake them.
+/// Moves arrive late, by up to a frame. A repeated sample must not overtake them.
 const BEHIND_MS = 8;
 const INK_MS = 1200;
-/// Ink fades in so many steps: what is as old is one line.
+/// Ink fades in so many steps; a step is drawn as one line.
 const FADES = 16;
-/// Places this close, that press about as hard, are one: a pen tells 250 a second.
+/// Places this close and with about the same pressure are merged: a pen sends 250 a second.
 const NEAR_MM = 1.2;
 const LIKE = 0.03;
-/// How often where the hand is is written.
+/// Period of the text with the place of the hand.
 const TEXT_MS = 100;
 
 export class Hand {
@@ -31,7 +31,7 @@ export class Hand {
   #said = 0;
   #trail = [];
   #inked = true;
-  /// Millimetres of the bar that the grid was drawn for.
+  /// Length of the bar in mm that the grid was drawn for.
   #ruled = 0;
   #told = 0;
   #box = null;
@@ -41,7 +41,7 @@ export class Hand {
   constructor(link) {
     this.#link = link;
     const surface = this.#surface;
-    // Raw updates come at once; moves wait for the next picture. A browser has one or both: never take both.
+    // Raw updates come at once, moves wait for the next frame. A browser has one or both: only one is used.
     const moves = "onpointerrawupdate" in window ? "pointerrawupdate" : "pointermove";
     surface.addEventListener("pointerdown", (event) => this.#down(event));
     surface.addEventListener(moves, (event) => this.#move(event));
@@ -109,14 +109,14 @@ export class Hand {
     this.#setPress(this.#press - Math.sign(event.deltaY) * 0.02);
   }
 
-  /** A pen says how hard; a mouse does not, nor a finger on a screen that tells only 0, one half or 1. */
+  /** Pens have a pressure. A mouse has none, nor has a finger on a screen that reports only 0, 0.5 or 1. */
   #pressure(event) {
     const felt = event.pointerType === "pen" || ![0, 0.5, 1].includes(event.pressure);
     return event.pointerType !== "mouse" && felt ? Math.min(1, event.pressure) : this.#press;
   }
 
   #place(event) {
-    // Where it stands is read once a picture: a pen moves several times in one.
+    // The place of the surface is read once a frame; a pen moves several times in one.
     this.#box ??= this.#surface.getBoundingClientRect();
     const box = this.#box;
     const mm = this.#mm / BAR_PX;
@@ -156,7 +156,7 @@ export class Hand {
     if (this.#last) this.#send([{ ...this.#last, at, pressure: 0 }]);
   }
 
-  /** Arrow keys stroke too: while one is held the hand glides at 60 mm/s. */
+  /** Arrow keys stroke too: while one is held, the hand moves at 60 mm/s. */
   #key(event) {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
     if (!way || !this.#there) return;
@@ -187,7 +187,7 @@ export class Hand {
       const [x, y] = [fold(from.x + way[0] * mm, box.width), fold(from.y + way[1] * mm, box.height)];
       this.#send([{ at: now, x, y, pressure: this.#press }]);
     } else if (this.#mine && this.#last && now - this.#said >= BEAT_MS && !document.hidden) {
-      // A mouse that rests while its wheel turns presses harder or softer.
+      // The wheel changes the pressure of a resting mouse.
       const pressure = this.#mouse && this.#pointer !== null ? this.#press : this.#last.pressure;
       this.#send([{ ...this.#last, pressure, at: Math.max(now - BEHIND_MS, this.#last.at) }]);
     }
@@ -208,7 +208,7 @@ export class Hand {
     this.#link.tell(numbers);
   }
 
-  /** Puts a place at the end of the trail, or moves its end there. */
+  /** Appends a place to the trail, or moves its end there. */
   #keep(place) {
     const [before, last] = [this.#trail.at(-2), this.#trail.at(-1)];
     const near = before && before.stroke === place.stroke && last.stroke === place.stroke && place.pressure > 0
@@ -223,7 +223,7 @@ export class Hand {
     this.#link.tell(new Float64Array([2]));
   }
 
-  /** Draws the last second of the hand, wide where it pressed. */
+  /** Draws the last second of the hand; more pressure is wider. */
   draw() {
     this.#box = null;
     this.#rule();
@@ -236,7 +236,7 @@ export class Hand {
     const scale = BAR_PX / this.#mm;
     const [X, Y] = [(place) => width / 2 + place.x * scale, (place) => height / 2 - place.y * scale];
     pen.strokeStyle = colour("--hand");
-    // Round ends of lines that are seen through would be dots where they meet.
+    // Round ends of transparent lines would show as dots where they meet.
     pen.lineCap = "butt";
     pen.lineJoin = "round";
     let like = "";
@@ -278,7 +278,7 @@ export class Hand {
     pen.fill();
   }
 
-  /** Says where the hand is. */
+  /** Writes the place of the hand. */
   #tell() {
     const invite = document.getElementById("invite");
     const touched = this.#pointer !== null && this.#there;

@@ -1,4 +1,4 @@
-// What was lost, how late the hand is felt, and how the sources fare.
+// Losses, latency and sources.
 import { count, figure, make, write } from "./draw.js";
 
 const TALLIES = [
@@ -8,7 +8,7 @@ const TALLIES = [
   ["losses", "How often the device was lost"],
   ["faults", "Faults of all nodes"],
 ];
-/// How long a tally that grew stands out.
+/// Time that a risen count is highlighted.
 const NEW_MS = 3000;
 
 export class Health {

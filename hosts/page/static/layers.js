@@ -1,19 +1,19 @@
-// Places the nodes of a graph: in columns by the longest path to them, in an order that crosses few wires (Sugiyama, Tagawa
-// and Toda 1981), and folded into bands where the page is narrower than the graph is long.
+// Places the nodes of a graph: columns by longest path, ordered for few crossings (Sugiyama, Tagawa and Toda 1981).
+// A graph longer than the page is wide is folded into bands.
 
 const GAP_X = 30;
 const GAP_Y = 12;
-/// Height that a wire takes where it passes a column.
+/// Height of a wire where it passes a column.
 const PASS = 12;
-/// Between wires that run beside each other.
+/// Distance of wires that run side by side.
 const LANE = 6;
 
-/** What stands at one output is one net, however many wires hear it. */
+/** All wires of one output are one net. */
 const net = ([from, output]) => `${from} ${output}`;
 
 /**
- * `sizes` are heights of the nodes; `wires` are [node, output, node, input], where one that runs against the order of
- * the nodes closes a cycle. Answers places and routes.
+ * `sizes` are the heights of the nodes. `wires` are [node, output, node, input]; one that runs against the order of
+ * the nodes closes a cycle. Returns places and routes.
  */
 export function place(sizes, wires, width, nodeWidth) {
   const columns = longestPaths(sizes.length, wires);
@@ -36,7 +36,7 @@ export function place(sizes, wires, width, nodeWidth) {
 
 const margin = (lanes) => (lanes.length ? 8 + LANE * Math.max(...lanes.map((nets) => nets.length)) : 0);
 
-/** Columns of a band. Bands of about the same length look better than a last one of a single column. */
+/** Columns of a band, so that all bands are about equally long. */
 function fold(columns, width, nodeWidth, side) {
   const most = Math.max(1, Math.floor((width - 2 * side + GAP_X * 0.6) / (nodeWidth + GAP_X * 0.6)));
   return Math.ceil(columns / Math.ceil(columns / most));
@@ -44,7 +44,7 @@ function fold(columns, width, nodeWidth, side) {
 
 function longestPaths(nodes, wires) {
   const columns = new Array(nodes).fill(0);
-  // Nodes are in the order they run, so one pass settles all that does not run against it.
+  // Nodes are in the order of their calls, so one pass is enough.
   for (let node = 0; node < nodes; node += 1) {
     for (const [from, , to] of wires) {
       if (to === node && from < to) columns[to] = Math.max(columns[to], columns[from] + 1);
@@ -53,7 +53,7 @@ function longestPaths(nodes, wires) {
   return columns;
 }
 
-/** The slots that a wire passes, one in each column between its ends and one for a whole net; none if it runs back. */
+/** The slots that a wire passes: one in each column between its ends, shared by its net; none if it runs back. */
 function route(wire, columns, layers, passes) {
   const [from, , to] = wire;
   const back = from >= to;
@@ -72,7 +72,7 @@ function route(wire, columns, layers, passes) {
   return { back, slots };
 }
 
-/** Each slot goes to the mean place of what it hears and what hears it, a few times to and fro. */
+/** Moves each slot to the mean place of its neighbours, a few times to and fro. */
 function order(layers) {
   const number = (layer) => layer.forEach((slot, i) => (slot.at = i + (1 - layer.length) / 2));
   layers.forEach(number);
@@ -89,7 +89,7 @@ function order(layers) {
   }
 }
 
-/** The nets that leave each band for the next, or run back, from the lowest up: in this order they need not cross. */
+/** The nets that leave each band or run back, from the lowest up: in this order they do not cross. */
 function leave(layers, wires, routes, each) {
   layers.forEach((layer, column) => layer.forEach((slot) => (slot.column = column)));
   const slotOf = new Map(layers.flat().filter((slot) => slot.node !== undefined).map((slot) => [slot.node, slot]));

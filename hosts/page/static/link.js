@@ -1,4 +1,4 @@
-// The WebSocket: what comes over it is handed on, and when it is lost it is opened again.
+// The WebSocket: passes messages on, and reconnects when it is lost.
 const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
 const address = (path, scheme) => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
 
@@ -12,7 +12,7 @@ export class Link {
   #socket = null;
   #got = 0;
   #wait = 250;
-  /// Why there is no connection; what is found while it is tried again says nothing new.
+  /// Why there is no connection. Later attempts do not change it.
   #why = "";
   #head = new TextDecoder();
 
@@ -38,7 +38,7 @@ export class Link {
     return true;
   }
 
-  /** Asks for something. */
+  /** Sends a request. */
   ask(what) {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(what));
     else this.onRefused("There is no connection to the run.");
@@ -71,7 +71,7 @@ export class Link {
       if (answer.status === 403) this.#why = "This address is of another run. Open the one that the program printed.";
       this.onState("lost", this.#why);
     } catch {
-      // Nobody is there: said already.
+      // No server: that is shown already.
     }
     setTimeout(() => this.open(), this.#wait);
     this.#wait = Math.min(this.#wait * 1.6, 4000);

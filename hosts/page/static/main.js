@@ -1,4 +1,4 @@
-// The page: one link to the run, parts that draw what comes over it, one animation frame for all of them.
+// The page: one link to the run, parts that draw its figures, and one animation frame for all.
 import { Link } from "./link.js";
 import { Hand } from "./hand.js";
 import { Graph } from "./graph.js";
@@ -83,7 +83,7 @@ function mute() {
   link.ask({ mute: !muted });
 }
 
-/** A unit as a person writes it; that of a plain number is none. */
+/** A unit in typography; a plain number has none. */
 const written = (unit) => (unit === "1" ? "" : unit.replace("^2", "²"));
 
 function tidy(layout) {
@@ -128,7 +128,7 @@ link.onState = (state, why) => {
   hand.linked(state === "open");
 };
 
-/// Figures that change 60 times a second cannot be read. Each part writes its own ten times a second, in pictures of their own.
+/// Texts change ten times a second, so that they can be read. Each part writes in a frame of its own.
 const TEXT_MS = 100;
 const TEXTS = [
   () => facts([
@@ -167,7 +167,7 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
   mute();
 });
-// Firefox presses a button when space comes up again, whatever came of its going down.
+// Firefox presses a button when space is released, even if its press was handled.
 by("mute").addEventListener("keyup", (event) => {
   if (event.code === "Space") event.preventDefault();
 });

@@ -1,6 +1,6 @@
-// Scopes: what the signals did in the last seconds, scrolling. A strip keeps the least and the greatest sample of every
-// column of the screen, so that drawing costs the same at 500 Hz and at 48 kHz; what is drawn is shifted, and only the columns that
-// are new are drawn.
+// Scopes: the last seconds of the signals, scrolling. A strip keeps the least and the greatest sample of every
+// column of the screen, so that drawing costs the same at 500 Hz and at 48 kHz. The drawn strip is shifted, and
+// only new columns are drawn.
 import { canvas, colour, figure, make, round, signal, write } from "./draw.js";
 
 /// Room for the scale, in CSS pixels.
@@ -8,7 +8,7 @@ const LEFT = 46;
 /// Width of a line, in CSS pixels.
 const LINE = 1.3;
 const SPANS_S = [0.5, 2, 10];
-/// A scale grows at once, and shrinks when the signal stayed under this part of it for so many columns.
+/// A scale grows at once. It shrinks after the signal stayed below this part of it for so many columns.
 const SMALL = 0.35;
 const PATIENT_S = 1.5;
 /// Samples kept for the spectrum.
@@ -20,7 +20,7 @@ class Samples {
     this.rate = rate;
     this.ring = new Float32Array(KEPT);
     this.next = 0;
-    /// Samples since the last hole.
+    /// Samples since the last gap.
     this.whole = 0;
   }
 
@@ -62,7 +62,7 @@ class Strip {
 
   #begin(column) {
     const { columns } = this;
-    // Columns that no sample fell into are empty: a signal slower than the columns is drawn as steps, a hole as a hole.
+    // A signal slower than the columns is drawn as steps. Columns of a gap are empty.
     const from = Math.max(this.column + 1, column - columns + 1);
     const step = column - this.column <= Math.ceil(1 / this.per) + 1 && this.column >= 0;
     const [least, most] = [this.least[this.column % columns], this.most[this.column % columns]];
@@ -144,7 +144,7 @@ class Scope {
     const { drawn } = this;
     const { pen, width, height, scale } = this.canvas.kept();
     const all = drawn.column < 0 || column - drawn.column >= columns || drawn.bottom !== bottom || drawn.top !== top;
-    // From here on the unit is a pixel of the screen.
+    // From here on the unit is a screen pixel.
     const plot = { pen, scale, left: Math.round(LEFT * scale), width: Math.round(width * scale), high: Math.round(height * scale) };
     plot.y = (x) => (5 + ((top - Math.max(x, bottom)) / (top - bottom)) * (height - 10)) * scale;
     plot.marks = bottom < 0 ? [top, 0, bottom] : [top, top / 2, 0];
@@ -164,7 +164,7 @@ class Scope {
     }
   }
 
-  /** Another size or other colours: a strip of as many columns as there are pixels, and all of it drawn. */
+  /** New size or colours: makes a strip with one column for each pixel and draws all of it. */
   #begin() {
     const { width, scale } = this.canvas.clear();
     const columns = Math.max(1, Math.round(width * scale) - Math.round(LEFT * scale));
@@ -173,7 +173,7 @@ class Scope {
     this.dot.style.background = signal(this.name, this.place);
   }
 
-  /** Draws columns upon nothing but the lines of the scale. Each reaches to the one before, so that they are a line. */
+  /** Draws columns over the lines of the scale. Each reaches to the one before, so that they form a line. */
   #columns({ pen, scale, left, width, high, y, marks }, from, to) {
     const { least, most, column, columns } = this.strip;
     const [x, wide] = [width - 1 - (column - from), to - from + 1];
@@ -194,7 +194,7 @@ class Scope {
     }
   }
 
-  /** The value of a slow signal; of a fast one the root mean square of the last tenth of a second. */
+  /** The value of a slow signal, or the root mean square of 0.1 s of a fast one. */
   #figure(column) {
     const { rate, whole } = this.samples;
     if (column < 0) return "–";
@@ -206,7 +206,7 @@ class Scope {
     return `${figure(rms)} ${this.unit} rms`;
   }
 
-  /** The scale's figures; its lines are drawn with the columns. */
+  /** The figures of the scale. Its lines are drawn with the columns. */
   #axis({ marks, y, scale }, { pen, height }) {
     pen.fillStyle = colour("--quiet");
     pen.textAlign = "right";
@@ -240,7 +240,7 @@ export class Scopes {
     this.#box.replaceChildren(...this.all.map((scope) => scope.row));
   }
 
-  /** Another run counts its samples anew. */
+  /** Another run restarts its count of samples. */
   restart() {
     for (const scope of this.all) {
       scope.samples.whole = 0;

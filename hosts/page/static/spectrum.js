@@ -4,13 +4,13 @@ import { canvas, colour, figure, make, signal, write } from "./draw.js";
 const [LOW_HZ, HIGH_HZ] = [10, 1000];
 const SHOWN = ["acceleration", "current", "voltage"];
 const RANGE_DB = 70;
-/// Long enough to tell 10 Hz from 12.
+/// Long enough to separate 10 Hz from 12 Hz.
 const WINDOW_S = 0.4;
 const EVERY_MS = 80;
-/// Rates above twice this are brought down before they are looked at: nothing above HIGH_HZ is shown.
+/// Signals faster than twice this are decimated first: nothing above HIGH_HZ is shown.
 const ENOUGH_HZ = 5000;
 
-/** In place, of a length that is a power of two: Cooley and Tukey 1965, decimation in time. */
+/** In-place FFT of a power of two: Cooley and Tukey 1965, decimation in time. */
 export function fft(re, im) {
   const n = re.length;
   for (let i = 1, j = 0; i < n; i += 1) {
@@ -53,7 +53,7 @@ function turns(n) {
   return tables.get(n);
 }
 
-/** Amplitudes of the bins of `samples` under a Hann window: a sine of amplitude one on a bin reads one. */
+/** Amplitudes of the bins of `samples` under a Hann window. A sine of amplitude 1 on a bin reads 1. */
 export function amplitudes(samples) {
   const n = samples.length;
   const re = new Float64Array(n);
@@ -64,8 +64,9 @@ export function amplitudes(samples) {
 }
 
 /**
- * Every `by`-th sample behind a low-pass: `n` of them, the newest last. A windowed sinc of 12 `by` + 1 taps (Blackman) that halves at
- * the new Nyquist frequency: what is left above 3/4 of the new rate, where it would fold onto the lowest quarter, is under 1e-3.
+ * Decimates by `by` after a low-pass: `n` samples, the newest last. The filter is a windowed sinc of
+ * 12 `by` + 1 taps (Blackman) that halves at the new Nyquist frequency. Aliases onto the lowest quarter of the
+ * new rate stay below 1e-3.
  */
 export function slowed(samples, by, n) {
   const taps = lowPass(by);
@@ -138,11 +139,11 @@ export class Spectrum {
     this.#curves.set(scope.name, { bins, hz, last, peak });
   }
 
-  /** The top of a scale moves in steps of 10 dB, up at once and down when there are 20 to spare. */
+  /** The top of the scale moves in steps of 10 dB: up at once, down when 20 dB are free. */
   #top(name, peak_db) {
     let top = this.#tops.get(name) ?? 0;
     const need = Math.max(-40, Math.ceil((peak_db + 3) / 10) * 10);
-    // Silence is no reason to look for something smaller.
+    // Silence does not change the scale.
     const silent = peak_db < -120;
     if (need > top || (need < top - 10 && !silent)) top = need;
     this.#tops.set(name, top);
@@ -190,7 +191,7 @@ export class Spectrum {
     pen.lineWidth = 1.4;
     pen.lineJoin = "round";
     pen.beginPath();
-    // Where many bins share a pixel the largest is drawn: a line must not be lost between two pixels.
+    // Of bins that share a pixel the largest is drawn, so that no line is lost.
     let [column, most] = [-1, -Infinity];
     for (let k = Math.max(1, Math.floor(LOW_HZ / hz)); k <= last; k += 1) {
       const x = box.left + (Math.log10((k * hz) / LOW_HZ) / 2) * (box.right - box.left);

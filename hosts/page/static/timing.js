@@ -1,5 +1,5 @@
-// How long ticks computed and how late they woke, against the deadline. Counts are drawn on a logarithmic scale: one tick
-// in a million that missed must be seen.
+// Computing time and lateness of ticks, against the deadline. Counts have a logarithmic scale: one deadline miss in
+// a million ticks must be visible.
 import { canvas, colour, count, figure, make, write } from "./draw.js";
 
 const ROWS = [
@@ -50,7 +50,7 @@ export class Timing {
     if (!bins || !edges.length) return;
     const box = { left: 34, right: width - 6, top: 16, bottom: height - 20 };
     const x = (bin) => box.left + (bin / bins) * (box.right - box.left);
-    // The bins need not be of one width: a time stands where its part of its bin does.
+    // Bins may differ in width: a time is interpolated within its bin.
     const at = (us) => {
       const bin = edges.findIndex((edge) => us <= edge);
       if (bin < 0) return bins;

@@ -1,4 +1,4 @@
-//! What is known of the run, made ready to be drawn.
+//! All figures of the run, ready to draw.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use crate::held::{Count, Peak};
 use crate::text::{clean, columns};
 use crate::trace::Trace;
 
-/// How often the figures of nodes change: as fast as a person reads them.
+/// Figures of nodes change this often: as fast as a person reads them.
 const READ: Duration = Duration::from_millis(250);
-/// Columns that a name may take.
+/// Most columns of a name.
 const LONGEST: usize = 40;
-/// Notices that are kept.
+/// Most notices that are kept.
 const NOTES: usize = 100;
 
-/// The panes that share one place where the terminal is low.
+/// Panes that share one place on a low terminal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Tab {
     #[default]
@@ -28,25 +28,25 @@ pub(crate) enum Tab {
 /// Figures of one node.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
-    /// Mean time of a call in microseconds, of late.
+    /// Mean time of a call since the last reading, in microseconds.
     pub(crate) us: f64,
     /// Share of the time of the tick.
     pub(crate) share: f64,
-    /// Share of ticks it slept through, of late.
+    /// Share of ticks it slept through since the last reading.
     pub(crate) asleep: f64,
-    /// First value of its first output; none without one.
+    /// First value of its first output.
     pub(crate) value: Option<f32>,
     pub(crate) faults: Count,
     pub(crate) last: NodeView,
-    /// Time in calls since the figures last changed, and what was counted then.
+    /// Time in calls since the last reading, and the counts at that reading.
     busy_us: f64,
     calls: u64,
     slept: u64,
-    /// The fault that was last noted, and when.
+    /// Time of the last notice of a fault.
     noted: Option<Duration>,
 }
 
-/// Everything a frame is drawn from.
+/// Everything that a frame shows.
 #[derive(Debug, Default)]
 pub(crate) struct Board {
     pub(crate) layout: Layout,
@@ -62,25 +62,25 @@ pub(crate) struct Board {
     pub(crate) stalls: Vec<Count>,
     pub(crate) notes: VecDeque<(f64, String)>,
     pub(crate) tab: Tab,
-    /// Whether the frame that was drawn last had room for all panes.
+    /// Whether the last frame had room for all panes.
     pub(crate) all_seen: bool,
     pub(crate) help: bool,
-    /// First node that is shown.
+    /// First visible node.
     pub(crate) scroll: usize,
-    /// Nodes that were shown last, for a page's length.
+    /// Visible nodes of the last frame: the length of a page.
     pub(crate) page: usize,
     /// The chosen parameter, counted over all nodes.
     pub(crate) chosen: usize,
     /// The chosen texture node.
     pub(crate) texture: usize,
-    /// What the keys asked for since this was last emptied.
+    /// Requests of the keys that are not sent yet.
     pub(crate) requests: Vec<Request>,
-    /// When the figures of nodes last changed, and the ticks then.
+    /// Time of the last reading of the nodes, and the ticks then.
     pub(crate) read: Option<(Duration, u64)>,
 }
 
 impl Board {
-    /// Takes over another graph, or the same one with other values.
+    /// Shows another graph, or the same one with other values.
     pub(crate) fn lay_out(&mut self, layout: &Layout) {
         if layout.number != self.layout.number || layout.nodes.len() != self.rows.len() {
             self.rows = vec![Row::default(); layout.nodes.len()];
@@ -89,7 +89,7 @@ impl Board {
         if layout.number != self.layout.number || layout.scopes != self.layout.scopes {
             self.traces = layout.scopes.iter().map(|scope| Trace::new(scope.rate_hz)).collect();
         }
-        // The parameter that was chosen stays so in another graph, if it is still there.
+        // The chosen parameter stays chosen in another graph that has it too.
         let name = self.parameter(self.chosen).map(|(n, p)| self.parameter_name(n, p));
         self.layout = layout.clone();
         let longest = |name: fn(&NodeLayout) -> &str| {
@@ -102,7 +102,7 @@ impl Board {
         self.texture = self.texture.min(layout.materials.len().saturating_sub(1));
     }
 
-    /// Takes a view that came at `time`.
+    /// Takes in a view that arrived at `time`.
     pub(crate) fn take(&mut self, view: &View, time: Duration) {
         let timing = &view.timing;
         let counts = [view.underruns, view.lost_samples, view.xruns, view.losses, view.faults, timing.misses];
@@ -114,7 +114,7 @@ impl Board {
         for (count, source) in self.stalls.iter_mut().zip(&view.sources) {
             count.take(source.stalls, time);
         }
-        // Figures by number are those of another graph until the layout follows.
+        // Until the layout follows, these figures belong to nodes of another graph.
         if view.layout == self.layout.number {
             self.take_nodes(view, time);
             for (trace, samples) in self.traces.iter_mut().zip(&view.scopes) {
@@ -152,7 +152,7 @@ impl Board {
         }
     }
 
-    /// Keeps a notice, stamped with the time of the graph.
+    /// Keeps a notice with the time of the graph.
     pub(crate) fn note(&mut self, text: &str) {
         self.note_at(self.view.seconds, text.into());
     }
@@ -164,12 +164,12 @@ impl Board {
         self.notes.push_back((seconds, text));
     }
 
-    /// How many live parameters there are.
+    /// Number of live parameters.
     pub(crate) fn parameters(&self) -> usize {
         self.layout.nodes.iter().map(|node| node.live.len()).sum()
     }
 
-    /// Node and place in it of a live parameter, counted over all nodes.
+    /// Node and index within it of a live parameter, counted over all nodes.
     pub(crate) fn parameter(&self, mut index: usize) -> Option<(usize, usize)> {
         for (n, node) in self.layout.nodes.iter().enumerate() {
             if index < node.live.len() {
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_nodes_figures_are_those_since_they_were_last_read() {
+    fn node_figures_cover_the_time_since_last_reading() {
         let mut board = one_node();
         let node =
             |us, calls, slept| NodeView { us, calls, slept, values: vec![1.5, 2.0], ..NodeView::default() };
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_another_graph_are_not_given_to_this_one() {
+    fn figures_of_another_graph_are_ignored() {
         let mut board = one_node();
         let mut other = view(10, NodeView { us: 5.0, calls: 10, faults: 2, ..NodeView::default() });
         other.layout = 2;
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_noted_once_and_quarantine_again() {
+    fn fault_is_noted_once_and_quarantine_again() {
         let mut board = one_node();
         let node = |faults, quarantined| NodeView {
             faults,
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chosen_parameter_stays_chosen_in_another_graph() {
+    fn chosen_parameter_stays_chosen_in_another_graph() {
         let live = |name: &str| LiveLayout { name: name.into(), ..LiveLayout::default() };
         let node = |id: &str, names: &[&str]| NodeLayout {
             id: id.into(),

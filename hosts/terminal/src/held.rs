@@ -1,11 +1,11 @@
-//! What comes and goes is held long enough to be seen.
+//! Short events, held long enough to be seen.
 
 use std::time::Duration;
 
-/// How long a peak, or the rise of a count, stays in sight.
+/// Time that a peak, or the rise of a count, stays visible.
 pub(crate) const HOLD: Duration = Duration::from_secs(2);
 
-/// A count, and by how much it rose of late. What it is at first is no rise.
+/// A count and its recent rise. The first value is no rise.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Count {
     known: bool,
@@ -15,7 +15,7 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// Takes the count as it is at `time`; true if it has risen.
+    /// Takes the count at `time`. Returns whether it has risen.
     pub(crate) fn take(&mut self, count: u64, time: Duration) -> bool {
         let by = if self.known { count.saturating_sub(self.now) } else { 0 };
         self.known = true;
@@ -27,13 +27,13 @@ impl Count {
         by > 0
     }
 
-    /// By how much it rose, until nothing was added for [`HOLD`]; then 0.
+    /// The recent rise; 0 once nothing was added for [`HOLD`].
     pub(crate) fn risen(&self, time: Duration) -> u64 {
         if time < self.until { self.rise } else { 0 }
     }
 }
 
-/// The largest of late.
+/// The largest recent value.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Peak {
     value: f32,
@@ -41,7 +41,7 @@ pub(crate) struct Peak {
 }
 
 impl Peak {
-    /// Takes a peak; a NaN counts as more than any number.
+    /// Takes a peak. NaN counts as the largest.
     pub(crate) fn take(&mut self, peak: f32, time: Duration) {
         let more = peak.is_nan() || (peak >= self.value);
         if more || time >= self.until {
@@ -49,7 +49,7 @@ impl Peak {
         }
     }
 
-    /// The largest in the last [`HOLD`], as long as nothing larger came.
+    /// The largest value of the last [`HOLD`].
     pub(crate) fn value(&self) -> f32 {
         self.value
     }
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rise_of_one_view_stays_for_two_seconds() {
+    fn rise_of_one_view_stays_for_two_seconds() {
         let mut count = Count::default();
         assert!(!count.take(0, ms(0)));
         assert!(count.take(3, ms(100)));
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peak_stays_for_two_seconds_and_then_follows() {
+    fn peak_stays_for_two_seconds_and_then_follows() {
         let mut peak = Peak::default();
         peak.take(0.9, ms(0));
         peak.take(0.1, ms(1999));

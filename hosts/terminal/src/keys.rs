@@ -1,4 +1,4 @@
-//! What the keys do.
+//! Actions of the keys.
 
 use asperity_live::Reins;
 use asperity_live::view::{LiveLayout, Request};
@@ -6,12 +6,12 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use crate::board::{Board, Tab};
 
-/// Moves from one end of a range to the other.
+/// Steps from one end of a range to the other.
 const STEPS: f64 = 100.0;
-/// From this ratio of its ends on, a range is moved through by factors.
+/// A range whose ends have this ratio or more is logarithmic.
 const DECADES: f64 = 100.0;
 
-/// Keys and what they do, for the help.
+/// Keys and their actions, for the help.
 pub(crate) const HELP: [(&str, &str); 10] = [
     ("q, Ctrl-C", "stop"),
     ("space, m", "mute, or play again"),
@@ -25,23 +25,23 @@ pub(crate) const HELP: [(&str, &str); 10] = [
     ("?, h", "this help"),
 ];
 
-/// What a key asks of the terminal itself.
+/// Effect of a key on the terminal itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// Nothing.
+    /// None.
     Done,
-    /// To be drawn anew.
+    /// Clears and redraws the screen.
     Redraw,
 }
 
-/// Does what a key asks of the run that is to wait for nothing: to stop, to be mute or not. False for any other key.
+/// Stops or mutes the run, without waiting for a frame. Returns whether it was such a key.
 pub(crate) fn at_once(key: &KeyEvent, reins: &Reins) -> bool {
     if key.kind == KeyEventKind::Release {
         return false;
     }
     match (key.modifiers.contains(KeyModifiers::CONTROL), key.code) {
         (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => reins.stop(),
-        // Held down, it would flicker.
+        // A repeated key would flicker.
         (false, KeyCode::Char(' ' | 'm')) if key.kind == KeyEventKind::Repeat => {}
         (false, KeyCode::Char(' ' | 'm')) => reins.toggle_mute(),
         _ => return false,
@@ -50,7 +50,7 @@ pub(crate) fn at_once(key: &KeyEvent, reins: &Reins) -> bool {
 }
 
 impl Board {
-    /// Does what a key asks for. Requests are left in [`Board::requests`].
+    /// Acts on a key. Requests are left in [`Board::requests`].
     pub(crate) fn press(&mut self, key: KeyEvent) -> Answer {
         if key.kind == KeyEventKind::Release {
             return Answer::Done;
@@ -96,7 +96,7 @@ impl Board {
 
     fn choose(&mut self, by: isize) {
         let last = self.parameters().saturating_sub(1);
-        // The first press only shows the list, where it was out of sight.
+        // Where the list is hidden, the first press only shows it.
         if self.tab == Tab::Parameters || self.all_seen {
             self.chosen = self.chosen.saturating_add_signed(by).min(last);
         }
@@ -130,23 +130,23 @@ impl Board {
         self.ask(Request::Material { node, name: self.layout.materials[self.texture].chosen.clone() });
     }
 
-    /// A key held down asks often; only the last value counts.
+    /// Keeps a request. It replaces an older one for the same parameter: a held key asks often.
     fn ask(&mut self, request: Request) {
         self.requests.retain(|waiting| !waiting.is_of_the_same(&request));
         self.requests.push(request);
     }
 }
 
-/// Whether a range is moved through by factors: it is positive and spans two decades or more.
-pub(crate) fn by_factors(live: &LiveLayout) -> bool {
+/// Whether a range is logarithmic: positive, over two decades or more.
+pub(crate) fn is_logarithmic(live: &LiveLayout) -> bool {
     let [least, most] = live.slide();
     least > 0.0 && most.is_finite() && most / least >= DECADES
 }
 
-/// Where in the range of its slider a value stands, 0 to 1.
+/// Place of a value in the range of its slider, 0 to 1.
 pub(crate) fn place(live: &LiveLayout) -> f64 {
     let [least, most] = live.slide();
-    let place = if by_factors(live) {
+    let place = if is_logarithmic(live) {
         (live.value / least).ln() / (most / least).ln()
     } else {
         (live.value - least) / (most - least)
@@ -165,17 +165,17 @@ fn moved(live: &LiveLayout, by: f64, fine: bool) -> f64 {
     } else if live.whole {
         let step = if range.is_finite() { (range / STEPS * by.abs()).round().max(1.0) } else { 1.0 };
         value.round() + step * by.signum()
-    } else if by_factors(live) {
+    } else if is_logarithmic(live) {
         value.max(low) * (high / low).powf(by / STEPS)
     } else if range.is_finite() {
         let step = range / STEPS * by;
-        // On a grid from the lower end, so that steps up and down meet the same values.
+        // On a grid from the lower end: steps up and down meet the same values.
         low + ((value + step - low) / step.abs()).round() * step.abs()
     } else {
         value + by * (value.abs() / STEPS).max(0.01)
     };
     let most = if live.words.is_empty() { live.most } else { live.words.len() as f64 - 1.0 };
-    // Sums of steps carry an error in the last digits that nobody wants to read.
+    // Rounds off the errors that sums of steps collect.
     let next = format!("{next:.9e}").parse().unwrap_or(next);
     if next.is_finite() { next.max(live.least).min(most) } else { live.value }
 }

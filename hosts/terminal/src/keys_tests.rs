@@ -41,7 +41,7 @@ fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
     vec![Request::Set { node: node.into(), param: param.into(), value }]
 }
 
-/// What a key does to a run at once: whether it is such a key, and whether the run is stopped or muted then.
+/// Whether a key acts at once, and whether the run is stopped and muted afterwards.
 fn does(reins: &Reins, code: KeyCode, modifiers: KeyModifiers, kind: KeyEventKind) -> (bool, bool, bool) {
     let done = at_once(&KeyEvent::new_with_kind(code, modifiers, kind), reins);
     (done, reins.stopping(), reins.muted())
@@ -61,7 +61,7 @@ fn q_and_ctrl_c_stop() {
 }
 
 #[test]
-fn mute_goes_back_and_forth_and_a_key_held_down_counts_once() {
+fn mute_toggles_and_a_held_key_counts_once() {
     let reins = Reins::default();
     let key = |key, kind| does(&reins, KeyCode::Char(key), KeyModifiers::NONE, kind);
     assert_eq!(key(' ', KeyEventKind::Press), (true, false, true));
@@ -77,7 +77,7 @@ fn mute_goes_back_and_forth_and_a_key_held_down_counts_once() {
 }
 
 #[test]
-fn a_step_is_a_hundredth_of_the_range_and_no_digits_pile_up() {
+fn step_is_a_hundredth_of_the_range() {
     let mut board = board();
     assert_eq!(press(&mut board, KeyCode::Right), set("gain", "gain", 0.3));
     assert_eq!(press_with(&mut board, KeyCode::Right, KeyModifiers::SHIFT), set("gain", "gain", 0.301));
@@ -90,7 +90,7 @@ fn a_step_is_a_hundredth_of_the_range_and_no_digits_pile_up() {
 }
 
 #[test]
-fn a_range_of_decades_is_moved_through_by_factors() {
+fn range_of_decades_is_moved_is_logarithmic() {
     let mut board = board();
     press(&mut board, KeyCode::Down);
     // Four decades in a hundred steps: 25 steps are a factor of ten.
@@ -120,7 +120,7 @@ fn whole_numbers_and_words_move_by_one() {
 }
 
 #[test]
-fn a_key_held_down_asks_once_for_the_last_value() {
+fn held_key_asks_once_for_the_last_value() {
     let mut board = board();
     for _ in 0..5 {
         board.press(KeyEvent::new(KeyCode::Right, KeyModifiers::NONE));
@@ -129,7 +129,7 @@ fn a_key_held_down_asks_once_for_the_last_value() {
 }
 
 #[test]
-fn materials_go_round_and_each_texture_has_its_own() {
+fn materials_cycle_for_each_texture() {
     let mut board = board();
     let asked = |node: &str, name: &str| vec![Request::Material { node: node.into(), name: name.into() }];
     assert_eq!(press(&mut board, KeyCode::Char('n')), asked("left", "weave"));
@@ -140,7 +140,7 @@ fn materials_go_round_and_each_texture_has_its_own() {
 }
 
 #[test]
-fn the_first_arrow_only_brings_the_parameters_in_sight() {
+fn first_arrow_only_shows_the_parameters() {
     let mut board = board();
     board.tab = Tab::Nodes;
     press(&mut board, KeyCode::Down);
@@ -150,7 +150,7 @@ fn the_first_arrow_only_brings_the_parameters_in_sight() {
 }
 
 #[test]
-fn keys_do_no_harm_where_there_is_nothing() {
+fn keys_are_harmless_without_parameters() {
     let codes = [
         KeyCode::Up,
         KeyCode::Down,
@@ -182,7 +182,7 @@ fn keys_do_no_harm_where_there_is_nothing() {
 }
 
 #[test]
-fn a_release_of_a_key_does_nothing() {
+fn key_release_does_nothing() {
     let mut board = board();
     let key = KeyEvent::new_with_kind(KeyCode::Right, KeyModifiers::NONE, KeyEventKind::Release);
     board.press(key);
@@ -190,7 +190,7 @@ fn a_release_of_a_key_does_nothing() {
 }
 
 #[test]
-fn an_arrow_moves_by_a_part_of_the_slider_and_may_go_on_beyond_it() {
+fn arrow_moves_beyond_the_slider() {
     let gain = LiveLayout { reach: Some([0.0, 2.0]), ..live("gain", 2.0, -1e6, 1e6) };
     assert_eq!(place(&gain), 1.0);
     let next = moved(&gain, 1.0, false);

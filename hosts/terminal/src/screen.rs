@@ -1,4 +1,6 @@
-//! The terminal itself: raw mode, the alternate screen, and a thread that writes, so that a slow terminal holds nobody up.
+//! The terminal itself: raw mode, the alternate screen, and a thread that writes.
+//!
+//! The drawing thread never waits for a slow terminal.
 
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
@@ -17,12 +19,12 @@ use ratatui::crossterm::terminal::{
 use ratatui::crossterm::{cursor, execute, terminal};
 use ratatui::layout::Rect;
 
-/// How long the last frame may take to be written before the terminal is left without it.
+/// Longest wait for the last frame to be written.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Panics of other threads that are kept.
+/// Most panics of other threads that are kept.
 const PANICS: usize = 16;
 
-/// Whether the terminal is taken over, by which thread it is drawn on, and what panics of others said meanwhile.
+/// Whether the terminal is taken over, the thread that draws, and messages of panics of other threads.
 static HELD: AtomicBool = AtomicBool::new(false);
 static OWNER: Mutex<Option<ThreadId>> = Mutex::new(None);
 static SAID: Mutex<Vec<String>> = Mutex::new(Vec::new());
@@ -32,7 +34,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What a frame is composed in before it is written as a whole.
+/// The bytes of one frame, which are written as a whole.
 #[derive(Clone, Default)]
 struct Sheet(Arc<Mutex<Vec<u8>>>);
 
@@ -47,7 +49,7 @@ impl Write for Sheet {
     }
 }
 
-/// How the writing thread stands.
+/// State of the writing thread.
 #[derive(Default)]
 struct Pen {
     busy: AtomicBool,
@@ -69,7 +71,7 @@ impl Screen {
     /// Takes the terminal over.
     pub(crate) fn open() -> io::Result<Self> {
         if !io::stdout().is_terminal() {
-            let what = "standard output is no terminal, and the figures need one";
+            let what = "standard output is no terminal, and --tui needs one";
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         }
         if HELD.swap(true, Ordering::SeqCst) {
@@ -107,7 +109,7 @@ impl Screen {
         })
     }
 
-    /// Draws a frame with `draw`, which gets an empty buffer. Does nothing while the frame before is still being written.
+    /// Draws a frame with `draw`, which gets an empty buffer. Skips it while the last one is being written.
     pub(crate) fn frame(&mut self, draw: impl FnOnce(&mut Buffer)) -> io::Result<()> {
         if self.pen.failed.load(Ordering::SeqCst) {
             return Err(io::Error::new(io::ErrorKind::BrokenPipe, "the terminal is gone"));
@@ -117,7 +119,7 @@ impl Screen {
         }
         *lock(&OWNER) = Some(thread::current().id());
         if !HELD.swap(true, Ordering::SeqCst) {
-            // A panic gave it back, but was caught: the run goes on.
+            // A panic restored the terminal, but was caught: the run goes on.
             enter(&mut output()?)?;
             self.redraw();
         }
@@ -140,7 +142,8 @@ impl Screen {
         Ok(())
     }
 
-    /// What other threads said as they panicked since this was last asked. It is also printed when the terminal is given back.
+    /// Messages of panics of other threads since the last call. They are also printed when the terminal is
+    /// restored.
     pub(crate) fn said(&mut self) -> Vec<String> {
         let said = std::mem::take(&mut *lock(&SAID));
         let room = PANICS.saturating_sub(self.said.len());
@@ -148,7 +151,7 @@ impl Screen {
         said
     }
 
-    /// Has the next frame drawn on a cleared screen.
+    /// Clears the screen before the next frame.
     pub(crate) fn redraw(&mut self) {
         self.shown = Buffer::default();
     }
@@ -171,7 +174,7 @@ impl Drop for Screen {
         }
         self.said();
         if self.pen.busy.load(Ordering::SeqCst) && HELD.swap(false, Ordering::SeqCst) {
-            // The terminal does not read; it gets the rest if it ever does.
+            // The terminal does not read. It gets the rest if it ever does.
             let mut page = Vec::new();
             let _ = leave(&mut page);
             let _ = self.pages.try_send(page);
@@ -195,10 +198,10 @@ fn leave(out: &mut impl Write) -> io::Result<()> {
     execute!(out, terminal::EnableLineWrap, LeaveAlternateScreen, cursor::Show)
 }
 
-/// Gives the terminal back as it was found, once.
+/// Restores the terminal, once.
 fn restore() {
     if HELD.swap(false, Ordering::SeqCst) {
-        // There is nobody to tell if the terminal is gone.
+        // Errors are ignored: the terminal may be gone.
         if let Ok(mut out) = output() {
             let _ = leave(&mut out);
         }
@@ -206,7 +209,7 @@ fn restore() {
     }
 }
 
-/// Standard output without the lock and the lines of [`io::stdout`], which a slow terminal would keep from everybody.
+/// Standard output without the lock and the line buffer of [`io::stdout`], which a slow terminal would block.
 fn output() -> io::Result<File> {
     #[cfg(unix)]
     let own = std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?;
@@ -215,8 +218,9 @@ fn output() -> io::Result<File> {
     Ok(own.into())
 }
 
-/// A panic of the thread that draws, or of the main one, gives the terminal back before anything is printed: either may end the
-/// program without a drop. What any other thread says would spoil the picture, and is kept for [`Screen::said`] instead.
+/// Restores the terminal when the drawing thread or the main thread panics, before the message is printed:
+/// either may end the program without a drop. Messages of other threads would spoil the screen and are
+/// kept for [`Screen::said`].
 fn install_hook() {
     let before = panic::take_hook();
     panic::set_hook(Box::new(move |info| {

@@ -1,16 +1,16 @@
-//! Text that is fit for a terminal, and figures that keep to a few characters.
+//! Safe text for a terminal, and figures in few characters.
 
 use unicode_width::UnicodeWidthChar;
 
-/// `text` without anything that steers a terminal, cut to `width` columns; what was cut off is marked by a `…`.
+/// Cuts `text` to `width` columns and removes control characters; `…` marks the cut.
 ///
-/// Control characters become `·`. Characters that turn the direction of writing, join or pick a variant are left out, since
-/// terminals disagree on how wide they are; of accents that stand on one character, the first two stay.
+/// Control characters become `·`. Characters for direction, joining and variants are left out, since
+/// terminals disagree on their width. A character keeps at most two combining accents.
 pub(crate) fn clean(text: &str, width: usize) -> String {
     let mut out = String::new();
     let mut used = 0;
     let mut accents = 0;
-    // No more is looked at than could ever be shown: a name may be a megabyte long.
+    // A name may be a megabyte long: only the part that can be shown is read.
     for c in text.chars().take(8 * width + 8) {
         let c = if c.is_control() { '·' } else { c };
         if is_format(c) {
@@ -42,7 +42,7 @@ fn is_format(c: char) -> bool {
         | 0xFE00..=0xFE0F | 0xFEFF | 0xFFF9..=0xFFFB | 0xE0000..=0xE0FFF)
 }
 
-/// Columns that `text` takes.
+/// Width of `text` in columns.
 pub(crate) fn columns(text: &str) -> usize {
     text.chars().map(|c| c.width().unwrap_or(0)).sum()
 }
@@ -65,7 +65,7 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-/// A figure as [`number`] writes it, without zeros that say nothing: for ranges and scales.
+/// A figure as [`number`] writes it, without trailing zeros: for ranges and scales.
 pub(crate) fn short(x: f64) -> String {
     let text = number(x);
     if text.contains('.') && !text.contains('e') {
@@ -75,7 +75,7 @@ pub(crate) fn short(x: f64) -> String {
     }
 }
 
-/// Microseconds in at most six characters; from 0.1 s on with a unit of their own.
+/// Microseconds in at most seven characters; from 0.1 s on in ms or s.
 pub(crate) fn micros(us: f64) -> String {
     match us {
         _ if !us.is_finite() => number(us),
@@ -114,7 +114,7 @@ pub(crate) fn count(n: u64) -> String {
     format!("{value:.digits$}{sign}")
 }
 
-/// A share of 1 as per cent, in at most five characters.
+/// A share of 1 in percent, in at most five characters.
 pub(crate) fn percent(share: f64) -> String {
     match 100.0 * share {
         p if !p.is_finite() => "-".into(),
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_keep_to_their_columns_whatever_they_are() {
+    fn figures_keep_to_their_columns() {
         for exponent in -320..=308 {
             for digit in [1.0, 9.9994999, 9.9996, -4.9999] {
                 let x: f64 = format!("{digit}e{exponent}").parse().unwrap();
@@ -185,14 +185,14 @@ mod tests {
     }
 
     #[test]
-    fn text_from_a_file_cannot_steer_the_terminal() {
+    fn control_characters_are_replaced() {
         assert_eq!(clean("a\u{1b}[2Jb\u{7}\u{9b}c\n", 80), "a·[2Jb··c·");
         assert_eq!(clean("left\u{202e}right\u{200b}", 80), "leftright");
         assert_eq!(clean(&format!("e{}x", "\u{301}".repeat(500)), 80), "e\u{301}\u{301}x");
     }
 
     #[test]
-    fn a_long_name_is_cut_to_its_columns_and_says_so() {
+    fn long_name_is_cut_with_an_ellipsis() {
         assert_eq!(clean("texture", 7), "texture");
         assert_eq!(clean("textures", 7), "textur…");
         assert_eq!(clean("触覚触覚", 5), "触覚…");

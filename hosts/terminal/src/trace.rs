@@ -1,11 +1,11 @@
-//! The last two seconds of a scope, as the least and greatest of short bins.
+//! The last two seconds of a scope, as least and greatest values of short bins.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::held::HOLD;
 
-/// Bins that are kept; at [`BINS_HZ`] they are two seconds. All scopes have the same, so that their charts show the same time.
+/// Number of bins: two seconds at [`BINS_HZ`]. All scopes have as many, so that charts show the same time.
 const BINS: usize = 2048;
 const BINS_HZ: u64 = 1024;
 /// A bin without a sample.
@@ -15,14 +15,14 @@ const EMPTY: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
     bins: VecDeque<[f32; 2]>,
-    /// Bins that have ever been begun, and samples that ever came.
+    /// Counts of all bins that were begun, and of all samples.
     begun: u64,
     samples: u64,
     rate_hz: u32,
     scale: Scale,
 }
 
-/// From where to where a chart reaches: from 0 or from the negative of `top`.
+/// Range of a chart: 0 to `top`, or `-top` to `top` if signed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Scale {
     pub(crate) top: f32,
@@ -30,11 +30,11 @@ pub(crate) struct Scale {
     pub(crate) since: Duration,
 }
 
-/// What a chart of some columns shows.
+/// The content of a chart.
 pub(crate) struct Window {
     /// Least and greatest of each column, oldest first; `None` where there is no sample.
     pub(crate) columns: Vec<Option<[f32; 2]>>,
-    /// How long it is in seconds.
+    /// Its duration in seconds.
     pub(crate) seconds: f64,
 }
 
@@ -43,7 +43,7 @@ impl Trace {
         Self { rate_hz: rate_hz.max(1), ..Self::default() }
     }
 
-    /// Takes new samples. What is not finite leaves a gap; where samples are rarer than bins, each fills several.
+    /// Takes new samples. Values that are not finite leave a gap. Samples rarer than bins fill several bins.
     pub(crate) fn take(&mut self, samples: &[f32], time: Duration) {
         let rate = u64::from(self.rate_hz.max(1));
         let many = BINS * rate.div_ceil(BINS_HZ) as usize;
@@ -70,7 +70,7 @@ impl Trace {
         }
     }
 
-    /// The scale grows at once, and shrinks when two thirds of it have been empty for a while, so that it does not pump.
+    /// Grows the scale at once. Shrinks it only after two thirds of it were empty for a while.
     fn rescale(&mut self, time: Duration) {
         let (least, peak) = (self.least(), self.peak());
         let mut wanted = nice(peak);
@@ -105,7 +105,7 @@ impl Trace {
         self.scale
     }
 
-    /// The newest samples on `columns` columns. A column always holds the same bins while it moves, so that its form stands still.
+    /// The newest samples on `columns` columns. A column keeps its bins while it moves, so its form stays.
     pub(crate) fn window(&self, columns: usize) -> Window {
         let each = (BINS / columns.max(1)).max(1) as u64;
         let newest = self.begun.div_ceil(each);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sample_among_two_seconds_is_seen_on_a_chart_of_few_columns() {
+    fn one_sample_of_two_seconds_is_seen() {
         let mut trace = Trace::new(48_000);
         let mut samples = vec![0.0; 90_000];
         samples[44_000] = 3.0;
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_move_as_wholes_when_samples_come() {
+    fn columns_move_as_wholes() {
         let mut trace = Trace::new(1024);
         let samples: Vec<f32> = (0..2048).map(|i| i as f32).collect();
         trace.take(&samples, ms(0));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_grows_at_once_and_shrinks_late() {
+    fn scale_grows_at_once_and_shrinks_late() {
         let mut trace = Trace::new(1024);
         let mut tops = Vec::new();
         for step in 0..100u64 {
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_leaves_a_gap_and_no_scale() {
+    fn not_finite_samples_leave_a_gap_and_no_scale() {
         let mut trace = Trace::new(1024);
         trace.take(&[1.0, f32::NAN, f32::INFINITY, -1.5], ms(0));
         assert_eq!(trace.window(2048).columns[2044..], [Some([1.0, 1.0]), None, None, Some([-1.5, -1.5])]);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn no_columns_and_no_rate_do_no_harm() {
+    fn zero_columns_and_zero_rate_are_accepted() {
         let mut trace = Trace::new(0);
         trace.take(&[1.0; 3], ms(0));
         assert!(trace.window(0).columns.is_empty());

@@ -1,4 +1,5 @@
-//! However a program ends, its terminal is as it was. Runs itself in a pseudo-terminal that `script` (util-linux) makes.
+//! The terminal is restored however a program ends. The test runs itself in a pseudo-terminal of `script`
+//! (util-linux).
 
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
@@ -20,13 +21,13 @@ fn main() {
             eprintln!("SKIPPED: there is no `script` here to make a pseudo-terminal")
         }
         None => {
-            a_panic_of_the_thread_that_draws();
-            a_panic_of_the_main_thread_while_another_one_draws();
-            a_panic_elsewhere_is_shown_and_the_run_goes_on();
-            a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message();
-            ctrl_c_is_a_request();
-            a_pipe_is_refused_with_a_reason();
-            a_terminal_that_does_not_read_holds_nobody_up();
+            panic_of_the_drawing_thread();
+            panic_of_the_main_thread_while_another_draws();
+            panic_elsewhere_is_shown_and_the_run_continues();
+            caught_panic_restores_only_for_its_message();
+            ctrl_c_stops_the_run();
+            pipe_is_refused_with_a_reason();
+            terminal_that_does_not_read_blocks_nobody();
             println!("7 cases hold");
         }
     }
@@ -40,7 +41,8 @@ fn script_is_there() -> bool {
 fn start_in_terminal(child: &str) -> Child {
     let own = std::env::current_exe().expect("this program has a path");
     let command = format!(
-        "stty rows 60 cols 200; a=$(stty -g); '{}' {child} 2>&1; b=$(stty -g); [ \"$a\" = \"$b\" ] && echo SAME",
+        "stty rows 60 cols 200; a=$(stty -g); '{}' {child} 2>&1; b=$(stty -g); \
+         [ \"$a\" = \"$b\" ] && echo SAME",
         own.display()
     );
     Command::new("script")
@@ -54,12 +56,12 @@ fn start_in_terminal(child: &str) -> Child {
         .expect("script starts")
 }
 
-/// What a child wrote to its terminal. `keys` are typed after it has drawn.
+/// Output of a child to its terminal. `keys` are typed after it has drawn.
 fn run_in_terminal(child: &str, keys: &[u8]) -> String {
     let mut script = start_in_terminal(child);
     let mut stdin = script.stdin.take().expect("stdin is a pipe");
     let keys = keys.to_vec();
-    // The pipe stays open until the child has ended: script passes its end on as Ctrl-D.
+    // The pipe stays open until the child has ended: script passes an end on as Ctrl-D.
     let typist = thread::spawn(move || {
         thread::sleep(Duration::from_millis(700));
         let _ = stdin.write_all(&keys);
@@ -85,19 +87,19 @@ fn assert_after_leaving(out: &str, what: &str) {
     assert!(out[leave..].contains(what), "{what:?} is not on the screen that stays:\n{out:?}");
 }
 
-fn a_panic_of_the_thread_that_draws() {
+fn panic_of_the_drawing_thread() {
     let out = run_in_terminal("child-panics", b"");
     assert_restored(&out);
     assert_after_leaving(&out, "drawn and done");
 }
 
-fn a_panic_of_the_main_thread_while_another_one_draws() {
+fn panic_of_the_main_thread_while_another_draws() {
     let out = run_in_terminal("child-main-panics", b"");
     assert_restored(&out);
     assert_after_leaving(&out, "main is done");
 }
 
-fn a_panic_elsewhere_is_shown_and_the_run_goes_on() {
+fn panic_elsewhere_is_shown_and_the_run_continues() {
     let out = run_in_terminal("child-worker-panics", b"");
     assert_restored(&out);
     assert_eq!(out.matches(ENTER).count(), 1, "{out:?}");
@@ -106,7 +108,7 @@ fn a_panic_elsewhere_is_shown_and_the_run_goes_on() {
     assert_after_leaving(&out, "thread worker panicked: worker-is-done");
 }
 
-fn a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message() {
+fn caught_panic_restores_only_for_its_message() {
     let out = run_in_terminal("child-catches", b"");
     assert_restored(&out);
     assert_eq!(out.matches(ENTER).count(), 2, "{out:?}");
@@ -114,13 +116,13 @@ fn a_panic_that_is_caught_gives_the_terminal_back_only_for_its_message() {
     assert!(out[first..].find("only a try") < out[first..].find(ENTER), "{out:?}");
 }
 
-fn ctrl_c_is_a_request() {
+fn ctrl_c_stops_the_run() {
     let out = run_in_terminal("child-waits", b"\x03");
     assert_restored(&out);
     assert_after_leaving(&out, "asked to stop");
 }
 
-fn a_pipe_is_refused_with_a_reason() {
+fn pipe_is_refused_with_a_reason() {
     let own = std::env::current_exe().expect("this program has a path");
     let out = Command::new(own).arg("child-waits").stdin(Stdio::null()).output().expect("it starts");
     let text = String::from_utf8_lossy(&out.stdout);
@@ -128,10 +130,10 @@ fn a_pipe_is_refused_with_a_reason() {
     assert!(!text.contains('\x1b'), "{text:?}");
 }
 
-fn a_terminal_that_does_not_read_holds_nobody_up() {
+fn terminal_that_does_not_read_blocks_nobody() {
     let done = std::env::temp_dir().join(format!("asperity-terminal-{}", std::process::id()));
     let mut script = start_in_terminal(&format!("child-floods={}", done.display()));
-    // Nothing reads what script puts out: its pipe fills up, and then the pseudo-terminal.
+    // Nobody reads the output of script: its pipe fills up, and then the pseudo-terminal.
     let until = Instant::now() + Duration::from_secs(60);
     while !done.exists() && Instant::now() < until {
         thread::sleep(Duration::from_millis(20));
@@ -143,7 +145,7 @@ fn a_terminal_that_does_not_read_holds_nobody_up() {
     assert!(!held_up, "the program waits for a terminal that does not read");
 }
 
-/// Frames that have nothing in common, some megabytes in all; then the file that `done` names is made.
+/// Draws frames that have nothing in common, some megabytes in all; then makes the file `done`.
 fn flood(terminal: &mut Terminal, done: &str) {
     let scope = ScopeLayout { name: "noise".into(), rate_hz: 48_000, ..ScopeLayout::default() };
     terminal.layout(&Layout { number: 1, scopes: vec![scope; 4], ..Layout::default() });

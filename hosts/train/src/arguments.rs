@@ -10,7 +10,7 @@ use crate::encoder::Preset;
 use crate::loss::{Aim, Target};
 use crate::pattern::FindPatterns;
 
-/// Trains texture models, and says how good they are.
+/// Trains and evaluates texture models.
 #[derive(Parser, Debug)]
 #[command(name = "asperity-train", version)]
 pub(crate) struct Arguments {
@@ -20,17 +20,17 @@ pub(crate) struct Arguments {
 
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
-    /// Trains a model. Ctrl-C keeps what was done; the same command goes on.
+    /// Trains a model. After Ctrl-C the same command continues.
     Train(Train),
-    /// Trains the network of every tick of a model anew; its encoder and its materials stay as they are.
+    /// Retrains the tick network of a model; its encoder and materials stay.
     Network(Network),
-    /// Judges a trained model by data it was not trained on, and writes its card anew.
+    /// Evaluates a trained model on held-out data and rewrites its card.
     Evaluate(Evaluate),
-    /// Finds anew how a model's materials vibrate over place: the fields `waves` and `events` of its library.
+    /// Finds the patterns of a model's materials again: the fields `waves` and `events` of its library.
     Pattern(FindPatterns),
 }
 
-/// A model whose network is trained anew, with the settings of the model.
+/// Arguments of retraining a network, with the settings of the model.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Network {
     /// Folder of the model.
@@ -38,7 +38,7 @@ pub(crate) struct Network {
     /// Folder for checkpoints; by default FOLDER with `.run` after its name.
     #[arg(long, value_name = "FOLDER")]
     pub run: Option<PathBuf>,
-    /// Where the data are now, if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
+    /// Present place of the data if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
     /// Steps before settling; by default those of the model's stage two.
@@ -46,15 +46,15 @@ pub(crate) struct Network {
     pub steps: Option<u32>,
 }
 
-/// What is judged.
+/// Arguments of an evaluation.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Evaluate {
     /// The model's folder.
     pub folder: PathBuf,
-    /// The folder of its checkpoints, which has the classifier; by default FOLDER with `.run` after its name.
+    /// Folder of its checkpoints with the classifier; by default FOLDER with `.run` after its name.
     #[arg(long, value_name = "FOLDER")]
     pub run: Option<PathBuf>,
-    /// Where the data are now, if not where they were: `hatt:FOLDER` or `recordings:FOLDER`.
+    /// Present place of the data if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
 }
@@ -72,19 +72,19 @@ pub(crate) struct Train {
     pub settings: Settings,
 }
 
-/// What a run's result follows from.
+/// Settings that determine a run's result.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Settings {
-    /// Where images and strokes come from: `made`, `hatt:FOLDER` or `recordings:FOLDER`.
+    /// Source of images and strokes: `made`, `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, default_value = "made", value_name = "SOURCE")]
     pub data: Origin,
-    /// Sizes: the paper's, or small enough to ship.
+    /// Sizes: the paper's, or small ones to ship.
     #[arg(long, default_value = "compact")]
     pub preset: Preset,
-    /// What the network answers of a random texture.
+    /// Target of the network for a random texture.
     #[arg(long, default_value = "rms")]
     pub target: Target,
-    /// How errors are weighed.
+    /// Weighting of errors.
     #[arg(long, default_value = "relative")]
     pub error: Aim,
     /// Seed of data, weights and batches.
@@ -111,24 +111,23 @@ pub(crate) struct Settings {
     /// Largest learning rate of stage two.
     #[arg(long, default_value_t = 6e-4, value_parser = rate)]
     pub feeling_rate: f64,
-    /// Steps in which the network then settles on vectors that no longer change, for each target.
+    /// Steps for the network to settle on fixed vectors, for each target.
     #[arg(long, default_value_t = 6_000, value_parser = value_parser!(u32).range(1..=100_000_000))]
     pub settling_steps: u32,
-    /// Of stage two: weight of naming the material, and of telling the family of surfaces that are not
-    /// known, beside vibration. The paper has none.
+    /// Stage two's weight of naming materials and telling unknown surfaces' families, beside vibration.
+    /// The paper has none.
     #[arg(long, default_value_t = 0.2, value_parser = weight)]
     pub naming_weight: f64,
-    /// Of data that are read: how many materials are held apart whole, drawn by the seed.
+    /// Number of materials to hold out whole from read data, drawn by the seed.
     #[arg(long, default_value_t = 0)]
     pub unseen: u32,
-    /// Of made data: every so-manieth surface only, 1 to 16.
+    /// Use every N-th surface of made data, 1 to 16.
     #[arg(long, default_value_t = 1, value_parser = value_parser!(u32).range(1..=16))]
     pub every: u32,
-    /// Of made data: pieces of each surface to train on, 1 to 1000.
+    /// Training pieces of each surface of made data, 1 to 1000.
     #[arg(long, default_value_t = 12, value_parser = value_parser!(u32).range(1..=1000))]
     pub pieces: u32,
-    /// Steps before settling of a network that was trained anew on a finished encoder, by `asperity-train
-    /// network`.
+    /// Steps before settling for a network retrained by `asperity-train network`.
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network_steps: Option<u32>,

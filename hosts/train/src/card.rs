@@ -1,4 +1,4 @@
-//! The card that is written beside a model.
+//! The card beside a model.
 
 use std::fmt::Write as _;
 
@@ -14,7 +14,7 @@ use crate::evaluation::{
 };
 use crate::loss::{Aim, Target};
 
-/// What the card says of the files themselves.
+/// Sizes of the model's files for the card.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     /// Bytes of the encoder's file.
@@ -61,7 +61,8 @@ fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
     let made = match settings.data {
         Origin::Made => {
             " Made data are physics with chosen figures, nothing measured: what holds here need not hold for
-real surfaces. About half of neighbouring surfaces of a family overlap, within their pieces' spread, in what they are made from; the others are neighbours without. Settings
+real surfaces. About half of neighbouring surfaces of a family overlap, within their pieces' spread, in \
+what they are made from; the others are neighbours without. Settings
 were chosen by the same held-out images and strokes as everything below is judged by."
         }
         Origin::Hatt(_) | Origin::Recordings(_) => "",
@@ -69,17 +70,22 @@ were chosen by the same held-out images and strokes as everything below is judge
     format!(
         "# A texture model
 
-From a tactile image to a material's vector (`encoder.onnx`, {encoder:.1} MB, {preset}), and from a vector, the last ten forces and velocities to the
+From a tactile image to a material's vector (`encoder.onnx`, {encoder:.1} MB, {preset}), and from a \
+vector, the last ten forces and velocities to the
 magnitudes of the next 0.1 s of acceleration (`texture.onnx`, {network:.1} MB,
 that of Heravi et al. 2024 with a wider branch for speed). `materials.ron` has the vectors of
-{materials} materials. Inputs: `image` [1, 3, 192, 256], 0 to 1; `force` [1, 10] in N; `speed` [1, 20] in mm/s, 10 vx, then 10 vy; `texture`
-[1, 256]. Histories are oldest first, 2 ms apart. Output: `magnitudes` [1, 100], amplitudes in m/s^2 (2 |sum w x| / sum w, Hann window) at 10,
+{materials} materials. Inputs: `image` [1, 3, 192, 256], 0 to 1; `force` [1, 10] in N; `speed` [1, 20] in \
+mm/s, 10 vx, then 10 vy; `texture`
+[1, 256]. Histories are oldest first, 2 ms apart. Output: `magnitudes` [1, 100], amplitudes in m/s^2 (2 \
+|sum w x| / sum w, Hann window) at 10,
 20, .. 1000 Hz.{scatter} Trained range: 0 to {force_n:.2} N, 0 to {speed_mm_s:.0} mm/s in any direction.
 
-Data: `{origin}`. {images} images and {touches} touches of {materials} materials to train on; {held_images} other images, and other strokes, to judge by;
+Data: `{origin}`. {images} images and {touches} touches of {materials} materials to train on; \
+{held_images} other images, and other strokes, to judge by;
 {unseen} surfaces that were never trained on.{made}
 
-The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} images, stage two {feeling} of {touching} touches,
+The network aims at {target} and its errors are weighed {error}. Stage one took {naming} steps of {batch} \
+images, stage two {feeling} of {touching} touches,
 with a weight of {weight} on naming by the vector, then {settling} for each target.
 {anew}Everything below is written by `asperity-train evaluate`.
 ",
@@ -93,7 +99,8 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
         anew = if let Some(steps) = settings.network_steps {
             format!(
                 "
-Then the network of every tick was trained anew on vectors of the finished encoder: {steps} steps, and {} of settling. The
+Then the network of every tick was trained anew on vectors of the finished encoder: {steps} steps, and {} \
+of settling. The
 network for the other target is that of the first training.
 ",
                 settings.settling_steps
@@ -137,7 +144,7 @@ fn percent(part: f64) -> String {
     format!("{:.1} %", 100.0 * part)
 }
 
-/// Mean of a figure over the scores that have it.
+/// Mean of a figure over the scores with that figure.
 fn average<'a, T: 'a>(
     all: impl IntoIterator<Item = &'a T>,
     figure: impl Fn(&T) -> Option<f64>,
@@ -146,17 +153,17 @@ fn average<'a, T: 'a>(
     (count > 0.0).then(|| sum / count)
 }
 
-/// A figure in dB, or that there is none.
+/// A figure in dB, or a dash for none.
 fn decibels(figure: Option<f64>) -> String {
     figure.map_or_else(|| "-".to_owned(), |db| format!("{db:.2}"))
 }
 
-/// Scores of what could be judged.
+/// Scores with judged bins.
 fn judged(scores: &[Score]) -> impl Iterator<Item = &Score> + Clone {
     scores.iter().filter(|s| s.bins > 0)
 }
 
-/// Part of the materials that the model is better for.
+/// Part of the materials that the model beats this baseline on.
 fn beaten(scores: &[Score], which: usize) -> Option<f64> {
     average(judged(scores), |s| Some(f64::from(u8::from(s.beats()[which]))))
 }
@@ -217,7 +224,10 @@ fn names(naming: &Naming) -> String {
     );
     row("chance", Some(1.0 / naming.classes.max(1) as f64));
     if !naming.worst.is_empty() {
-        text.push_str("\nNamed worst, and what they are taken for most often:\n\n| material | rightly | taken for |\n|---|---|---|\n");
+        text.push_str(
+            "\nNamed worst, and what they are taken for most often:\n\n| material | rightly | \
+        taken for |\n|---|---|---|\n",
+        );
         for (name, part, other) in &naming.worst {
             let _ = writeln!(text, "| {} | {} | {} |", cell(name), percent(*part), cell(other));
         }
@@ -229,12 +239,15 @@ fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
     let [places, places_beyond] = places(settings);
     let of_made = |figure: &str| {
         format!(
-            "the {figure} magnitudes, over {places} places (beyond: {places_beyond}) of pieces that were never trained on, of strokes that were never trained on"
+            "the {figure} magnitudes, over {places} places (beyond: {places_beyond}) of pieces that were \
+             never trained on, of strokes that were never trained on"
         )
     };
     let truth = match (&settings.data, settings.target) {
         (Origin::Recordings(_), _) => {
-            "the magnitudes of single recorded frames of held-out strokes, which are random about what can be known".to_owned()
+            "the magnitudes of single recorded frames of held-out strokes, which are random about what \
+             can be known"
+                .to_owned()
         }
         (Origin::Hatt(_), Target::Mean) => {
             "the models' mean magnitudes on strokes that were never trained on".to_owned()
@@ -255,8 +268,10 @@ fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
     };
     let mut text = format!(
         "Mean of |error| in dB against {truth}; bins of at least
-{AUDIBLE_M_S2} m/s^2 and within {RANGE_DB} dB of the frame's largest; average over materials.{beyond} A rival that is one
-signal, as (b) is, carries a single signal's noise; the mean of twenty has little of it. (c) is no limit for the model: it has the noise of two single signals, and the
+{AUDIBLE_M_S2} m/s^2 and within {RANGE_DB} dB of the frame's largest; average over materials.{beyond} A \
+rival that is one
+signal, as (b) is, carries a single signal's noise; the mean of twenty has little of it. (c) is no limit \
+for the model: it has the noise of two single signals, and the
 model is judged by what is true on average.
 
 | | within | beyond | model is better for |
@@ -308,8 +323,10 @@ fn levels(settings: &Settings, levels: &[Level]) -> String {
         }
     };
     let mut text = format!(
-        "Power over the true power of held-out strokes, in dB, mean over materials. The mean of a random magnitude carries {MEAN_GAIN_DB} dB less than its power asks for, and that of a
-sure one nothing less: the first two columns are of the true means, without a network, and of the same with a gain of {MEAN_GAIN_DB} dB. What is below 0 in the
+        "Power over the true power of held-out strokes, in dB, mean over materials. The mean of a random \
+         magnitude carries {MEAN_GAIN_DB} dB less than its power asks for, and that of a
+sure one nothing less: the first two columns are of the true means, without a network, and of the same \
+with a gain of {MEAN_GAIN_DB} dB. What is below 0 in the
 first is too quiet, what is above 0 in the second is overdriven. The networks were trained on {losses}.
 
 | family | true mean | with gain | network for the mean | with gain | network for power |
@@ -335,7 +352,8 @@ first is too quiet, what is above 0 in the second is overdriven. The networks we
 
 fn scatter(families: &[(String, Option<Scatter>)]) -> String {
     let mut text = String::from(
-        "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for noise, 1 for
+        "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for \
+         noise, 1 for
 a steady line. The variance is that of a frame's power over its squared mean; power is the sum of all squared
 magnitudes. True figures are over the places of the held-out strokes above. All are weighted by true power
 within a material, and are means over materials.
@@ -363,7 +381,8 @@ fn strangers(strangers: &Strangers) -> String {
     if let Some(families) = &strangers.families {
         let _ = writeln!(
             text,
-            "The material with the nearest vector is of the right family for {} of {} surface{}, and for {} of single images; a linear classifier of image
+            "The material with the nearest vector is of the right family for {} of {} surface{}, and for \
+             {} of single images; a linear classifier of image
 statistics takes {} of images for a material of the right family; chance is {}.
 ",
             percent(families.surfaces),
@@ -376,7 +395,8 @@ statistics takes {} of images for a material of the right family; chance is {}.
     }
     let _ = write!(
         text,
-        "Mean of |error| in dB, of up to {ALONE} single images each, with the neighbour's vector {}, with the image's own {}, with a blend of the {BLENDED} nearest {}; the best of all stored vectors
+        "Mean of |error| in dB, of up to {ALONE} single images each, with the neighbour's vector {}, with \
+         the image's own {}, with a blend of the {BLENDED} nearest {}; the best of all stored vectors
 would give {}.
 
 | surface | family | neighbour | its family | nearest, dB | own, dB | blend, dB | best, dB |
@@ -407,7 +427,8 @@ fn table(scores: &[Score]) -> String {
     let mut text = String::from(
         "Mean of |error| in dB, as above.
 
-| material | model | 9 of 10 within | bias | (a) mean spectrum | (b) nearest touch | twenty nearest | (c) two signals |
+| material | model | 9 of 10 within | bias | (a) mean spectrum | (b) nearest touch | twenty nearest | (c) \
+two signals |
 |---|---|---|---|---|---|---|---|
 ",
     );

@@ -1,4 +1,4 @@
-//! Where the data come from.
+//! Sources of data.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -25,7 +25,7 @@ pub(crate) enum Origin {
 }
 
 impl Origin {
-    /// Its name, without the folder, which is the user's own affair.
+    /// Name without the private folder.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Made => "made",
@@ -48,7 +48,7 @@ impl FromStr for Origin {
     }
 }
 
-/// How far the touches go that are trained on.
+/// Trained range of touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reach {
     /// Largest force in N.
@@ -58,10 +58,10 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// That of strokes that are drawn or made.
+    /// Range of drawn or made strokes.
     pub(crate) const DRAWN: Self = Self { force_n: MAX_FORCE_N, speed_mm_s: MAX_SPEED_MM_S };
 
-    /// That of recorded touches; never nothing.
+    /// Range of recorded touches, at least 0.1 N and 1 mm/s.
     fn of(subjects: &[Subject]) -> Self {
         let (mut force_n, mut speed_mm_s) = (0.1_f64, 1.0_f64);
         for example in subjects.iter().flat_map(|s| &s.examples.train) {
@@ -73,19 +73,18 @@ impl Reach {
     }
 }
 
-/// What a run is trained on and judged by.
+/// Training and test data of a run.
 pub(crate) struct Data {
     /// Subjects to train on.
     pub seen: Vec<Subject>,
-    /// Subjects that are never trained on.
+    /// Subjects held out of training.
     pub unseen: Vec<Subject>,
-    /// How far the touches to train on go.
+    /// Range of the training touches.
     pub reach: Reach,
 }
 
 impl Data {
-    /// A checksum of all that a run depends on, and of what is held apart: a run is not to go on with other
-    /// data than it was begun with.
+    /// Checksum of all data of a run, held-out parts too. A run must not continue with other data.
     pub(crate) fn checksum(&self) -> u32 {
         let mut sum = crc32fast::Hasher::new();
         for (number, subject) in self.seen.iter().chain(&self.unseen).enumerate() {
@@ -104,7 +103,7 @@ impl Data {
     }
 }
 
-/// Holds some subjects apart, drawn by the seed.
+/// Holds out some subjects, drawn by the seed.
 fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> (Vec<Subject>, Vec<Subject>) {
     let mut random = Random::new(settings.seed ^ 0xa9a7);
     let count = (settings.unseen as usize).min(subjects.len().saturating_sub(1));
@@ -121,8 +120,7 @@ pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
 /// Makes or reads the data of a run.
 ///
 /// # Errors
-/// What the source finds wrong; fewer than two materials to train on, or one without an image or without a
-/// stroke.
+/// Errors of the source; fewer than two materials to train on; a material without an image or a stroke.
 pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
     let made = settings.data == Origin::Made;
     let refuse = |what: &str| Err(Diagnostic::new(what.to_owned()).into());

@@ -1,7 +1,7 @@
-//! A loop of optimiser steps that can be left at any time and taken up again as if it had not been.
+//! A loop of optimiser steps that can stop and continue at any time without a change of the result.
 //!
-//! What a step is given depends on its number alone, and a checkpoint holds the model and the whole state of Adam, so a run that was left ends at the same
-//! bits as one that was not.
+//! A step's input depends only on its number, and a checkpoint holds the model and the whole state of
+//! Adam. So a stopped run ends at the same bits as an unbroken one.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,22 +34,23 @@ const MAGIC: &[u8; 8] = b"ASPCHK02";
 /// One stage of a training run.
 #[derive(Clone, Debug)]
 pub(crate) struct Stage<'a> {
-    /// Its name, which is its checkpoint's.
+    /// Name of the stage and its checkpoint.
     pub name: &'a str,
     /// Steps in all.
     pub steps: usize,
-    /// Largest learning rate; it rises over the first fiftieth and falls to a hundredth by half a cosine.
+    /// Largest learning rate. The rate rises over the first fiftieth of the steps and falls to a
+    /// hundredth by half a cosine.
     pub learning_rate: f64,
-    /// Adam's second decay, that of the mean squares of gradients. With the usual 0.999 it takes steps that are too large when gradients
-    /// have grown.
+    /// Adam's decay of the mean squares of gradients. The usual 0.999 gives too large steps after
+    /// gradients have grown.
     pub second_decay: f32,
-    /// Where checkpoints lie.
+    /// Folder of checkpoints.
     pub folder: &'a Path,
-    /// Set when the user wants to stop.
+    /// Stop request of the user.
     pub stop: &'a Stop,
 }
 
-/// A wish to stop, and whether anything is under way that keeps what was done.
+/// A stop request, and whether a running stage can keep its state.
 #[derive(Debug, Default)]
 pub(crate) struct Stop {
     wanted: AtomicBool,
@@ -57,22 +58,22 @@ pub(crate) struct Stop {
 }
 
 impl Stop {
-    /// Asks for it. Answers whether it will be seen to: where it was asked for before, or nothing would be kept, the asker may as well
-    /// end it at once.
+    /// Requests a stop. Returns whether a stage will obey: not if a stop was requested before, or if no
+    /// stage keeps its state. The caller may then exit at once.
     pub(crate) fn ask(&self) -> bool {
         !self.wanted.swap(true, Ordering::Relaxed) && self.heeded.load(Ordering::Relaxed)
     }
 
-    /// Whether it was asked for.
+    /// Whether a stop was requested.
     pub(crate) fn wanted(&self) -> bool {
         self.wanted.load(Ordering::Relaxed)
     }
 }
 
-/// Mean losses of a stage, as far as it went: (steps done, loss).
+/// Mean losses of a stage so far: (steps done, loss).
 pub(crate) type Losses = Vec<(usize, f64)>;
 
-/// Where a stage stands.
+/// Progress of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Progress {
     /// Steps done.
@@ -94,11 +95,11 @@ struct Header {
     #[serde(with = "bits::of_losses")]
     losses: Losses,
     model_bytes: usize,
-    /// Of all bytes behind the header.
+    /// Checksum of all bytes behind the header.
     crc32: u32,
 }
 
-/// Numbers as their bits: what is read back from decimals may be another number.
+/// Numbers as their bits, as decimals may not read back exactly.
 mod bits {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -144,11 +145,12 @@ impl Stage<'_> {
         self.learning_rate * (0.01 + 0.99 * cosine)
     }
 
-    /// Goes through the steps that are left, from the checkpoint if there is one, and returns the model and all losses. `draw` makes the batch of a
-    /// step, on another thread; `loss` judges a model by it.
+    /// Runs the remaining steps, from the checkpoint if there is one, and returns the model and all
+    /// losses. `draw` makes the batch of a step on another thread; `loss` evaluates a model on it.
     ///
     /// # Errors
-    /// [`Failure::Stopped`] when [`stop`](Self::stop) was set, after a checkpoint; a checkpoint that cannot be read or written; a loss that is not finite.
+    /// [`Failure::Stopped`] after a [stop](Self::stop) request and a checkpoint; a checkpoint that
+    /// cannot be read or written; a loss that is not finite.
     pub(crate) fn descend<M: Module, B: Send>(
         &self,
         model: M,
@@ -156,7 +158,7 @@ impl Stage<'_> {
         loss: impl Fn(&M, B) -> Tensor<1>,
         mut report: impl FnMut(&Progress),
     ) -> Result<(M, Losses), Failure> {
-        // momenta of weights that are no longer touched decay for ever
+        // Momenta of untouched weights decay for ever, down to denormals.
         let _flushed = Flushed::new();
         let clipping = Some(GradientClippingConfig::Norm(1.0));
         let adam = AdamConfig::new()
@@ -179,7 +181,8 @@ impl Stage<'_> {
                 let size = f64::from(now.clone().into_scalar::<f32>());
                 if !size.is_finite() {
                     return Err(Failure::Model(format!(
-                        "the loss of stage `{}` is {size} at step {}: begin again with a smaller learning rate, in another folder",
+                        "the loss of stage `{}` is {size} at step {}: begin again with a smaller learning \
+                         rate, in another folder",
                         self.name, header.step
                     )));
                 }
@@ -243,10 +246,10 @@ impl Stage<'_> {
     }
 }
 
-/// The model of a stage's checkpoint, if there is one of its last step.
+/// Model of a stage's checkpoint if the stage is finished.
 ///
 /// # Errors
-/// A checkpoint that cannot be read, or is of another model.
+/// A checkpoint that cannot be read or belongs to another model.
 pub(crate) fn of_checkpoint<M: Module>(path: &Path, steps: usize, model: M) -> Result<Option<M>, Failure> {
     Ok(read(path, model)?.filter(|(_, header, _)| header.step == steps).map(|(model, ..)| model))
 }
@@ -257,7 +260,7 @@ fn broken(path: &Path) -> Diagnostic {
         .help("remove it, and its stage begins anew")
 }
 
-/// Largest checkpoint that is read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
+/// Largest checkpoint to read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
 const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
 
 /// Model, header and the optimiser's state of a checkpoint.

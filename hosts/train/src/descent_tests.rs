@@ -5,7 +5,7 @@ use burn::tensor::{Device, TensorData};
 
 const STEPS: usize = 60;
 
-/// Learns y = 2 a - b + 1; `stop_at` is the step after which it is told to stop.
+/// Learns y = 2 a - b + 1, with a stop request after step `stop_at`.
 fn learn(folder: &Path, stop_at: Option<usize>) -> Result<(Weights, Losses), Failure> {
     let device = Device::flex().autodiff();
     let stop = Stop::default();
@@ -30,7 +30,7 @@ fn learn(folder: &Path, stop_at: Option<usize>) -> Result<(Weights, Losses), Fai
 }
 
 #[test]
-fn a_run_that_was_stopped_twice_ends_at_the_same_bits() {
+fn run_stopped_twice_ends_at_the_same_bits() {
     let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let (weights, losses) = learn(whole.path(), None).unwrap();
     assert!(losses.last().unwrap().1 < 0.05 * losses[0].1, "{losses:?}");
@@ -41,7 +41,7 @@ fn a_run_that_was_stopped_twice_ends_at_the_same_bits() {
 }
 
 #[test]
-fn where_nothing_is_kept_a_wish_to_stop_is_not_seen_to() {
+fn stop_request_without_kept_state_is_ignored() {
     assert!(!Stop::default().ask());
 }
 
@@ -49,7 +49,7 @@ fn where_nothing_is_kept_a_wish_to_stop_is_not_seen_to() {
 fn a_stage_that_is_done_is_not_done_again() {
     let folder = tempfile::tempdir().unwrap();
     let first = learn(folder.path(), None).unwrap();
-    // the step that would stop it is never taken
+    // A finished stage takes no step, so the stop never comes.
     assert_eq!(learn(folder.path(), Some(0)).unwrap(), first);
 }
 

@@ -13,12 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::layer::{Layer, Weights, all_relu, initial, layers, numbers, relu_between};
 
-/// Numbers that the image encoder makes of an image: 256 channels of 5 x 7.
+/// Features of an image: 256 channels of 5 x 7.
 pub(crate) const FEATURES: usize = 256 * 5 * 7;
-/// Numbers of an image, as the image encoder takes it: channels, rows, columns.
+/// Numbers of an image for the image encoder: channels, rows, columns.
 pub(crate) const PIXELS: usize = 3 * IMAGE[0] * IMAGE[1];
 
-/// How large a model is.
+/// Size of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Preset {
     /// The sizes of Heravi et al. 2024: AlexNet's convolutions, heads of 4096 and 512.
@@ -45,20 +45,21 @@ impl Preset {
     }
 }
 
-/// What a convolution of AlexNet is like (Krizhevsky 2014, "One weird trick for parallelizing convolutional neural networks", as torchvision has it).
+/// Geometry of a convolution of AlexNet (Krizhevsky 2014, "One weird trick for parallelizing
+/// convolutional neural networks", in torchvision's version).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Geometry {
     /// Edge of the kernel.
     pub kernel: usize,
     /// Stride both ways.
     pub stride: usize,
-    /// Zeros around.
+    /// Rows and columns of zeros around the image.
     pub padding: usize,
-    /// Whether the largest of 3 x 3 is taken after it, every second one.
+    /// Whether 3 x 3 max-pooling with stride 2 follows.
     pub pooled: bool,
 }
 
-/// The five.
+/// Geometry of the five convolutions.
 pub(crate) const GEOMETRY: [Geometry; 5] = [
     Geometry { kernel: 11, stride: 4, padding: 2, pooled: true },
     Geometry { kernel: 5, stride: 1, padding: 2, pooled: true },
@@ -68,7 +69,7 @@ pub(crate) const GEOMETRY: [Geometry; 5] = [
 ];
 /// Edge and stride of pooling.
 pub(crate) const POOL: (usize, usize) = (3, 2);
-/// Pixels of 0 to 1 are made x' = scale (x - offset).
+/// Scale and offset of pixels of 0 to 1: x' = scale (x - offset).
 pub(crate) const PIXEL_SCALE: (f32, f32) = (4.0, 0.4);
 
 /// A convolution's weights, of \[out, in, kernel, kernel\].
@@ -96,7 +97,7 @@ pub(crate) struct Kernel {
 }
 
 impl ImageEncoder {
-    /// One to be trained.
+    /// An encoder with initial weights.
     pub(crate) fn new(preset: Preset, random: &mut Random, device: &Device) -> Self {
         let channels = preset.channels();
         let inputs = [3, channels[0], channels[1], channels[2], channels[3]];
@@ -126,7 +127,7 @@ impl ImageEncoder {
         x.flatten(1, 3)
     }
 
-    /// The numbers.
+    /// Weights of the convolutions.
     pub(crate) fn kernels(&self) -> Vec<Kernel> {
         let kernel = |c: &Convolution| Kernel {
             shape: c.weight.val().dims(),
@@ -148,13 +149,13 @@ impl Head {
     pub(crate) fn classifier(preset: Preset, classes: usize, random: &mut Random, device: &Device) -> Self {
         let [first, second] = preset.hidden();
         let mut layers = layers(&[FEATURES, first, second], random, device);
-        // begin undecided
+        // Small last weights start with no preference.
         layers.push(Layer::new(second, classes, 0.1, random, device));
         Self { layers }
     }
 
-    /// The texture encoder, for features that were multiplied by `scale`: up to its last layer it begins as the classifier, and its vectors as numbers
-    /// of about 1 for the `features` \[n, 8960\] of each list.
+    /// The texture encoder for features times `scale`. It starts as the classifier up to its last
+    /// layer, with vector components of about 1 for the `features` \[n, 8960\] of each list.
     pub(crate) fn texture(
         classifier: &Self,
         (features, scale): (&[Vec<f32>], f32),
@@ -181,7 +182,7 @@ impl Head {
         Self { layers }
     }
 
-    /// What goes into the last layer.
+    /// Input of the last layer.
     #[cfg(test)]
     pub(crate) fn hidden(&self, features: Tensor<2>) -> Tensor<2> {
         all_relu(&self.layers[..self.layers.len() - 1], features)
@@ -192,7 +193,7 @@ impl Head {
         relu_between(&self.layers, features)
     }
 
-    /// The numbers, for features that are not yet multiplied by `scale`, and for answers that are to be multiplied by `gain`.
+    /// Weights for unscaled features and answers times `gain`, with `scale` folded in.
     pub(crate) fn weights(&self, scale: f32, gain: f32) -> Vec<Weights> {
         let mut weights: Vec<Weights> = self.layers.iter().map(Layer::weights).collect();
         if let Some(first) = weights.first_mut() {
@@ -205,7 +206,8 @@ impl Head {
     }
 }
 
-/// An image as the encoder takes it: channels, rows, columns, [scaled](PIXEL_SCALE), each channel first times a gain.
+/// An image for the encoder: channels, rows, columns, [scaled](PIXEL_SCALE), each channel first times a
+/// gain.
 pub(crate) fn planes(image: &Image, gain: [f32; 3], out: &mut Vec<f32>) {
     let (scale, offset) = PIXEL_SCALE;
     for (channel, gain) in gain.into_iter().enumerate() {
@@ -214,7 +216,7 @@ pub(crate) fn planes(image: &Image, gain: [f32; 3], out: &mut Vec<f32>) {
     }
 }
 
-/// Features of images, in order, some at a time.
+/// Features of images in order, computed in batches.
 pub(crate) fn features(encoder: &ImageEncoder, images: &[&Image], device: &Device) -> Vec<f32> {
     const AT_ONCE: usize = 16;
     let mut all = Vec::with_capacity(images.len() * FEATURES);
@@ -232,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_presets_make_8960_numbers_and_the_papers_is_alexnet() {
+    fn both_presets_make_8960_numbers_and_paper_is_alexnet() {
         let (device, random) = (Device::flex(), &mut Random::new(1));
         let image = Image { size: IMAGE, pixels: (0..PIXELS).map(|i| (i % 251) as u8).collect() };
         for preset in [Preset::Paper, Preset::Compact] {
@@ -241,7 +243,7 @@ mod tests {
         }
         let kernels = ImageEncoder::new(Preset::Paper, random, &device).kernels();
         let parameters: usize = kernels.iter().map(|k| k.weight.len() + k.bias.len()).sum();
-        // the sum that is given for AlexNet's features
+        // The published sum for AlexNet's features.
         assert_eq!(parameters, 2_469_696);
     }
 

@@ -1,15 +1,15 @@
-//! Why a run ended early.
+//! Reasons for an early end of a run.
 
 use asperity_diagnostics::Diagnostic;
 
-/// Why a run ended early.
+/// Reasons for an early end of a run.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// A file, a name or a range.
     Input(Diagnostic),
-    /// The training or its result is not what it must be.
+    /// Invalid training or result.
     Model(String),
-    /// The user asked for it; everything is kept.
+    /// Stopped by the user; everything is kept.
     Stopped,
 }
 

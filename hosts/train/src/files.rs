@@ -1,4 +1,4 @@
-//! Output files that are whole or not there.
+//! Writes output files whole or not at all.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -10,14 +10,14 @@ use asperity_diagnostics::Diagnostic;
 /// Writes a file under a temporary name beside `path` and renames it.
 ///
 /// # Errors
-/// What the file system answers; then no temporary file is left.
+/// An error of the file system; no temporary file is left.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
     let mut temporary = OsString::from(path);
     temporary.push(".tmp");
     let write = || {
         let mut file = File::create(&temporary)?;
         file.write_all(bytes)?;
-        // a cut of power must not leave an empty file in the place of a good one
+        // A power cut must not replace a good file with an empty one.
         file.sync_all()?;
         std::fs::rename(&temporary, path)
     };
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_written_file_is_whole_and_leaves_nothing_beside_it() {
+    fn written_file_is_whole_and_leaves_no_other_file() {
         let folder = std::env::temp_dir().join(format!("asperity-train-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("a.bin");

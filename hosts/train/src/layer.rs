@@ -1,4 +1,4 @@
-//! Fully connected layers, and what all layers are made of.
+//! Fully connected layers, and helpers of all layers.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ pub(crate) struct Layer {
     bias: Param<Tensor<1>>,
 }
 
-/// A layer's numbers.
+/// Weights of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Weights {
     /// Inputs.
@@ -27,15 +27,15 @@ pub(crate) struct Weights {
     pub bias: Vec<f32>,
 }
 
-/// Numbers of He's uniform initialisation (He, Zhang, Ren, Sun 2015) for `inputs` inputs, times `gain`;
-/// from our own generator, so that a seed means the same everywhere.
+/// Random weights of He's uniform initialisation (He, Zhang, Ren, Sun 2015) for `inputs` inputs, times
+/// `gain`. They come from our own generator, so a seed means the same everywhere.
 pub(crate) fn initial(count: usize, inputs: usize, gain: f64, random: &mut Random) -> Vec<f32> {
     let bound = gain * (6.0 / inputs as f64).sqrt();
     (0..count).map(|_| random.range(-bound, bound) as f32).collect()
 }
 
 impl Layer {
-    /// A layer to be trained.
+    /// A layer with initial weights.
     pub(crate) fn new(
         inputs: usize,
         outputs: usize,
@@ -50,7 +50,7 @@ impl Layer {
         }
     }
 
-    /// One of these numbers, to be trained on.
+    /// A trainable layer of these weights.
     pub(crate) fn of(weights: &Weights, device: &Device) -> Self {
         let Weights { inputs, outputs, weight, bias } = weights;
         let weight = TensorData::new(weight.clone(), [*inputs, *outputs]);
@@ -66,19 +66,19 @@ impl Layer {
         x.matmul(self.weight.val()) + self.bias.val().unsqueeze()
     }
 
-    /// The numbers.
+    /// Weights of the layer.
     pub(crate) fn weights(&self) -> Weights {
         let [inputs, outputs] = self.weight.val().dims();
         Weights { inputs, outputs, weight: numbers(self.weight.val()), bias: numbers(self.bias.val()) }
     }
 }
 
-/// All numbers of a tensor, the last index fastest.
+/// All numbers of a tensor with the last index fastest.
 pub(crate) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().iter::<f32>().collect()
 }
 
-/// Layers one after the other, of these widths, the input's first.
+/// Consecutive layers of these widths, the input's first.
 pub(crate) fn layers(widths: &[usize], random: &mut Random, device: &Device) -> Vec<Layer> {
     widths.windows(2).map(|w| Layer::new(w[0], w[1], 1.0, random, device)).collect()
 }
@@ -108,7 +108,7 @@ impl Weights {
         }
     }
 
-    /// Takes x' = scale (x - offset) of the first `n` inputs into the weights.
+    /// Folds x' = scale (x - offset) of the first `n` inputs into the weights.
     pub(crate) fn fold(&mut self, scaling: impl Fn(usize) -> (f32, f32), n: usize) {
         for (i, row) in self.weight.chunks_exact_mut(self.outputs).take(n).enumerate() {
             let (scale, offset) = scaling(i);

@@ -1,4 +1,4 @@
-//! What is aimed at, and how far off an answer is.
+//! Targets of the network and losses of its answers.
 
 use asperity_data::{Example, HISTORY, Truth};
 use asperity_dsp::frame::BINS;
@@ -7,27 +7,27 @@ use burn::tensor::Tensor;
 use crate::network::Answers;
 use serde::{Deserialize, Serialize};
 
-/// What the network is to answer of a random texture.
+/// Target of the network for a random texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Target {
-    /// Its mean magnitudes, as in the paper: the least squared error. A signal of them is too quiet, 1.05
-    /// dB where one axis of a Gaussian signal is felt.
+    /// Mean magnitudes, as in the paper: the least squared error. A signal of them is too quiet, by
+    /// 1.05 dB for one axis of a Gaussian signal.
     Mean,
-    /// Its root mean square magnitudes, whose signal has the right power.
+    /// Root mean square magnitudes, for a signal of the right power.
     Rms,
 }
 
-/// How errors are weighed.
+/// Weighting of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Aim {
-    /// In m/s^2, as in the paper: loud materials count most.
+    /// In m/s^2, as in the paper: loud materials dominate.
     Euclidean,
-    /// In parts of what the material's touches of about the same force and speed come to: all count alike.
+    /// Relative to the material's touches of about the same force and speed: all count alike.
     Relative,
 }
 
-/// Magnitude below which a relative error is no longer relative, in m/s^2: a quarter of what fifty bins have
-/// that a fingertip feels at best.
+/// Magnitude in m/s^2 below which errors stop being relative. It is a quarter of each bin's magnitude if
+/// fifty bins together are at a fingertip's best threshold.
 const FLOOR_M_S2: f32 = 0.0005;
 
 /// Mean over root mean square of a Rayleigh distributed magnitude: sqrt(pi / 4).
@@ -50,7 +50,7 @@ impl Target {
         }
     }
 
-    /// A magnitude of an example, as this target takes it.
+    /// A magnitude of an example for this target.
     pub(crate) fn of(self, magnitude: f32, truth: Truth) -> f32 {
         match (self, truth) {
             (Self::Mean, Truth::Rms) => RAYLEIGH * magnitude,
@@ -58,16 +58,16 @@ impl Target {
         }
     }
 
-    /// The loss of answers `y`, which are 0 or more, to magnitudes `m`, both \[n, 100\], each times its
+    /// Loss of answers `y` (0 or more) against magnitudes `m`, both \[n, 100\], each times its
     /// `weight`.
     ///
     /// Its derivative is `a(y) (y - m)` for the mean and `a(y) (y^2 - m^2)` for the root mean square,
-    /// whatever `a(y) > 0` is, so that its least is there. [`Aim::Euclidean`] has `a = 1`: half the squared
-    /// error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y + s)^3`: for `s =
-    /// 0` that is the likelihood of an exponentially distributed magnitude and of a Gaussian signal (the
-    /// Itakura-Saito distance), to which an error in decibels is the same at any level, and an answer far
-    /// too large pulls no harder than one that is a little too large. Where nothing at all is to be felt it
-    /// is `sqrt(1 + y^2)`, which goes on pulling as a likelihood would not.
+    /// with any `a(y) > 0`. So its least value is at the target. [`Aim::Euclidean`] has `a = 1`: half
+    /// the squared error, and `|y|^3 / 3 - m^2 y`. [`Aim::Relative`] has `1 / (y + s)^2` and `1 / (y +
+    /// s)^3`. For `s = 0` these are the likelihoods of an exponentially distributed magnitude and of a
+    /// Gaussian signal (the Itakura-Saito distance). An error in decibels then counts the same at any
+    /// level, and far too large answers pull no harder than slightly too large ones. For true silence
+    /// the loss is `sqrt(1 + y^2)`, which keeps pulling, unlike a likelihood.
     pub(crate) fn loss(self, aim: Aim, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
         const S: f32 = SOFT;
         let (y, m) = (answer * weight.clone(), target * weight);
@@ -90,7 +90,7 @@ impl Target {
     }
 }
 
-/// The loss where nothing is to be felt.
+/// Loss for true silence.
 struct Silence {
     /// 1 there, and 0 elsewhere.
     there: Tensor<2>,
@@ -108,15 +108,15 @@ impl Silence {
     }
 }
 
-/// Part of the usual magnitudes of such a touch that is added to an answer before it is held against a draw.
+/// Part of a touch's usual magnitudes added to an answer before the comparison with a draw.
 const FORESEEN_SOFT: f32 = 0.03;
 
-/// Magnitudes, each as if its power were at most 10 times that of the answer.
+/// Magnitudes with their power limited to 10 times the answer's.
 ///
-/// A turn of the hand within the next 0.1 s, which the last 20 ms do not tell, is a thousand times as strong
-/// as what a steady hand feels of glass. One such touch in twenty would be nearly all of the mean power.
-/// Where one in ten is such, the limit no longer holds. Of noise one magnitude in 20 000 has more than 10
-/// times the mean power, so its answer is the same.
+/// A turn of the hand within the next 0.1 s is not visible in the last 20 ms. On glass it is a thousand
+/// times as strong as a steady hand; one such touch in twenty would make nearly all of the mean power.
+/// The limit holds up to one such touch in ten. Of noise only one magnitude in 20 000 exceeds 10 times
+/// the mean power, so its answer stays.
 pub(crate) fn foreseen(magnitudes: Tensor<2>, answer: &Tensor<2>, weight: &Tensor<2>) -> Tensor<2> {
     let level = answer.clone().detach() + weight.clone().recip() * FORESEEN_SOFT;
     magnitudes.min_pair(level * MOST_POWER.sqrt())
@@ -126,33 +126,34 @@ pub(crate) fn foreseen(magnitudes: Tensor<2>, answer: &Tensor<2>, weight: &Tenso
 const RATIO_WEIGHT: f32 = 0.5;
 /// Weight of the variance's loss beside that of magnitudes.
 const VARIANCE_WEIGHT: f32 = 0.05;
-/// Part of the usual magnitudes of such a touch whose power is added to both powers of a quotient: where
-/// next to nothing is felt, nothing scatters.
+/// Part of a touch's usual magnitudes whose power is added to both powers of a quotient, so
+/// near-silence does not scatter.
 const POWER_SOFT: f32 = 0.1;
-/// Largest power of a frame over the mean that counts. A frame of more counts as one of this: a single hit
-/// would outweigh thousands of others by its square.
+/// Largest power of a frame over the mean. Larger frames count as this: by its square a single hit
+/// would outweigh thousands of others.
 const MOST_POWER: f32 = 10.0;
 
-/// Two signals of each touch, by which it is learned how random magnitudes are.
+/// Two signals of each touch, to learn the scatter of magnitudes.
 pub(crate) struct Scattered {
-    /// Magnitudes of both, \[n, 100\] each; 0 where there are no two.
+    /// Magnitudes of both, \[n, 100\] each; 0 without two signals.
     pub magnitudes: [Tensor<2>; 2],
-    /// Power of both, \[n, 1\] each; 0 where there are no two.
+    /// Power of both, \[n, 1\] each; 0 without two signals.
     pub powers: [Tensor<2>; 2],
-    /// One over usual magnitudes of such a touch, \[n, 100\].
+    /// Inverse of a touch's usual magnitudes, \[n, 100\].
     pub weight: Tensor<2>,
 }
 
 impl Scattered {
-    /// The loss of ratios and variances, to be added to that of magnitudes `y`, which it takes as they are.
+    /// Loss of ratios and variances, an addition to that of magnitudes `y`, which it takes as
+    /// constants.
     ///
-    /// Two draws `a` and `b` of one thing have the product `E[a b] = E[a]^2`, whatever is answered for it. So
-    /// how far `y` is off does not count as scatter.
+    /// Two draws `a` and `b` of one touch have the product `E[a b] = E[a]^2` for any answer. So an
+    /// error of `y` does not count as scatter.
     ///
-    /// A ratio `r` has `r^4 s / 2 - r^2 a b` with `s = (a^2 + b^2) / 2`, both over `y^2`; its least is at
-    /// `r^2` equal to the mean of `a b` over that of `s`. A variance `v` has `v^2 p q / 2 - v (p - q)^2 / 2`
-    /// of two powers over that of `y`, held to at most 10; its least is at the variance of the power over its
-    /// squared mean.
+    /// A ratio `r` has the loss `r^4 s / 2 - r^2 a b` with `s = (a^2 + b^2) / 2`, both over `y^2`. Its
+    /// least is at `r^2 = E[a b] / E[s]`. A variance `v` has the loss `v^2 p q / 2 - v (p - q)^2 / 2`
+    /// for two powers `p` and `q` over that of `y`, each at most 10. Its least is at the variance of
+    /// the power over its squared mean.
     pub(crate) fn loss(self, answers: Answers) -> Tensor<1> {
         let y = answers.magnitudes.detach();
         let usual = self.weight.clone().recip();
@@ -172,17 +173,17 @@ impl Scattered {
     }
 }
 
-/// Two values that have a mean product of `mean^2`, and a mean square of 1.
+/// Two values with a mean product of `mean^2` and a mean square of 1.
 pub(crate) fn two_of(mean: f32) -> [f32; 2] {
     let (sum, difference) = ((0.5 * (1.0 + mean * mean)).sqrt(), (0.5 * (1.0 - mean * mean)).max(0.0).sqrt());
     [sum + difference, sum - difference]
 }
 
-/// Mean square of a frame's power over its squared mean, where a Gaussian signal has these root mean square
-/// magnitudes.
+/// Mean square of a frame's power over its squared mean, for a Gaussian signal with these root mean
+/// square magnitudes.
 ///
-/// Hann's window correlates a bin with the next by 2/3 and with the one after that by 1/6, and covariances
-/// of powers are the squares of those times both powers.
+/// Hann's window correlates a bin with the next by 2/3 and with the one after by 1/6. Covariances of
+/// powers are the squares of these times both powers.
 pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
     let powers = rms.map(|m| f64::from(m).powi(2));
     let sum: f64 = powers.iter().sum();
@@ -194,31 +195,30 @@ pub(crate) fn square_of_noise(rms: &[f32; BINS]) -> f32 {
     (1.0 + variance / (sum * sum)) as f32
 }
 
-/// Number that is added to a relative answer before it is divided by: below this part of what such a touch
-/// comes to, decibels no longer count.
+/// Part of a touch's usual level added to a relative answer before the division: decibels stop counting
+/// below it.
 const SOFT: f32 = 0.1;
 
-/// Touches count as about the same up to this speed in mm/s, and above it within thirds of an octave: where
-/// bumps are round, a spectrum falls by 6 dB a bin, and a few mm/s are 10 dB.
+/// Touches count as equally fast up to this speed in mm/s, and above it within thirds of an octave.
+/// Spectra of round bumps fall by 6 dB a bin, so a few mm/s make 10 dB.
 const SLOWEST_MM_S: f32 = 5.0;
 const SPEEDS: usize = 20;
-/// Edges of force in N between which touches count as about the same.
+/// Edges of force in N; touches between two edges count as equally strong.
 const FORCES_N: [f32; 3] = [0.01, 0.5, 1.2];
-/// A touch is steady where the tip was on the surface and its speed changed by at most this over the history:
-/// so much in mm/s, and so large a part.
+/// A touch is steady if the tip stayed on the surface and its speed changed at most this much over the
+/// history: in mm/s, and as a part.
 const STEADY: (f32, f32) = (3.0, 0.03);
 const CELLS: usize = 2 * SPEEDS * (FORCES_N.len() + 1);
 
-/// Part of a material's own level that is added to what a touch comes to: what is all but silent must not
-/// count for more than what is felt, or the network learns silence first and nothing after it.
+/// Part of a material's own level added to a touch's level. Otherwise near-silent touches would
+/// outweigh the others, and the network would learn silence first and nothing more.
 const OWN_LEVEL: f32 = 0.02;
 
-/// Part of the mean over all bins that is added to what a bin comes to: 40 dB below the others a bin is not
-/// felt.
+/// Part of the mean over all bins added to a bin's level: a bin 40 dB below the others is not felt.
 const CELL_LEVEL: f32 = 0.01;
 
-/// Weights of a material's errors: one over the mean magnitude of its touches of about the same speed and
-/// force, steady or not.
+/// Weights of a material's errors: the inverse of its touches' mean magnitude at about the same speed
+/// and force, steady or not.
 pub(crate) struct Scales {
     cells: Vec<[f32; BINS]>,
 }
@@ -227,7 +227,7 @@ fn cell(example: &Example) -> usize {
     let newest = HISTORY - 1;
     let speed_at = |i: usize| example.velocity[i].hypot(example.velocity[HISTORY + i]);
     let speed = speed_at(newest);
-    // A smooth surface is silent under a steady hand, and not where the hand turns.
+    // A smooth surface is silent under a steady hand but not at a turn.
     let changes = (speed - speed_at(0)).abs() > STEADY.0 + STEADY.1 * speed;
     let moves = usize::from(changes || example.force.iter().any(|f| *f < FORCES_N[0]));
     let thirds = 3.0 * (speed / SLOWEST_MM_S).max(0.5).log2();
@@ -237,7 +237,7 @@ fn cell(example: &Example) -> usize {
 }
 
 impl Scales {
-    /// Those of a material's examples.
+    /// Weights of a material's examples.
     pub(crate) fn of(examples: &[Example], aim: Aim) -> Self {
         if aim == Aim::Euclidean {
             return Self { cells: vec![[1.0; BINS]; CELLS] };
@@ -257,7 +257,7 @@ impl Scales {
             let level = mean.iter().sum::<f32>() / BINS as f32;
             let usual: [f32; BINS] =
                 std::array::from_fn(|k| mean[k] + CELL_LEVEL * level + OWN_LEVEL * own[k] + FLOOR_M_S2);
-            // Neighbouring bins say nearly the same, and a pitch that is missing now may come. Slopes are
+            // Neighbouring bins are nearly equal, and a missing pitch may come later. Slopes are
             // straight in decibels.
             *cell = std::array::from_fn(|k| {
                 let some = &usual[k.saturating_sub(2)..(k + 3).min(BINS)];
@@ -267,7 +267,7 @@ impl Scales {
         Self { cells }
     }
 
-    /// A weight a bin for an example.
+    /// Weight of each bin for an example.
     pub(crate) fn weights(&self, example: &Example) -> &[f32; BINS] {
         &self.cells[cell(example)]
     }
@@ -278,7 +278,7 @@ mod tests {
     use super::*;
     use burn::tensor::{Device, TensorData};
 
-    /// The loss of one answer to magnitudes that are 1 and 3 by turns.
+    /// Loss of one answer to magnitudes alternating between 1 and 3.
     fn loss(target: Target, aim: Aim, answer: f32) -> f32 {
         let device = Device::flex();
         let row = |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [2, 1]), &device) };
@@ -286,22 +286,22 @@ mod tests {
     }
 
     #[test]
-    fn the_least_loss_is_at_the_mean_or_at_the_root_mean_square() {
+    fn least_loss_is_at_the_mean_or_the_root_mean_square() {
         for (target, best) in [(Target::Mean, 2.0_f32), (Target::Rms, 5.0_f32.sqrt())] {
             for aim in [Aim::Euclidean, Aim::Relative] {
                 let least = loss(target, aim, best);
                 for other in [0.0, 0.01, 0.98 * best, 1.02 * best, 3.0 * best, 100.0 * best] {
                     assert!(loss(target, aim, other) > least, "{target:?} {aim:?} {other}");
                 }
-                // From nothing on it leads to what is right.
+                // From zero on it leads to the right answer.
                 let near = [0.0, 1e-3, 2e-3].map(|y| loss(target, aim, y));
                 assert!(near.is_sorted_by(|a, b| a > b), "{target:?} {aim:?} {near:?}");
             }
         }
     }
 
-    /// Derivatives of the loss by one ratio and one variance for all pairs of frames, where magnitudes of
-    /// `answer` are answered.
+    /// Derivatives of the loss by one ratio and one variance over all pairs of frames, for answered
+    /// magnitudes `answer`.
     fn slopes(pairs: &[[[f32; BINS]; 2]], answer: f32, scatter: [f32; 2]) -> [f32; 2] {
         let (device, n) = (Device::flex().autodiff(), pairs.len());
         let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
@@ -319,7 +319,7 @@ mod tests {
         scatter.map(|x| x.grad(&gradients).map_or(0.0, |slope| slope.into_scalar::<f32>()))
     }
 
-    /// Where a slope goes from below 0 to above, within 0.001 to 3.
+    /// Zero of a rising slope within 0.001 to 3.
     fn least(slope: impl Fn(f32) -> f32) -> f32 {
         let (mut low, mut high) = (1e-3_f32, 3.0);
         for _ in 0..20 {
@@ -341,7 +341,7 @@ mod tests {
         for answer in [0.6, 1.0, 1.7] {
             for (pairs, wanted) in [(noise(), RAYLEIGH), (vec![[[1.0; BINS]; 2]; 3], 1.0)] {
                 let found = least(|ratio| slopes(&pairs, answer, [ratio, 0.1])[0]);
-                // The limit of magnitudes takes a little of the loudest away.
+                // The limit lowers the loudest magnitudes a little.
                 assert!((found - wanted).abs() < 0.01, "{found}, not {wanted}");
             }
         }
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn variance_is_that_of_the_powers_whatever_is_answered() {
+    fn variance_is_that_of_the_powers_for_any_answer() {
         // Powers of 0.5 and 1.5, independent of each other: their variance is 1/4 of the squared mean.
         let frame = |power: f32| [power.sqrt(); BINS];
         let pairs: Vec<_> = [[0.5, 0.5], [0.5, 1.5], [1.5, 0.5], [1.5, 1.5]].map(|p| p.map(frame)).into();
@@ -377,13 +377,13 @@ mod tests {
     }
 
     #[test]
-    fn rare_event_counts_as_ten_times_the_answer_and_noise_as_it_is() {
+    fn rare_event_counts_tenfold_and_noise_once() {
         let device = Device::flex();
         let of = |x: f32| Tensor::<2>::full([1, 1], x, &device);
         let seen = |m: f32, y: f32| foreseen(of(m), &of(y), &of(1.0)).into_scalar::<f32>();
         assert_eq!([seen(3.0, 1.0), seen(0.01, 1.0), seen(0.0, 0.0)], [3.0, 0.01, 0.0]);
         assert!((seen(100.0, 1.0) - 1.03 * 10.0_f32.sqrt()).abs() < 1e-5);
-        // From silence it is found out of.
+        // The loss leads out of silence.
         assert!(seen(1.0, 0.0) > 0.09);
     }
 
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn a_root_mean_square_has_the_mean_of_a_rayleigh_distribution() {
+    fn root_mean_square_has_the_mean_of_a_rayleigh_distribution() {
         let mean = std::f32::consts::FRAC_PI_4.sqrt();
         assert!((Target::Mean.of(1.0, Truth::Rms) - mean).abs() < 1e-6);
         for (target, truth) in
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn a_touch_of_nothing_weighs_by_the_floor_and_a_loud_one_by_its_level() {
+    fn silent_touch_weighs_by_floor_and_loud_one_by_level() {
         let example = |speed: f32, magnitude: f32| {
             let mut example = Example {
                 force: [1.0; HISTORY],
@@ -444,7 +444,7 @@ mod tests {
         let [loud, still] = [example(90.0, 0.0), example(0.0, 0.0)].map(|e| weight(&e));
         // 3 of its cell, and 0.01 of that; 0.02 of the material's 11.5; 0.0005.
         assert!((loud * 3.2605 - 1.0).abs() < 1e-4 && (still * 0.2305 - 1.0).abs() < 1e-4, "{loud} {still}");
-        // What a moving hand feels has a cell of its own.
+        // A moving hand has its own cell.
         assert!((weight(&touches[3]) * 40.6305 - 1.0).abs() < 1e-4);
     }
 }

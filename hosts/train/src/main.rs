@@ -1,5 +1,5 @@
-//! Trains texture models: from tactile images and strokes to an encoder of images, a network for every
-//! tick, a library of materials, and a card that says how good they are.
+//! Trains texture models from tactile images and strokes. A model is an encoder of images, a tick
+//! network, a library of materials, and a card with its quality.
 
 mod arguments;
 mod card;
@@ -27,7 +27,7 @@ use arguments::{Arguments, Command};
 use failure::Failure;
 
 fn main() -> ExitCode {
-    // the matrix products of a step run on these
+    // The threads of a step's matrix products.
     let flushed = |_| std::mem::forget(Flushed::new());
     if let Err(e) = rayon::ThreadPoolBuilder::new().start_handler(flushed).build_global() {
         eprintln!("error: no threads: {e}");

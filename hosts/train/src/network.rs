@@ -1,5 +1,5 @@
-//! The network that is asked every tick: that of Heravi et al. 2024, with a wider branch for speed, and
-//! logarithms in the last layer.
+//! The tick network: that of Heravi et al. 2024, with a wider branch for speed and logarithms in the
+//! last layer.
 
 use asperity_data::HISTORY;
 use asperity_dsp::frame::BINS;
@@ -16,23 +16,23 @@ use crate::loss::RAYLEIGH;
 const FORCE: [usize; 4] = [HISTORY, 10, 10, 10];
 /// Widths of the speed branch, its input first.
 const SPEED: [usize; 5] = [2 * HISTORY, 96, 80, 40, 20];
-/// Directions in which the units of the speed branch's first layer begin to answer.
+/// Preferred directions of the units in the speed branch's first layer.
 const DIRECTIONS: usize = 16;
-/// Speeds in mm/s from which they begin to answer. Spectra of round bumps fall by 10 dB within a few mm/s
-/// where the hand is slow, and hardly change where it is fast. They are for data up to 300 mm/s; for others
-/// they are in proportion.
+/// Thresholds of these units in mm/s. Spectra of round bumps fall by 10 dB within a few mm/s at low
+/// speed and hardly change at high speed. They are for data up to 300 mm/s, and scale with other
+/// ranges.
 const FROM_MM_S: [f64; 6] = [0.0, 8.0, 18.0, 35.0, 70.0, 140.0];
 /// Widths of the action branch, whose input is force and speed.
 const ACTION: [usize; 5] = [30, 400, 300, 200, 100];
 /// Widths of the predictor up to its last layer. Its input is texture and action.
 const PREDICTOR: [usize; 5] = [VECTOR_LEN + 100, 300, 300, 200, 100];
 
-/// What inputs are made before they are given to the network: x' = scale (x - offset).
+/// Scaling of the network's inputs: x' = scale (x - offset).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scaling {
     /// Scale and offset of forces: to about -1.2 .. 1.2.
     pub force: (f32, f32),
-    /// Scale of velocities: to -3 .. 3. No offset, as directions are equal.
+    /// Scale of velocities: to -3 .. 3. It has no offset, as directions are equal.
     pub speed: f32,
 }
 
@@ -45,13 +45,13 @@ impl Scaling {
 
 /// First answer for all magnitudes [m/s^2].
 const FIRST: f32 = 0.05;
-/// Largest logarithm of a magnitude, either way.
+/// Largest absolute logarithm of a magnitude.
 const MOST_LOG: f32 = 30.0;
 
-/// The network. It takes scaled forces and velocities, and answers m/s^2.
+/// The network, from scaled forces and velocities to m/s^2.
 ///
-/// Its last layer answers logarithms of magnitudes: spectra fall by 10 dB from bin to bin and from speed to
-/// speed, and a sum of positive parts is seldom right where it is small.
+/// Its last layer gives logarithms of magnitudes. Spectra fall by 10 dB from bin to bin and from speed
+/// to speed, and a sum of positive parts is seldom right at small values.
 #[derive(Module, Debug)]
 pub(crate) struct Network {
     force: Vec<Layer>,
@@ -62,7 +62,7 @@ pub(crate) struct Network {
     scatter: Layer,
 }
 
-/// Answers to n touches; ratio and variance are before the last ReLU.
+/// Answers for n touches; ratio and variance are before the last ReLU.
 pub(crate) struct Answers {
     /// Magnitudes in m/s^2, \[n, 100\].
     pub magnitudes: Tensor<2>,
@@ -72,7 +72,7 @@ pub(crate) struct Answers {
     pub variance: Tensor<2>,
 }
 
-/// The network's numbers, for export: inputs in N and mm/s.
+/// Weights for export, with inputs in N and mm/s.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NetworkWeights {
     /// Force branch.
@@ -83,7 +83,7 @@ pub(crate) struct NetworkWeights {
     pub action: Vec<Weights>,
     /// Predictor up to its last layer.
     pub predictor: Vec<Weights>,
-    /// Last layer of the magnitudes, whose exponentials they are.
+    /// Last layer of the magnitudes' logarithms.
     pub magnitudes: Weights,
     /// Last layer of the ratios.
     pub ratio: Weights,
@@ -92,7 +92,7 @@ pub(crate) struct NetworkWeights {
 }
 
 impl Network {
-    /// A network to be trained.
+    /// A network with initial weights.
     pub(crate) fn new(random: &mut Random, device: &Device) -> Self {
         let force = layers(&FORCE, random, device);
         let mut speed = layers(&SPEED, random, device);
@@ -100,18 +100,18 @@ impl Network {
         let action = layers(&ACTION, random, device);
         let predictor = layers(&PREDICTOR, random, device);
         let width = PREDICTOR[PREDICTOR.len() - 1];
-        // Magnitudes are small numbers: begin with small answers.
+        // Magnitudes are small, so answers start small.
         let mut magnitudes = Layer::new(width, BINS, 0.02, random, device).weights();
         magnitudes.bias.fill(FIRST.ln());
         let magnitudes = Layer::of(&magnitudes, device);
-        // Begin with noise of about ten independent bins.
+        // Answers start with noise of about ten independent bins.
         let bias = [vec![RAYLEIGH; BINS], vec![0.1]].concat();
         let (inputs, outputs) = (width, bias.len());
         let weights = Weights { inputs, outputs, weight: vec![0.0; inputs * outputs], bias };
         Self { force, speed, action, predictor, magnitudes, scatter: Layer::of(&weights, device) }
     }
 
-    /// Answers to scaled inputs \[n, 10\] and \[n, 20\], and vectors \[n, 256\].
+    /// Answers for scaled inputs \[n, 10\] and \[n, 20\], and vectors \[n, 256\].
     pub(crate) fn forward(&self, force: Tensor<2>, speed: Tensor<2>, texture: Tensor<2>) -> Answers {
         let force = all_relu(&self.force, force);
         let speed = all_relu(&self.speed, speed);
@@ -125,7 +125,7 @@ impl Network {
         }
     }
 
-    /// The same with random positive weights of ratio and variance.
+    /// Gives ratio and variance random positive weights.
     #[cfg(test)]
     pub(crate) fn scattered(mut self, random: &mut Random, device: &Device) -> Self {
         let mut weights = self.scatter.weights();
@@ -135,7 +135,7 @@ impl Network {
         self
     }
 
-    /// The network that answers vectors times `scale` as this one answers vectors.
+    /// Network whose answer for vectors times `scale` is this one's for the vectors.
     pub(crate) fn for_vectors_times(mut self, scale: f32, device: &Device) -> Self {
         if let Some(first) = self.predictor.first_mut() {
             let mut weights = first.weights();
@@ -145,7 +145,7 @@ impl Network {
         self
     }
 
-    /// The numbers, with the scaling of inputs folded in.
+    /// Weights with the scaling of inputs folded in.
     pub(crate) fn weights(&self, scaling: Scaling) -> NetworkWeights {
         let all = |layers: &[Layer]| -> Vec<Weights> { layers.iter().map(Layer::weights).collect() };
         let mut force = all(&self.force);
@@ -169,8 +169,8 @@ impl Network {
     }
 }
 
-/// The speed branch's first layer as it begins: each unit answers a velocity in one direction, above a speed
-/// of its own.
+/// Initial first layer of the speed branch: each unit answers a velocity in one direction above its own
+/// threshold.
 fn compass() -> Weights {
     let (inputs, outputs) = (SPEED[0], DIRECTIONS * FROM_MM_S.len());
     let (mut weight, mut bias) = (vec![0.0; inputs * outputs], Vec::with_capacity(outputs));
@@ -179,7 +179,7 @@ fn compass() -> Weights {
         let (direction, from) = (unit / FROM_MM_S.len(), scale * FROM_MM_S[unit % FROM_MM_S.len()]);
         let gain = (from + 0.1).powf(-0.5);
         let (y, x) = (direction as f64 / DIRECTIONS as f64 * std::f64::consts::TAU).sin_cos();
-        // By turns the mean of the history and its latest half.
+        // Units alternate between the mean of the history and of its latest half.
         let first = if direction % 2 == 0 { 0 } else { HISTORY / 2 };
         for age in first..HISTORY {
             let part = gain / (HISTORY - first) as f64;
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn units_of_speed_begin_to_answer_at_speeds_of_their_own_in_one_direction() {
+    fn speed_units_have_different_thresholds_and_one_direction() {
         let (layer, scale) = (compass(), Scaling::of(Reach::DRAWN).speed);
         assert_eq!((layer.inputs, layer.outputs), (SPEED[0], SPEED[1]));
         let answer = |unit: usize, velocity: [f32; 2]| {

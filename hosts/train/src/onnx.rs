@@ -1,4 +1,4 @@
-//! Writes networks as ONNX: Conv, MaxPool, Flatten, Gemm, Relu, Exp, Concat, Mul and Add, nothing else.
+//! Writes networks as ONNX with only Conv, MaxPool, Flatten, Gemm, Relu, Exp, Concat, Mul and Add.
 
 use asperity_data::HISTORY;
 use asperity_texture::VECTOR_LEN;
@@ -12,7 +12,7 @@ use crate::layer::Weights;
 use crate::loss::Target;
 use crate::network::NetworkWeights;
 
-/// Version of the file format: that of ONNX 1.8, which every current reader knows.
+/// Version of the file format: ONNX 1.8, known to every current reader.
 const IR_VERSION: i64 = 7;
 /// Version of the operators.
 const OPSET: i64 = 13;
@@ -20,11 +20,11 @@ const OPSET: i64 = 13;
 /// Keys and values of a file's metadata.
 pub(crate) type About<'a> = &'a [(&'a str, String)];
 
-/// The bytes of the network of every tick.
+/// Bytes of the tick network.
 ///
-/// Inputs are `force` \[1, 10\] in N, `speed` \[1, 20\] in mm/s and `texture` \[1, 256\]. The first output
-/// is `magnitudes` \[1, 100\] in m/s^2. A network for root mean squares also has `ratio` \[1, 100\] and
-/// `variance` \[1, 1\]. The metadata have the trained range, the target, and `about`.
+/// Inputs are `force` \[1, 10\] in N, `speed` \[1, 20\] in mm/s and `texture` \[1, 256\]. The first
+/// output is `magnitudes` \[1, 100\] in m/s^2. A network for root mean squares also has `ratio` \[1,
+/// 100\] and `variance` \[1, 1\]. The metadata hold the trained range, the target, and `about`.
 pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let force = graph.chain("force", "force", &network.force, Some("force_features"));
@@ -54,17 +54,19 @@ pub(crate) fn network(network: &NetworkWeights, target: Target, reach: Reach, ab
     known.extend_from_slice(about);
     graph.file(
         "texture_network",
-        "10 forces [N], 10 vx and 10 vy [mm/s], a material's vector, to the amplitudes [m/s^2] of the next 0.1 s of acceleration \
-         at 10, 20, .. 1000 Hz. `ratio` is mean over root mean square of each amplitude, `variance` is the variance of the sum of their squares over its \
-         squared mean.",
-        vec![value("force", &[1, HISTORY]), value("speed", &[1, 2 * HISTORY]), value("texture", &[1, VECTOR_LEN])],
+        "10 forces [N], 10 vx and 10 vy [mm/s], a material's vector, to the amplitudes [m/s^2] of the \
+         next 0.1 s of acceleration at 10, 20, .. 1000 Hz. `ratio` is mean over root mean square of each \
+         amplitude, `variance` is the variance of the sum of their squares over its squared mean.",
+        [("force", HISTORY), ("speed", 2 * HISTORY), ("texture", VECTOR_LEN)]
+            .map(|(name, len)| value(name, &[1, len]))
+            .into(),
         outputs,
         &known,
     )
 }
 
-/// The bytes of image encoder and texture encoder in one: from `image` \[1, 3, 192, 256\] of 0 to 1 to
-/// `texture` \[1, 256\].
+/// Bytes of image encoder and texture encoder in one model: from `image` \[1, 3, 192, 256\] of 0 to 1
+/// to `texture` \[1, 256\].
 pub(crate) fn encoder(kernels: &[Kernel], head: &[Weights], about: About<'_>) -> Vec<u8> {
     let mut graph = Graph::default();
     let (scale, offset) = PIXEL_SCALE;
@@ -127,7 +129,7 @@ impl Graph {
         &mut self.nodes[last]
     }
 
-    /// A node whose output has its name, with lists of whole numbers as attributes.
+    /// A node with its output's name and integer-list attributes.
     fn step(&mut self, op: &str, name: &str, inputs: Vec<String>, lists: &[(&str, &[usize])]) -> String {
         let node = self.node(op, name, inputs, name);
         node.attribute.extend(lists.iter().map(|(key, numbers)| pb::AttributeProto {
@@ -157,7 +159,7 @@ impl Graph {
         self.node("Gemm", &format!("{name}.gemm"), vec![input, weight, bias], output);
     }
 
-    /// Layers with a ReLU after each; the last one's value is called `output`, if that is given.
+    /// Layers with a ReLU after each; `output` names the last value if given.
     fn chain(&mut self, name: &str, input: &str, layers: &[Weights], output: Option<&str>) -> String {
         let mut x = input.to_owned();
         for (i, layer) in layers.iter().enumerate() {
@@ -252,12 +254,12 @@ mod tests {
     }
 
     #[test]
-    fn a_written_encoder_answers_as_the_trained_one_at_both_sizes() {
+    fn written_encoder_answers_as_trained_one_at_both_sizes() {
         let (device, random) = (Device::flex(), &mut Random::new(8));
         let image = Image { size: IMAGE, pixels: (0..PIXELS).map(|_| random.below(256) as u8).collect() };
         for preset in [Preset::Compact, Preset::Paper] {
             let images = ImageEncoder::new(preset, random, &device);
-            // what stage two brings features to is folded in
+            // Stage two's scale of features is folded in.
             let scale = 0.7;
             let plain = features(&images, &[&image], &device);
             let looks: Vec<f32> = plain.iter().map(|x| scale * x).collect();
@@ -267,7 +269,7 @@ mod tests {
             assert_eq!(widths, if preset == Preset::Paper { [4096, 512, 256] } else { [192, 512, 256] });
             let row =
                 |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [1, FEATURES]), &device) };
-            // it begins as the classifier did, with numbers of about 1
+            // It starts as the classifier, with components of about 1.
             let [hidden, begun] =
                 [head.hidden(row(looks.clone())), classifier.hidden(row(plain))].map(numbers);
             assert!(apart(&hidden, &begun) < 1e-4, "{preset:?}: {}", apart(&hidden, &begun));
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_written_network_answers_as_the_trained_one_and_tells_its_range() {
+    fn written_network_answers_as_trained_one_and_has_its_range() {
         let (device, random) = (Device::flex(), &mut Random::new(9));
         let reach = Reach { force_n: 6.0, speed_mm_s: 500.0 };
         let scaling = Scaling::of(reach);

@@ -1,4 +1,4 @@
-//! Patterns of a model's materials: how they vibrate over place.
+//! Patterns of a model's materials: their vibration over place.
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -19,24 +19,24 @@ use crate::files::write_whole;
 use crate::progress::Teller;
 use crate::training::{settings_now, settings_of};
 
-/// Which model's patterns are found anew.
+/// Arguments of a new search for patterns.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct FindPatterns {
     /// The model's folder.
     pub folder: PathBuf,
-    /// A material to be looked at; may be given more than once. Left out: all
+    /// Material to look at; repeatable. Default: all
     #[arg(long, value_name = "NAME")]
     pub material: Vec<String>,
-    /// Where the data are now, if not where they were: `hatt:FOLDER` or `recordings:FOLDER`.
+    /// Present place of the data if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
 }
 
-/// Finds the patterns of a model's materials anew, and writes its library with them. All else in the
+/// Finds the patterns of a model's materials again and writes its library with them. The rest of the
 /// library stays.
 ///
 /// # Errors
-/// Messages of the files and the data.
+/// Errors of the files and the data.
 pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     let settings = settings_now(&find.folder, &settings_of(&find.folder)?, find.data.as_ref())?;
     let path = find.folder.join("materials.ron");
@@ -52,7 +52,7 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
         let same = materials.iter_mut().filter(|m| m.name == found.name);
         same.for_each(|m| m.pattern.clone_from(&found.pattern));
     }
-    // As the file says it: relative to the folder.
+    // Relative to the folder, as in the file.
     let folder = library.beside("");
     let encoder = library.encoder().map(|e| e.strip_prefix(&folder).map(ToOwned::to_owned).unwrap_or(e));
     let encoder = encoder.map(|e| e.to_string_lossy().into_owned());
@@ -61,11 +61,10 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives each material of the data its pattern, that which goes with the network in a folder; others keep
-/// theirs.
+/// Gives each material of the data the pattern for a folder's network; other materials keep theirs.
 ///
 /// # Errors
-/// Messages of the recordings and of the network's file.
+/// Errors of the recordings and of the network's file.
 pub(crate) fn fill(
     materials: &mut [LibraryMaterial],
     settings: &Settings,
@@ -87,7 +86,7 @@ pub(crate) fn fill(
     Ok(())
 }
 
-/// By how much the magnitudes of a model are less than root mean squares.
+/// Factor of a model's magnitudes below root mean squares.
 fn means_by(model: &Model) -> f64 {
     match model.target() {
         Target::RootMeanSquare => 1.0,
@@ -95,7 +94,7 @@ fn means_by(model: &Model) -> f64 {
     }
 }
 
-/// Magnitudes that a network answers to a steady motion at the force of the made strokes.
+/// A network's magnitudes for steady motion at the made strokes' force.
 fn answered(runner: &mut Runner, level: f64, velocity: [f64; 2]) -> Result<[f64; pattern::BINS], RunError> {
     let mut speed = [velocity[0] as f32; 2 * HISTORY];
     speed[HISTORY..].fill(velocity[1] as f32);
@@ -108,7 +107,7 @@ fn answered(runner: &mut Runner, level: f64, velocity: [f64; 2]) -> Result<[f64;
     Ok(all)
 }
 
-/// The pattern of a material; nothing where the data have no such material.
+/// Pattern of a material; nothing if the data lack it.
 fn one(
     material: &LibraryMaterial,
     settings: &Settings,
@@ -118,7 +117,7 @@ fn one(
         Origin::Made => {
             let Ok(surface) = made::surface(&material.name) else { return Ok(None) };
             let runner = model.runner(&[&material.vector[..]], Precision::F32, Choice::Auto)?;
-            // The closure is called from one thread, but not by one that may change what it holds.
+            // The closure runs on one thread, but cannot change its captures.
             let (runner, level) = (RefCell::new(runner), means_by(model));
             let failed = Cell::new(None);
             let network = |velocity| {
@@ -131,7 +130,7 @@ fn one(
             let found = made::pattern(&surface, &made_settings(settings), Some(&network));
             failed.take().map_or(Ok(Some(found)), |e| Err(Diagnostic::new(format!("{}: {e}", material.name))))
         }
-        // How hard the strokes press is not the same everywhere: their own magnitudes are taken.
+        // The strokes' force varies, so their own magnitudes are used.
         Origin::Recordings(folder) => {
             let folder = folder.join(&material.name);
             if !folder.is_dir() {
@@ -139,7 +138,7 @@ fn one(
             }
             Ok(Some(pattern::find(&[recordings::strokes(&folder)?], None)))
         }
-        // These say how fast the tool went, but not where.
+        // These files have the tool's speed but not its place.
         Origin::Hatt(_) => Ok(None),
     }
 }

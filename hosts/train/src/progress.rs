@@ -1,4 +1,4 @@
-//! What a run says while it goes on.
+//! Progress messages of a run.
 
 use std::io::IsTerminal;
 
@@ -15,7 +15,7 @@ pub(crate) struct Teller {
 }
 
 impl Teller {
-    /// For `steps` steps of something.
+    /// A bar for `steps` steps.
     pub(crate) fn new(what: &'static str, steps: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg} {elapsed} gone");
@@ -26,7 +26,7 @@ impl Teller {
         Self { bar, what, steps, next_line: 0 }
     }
 
-    /// Says where it stands, with a remark.
+    /// Reports the step with a remark.
     pub(crate) fn tell(&mut self, step: usize, remark: &str) {
         match &self.bar {
             Some(bar) => {
@@ -44,7 +44,7 @@ impl Teller {
         }
     }
 
-    /// Says how a stage goes.
+    /// Reports a stage's progress.
     pub(crate) fn progress(&mut self, p: &Progress) {
         let left = p.left.as_secs();
         let remark =

@@ -35,7 +35,7 @@ use crate::{card, onnx};
 /// Trains a model and writes it.
 ///
 /// # Errors
-/// What the data, the folders or the training say; [`Failure::Stopped`] by Ctrl-C.
+/// Errors of the data, the folders or the training; [`Failure::Stopped`] by Ctrl-C.
 pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let settings = &train.settings;
     let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
@@ -56,7 +56,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
         stop: &stop,
     };
 
-    // without a weight on names stage two is the paper's, and so is stage one
+    // With no weight on names stages one and two are the paper's.
     let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref())).filter(|_| settings.naming_weight > 0.0);
     let kin = kin.as_ref();
     let naming = stage("naming", settings.naming_steps, (settings.naming_rate, 0.999));
@@ -80,13 +80,13 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let (learner, feeling_losses) =
         stages::feel(&feeling, learner, &data.seen, beside, touching, &device, |p| teller.progress(p))?;
 
-    // The texture encoder is done: what is left is learned from vectors, half of the time the ones that
-    // will be stored.
+    // The texture encoder is done. The rest learns from vectors, half of the time from those to be
+    // stored.
     let texture = learner.feeler.texture.valid();
     let mut vectors: Vec<Vec<f32>> =
         looks.seen.iter().map(|features| vectors(&texture, features, &plain)).collect();
-    // Vectors that keep names apart are large: they are brought to a root mean square of 1. At a larger
-    // rate the network does not settle: the loss of power has a long tail, and goes up.
+    // Vectors that separate names are large, so they are scaled to a root mean square of 1. At a larger
+    // rate the network does not settle: the loss of power has a long tail and rises.
     let squares = vectors.iter().flatten().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let rms = (squares / vectors.iter().map(Vec::len).sum::<usize>().max(1) as f64).sqrt();
     let gain = if rms > 0.0 { rms.recip() as f32 } else { 1.0 };
@@ -140,10 +140,10 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     judge(&train.out, &run, settings, &data)
 }
 
-/// Trains the network of every tick of a model anew, from the vectors of its encoder, and writes its card.
+/// Retrains the tick network of a model from its encoder's vectors, and writes its card.
 ///
 /// # Errors
-/// Messages of the files, the data or the training; [`Failure::Stopped`] by Ctrl-C.
+/// Errors of the files, the data or the training; [`Failure::Stopped`] by Ctrl-C.
 pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     let folder = &asked.folder;
     let settings = settings_of(folder)?;
@@ -211,10 +211,10 @@ pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     judge(folder, &run, &settings, &data)
 }
 
-/// Part of the rate of stage two at which a network settles.
+/// Learning rate of settling as a part of stage two's.
 const SETTLING: f64 = 0.05;
 
-/// A wish to stop that Ctrl-C sets; a second Ctrl-C ends the program.
+/// A stop request set by Ctrl-C; a second Ctrl-C ends the program.
 fn stop_by_ctrl_c() -> Result<Arc<Stop>, Failure> {
     let stop = Arc::new(Stop::default());
     let asked = Arc::clone(&stop);
@@ -239,7 +239,8 @@ fn touching(settings: &Settings, data: &Data) -> Touching {
     }
 }
 
-/// Vectors of images \[subject\]\[n, 256\], each list followed by as many copies of the stored vector.
+/// Vectors of images \[subject\]\[n, 256\], each list followed by equally many copies of the stored
+/// vector.
 fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f32>> {
     let all = vectors.iter().zip(stored);
     all.map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat()).collect()
@@ -248,14 +249,14 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
 /// Settings of a model.
 ///
 /// # Errors
-/// A folder without them.
+/// A folder without settings.
 pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     serde_json::from_str(Source::read(&path)?.text())
         .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))
 }
 
-/// Settings of a model with the place where its data are now.
+/// Settings of a model with the present place of its data.
 ///
 /// # Errors
 /// Data of another kind.
@@ -274,7 +275,7 @@ pub(crate) fn settings_now(
     }
 }
 
-/// Data of a model, from where its settings say they are or from where they are now.
+/// Data of a model, from the place in its settings or from the present place.
 fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<Data, Failure> {
     let settings = settings_now(folder, settings, now)?;
     data::load(&settings).map_err(|e| match e {
@@ -287,10 +288,10 @@ fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<D
     })
 }
 
-/// Judges the model of a folder, and writes its card.
+/// Evaluates the model of a folder and writes its card.
 ///
 /// # Errors
-/// What the files say, and the data.
+/// Errors of the files and the data.
 pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
     let settings = settings_of(&evaluate.folder)?;
     let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
@@ -332,7 +333,7 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     Ok(())
 }
 
-/// Names as an earlier evaluation judged them; nothing where there was none.
+/// Naming of an earlier evaluation, if there was one.
 fn named_earlier(path: &Path) -> Option<Named> {
     #[derive(Deserialize)]
     struct Earlier {
@@ -342,14 +343,14 @@ fn named_earlier(path: &Path) -> Option<Named> {
     serde_json::from_str::<Earlier>(text.text()).ok().map(|earlier| earlier.naming)
 }
 
-/// Settings, as the files of a model tell them: where the user's folder is, is the user's own affair.
+/// Settings for a model's files, without the user's folder.
 fn about(settings: &Settings) -> String {
     let mut about = serde_json::to_value(settings).unwrap_or_default();
     about["data"] = settings.data.name().into();
     about.to_string()
 }
 
-/// Those of a library's materials that were trained on, in the data's order: others may have come in since.
+/// A library's trained materials in the data's order, without later additions.
 fn trained(library: &Library, data: &Data) -> Result<Library, Diagnostic> {
     let of = |subject: &Subject| library.material(&subject.name).cloned();
     let materials = data.seen.iter().map(of).collect::<Result<_, _>>()?;
@@ -385,17 +386,17 @@ fn materials(
             })
         };
     let materials = data.seen.iter().zip(vectors).map(&mut material).collect::<Result<_, _>>()?;
-    // Of what is not known too: to be looked up.
+    // Unseen surfaces get pictures too, for the reader.
     data.unseen.iter().try_for_each(|subject| picture(subject).map(drop))?;
     Ok(materials)
 }
 
-/// A name that any file system takes, in letters, digits, points and underscores, and that is not taken yet.
+/// An unused file name for any file system: letters, digits, points and underscores.
 fn file_name(name: &str, taken: &mut HashSet<String>) -> String {
     let safe = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
     let plain: String = name.chars().map(safe).collect();
     let numbered = (2_u32..).map(|number| format!("{plain}_{number}"));
-    // some file systems take no notice of case
+    // Some file systems ignore case.
     let free = |name: &String| taken.insert(name.to_lowercase());
     std::iter::once(plain.clone()).chain(numbered).find(free).unwrap_or(plain)
 }
@@ -410,7 +411,7 @@ fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// Losses by stage, as [`csv`] writes them.
+/// Losses by stage in the form of [`csv`].
 fn losses_of(path: &Path) -> Result<Vec<(String, Losses)>, Diagnostic> {
     let source = Source::read(path)?;
     let mut stages: Vec<(String, Losses)> = Vec::new();
@@ -451,7 +452,7 @@ fn curves(stages: &[(String, Losses)]) -> Curves {
 
 /// The folder of checkpoints beside a model's.
 fn beside(out: &Path) -> PathBuf {
-    // `.` and `..` have no name of their own
+    // `.` and `..` have no file name.
     let whole = if out.file_name().is_none() { out.canonicalize().ok() } else { None };
     let out = whole.as_deref().unwrap_or(out);
     let mut name = out.file_name().unwrap_or_default().to_owned();
@@ -459,10 +460,10 @@ fn beside(out: &Path) -> PathBuf {
     out.with_file_name(name)
 }
 
-/// The file of a model's or a run's folder that has its settings.
+/// File of the settings in a model's or a run's folder.
 const SETTINGS: &str = "settings.json";
 
-/// Whether two runs have the same settings, but for what was done to the model later.
+/// Whether two runs have the same settings, apart from later changes to the model.
 fn begun_alike(a: &Settings, b: &Settings) -> bool {
     Settings { network_steps: b.network_steps, ..a.clone() } == *b
 }
@@ -481,7 +482,7 @@ fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
         .help("give the settings it has, name another --run folder, or remove this one"))
 }
 
-/// What a run's folder says in one of its files; nothing where no run was begun there.
+/// Content of a file of a run's folder; nothing if no run was begun there.
 fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
     let path = run.join(name);
     if path.exists() {
@@ -496,7 +497,7 @@ fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
     }
 }
 
-/// Refuses a folder that has a model of other settings.
+/// Refuses a folder with a model of other settings.
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let path = out.join(SETTINGS);
     let alike = |found: &str| serde_json::from_str(found).is_ok_and(|found| begun_alike(&found, settings));
@@ -508,7 +509,7 @@ fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
         .help("name another --out folder, or remove this one"))
 }
 
-/// Refuses to write over a library that someone has added to.
+/// Refuses to overwrite a library with later additions.
 fn spares(out: &Path, data: &Data) -> Result<(), Diagnostic> {
     let path = out.join("materials.ron");
     if !path.exists() {
@@ -525,10 +526,10 @@ fn spares(out: &Path, data: &Data) -> Result<(), Diagnostic> {
     }
 }
 
-/// The file of a run's folder that has the checksum of its data.
+/// File of a run's folder with the checksum of its data.
 const CHECKSUM: &str = "data.crc32";
 
-/// Refuses a run's folder that was begun with other data.
+/// Refuses a run's folder begun with other data.
 fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
     match told(run, CHECKSUM)? {
         Some(found) if found != data.checksum().to_string() => {
@@ -540,7 +541,8 @@ fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
     }
 }
 
-/// Makes a run's folders, and says in them what it is. Until the answer is dropped nobody else trains there.
+/// Makes a run's folders and marks them as such. Nobody else can train there until the result is
+/// dropped.
 fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<File, Diagnostic> {
     for folder in [out, run] {
         std::fs::create_dir_all(folder)

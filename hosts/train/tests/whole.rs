@@ -1,4 +1,4 @@
-//! A small training run, from data to files, as a user would start it.
+//! A small training run from data to files, like a user's.
 
 use std::path::Path;
 
@@ -39,16 +39,16 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
+fn small_run_writes_a_model_and_its_card_can_be_rewritten() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
     let model = folder.path().join("a");
-    // a line of progress has loss, rate and time left
+    // A line of progress has loss, rate and time left.
     let progress = said(&output);
     let line = progress.lines().find(|line| line.starts_with("feeling: ")).expect("progress");
     assert!(line.contains(", loss ") && line.contains(" steps/s, ") && line.ends_with(" s left"), "{line}");
-    // as many bytes as image and texture encoder may have
+    // Largest size of image and texture encoder.
     assert!(read(&model, "encoder.onnx").len() < 12_000_000);
     let library = Library::read(model.join("materials.ron")).expect("a library");
     assert_eq!(library.materials().len(), 8);
@@ -74,8 +74,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let svg = String::from_utf8(read(&model, "curves.svg")).expect("text");
     assert!(svg.contains("naming") && svg.contains("feeling") && svg.contains("settling"));
 
-    // The card does not depend on when it is written; a material that came in since is not judged, and is
-    // in nobody's way.
+    // The card does not depend on its time of writing. A later material is not judged and does no harm.
     std::fs::remove_file(model.join("MODEL_CARD.md")).expect("removed");
     let more = library.materials()[0].clone();
     let more = LibraryMaterial { name: "mine".into(), ..more };
@@ -86,7 +85,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(String::from_utf8(read(&model, "MODEL_CARD.md")).expect("text"), card);
 
-    // Figures of the classifier outlive its file, as long as all else about names is the same.
+    // The classifier's figures outlive its file, as long as all else about names is the same.
     std::fs::create_dir(folder.path().join("empty")).expect("a folder");
     let output = train(&["evaluate", "a", "--run", "empty"], folder.path());
     assert!(output.status.success(), "{}", said(&output));
@@ -94,7 +93,7 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     let row = "| classifier of stage one, as judged earlier on the same images and vectors |";
     assert!(again.replace(row, "| classifier of stage one |") == card && again != card, "{again}");
 
-    // The network alone can be trained anew.
+    // The network alone can be retrained.
     let kept = ["encoder.onnx", "materials.ron", "texture_mean.onnx"];
     let (before, network) = (kept.map(|name| read(&model, name)), read(&model, "texture.onnx"));
     let output = train(&["network", "a"], folder.path());
@@ -109,14 +108,14 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
     assert!(losses.contains("\nnetwork,90,") && losses.contains("\nsettling_other,"), "{losses}");
     assert!(!losses.contains("\nsettling,"), "{losses}");
 
-    // training once more would lose it
+    // Training again would lose it.
     let library = read(&model, "materials.ron");
     let output = train(&[&SMALL[..], &["--out", "a"]].concat(), folder.path());
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("`mine` was added"), "{}", said(&output));
     assert!(library == read(&model, "materials.ron"));
 
-    // other settings are not mixed into a run, nor into a model's folder
+    // Other settings are refused for a run's folder and for a model's folder.
     let output =
         train(&[&SMALL[..], &["--out", "a", "--run", "b.run", "--seed", "2"]].concat(), folder.path());
     assert_eq!(output.status.code(), Some(2));
@@ -132,14 +131,14 @@ fn a_small_run_writes_a_whole_model_and_its_card_can_be_written_anew() {
 
 #[cfg(unix)]
 #[test]
-fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
+fn stopped_run_ends_at_the_same_bits_as_an_unbroken_one() {
     use std::io::{BufRead as _, BufReader};
     use std::process::Stdio;
     let folder = tempfile::tempdir().expect("a folder");
     for (name, hz) in [("felt", 80.0), ("slate", 430.0)] {
         record(&folder.path().join("mine"), name, hz);
     }
-    // of one picture none is held apart
+    // With one picture, none is held out.
     std::fs::remove_file(folder.path().join("mine/slate/1.png")).expect("removed");
     let settings = [
         "--data",
@@ -162,7 +161,7 @@ fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
         .expect("the program starts");
     let mut lines = BufReader::new(stopped.stderr.take().expect("piped")).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.starts_with("feeling: ")), "it ended early");
-    // nobody else trains there meanwhile
+    // No other run can train there meanwhile.
     let output = train(&arguments("b"), folder.path());
     assert!(
         output.status.code() == Some(2) && said(&output).contains("another training"),
@@ -185,12 +184,12 @@ fn a_run_that_was_stopped_ends_at_the_same_bits_as_one_that_was_not() {
         assert!(read(&folder.path().join("a"), name) == read(&folder.path().join("b"), name), "{name}");
     }
 
-    // what has no picture to be judged by is not said to be named wrongly
+    // Without held-out pictures, no material is called wrongly named.
     let card = String::from_utf8(read(&folder.path().join("a"), "MODEL_CARD.md")).expect("text");
     let names = card.split("## Vibration").next().expect("a part");
     assert!(names.contains("## Names") && !names.contains("slate"), "{names}");
 
-    // a run does not go on with data that have changed
+    // A run does not continue with changed data.
     record(&folder.path().join("mine"), "felt", 90.0);
     let output = train(&arguments("a"), folder.path());
     assert_eq!(output.status.code(), Some(2));
@@ -210,17 +209,17 @@ fn what_cannot_be_trained_on_is_refused_by_name() {
         let output = train(&[&["train", "--out", out], &arguments[..]].concat(), folder.path());
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(said(&output).contains(wanted), "{}", said(&output));
-        // and nothing is left of it that would stand in the way of another try
+        // It leaves nothing in the way of another try.
         assert!(std::fs::read_dir(folder.path()).expect("a folder").next().is_none(), "{out}");
     }
 }
 
-/// A material's folder: two pictures and a stroke of 3 s at 2 kHz that hums at a frequency.
+/// A material's folder: two pictures and a humming stroke of 3 s at 2 kHz.
 fn record(folder: &Path, name: &str, hz: f64) {
     record_for(3.0, folder, name, hz);
 }
 
-/// The same of some other duration.
+/// A material's folder with a stroke of another duration.
 fn record_for(duration_s: f64, folder: &Path, name: &str, hz: f64) {
     let folder = folder.join(name);
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -241,13 +240,14 @@ fn record_for(duration_s: f64, folder: &Path, name: &str, hz: f64) {
 }
 
 #[test]
-fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
+fn papers_losses_train_and_unjudged_losses_have_no_figure() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, hz) in [("felt", 80.0), ("slate", 430.0), ("mesh", 240.0)] {
-        // too short for anything to be held apart
+        // Too short to hold out a part.
         record_for(0.55, &folder.path().join("mine"), name, hz);
     }
-    let settings = "train --data recordings:mine --out m --target mean --error euclidean --naming-weight 0 --unseen 1 --naming-steps 3 \
+    let settings = "train --data recordings:mine --out m --target mean --error euclidean --naming-weight 0 \
+                    --unseen 1 --naming-steps 3 \
                     --naming-batch 4 --feeling-steps 20 --feeling-groups 4 --settling-steps 3";
     let output = train(&settings.split_whitespace().collect::<Vec<_>>(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
@@ -266,7 +266,7 @@ fn the_papers_losses_train_too_and_what_cannot_be_judged_has_no_figure() {
     let [mean, rms] = [load("m/texture.onnx"), load("m/texture_rms.onnx")];
     assert_eq!(mean.target(), asperity_texture::Target::Mean);
     assert!(!mean.answers_scatter() && rms.answers_scatter());
-    // Single frames say nothing of how others scatter.
+    // Single frames tell nothing of others' scatter.
     assert!(!card.contains("## Mean over root"), "{card}");
 }
 
@@ -301,15 +301,15 @@ fn a_folder_of_recordings_becomes_a_model() {
     assert!(said(&output).contains("slate/0.png: enlarged"), "{}", said(&output));
     let library = Library::read(folder.path().join("m/materials.ron")).expect("a library");
     assert_eq!(library.materials().len(), 3);
-    // names that a file system may take for one another have pictures of their own
+    // Names that a file system may confuse have separate pictures.
     assert_eq!(std::fs::read_dir(folder.path().join("m/pictures")).expect("pictures").count(), 4);
-    // what it answers for each material is what it hums at
+    // Its answer for each material is the material's hum.
     let model = asperity_texture::Model::load(folder.path().join("m/texture.onnx")).expect("a network");
-    // what it was trained on, and no more
+    // Its range is the trained one and no more.
     let reach = model.trained();
     assert_eq!(reach.force_max_n, Some(1.0));
     assert!(reach.speed_max_mm_s.is_some_and(|v| (90.0..110.0).contains(&v)), "{reach:?}");
-    // from anywhere, however the folder is spelled, and not without the classifier that the run had
+    // It works from any folder and any spelling of it, and the run's classifier is needed.
     let from = folder.path().join("elsewhere");
     std::fs::create_dir(&from).expect("a folder");
     let output = train(&["evaluate", "../m/"], &from);
@@ -325,11 +325,11 @@ fn a_folder_of_recordings_becomes_a_model() {
     let output = train(&["evaluate", "../m/", "--run", "nowhere"], &from);
     assert!(output.status.code() == Some(2) && said(&output).contains("no such folder"), "{}", said(&output));
 
-    // the card says nothing of what is not known: what lies beyond, a second signal, families
+    // The card has no unknown facts: behaviour beyond the range, a second signal, families.
     let card = String::from_utf8(read(&folder.path().join("m"), "MODEL_CARD.md")).expect("text");
     assert!(card.contains("| (c) two signals of the same touch | - | - |"), "{card}");
     assert!(!card.contains("family for") && !card.contains("Beyond") && !card.contains("physics"), "{card}");
-    // and nobody's folder
+    // It has no user's folder.
     assert!(!String::from_utf8_lossy(&read(&folder.path().join("m"), "texture.onnx")).contains("mine"));
     for material in library.materials() {
         let (_, hz) = hums.into_iter().find(|(name, _)| *name == material.name).expect("one of them");
@@ -337,7 +337,7 @@ fn a_folder_of_recordings_becomes_a_model() {
     }
 }
 
-/// Where the answer to 80 mm/s and 1 N is loudest.
+/// Frequency of the largest answer at 80 mm/s and 1 N.
 fn loudest_hz(model: &asperity_texture::Model, material: &LibraryMaterial) -> f64 {
     let vectors = [material.vector.to_vec()];
     let runner = model.runner(&vectors, asperity_texture::Precision::F32, asperity_texture::Choice::Auto);
@@ -356,19 +356,22 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
     let penn = folder.path().join("penn");
     let rings = [("Cork", 120.0), ("Brick 2", 220.0), ("Wire Mesh", 350.0)];
     for (name, hz) in rings {
-        // all invented: a resonance, louder with speed and force
+        // All invented: a resonance, louder with speed and force.
         let angle = std::f64::consts::TAU * hz / 1000.0;
         let models: String = [(20.0, 0.5, 0.01), (200.0, 0.5, 0.04), (20.0, 2.0, 0.02), (200.0, 2.0, 0.08)]
             .map(|(speed, force, var)| {
                 format!(
-                    "<model><ARcoeff>{} {}</ARcoeff><var>{var}</var><gain>1.2</gain><speedMod>{speed}</speedMod><forceMod>{force}</forceMod></model>\n",
+                    "<model><ARcoeff>{} \
+                     {}</ARcoeff><var>{var}</var><gain>1.2</gain>\
+                     <speedMod>{speed}</speedMod><forceMod>{force}</forceMod></model>\n",
                     -2.0 * 0.96 * angle.cos(),
                     0.96_f64.powi(2)
                 )
             })
             .concat();
         let set = format!(
-            "<modelSet><SampleRate>1000</SampleRate><numMod>4</numMod><tri>1 2 3 2 3 4</tri>\n{models}</modelSet>\n"
+            "<modelSet><SampleRate>1000</SampleRate><numMod>4</numMod><tri>1 2 3 2 3 \
+             4</tri>\n{models}</modelSet>\n"
         );
         std::fs::create_dir_all(&penn).expect("a folder");
         std::fs::write(penn.join(format!("Models_{name}.xml")), set).expect("a model");
@@ -376,7 +379,8 @@ fn a_folder_of_the_toolkits_models_becomes_a_model() {
         let picture = image::RgbImage::from_fn(320, 240, |x, y| image::Rgb([shade(x), shade(y), 90]));
         picture.save(penn.join(format!("{name}_square.bmp"))).expect("a picture");
     }
-    let settings = "train --data hatt:penn --out m --naming-steps 5 --naming-batch 4 --feeling-steps 1500 --settling-steps 800 --feeling-groups 8";
+    let settings = "train --data hatt:penn --out m --naming-steps 5 --naming-batch 4 --feeling-steps 1500 \
+                    --settling-steps 800 --feeling-groups 8";
     let output = train(&settings.split(' ').collect::<Vec<_>>(), folder.path());
     assert!(output.status.success(), "{}", said(&output));
     let library = Library::read(folder.path().join("m/materials.ron")).expect("a library");

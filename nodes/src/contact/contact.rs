@@ -97,14 +97,20 @@ const PORTS: &[Port] = &[
 
 /// The lists of effects, by where they act.
 const LISTS: [(&str, &str); 4] = [
-    ("touching", "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for all slots."),
+    (
+        "touching",
+        "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for all slots.",
+    ),
     ("inside", "Effects that act inside of volumes too: for each NAME an output `NAME_slot`."),
     (
         "near",
         "Effects that act from both sides of a surface within a reach: for each NAME the outputs `NAME_slot`, \
          `NAME_distance` (below 0 inside) and `NAME_normal`.",
     ),
-    ("textures", "Textures, but for those by the network: for each NAME the outputs `NAME_slot_a` and `NAME_slot_b`."),
+    (
+        "textures",
+        "Textures, but for those by the network: for each NAME the outputs `NAME_slot_a` and `NAME_slot_b`.",
+    ),
 ];
 
 fn names(config: &Config<'_>) -> EffectNames {
@@ -128,7 +134,6 @@ fn of_effects(names: &EffectNames) -> Vec<Output> {
     }
     all
 }
-
 
 impl Node for Contact {
     fn descriptor() -> Descriptor {

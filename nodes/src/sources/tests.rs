@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use asperity_checks::conformance::{Subject, Verdict, cases};
+use asperity_checks::{Subject, Verdict, node_cases};
 use asperity_node::{
     Buffer, Config, Inputs, NodeKind, Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status,
     Tick, Unit, Wiring,
@@ -58,12 +58,12 @@ fn largest_step(x: &[f32]) -> f32 {
 fn sources_are_as_every_node_must_be() {
     for kind in ["sine", "sweep"] {
         let kind: Arc<dyn NodeKind> = crate::registry().get(kind).unwrap().clone();
-        let subject = Subject::new(kind.clone()).ticks(500);
-        for case in cases() {
+        let subject = Subject::one(kind.clone()).ticks(500);
+        for case in node_cases() {
             let outcome = case.run(&subject);
             assert_ne!(
                 outcome.verdict,
-                Verdict::Fail,
+                Verdict::Fails,
                 "{} {}: {}",
                 kind.descriptor().kind,
                 case.name,

@@ -1,29 +1,28 @@
-//! The estimate itself, frame by frame, without a graph.
+//! The estimation, frame by frame, without a graph.
 
-use asperity_dsp::plans;
+use asperity_dsp::plans::Transform;
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use asperity_sdk::{Complex, State};
-use realfft::{ComplexToReal, RealToComplex};
 
 use crate::grid::{Grid, Place};
 
-/// Before this part of a window from the last sample that any frame covers, an estimate is trusted fully.
+/// Length of the ramp of the analysis window before the last covered sample, as part of a window.
+/// Before it, an estimate has full weight.
 const TAPER: f64 = 0.145;
-/// The same for a frame of which only the others tell yet.
+/// The same for a new frame, which only the other frames determine.
 const FIRST_TAPER: f64 = 0.1;
-/// How far a bin is moved on in the direction it last went (after N. Perraudin, P. Balazs, P. L. Sondergaard, "A Fast
-/// Griffin-Lim Algorithm", WASPAA 2013).
+/// Extrapolation of a bin in the direction of its last step (after N. Perraudin, P. Balazs, P. L.
+/// Sondergaard, "A Fast Griffin-Lim Algorithm", WASPAA 2013).
 const MOMENTUM: f32 = 0.6;
-/// Turns a bin of the phase of what comes out of silence: a pulse late in the frame, where something new enters it.
+/// Phase of an onset after silence, in turns a bin: a pulse late in the frame, where new samples enter.
 const ONSET: f64 = 0.27;
-/// Magnitudes beyond this would overflow in the sums: phases are found as if they were this.
+/// Larger magnitudes would overflow in the sums: their phases are computed as for this one.
 const LARGEST: f32 = 1e30;
-/// Bins under this are nothing.
+/// Smaller bins have no direction.
 const SMALLEST: f32 = 1e-30;
-/// A sample that is covered by less than this, of squared windows, has no estimate.
+/// A sample covered by less than this, in squared windows, has no estimate.
 const COVERED: f32 = 1e-7;
 
 /// A frame that is being estimated.
@@ -31,15 +30,15 @@ const COVERED: f32 = 1e-7;
 struct Flight {
     place: Place,
     mags: Vec<f32>,
-    /// Where each bin points: phases from the frame's first sample of the grid.
+    /// Direction of each bin: phases from the frame's first sample of the grid.
     units: Vec<Complex<f32>>,
-    /// The bins as last analysed.
+    /// Bins of the last analysis.
     bins: Vec<Complex<f32>>,
     /// Synthesis window.
     window: Vec<f32>,
-    /// Analysis window, over what covers each sample.
+    /// Analysis window, divided by the cover of each sample.
     analysis: Vec<f32>,
-    /// What this frame has in the sum.
+    /// Contribution of this frame to the sum.
     part: Vec<f32>,
 }
 
@@ -67,48 +66,42 @@ impl Flight {
 
 /// RTISI with look-ahead, for Hann-windowed frames of one length.
 ///
-/// A frame is [`push`](Self::push)ed; then the one `look_ahead` frames before it can be [answered](Self::answer).
+/// After a frame is [`push`](Self::push)ed, the one `look_ahead` frames before it can be
+/// [answered](Self::answer).
 pub struct Estimator {
     grid: Grid,
     iterations: usize,
-    forward: Arc<dyn RealToComplex<f32>>,
-    inverse: Arc<dyn ComplexToReal<f32>>,
-    scratch: Vec<Complex<f32>>,
-    frame: Vec<f32>,
-    spectrum: Vec<Complex<f32>>,
-    /// The newest first.
+    transform: Transform<f32>,
+    /// Newest first.
     flights: Vec<Flight>,
-    /// How many of `flights` there are.
+    /// Number of valid `flights`.
     filled: usize,
     /// Sum of all windowed frames that reach beyond `origin`.
     sum: Vec<f32>,
     /// Sum of their squared windows.
     cover: Vec<f32>,
-    /// Sample of the grid where the sums begin.
+    /// Sample of the grid at which the sums begin.
     origin: u64,
     /// Cosine and sine over one turn.
     circle: Vec<(f64, f64)>,
-    /// Where bins point that nothing is known of.
+    /// Direction of bins that nothing determines.
     onset: Vec<Complex<f32>>,
 }
 
 impl Estimator {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples, at most `hop` samples apart.
-    /// `iterations` rounds are made over all frames that are not answered yet whenever one comes.
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples, at most `hop`
+    /// samples apart. Each new frame starts `iterations` rounds over all frames that are not answered
+    /// yet.
     pub fn new(length: u32, bins: usize, hop: u64, look_ahead: usize, iterations: usize) -> Self {
         let grid = Grid::new(length, bins);
         let size = grid.size();
-        let (forward, inverse) = (plans::forward::<f32>(size), plans::inverse::<f32>(size));
         let room = size + (look_ahead + 1) * grid.span(hop);
-        let scratch = forward.get_scratch_len().max(inverse.get_scratch_len());
         let angle = |i: usize| TAU * i as f64 / size as f64;
         let onset = |k: usize| polar(1.0, (TAU * ONSET * k as f64) as f32);
         Self {
             grid,
             iterations,
-            scratch: vec![Complex::default(); scratch],
-            frame: forward.make_input_vec(),
-            spectrum: forward.make_output_vec(),
+            transform: Transform::new(size),
             flights: vec![Flight::new(size, bins); look_ahead + 1],
             filled: 0,
             sum: vec![0.0; room],
@@ -116,8 +109,6 @@ impl Estimator {
             origin: 0,
             circle: (0..size).map(|i| (angle(i).cosine(), angle(i).sine())).collect(),
             onset: (0..bins).map(onset).collect(),
-            forward,
-            inverse,
         }
     }
 
@@ -128,7 +119,7 @@ impl Estimator {
         self.cover.fill(0.0);
     }
 
-    /// What is remembered from frame to frame.
+    /// Saves or restores the frames and sums.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut grid = self.grid;
         grid.state(state);
@@ -152,8 +143,9 @@ impl Estimator {
         }
     }
 
-    /// Takes the next frame, whose first sample is to be put at `start`, and estimates all that are not answered. A magnitude
-    /// that is NaN, infinite or negative is taken as 0; the number of these is returned. Missing bins count as 0.
+    /// Takes the next frame, whose first output sample is `start`, and estimates all that are not
+    /// answered. A magnitude that is NaN, infinite or negative counts as 0; their number is returned.
+    /// Missing bins count as 0.
     pub fn push(&mut self, magnitudes: &[f32], start: u64) -> usize {
         let place = self.grid.place(start);
         if !self.follows(place) {
@@ -168,7 +160,7 @@ impl Estimator {
         bad
     }
 
-    /// Whether a frame can stand beside those in flight: it overlaps the newest, and the oldest is in reach.
+    /// Whether a frame fits those in flight: it overlaps the newest, and the oldest is in reach.
     fn follows(&self, place: Place) -> bool {
         let kept = self.filled.min(self.flights.len() - 1);
         let newest = self.flights[0].place.at;
@@ -180,7 +172,7 @@ impl Estimator {
                 && place.at.saturating_sub(oldest) <= (self.sum.len() - size) as u64)
     }
 
-    /// Whether there is a frame to answer: as many came as are looked ahead, and one.
+    /// Whether there is a frame to answer: as many came as the look-ahead, and one more.
     pub fn answers(&self) -> bool {
         self.filled == self.flights.len()
     }
@@ -189,7 +181,7 @@ impl Estimator {
     pub fn answer(&self, out: &mut [Complex<f32>]) {
         out.fill(Complex::default());
         let Some(flight) = self.flights.get(self.filled.wrapping_sub(1)) else { return };
-        // From the grid's sample to where the frame starts.
+        // From the grid's sample to the frame's start.
         let turn = TAU * self.grid.fraction(flight.place) / self.grid.size() as f64;
         let bins = flight.mags.iter().zip(&flight.units).enumerate();
         for (out, (k, (&mag, unit))) in out.iter_mut().zip(bins) {
@@ -214,7 +206,8 @@ impl Estimator {
     fn take(&mut self, magnitudes: &[f32]) -> usize {
         let flight = &mut self.flights[0];
         let mut bad = 0;
-        // Directions are of length one but for rounding, which must not take the largest of values beyond what is finite.
+        // Directions have length one up to rounding, which must not make the largest magnitude
+        // infinite.
         let most = f32::MAX * (1.0 - 8.0 * f32::EPSILON);
         let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
         for (mag, from) in flight.mags.iter_mut().zip(given) {
@@ -253,13 +246,14 @@ impl Estimator {
         }
     }
 
-    /// Where a frame lies in the sums.
+    /// Position of a frame in the sums.
     fn offset(&self, age: usize) -> usize {
         let at = self.flights[age].place.at.saturating_sub(self.origin) as usize;
         at.min(self.sum.len() - self.grid.size())
     }
 
-    /// The analysis window of a frame: less weight where the newest frames alone tell, as these are least certain.
+    /// Computes the analysis window of a frame. It has less weight where only the newest frames
+    /// contribute, as these are least certain.
     fn weigh(&mut self, age: usize, taper: f64) {
         let (at, size) = (self.offset(age), self.grid.size());
         let end = (self.offset(0) + size - at) as f32;
@@ -272,36 +266,34 @@ impl Estimator {
         }
     }
 
-    /// Gives a frame the phases of the sum of all frames, and puts it into the sum as it then is.
+    /// Gives a frame the phases of the sum of all frames, and updates its contribution to the sum.
     fn update(&mut self, age: usize, momentum: f32) {
         let at = self.offset(age);
         let flight = &mut self.flights[age];
         let sum = &mut self.sum[at..];
-        for ((x, s), a) in self.frame.iter_mut().zip(sum.iter()).zip(&flight.analysis) {
+        for ((x, s), a) in self.transform.time.iter_mut().zip(sum.iter()).zip(&flight.analysis) {
             *x = s * a;
         }
-        // Buffers are the plans' own, and the bins that have to be are real: there is nothing to refuse.
-        let done = self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.scratch);
-        debug_assert!(done.is_ok());
-        let found = self.spectrum.iter().zip(&self.onset);
+        self.transform.forward();
+        let found = self.transform.bins.iter().zip(&self.onset);
         for ((unit, bin), (&now, &onset)) in flight.units.iter_mut().zip(&mut flight.bins).zip(found) {
             *unit = direction(now + (now - *bin) * momentum).unwrap_or(onset);
             *bin = now;
         }
-        let nyquist = self.frame.len().is_multiple_of(2).then_some(self.frame.len() / 2);
+        let size = self.transform.time.len();
+        let nyquist = size.is_multiple_of(2).then_some(size / 2);
         for k in [Some(0), nyquist].into_iter().flatten() {
             if let Some(unit) = flight.units.get_mut(k) {
                 *unit = Complex::new(if unit.re < 0.0 { -1.0 } else { 1.0 }, 0.0);
             }
         }
-        self.spectrum.fill(Complex::default());
-        for (to, (unit, mag)) in self.spectrum.iter_mut().zip(flight.units.iter().zip(&flight.mags)) {
+        self.transform.bins.fill(Complex::default());
+        for (to, (unit, mag)) in self.transform.bins.iter_mut().zip(flight.units.iter().zip(&flight.mags)) {
             // An amplitude is four times the bin of a Hann-windowed frame over its length.
             *to = unit * (0.25 * mag.min(LARGEST));
         }
-        let done = self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-        debug_assert!(done.is_ok());
-        let made = self.frame.iter().zip(&flight.window);
+        self.transform.inverse();
+        let made = self.transform.time.iter().zip(&flight.window);
         for ((sum, part), (x, w)) in sum.iter_mut().zip(&mut flight.part).zip(made) {
             let new = x * w;
             *sum += new - *part;
@@ -310,10 +302,10 @@ impl Estimator {
     }
 }
 
-/// Where a number points; none for what is nothing.
+/// Direction of a number; none for a negligible one.
 #[inline]
 fn direction(x: Complex<f32>) -> Option<Complex<f32>> {
-    // Squares of the number itself could overflow or vanish.
+    // Squares of the number itself could overflow or underflow.
     let top = x.re.abs().max(x.im.abs());
     (top > SMALLEST).then(|| {
         let y = x / top;

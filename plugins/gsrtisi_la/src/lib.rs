@@ -1,20 +1,24 @@
 //! `gsrtisi_la`: real-time iterative spectrogram inversion with look-ahead.
 //!
-//! Frames that are not put out yet are estimated again and again from the sum of all frames, each round giving every frame the
-//! phases that the sum has there (X. Zhu, G. T. Beauregard, L. Wyse, "Real-Time Signal Estimation From Modified Short-Time
-//! Fourier Transform Magnitude Spectra", IEEE Trans. ASLP 15(5), 2007). The newest frames are covered by few others, so the
-//! sum is divided by what covers each sample, and the analysis windows are asymmetric, as V. Gnann and M. Spiertz proposed
-//! ("Improving RTISI Phase Estimation With Energy Order and Phase Unwrapping", DAFx 2010). What differs from these papers:
+//! Frames that are not emitted yet are estimated repeatedly from the sum of all frames. Each round
+//! gives every frame the phases of the sum at its position (X. Zhu, G. T. Beauregard, L. Wyse,
+//! "Real-Time Signal Estimation From Modified Short-Time Fourier Transform Magnitude Spectra", IEEE
+//! Trans. ASLP 15(5), 2007). The newest frames are covered by few others. So the sum is divided by the
+//! cover of each sample, and the analysis windows are asymmetric, as V. Gnann and M. Spiertz proposed
+//! ("Improving RTISI Phase Estimation With Energy Order and Phase Unwrapping", DAFx 2010). Differences
+//! from these papers:
 //!
-//! * The analysis window falls linearly over the last 0.145 of a window before the end of what is known, where an estimate
-//!   stands on the newest frames alone. With 0.12 the chirp without look-ahead loses 10 dB.
-//! * A round takes the newest frame first, and each frame sees at once what the ones before it became.
-//! * Bins are moved on by 0.6 of their last step, as in fast Griffin-Lim.
-//! * What comes out of silence begins as a pulse at 0.73 of the frame.
-//! * Where only low bins are known, all this happens on a coarse grid of samples: 216 a frame for 101 bins, also at 48 kHz.
+//! * The analysis window falls linearly over the last 0.145 of a window before the end of the known
+//!   samples, where only the newest frames contribute. With 0.12 the chirp without look-ahead loses 10
+//!   dB.
+//! * A round takes the newest frame first, and each frame uses the updated ones at once.
+//! * Bins are extrapolated by 0.6 of their last step, as in fast Griffin-Lim.
+//! * An onset after silence begins as a pulse at 0.73 of the frame.
+//! * If only low bins are known, everything happens on a coarse grid of samples: 216 a frame for 101
+//!   bins, also at 48 kHz.
 //!
-//! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; published scores, from `sc.json` there,
-//! in brackets), by look-ahead in frames and iterations:
+//! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase`, by look-ahead in
+//! frames and iterations; published scores, from `sc.json` there, in brackets:
 //!
 //! | vector | 0, 5 | 1, 5 | 4, 4 | 10, 4 |
 //! |---|---|---|---|---|
@@ -30,15 +34,17 @@
 //! | us a frame, N = 250 | 4.3 | 8.1 | 16 | 35 |
 //! | us a frame, N = 4800 | 3.9 | 6.4 | 12 | 24 |
 //!
-//! Times are medians on one core of a shared virtual AMD EPYC, 101 bins. These settings were chosen on these vectors. With others nearby,
-//! which of two stable answers a pair of tones or a modulated chirp falls into changes: amchirp_48000 without
-//! look-ahead came out anywhere from -12 to -22 dB.
+//! Times are medians on one core of a shared virtual AMD EPYC, 101 bins. These settings were chosen on
+//! these vectors. Nearby settings may lead a pair of tones or a modulated chirp to the other of two
+//! stable results: amchirp_48000 without look-ahead ranged from -12 to -22 dB.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod grid;
 pub mod kernel;
 mod node;
+#[cfg(test)]
+mod tests;
 
 pub use node::GsrtisiLa;
 

@@ -7,7 +7,8 @@ use asperity_sdk::{
 
 use crate::kernel::Estimator;
 
-/// Gives frames of magnitudes phases by iterating on the frames that are not put out yet (Zhu, Beauregard, Wyse 2007).
+/// Gives frames of magnitudes phases by iterating on the frames that are not put out yet (Zhu,
+/// Beauregard, Wyse 2007).
 pub struct GsrtisiLa {
     kernel: Estimator,
     layout: FrameLayout,
@@ -22,20 +23,29 @@ pub struct GsrtisiLa {
 
 impl Node for GsrtisiLa {
     fn descriptor() -> Descriptor {
-        Descriptor::new("gsrtisi_la", "Real-time iterative spectrogram inversion with look-ahead: Griffin-Lim on the frames that are not put out yet.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
-            )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the same magnitudes with phases, `look_ahead` frames later"),
-            )
-            .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
-            .param(Param::integer("iterations", 4, 1..=20, "Rounds over all frames that are not put out, for each that comes."))
-            .timing("`look_ahead` frames")
+        Descriptor::new(
+            "gsrtisi_la",
+            "Real-time iterative spectrogram inversion with look-ahead: Griffin-Lim on the frames that are \
+             not put out yet.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+        )
+        .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
+        .param(Param::integer(
+            "iterations",
+            4,
+            1..=20,
+            "Rounds over all frames that are not put out, for each that comes.",
+        ))
+        .timing("`look_ahead` frames")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
@@ -94,7 +104,8 @@ impl Node for GsrtisiLa {
 }
 
 impl GsrtisiLa {
-    /// A tick without a frame: where one was to come, silence takes its place until the last real frame is out.
+    /// A tick without a frame: where one was to come, silence takes its place until the last real frame
+    /// is out.
     fn flush(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.waiting == 0 {
             return Status::Quiet;

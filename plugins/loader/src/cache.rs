@@ -1,4 +1,4 @@
-//! Plugins that have been loaded, so that a file is loaded again only when it is another one.
+//! Loaded plugins, so that a file is loaded again only if it changed.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use asperity_diagnostics::Diagnostic;
 use crate::file::Copy;
 use crate::{Plugin, file};
 
-/// Loads plugins, each build of a file once: copies are never unloaded, so none is loaded in vain.
+/// Loads plugins, each build of a file once, since copies are never unloaded.
 #[derive(Debug, Default)]
 pub struct Loader {
     loaded: HashMap<(PathBuf, u64), Plugin>,
 }
 
 impl Loader {
-    /// The plugin in a file as it is now.
+    /// Plugin of a file as it is now.
     ///
     /// # Errors
     /// As for [`Plugin::load`].
@@ -23,11 +23,11 @@ impl Loader {
         self.load_tried(path, |_| Ok(()))
     }
 
-    /// The same. A build that has not been loaded yet is copied, tried, and loaded from that copy, whatever becomes of the
-    /// file meanwhile.
+    /// The same. A build that is not loaded yet is copied, tried, and loaded from that copy, even if
+    /// the file changes meanwhile.
     ///
     /// # Errors
-    /// As for [`Plugin::load`], and what `trial` answers.
+    /// As for [`Plugin::load`], and the error of `trial`.
     pub fn load_tried(
         &mut self,
         path: &Path,

@@ -1,16 +1,16 @@
-//! What a plugin hands out, read with care: it may be of an older minor version, or lie.
+//! Reads data of a plugin with care: it may be of an older minor version, or wrong.
 
 use std::ffi::{CStr, c_char};
 
 use asperity_abi::{Grows, read_grown};
 
-/// What is wrong with something a plugin said, in one sentence.
+/// An error in a plugin's data, in one sentence.
 pub(crate) type Lie = String;
 
-/// The longest text that is read, in bytes.
+/// Longest text that is read, in bytes.
 const MAX_TEXT: usize = 1 << 16;
 
-/// A struct of the plugin's that begins with its size; members that its maker did not know are zero.
+/// Reads a struct that begins with its size. Members unknown to its maker are zero.
 ///
 /// # Safety
 /// `at` is NULL or points to a struct of the size it says.
@@ -29,7 +29,7 @@ pub(crate) unsafe fn read<T: Grows>(at: *const T, what: &str) -> Result<T, Lie> 
     })
 }
 
-/// An array of such structs, each as far from the next as the first one's size.
+/// Reads an array of such structs, each as far from the next as the first one's size.
 ///
 /// # Safety
 /// `first` is NULL or points to `count` structs.
@@ -54,7 +54,7 @@ pub(crate) unsafe fn read_all<T: Grows>(first: *const T, count: u32, what: &str)
     Ok(out)
 }
 
-/// A text of the plugin's.
+/// Reads a text.
 ///
 /// # Safety
 /// `text` is NULL or ends with a zero byte.
@@ -63,7 +63,7 @@ pub(crate) unsafe fn text(text: *const c_char, what: &str) -> Result<String, Lie
     unsafe { some_text(text, what)? }.ok_or_else(|| format!("{what} is NULL"))
 }
 
-/// A text of the plugin's that may be NULL.
+/// Reads a text that may be NULL.
 ///
 /// # Safety
 /// As for [`text`].
@@ -77,7 +77,7 @@ pub(crate) unsafe fn some_text(text: *const c_char, what: &str) -> Result<Option
         return Err(format!("{what} has {} bytes", bytes.len()));
     }
     match std::str::from_utf8(bytes) {
-        // What would move a terminal's cursor, or turn its text around.
+        // Characters that move a terminal's cursor, or reverse its text.
         Ok(text)
             if text.chars().any(|c| {
                 c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
@@ -90,7 +90,7 @@ pub(crate) unsafe fn some_text(text: *const c_char, what: &str) -> Result<Option
     }
 }
 
-/// A list of texts that ends with NULL.
+/// Reads a list of texts that ends with NULL.
 ///
 /// # Safety
 /// `first` is NULL or points to such a list.

@@ -1,4 +1,4 @@
-//! A plugin's descriptor, checked and turned into one of ours.
+//! Checks a plugin's descriptor and converts it.
 
 use std::borrow::Cow;
 
@@ -10,10 +10,10 @@ use asperity_node::{
 
 use crate::checked::{self, Lie};
 
-/// The descriptor of a kind.
+/// Descriptor of a kind.
 ///
 /// # Safety
-/// What `kind` leads to is valid and stays.
+/// Everything that `kind` points to is valid and stays.
 pub(crate) unsafe fn descriptor(kind: &AsperityKind) -> Result<Descriptor, Lie> {
     // SAFETY: the caller's promise.
     let name = unsafe { checked::text(kind.kind, "the name of a kind")? };
@@ -67,7 +67,7 @@ unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> 
     Ok(d)
 }
 
-/// The functions that must be there.
+/// Checks that all required functions are present.
 fn functions(k: &AsperityKind, gate: bool, feedback: bool, params: &[AsperityParam]) -> Result<(), Lie> {
     let live = params.iter().any(|p| p.flags & ASPERITY_LIVE != 0);
     let state = [k.state_size.is_some(), k.save.is_some(), k.restore.is_some()];
@@ -116,7 +116,7 @@ pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
 pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
     // SAFETY: the caller's promise.
     let (name, doc, shape, unit) = unsafe { port(p)? };
-    // What guards a device cannot come from a plugin: nobody but this program answers for it.
+    // A limiter protects the device, so only this program provides it.
     if p.flags & ASPERITY_LIMITED != 0 {
         return Err(format!(
             "output `{name}` promises a limited signal, which only the built-in limiter may"

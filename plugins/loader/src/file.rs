@@ -1,4 +1,4 @@
-//! The file: what it is, before any of its code runs, and the copy that is loaded.
+//! The plugin file: checked before any of its code runs, then copied and loaded.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -19,12 +19,12 @@ const MAX_BYTES: u64 = 1 << 30;
 
 static COPIES: AtomicU64 = AtomicU64::new(0);
 
-/// How many copies of plugin files this process has loaded; they are never unloaded.
+/// Number of copies of plugin files loaded by this process; they are never unloaded.
 pub fn loaded_copies() -> u64 {
     COPIES.load(Ordering::Relaxed)
 }
 
-/// What kind of file this system loads.
+/// Library format of this system.
 const FORMAT: BinaryFormat = if cfg!(windows) {
     BinaryFormat::Pe
 } else if cfg!(target_vendor = "apple") {
@@ -44,13 +44,14 @@ fn here() -> Option<Architecture> {
     }
 }
 
-/// Help for what is no plugin.
+/// Help for a file that is no plugin.
 const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
 
-/// Reads a file and makes sure it can be loaded.
+/// Reads a file and checks that it can be loaded.
 ///
 /// # Errors
-/// A missing or unreadable file, and whatever is no complete shared library for this machine that exports the entry symbol.
+/// A missing or unreadable file, or one that is no complete shared library for this machine with the
+/// entry symbol.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
     let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
@@ -85,7 +86,8 @@ fn check(bytes: &[u8]) -> Result<(), (String, String)> {
             _ => "this is not a shared library",
         }));
     }
-    // A file that is still being written would be mapped past its end, and kill the process when it is touched.
+    // A file that is still being written would be mapped past its end, which kills the process on
+    // access.
     let whole = file.segments().all(|s| {
         let (start, len) = s.file_range();
         start.checked_add(len).is_some_and(|end| end <= bytes.len() as u64)
@@ -98,8 +100,11 @@ fn check(bytes: &[u8]) -> Result<(), (String, String)> {
     let is_entry = |name: &[u8]| name.strip_prefix(b"_").is_some_and(is_it) || is_it(name);
     if !exports.any(|e| e.is_ok_and(|e| matches!(e.name(), NameOrOrdinal::Name(name) if is_entry(name)))) {
         return Err((
-            format!("this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"),
-            "in Rust: `asperity_sdk::export!(MyNode);`; in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
+            format!(
+                "this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"
+            ),
+            "in Rust: `asperity_sdk::export!(MyNode);`; \
+             in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
                 .into(),
         ));
     }
@@ -110,10 +115,10 @@ fn is_it(name: &[u8]) -> bool {
     name == ASPERITY_ENTRY_SYMBOL.as_bytes()
 }
 
-/// A copy of a library that has been read, under a name that no other copy has; gone when this is dropped.
+/// A copy of a library under a unique name; deleted when this is dropped.
 pub struct Copy {
     path: TempPath,
-    /// Windows loads no file that is open for writing.
+    /// Windows does not load a file that is open for writing.
     _lock: Option<File>,
 }
 
@@ -128,7 +133,7 @@ impl Copy {
         Ok(Self { path, _lock: (!cfg!(windows)).then_some(file) })
     }
 
-    /// Where it lies.
+    /// Path of the copy.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -137,11 +142,11 @@ impl Copy {
 /// Loads the copy of a file.
 pub(crate) fn load(path: &Path, Copy { path: copy, _lock }: Copy) -> Result<Library, Diagnostic> {
     let fail = |message: String| Diagnostic::new(message).in_file(path);
-    // SAFETY: loading runs the library's constructors, which is what a plugin is trusted with; all else about the file
-    // has been checked.
+    // SAFETY: loading runs the library's constructors, which a plugin is trusted with; everything else
+    // about the file has been checked.
     let library = foreign(|| unsafe { open(&copy) }).map_err(|e| {
         let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
-        // The system names the copy; the person knows the file.
+        // The system names the copy, but the person knows the original file.
         let reason = reason.replace(&*copy.to_string_lossy(), &path.display().to_string());
         fail(format!("the system does not load it: {reason}"))
     })?;
@@ -153,7 +158,7 @@ pub(crate) fn load(path: &Path, Copy { path: copy, _lock }: Copy) -> Result<Libr
     Ok(library)
 }
 
-/// Writes the copy, locked for as long as it is open, so that nobody takes it for left over.
+/// Writes the copy and keeps it locked while it is open, so that nobody deletes it as a leftover.
 fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, TempPath)> {
     loop {
         let copy = tempfile::Builder::new()
@@ -161,7 +166,7 @@ fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, Tem
             .suffix(std::env::consts::DLL_SUFFIX)
             .tempfile_in(folder)?;
         let (mut file, path) = copy.into_parts();
-        // Waits for a process that looks at it, and may remove it. Not every disk has locks.
+        // Waits for a process that checks the file and may delete it. Not every file system has locks.
         let _ = file.lock();
         if path.exists() {
             file.write_all(bytes)?;
@@ -170,7 +175,7 @@ fn copy_into(folder: &Path, prefix: &str, bytes: &[u8]) -> io::Result<(File, Tem
     }
 }
 
-/// Removes copies whose process is gone: it crashed or was killed while it loaded them.
+/// Deletes copies of ended processes, which crashed or were killed while loading them.
 fn remove_left_over(folder: &Path, prefix: &str) {
     let random = |name: &str| {
         let random = name.strip_prefix(prefix)?.strip_suffix(std::env::consts::DLL_SUFFIX)?;
@@ -183,7 +188,7 @@ fn remove_left_over(folder: &Path, prefix: &str) {
             && let Ok(file) = File::open(entry.path())
             && file.try_lock().is_ok()
         {
-            // One that is loaded cannot be removed on Windows.
+            // A loaded copy cannot be deleted on Windows.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -202,7 +207,7 @@ unsafe fn open(copy: &Path) -> Result<Library, libloading::Error> {
     unsafe { Library::new(copy) }
 }
 
-/// Tells two builds of a library apart; never 0.
+/// Number of a library's build; never 0.
 pub(crate) fn build_of(bytes: &[u8]) -> u64 {
     fnv(bytes).max(1)
 }
@@ -211,9 +216,9 @@ pub(crate) fn build_of(bytes: &[u8]) -> u64 {
 mod tests {
     use super::*;
 
-    /// Once, a plugin that crashed while it was loaded left its copy for ever.
+    /// A plugin that crashed while loading once left its copy forever.
     #[test]
-    fn copies_of_processes_that_are_gone_are_removed() {
+    fn copies_of_ended_processes_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let made = |name: &str| {
             let path = dir.path().join(name.to_owned() + std::env::consts::DLL_SUFFIX);

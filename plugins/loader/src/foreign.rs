@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use asperity_numbers::denormals::FloatControl;
 
-/// Parts of the float control that plugins left changed, until they are asked for.
+/// Parts of the float control that plugins left changed since the last question.
 static CHANGED: AtomicU64 = AtomicU64::new(0);
 
-/// Runs a plugin's code. How this thread rounds is afterwards as it was: other nodes run on it too.
+/// Runs a plugin's code, then restores this thread's float control: other nodes run on it too.
 #[inline]
 pub(crate) fn foreign<T>(call: impl FnOnce() -> T) -> T {
     let before = FloatControl::now();
@@ -20,7 +20,7 @@ pub(crate) fn foreign<T>(call: impl FnOnce() -> T) -> T {
     answer
 }
 
-/// What plugins changed, since this was last asked, about how numbers are rounded; it was put back each time.
+/// Parts of the float control that plugins changed since the last call; each change was undone.
 pub fn float_changes() -> Vec<String> {
     FloatControl::parts(CHANGED.swap(0, Relaxed))
 }

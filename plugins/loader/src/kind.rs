@@ -1,4 +1,4 @@
-//! A plugin's kind as one of the registry's.
+//! Kinds of a plugin, for the registry.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::size_of;
@@ -15,7 +15,7 @@ use crate::setup::Lent;
 /// The function of the extension `asperity.facts/1`.
 pub(crate) type FactsFn = unsafe extern "C" fn(*const AsperityKind, *mut c_void, *const AsperityFactSink);
 
-/// What an instance keeps of its kind.
+/// The functions of a kind, as its instances use them.
 #[derive(Clone, Copy)]
 pub(crate) struct Functions {
     pub(crate) at: *const AsperityKind,
@@ -119,7 +119,7 @@ impl NodeKind for PluginKind {
     }
 }
 
-/// Room for what a plugin says is wrong.
+/// Buffers for a plugin's error message.
 struct Said {
     abi: AsperityError,
     message: Vec<u8>,
@@ -156,7 +156,7 @@ fn said(bytes: &[u8]) -> String {
     )
 }
 
-/// Ports that a plugin has told.
+/// Ports reported by a plugin.
 #[derive(Default)]
 struct Told {
     inputs: Vec<Input>,

@@ -1,11 +1,12 @@
-//! Loads plugins and makes their nodes look like any others.
+//! Loads plugins and offers their nodes like built-in ones.
 //!
-//! [`Plugin::load`] looks into the file before the system's loader does: that it is a whole shared library for this machine
-//! that exports the entry symbol. Then a copy of it with a name of its own is loaded (so that a file can be rebuilt and loaded
-//! again while the old code still runs), and is never unloaded. Every descriptor is checked before a kind is offered.
+//! [`Plugin::load`] first checks the file: a whole shared library for this machine that exports the
+//! entry symbol. Then it loads a copy of the file under a unique name, so that the file can be rebuilt
+//! and loaded again while the old code runs. Copies are never unloaded. Every descriptor is checked
+//! before a kind is offered.
 //!
-//! A plugin is code in this process: what it does wrong by its return values, by a panic that it caught, or by a NaN is contained
-//! by the engine. A segmentation fault is not, and cannot be; of an endless loop the host takes care.
+//! A plugin is code in this process. Its error codes, its caught panics and its NaNs are contained by
+//! the engine. A segmentation fault cannot be contained; the host handles an endless loop.
 
 mod cache;
 mod checked;
@@ -15,6 +16,8 @@ mod foreign;
 mod kind;
 mod plugin;
 mod processor;
+#[cfg(test)]
+mod round_trip_tests;
 mod search;
 mod setup;
 

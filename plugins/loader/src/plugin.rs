@@ -37,15 +37,15 @@ impl Plugin {
     /// Loads a plugin from its shared library.
     ///
     /// # Errors
-    /// A file that is missing, not a library, for another machine, without the entry symbol, of another magic or major
-    /// version, that the system does not load, or whose descriptors are wrong.
+    /// A file that is missing, is not a library, is for another machine, lacks the entry symbol, has
+    /// another magic number or major version, cannot be loaded, or has wrong descriptors.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let bytes = file::read(path)?;
         Self::from_copy(path, file::Copy::new(path, &bytes)?, file::build_of(&bytes))
     }
 
-    /// Loads the copy of a file that has been read and looked into.
+    /// Loads the copy of a checked file.
     pub(crate) fn from_copy(path: &Path, copy: file::Copy, build: u64) -> Result<Self, Diagnostic> {
         let library = file::load(path, copy)?;
         // SAFETY: only the address is taken; what lies there is checked below.
@@ -87,7 +87,8 @@ impl Plugin {
         let (size, major, minor) = unsafe { ((*entry).size, (*entry).major, (*entry).minor) };
         if major != ASPERITY_MAJOR {
             return Err(format!(
-                "it was built for version {major}.{minor} of the plugin interface; this program has {ASPERITY_MAJOR}.{ASPERITY_MINOR}"
+                "it was built for version {major}.{minor} of the plugin interface; \
+                 this program has {ASPERITY_MAJOR}.{ASPERITY_MINOR}"
             ));
         }
         // Its last member in 1.0 is `open`.
@@ -151,22 +152,22 @@ impl Plugin {
         &self.path
     }
 
-    /// Its name, as it says itself.
+    /// Its name, from its description.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its version, as it says itself.
+    /// Its version, from its description.
     pub fn version(&self) -> &str {
         &self.version
     }
 
-    /// Tells two builds of it apart.
+    /// Number of its build.
     pub fn build(&self) -> u64 {
         self.build
     }
 
-    /// Its kinds of nodes, to be added to a registry.
+    /// Its node kinds, for a registry.
     pub fn kinds(&self) -> &[Arc<dyn NodeKind>] {
         &self.kinds
     }
@@ -174,7 +175,7 @@ impl Plugin {
 
 const FACTS: &CStr = c"asperity.facts/1";
 
-/// What every plugin is told of this program.
+/// Description of this program for plugins.
 struct Host(AsperityHost);
 // SAFETY: constant data behind constant pointers.
 unsafe impl Sync for Host {}

@@ -1,4 +1,4 @@
-//! An instance of a plugin's kind as the engine calls it.
+//! Instances of a plugin's kind, for the engine.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::size_of;
@@ -11,22 +11,22 @@ use crate::checked::Lie;
 use crate::foreign::foreign;
 use crate::kind::Functions;
 
-/// One instance. Its buffers are the engine's own: nothing is copied on this side.
+/// One instance. Its buffers are the engine's own; nothing is copied on this side.
 pub(crate) struct PluginProcessor {
     functions: Functions,
     instance: NonNull<c_void>,
     inputs: Box<[AsperityBuffer]>,
     outputs: Box<[AsperityBuffer]>,
     info: AsperityInfo,
-    /// In how many calls it wrote samples without saying so, which makes them silence.
+    /// Calls in which it wrote samples without setting the flag, which makes them silence.
     unsaid_writes: u64,
 }
 
-// SAFETY: the interface lets another thread call an instance than before, one at a time; what the buffers point to is used during a
-// call only.
+// SAFETY: the interface lets another thread call an instance than before, one at a time; what the buffers
+// point to is used during a call only.
 unsafe impl Send for PluginProcessor {}
 
-/// The longest latency and tail that is believed, in seconds.
+/// Longest accepted latency and tail in seconds.
 const HOUR_S: i64 = 3600;
 
 const NO_BUFFER: AsperityBuffer = AsperityBuffer {
@@ -40,10 +40,11 @@ const NO_BUFFER: AsperityBuffer = AsperityBuffer {
 };
 
 impl PluginProcessor {
-    /// Makes and prepares an instance. An empty error means that the plugin has said what is wrong.
+    /// Makes and prepares an instance. An empty error means that the plugin itself reported the
+    /// problem.
     ///
     /// # Safety
-    /// `lent` and `error` are valid, and what they point to.
+    /// `lent` and `error` are valid, and so is everything they point to.
     pub(crate) unsafe fn new(
         functions: Functions,
         lent: &AsperitySetup,
@@ -124,7 +125,8 @@ impl PluginProcessor {
             outputs: self.outputs.as_mut_ptr(),
             detail: 0,
         };
-        // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and outputs apart.
+        // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and
+        // outputs apart.
         let answer = foreign(|| unsafe { call(self.instance.as_ptr(), &mut abi) });
         if outputs {
             for (b, buffer) in self.outputs.iter_mut().zip(tick.outputs.buffers()) {
@@ -141,7 +143,7 @@ impl PluginProcessor {
     }
 }
 
-/// What an answer means.
+/// Result of a status code.
 fn outcome(answer: i32, detail: u64) -> Result<i32, Fault> {
     match answer {
         ASPERITY_PANICKED => Err(Fault::Panicked),
@@ -155,9 +157,9 @@ fn input(inputs: Inputs<'_>, i: usize) -> AsperityBuffer {
     let flag = |is: bool, flag: u32| if is { flag } else { 0 };
     let mut b = NO_BUFFER;
     b.flags = flag(buffer.is_valid(), ASPERITY_VALID) | flag(inputs.connected(i), ASPERITY_CONNECTED);
-    // Only ever read through: the interface forbids writing to an input.
+    // Only read: the interface forbids writing to an input.
     let (data, count): (*const c_void, usize) = match buffer {
-        // What stands in for an input that nothing settles.
+        // Placeholder of an input without a type.
         Buffer::Control { values, .. } if values.is_empty() => return b,
         Buffer::Control { values, changed, .. } => {
             b.carries = ASPERITY_CONTROL;
@@ -185,7 +187,7 @@ fn input(inputs: Inputs<'_>, i: usize) -> AsperityBuffer {
     place(b, data.cast_mut(), count)
 }
 
-/// An output as a node finds it.
+/// An output before a call.
 fn output(buffer: &mut Buffer) -> AsperityBuffer {
     let mut b = AsperityBuffer { flags: ASPERITY_CONNECTED | ASPERITY_VALID, ..NO_BUFFER };
     let (data, count): (*mut c_void, usize) = match buffer {
@@ -213,7 +215,8 @@ fn place(b: AsperityBuffer, data: *mut c_void, count: usize) -> AsperityBuffer {
     if count > 0 { AsperityBuffer { data, count: count as u32, ..b } } else { b }
 }
 
-/// What the node said of an output that it wrote to. False where it wrote samples without saying so.
+/// Reads the flags of an output that the node wrote. Returns false if it wrote samples without the
+/// flag.
 fn take(b: &AsperityBuffer, buffer: &mut Buffer) -> bool {
     let mut said = true;
     match buffer {
@@ -340,10 +343,10 @@ fn time(num: i64, den: i64) -> Option<Latency> {
     (den > 0).then(|| Latency::ratio(num, den))
 }
 
-/// Adds a fact whose name and text can be read.
+/// Adds a fact whose name and text are readable.
 ///
 /// # Safety
-/// `context` is one that `facts` handed out; texts end with a zero byte.
+/// `context` was handed out by `facts`; texts end with a zero byte.
 unsafe fn add(context: *mut c_void, name: *const c_char, fact: impl FnOnce(String) -> Option<Fact>) {
     // SAFETY: the caller's promise.
     unsafe {

@@ -1,40 +1,40 @@
-//! Where plugins are looked for.
+//! Search for plugins.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, nearest};
 
-/// The environment variable that lists folders and files of plugins, as `PATH` lists folders.
+/// Environment variable that lists folders and files of plugins, as `PATH` lists folders.
 pub const PATH_VARIABLE: &str = "ASPERITY_PLUGIN_PATH";
 
-/// A file that may be a plugin.
+/// A possible plugin file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// The file.
     pub path: PathBuf,
-    /// The folder or file of the search path that it was found by.
+    /// The entry of the search path that contains it.
     pub by: PathBuf,
 }
 
-/// The file name of the plugin called `name` on this system, such as `librtpghi.so`.
+/// File name of the plugin called `name` on this system, such as `librtpghi.so`.
 pub fn file_name(name: &str) -> String {
     format!("{}{}{}", std::env::consts::DLL_PREFIX, name.replace('-', "_"), std::env::consts::DLL_SUFFIX)
 }
 
-/// Whether a plugin is named by its file rather than by its name alone.
+/// Whether a plugin is named by its file, not by its name alone.
 pub fn is_path(plugin: &str) -> bool {
     plugin.contains(['/', '\\']) || [".so", ".dylib", ".dll"].iter().any(|e| plugin.ends_with(e))
 }
 
-/// The folders and files that `list` (the value of [`PATH_VARIABLE`]) names.
+/// Folders and files in `list` (the value of [`PATH_VARIABLE`]).
 fn entries(list: Option<OsString>) -> Vec<PathBuf> {
     list.map(|l| std::env::split_paths(&l).filter(|p| !p.as_os_str().is_empty()).collect())
         .unwrap_or_default()
 }
 
-/// Every shared library in the folders of `list`, and the files it names, each once, in order; and what of the list cannot be
-/// looked into.
+/// Every shared library in the folders of `list`, and its files, each once, in order; and the entries
+/// of the list that cannot be read.
 pub fn search(list: Option<OsString>) -> (Vec<Found>, Vec<Diagnostic>) {
     let (mut out, mut problems): (Vec<Found>, Vec<Diagnostic>) = (Vec::new(), Vec::new());
     for by in entries(list) {
@@ -52,7 +52,7 @@ pub fn search(list: Option<OsString>) -> (Vec<Found>, Vec<Diagnostic>) {
     (out, problems)
 }
 
-/// The shared libraries of a folder in the order of their names, or the file itself.
+/// Shared libraries of a folder in the order of their names, or the file itself.
 fn libraries(by: &Path) -> std::io::Result<Vec<PathBuf>> {
     if !std::fs::metadata(by)?.is_dir() {
         return Ok(vec![by.to_owned()]);
@@ -68,16 +68,16 @@ fn libraries(by: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Whether two paths lead to one file.
+/// Whether two paths lead to the same file.
 fn same(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// The file of a plugin that a graph or a command line names: a path, relative to `base`, or a name that is looked for in
-/// `base` and then along `list`.
+/// File of a plugin in a graph or on a command line: a path relative to `base`, or a name that is
+/// searched in `base` and then along `list`.
 ///
 /// # Errors
-/// A name that is nowhere. A path is answered as it is: loading says what is wrong with it.
+/// A name that is not found. A path is returned unchecked: loading checks it.
 pub fn find(plugin: &str, base: &Path, list: Option<OsString>) -> Result<PathBuf, Diagnostic> {
     if is_path(plugin) {
         return Ok(base.join(plugin));

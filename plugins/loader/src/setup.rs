@@ -1,4 +1,4 @@
-//! What an instance is prepared for, in the interface's form.
+//! Converts a setup into the interface's form.
 
 use std::ffi::{CString, c_char};
 use std::mem::size_of;
@@ -8,7 +8,7 @@ use std::ptr;
 use asperity_abi::*;
 use asperity_node::{Config, Descriptor, Diagnostic, ParamKind, ParamValue, Setup, Shape, Wiring};
 
-/// A setup and all that it points to.
+/// A setup and everything that it points to.
 pub(crate) struct Lent {
     pub(crate) abi: AsperitySetup,
     _texts: Vec<CString>,
@@ -32,7 +32,7 @@ impl Texts {
         Ok(self.texts.last().map_or(ptr::null(), |t| t.as_ptr()))
     }
 
-    /// A path in UTF-8, which is what the interface has.
+    /// A path in UTF-8, as the interface requires.
     fn path(&mut self, path: &Path) -> Result<*const c_char, String> {
         match path.to_str() {
             Some(path) => self.text(path),
@@ -44,12 +44,12 @@ impl Texts {
 }
 
 impl Lent {
-    /// Before the ports are settled.
+    /// Setup before the port types are known.
     pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
         Self::new(config, d, &[], &[], false)
     }
 
-    /// Everything.
+    /// Complete setup.
     pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
         Self::new(&setup.config, d, setup.inputs, setup.outputs, setup.closes_cycle)
     }

@@ -6,12 +6,13 @@ use std::f64::consts::TAU;
 
 use asperity_sdk::{Complex, State, random};
 
-/// `gamma / length^2` of the Hann window: `exp(-pi t^2 / gamma)` is the Gaussian that stands for it (Z. Prusa, P. Balazs,
-/// P. L. Sondergaard, "A Noniterative Method for Reconstruction of Phase From STFT Magnitude", IEEE/ACM Trans. ASLP 25(5),
-/// 2017). Least squares on the window itself give 0.2583, on windows of unit energy 0.2489.
+/// `gamma / length^2` of the Hann window: it is approximated by the Gaussian `exp(-pi t^2 / gamma)` (Z.
+/// Prusa, P. Balazs, P. L. Sondergaard, "A Noniterative Method for Reconstruction of Phase From STFT
+/// Magnitude", IEEE/ACM Trans. ASLP 25(5), 2017). Least squares on the window itself give 0.2583, on
+/// windows of unit energy 0.2489.
 pub const HANN_GAMMA: f64 = 0.25645;
 
-/// Frames that are remembered: the next one, the one whose phases are sought, and two before it.
+/// Frames held: the next one, the one being processed, and two before it.
 const FRAMES: usize = 4;
 
 /// One frame of magnitudes.
@@ -20,11 +21,11 @@ struct Content {
     mags: Vec<f32>,
     /// Natural logarithms of `mags`.
     logs: Vec<f32>,
-    /// The largest of `mags`.
+    /// Largest of `mags`.
     top: f32,
-    /// Samples from the start of the frame before.
+    /// Samples since the start of the last frame.
     advance: u32,
-    /// Frequency of each bin, in bins, once phases were found.
+    /// Frequency of each bin, in bins, once phases are known.
     freq: Vec<f32>,
 }
 
@@ -34,7 +35,7 @@ impl Content {
         Self { mags: zero.clone(), logs: zero.clone(), top: 0.0, advance: 0, freq: zero }
     }
 
-    /// Takes magnitudes, those that are none as 0, and answers how many are none.
+    /// Copies magnitudes, with invalid ones as 0, and returns the number of invalid ones.
     fn take(&mut self, magnitudes: &[f32], advance: u32) -> usize {
         let mut bad = 0;
         let given = magnitudes.iter().copied().chain(std::iter::repeat(0.0));
@@ -58,38 +59,39 @@ impl Content {
 
 /// Phase retrieval by heap integration, for Hann-windowed frames of one length.
 ///
-/// Frames are first [`push`](Self::push)ed, then phases are [found](Self::find) for the newest or the one before it.
+/// Frames are first [`push`](Self::push)ed, then phases are [found](Self::find) for the newest or the one
+/// before it.
 #[derive(Debug)]
 pub struct HeapIntegration {
     length: u32,
     tolerance: f32,
     seed: u64,
-    /// The newest first.
+    /// Newest first.
     frames: [Content; FRAMES],
-    /// How many of `frames` there are.
+    /// Number of valid `frames`.
     filled: usize,
-    /// Phase at the window's centre in turns, in [0, 1), of the frame that was found last.
+    /// Phase at the window's centre in turns, in [0, 1), of the last processed frame.
     turns: Vec<f64>,
     /// Phase difference between neighbouring bins in turns, from the slope of the logarithm along time.
     delay: Vec<f32>,
-    /// Bins that still have no phase.
+    /// Bins without a phase yet.
     todo: Vec<bool>,
     heap: BinaryHeap<u64>,
 }
 
-/// What a heap entry stands for, above its magnitude: the largest is popped first.
+/// Flag of a heap entry, above its magnitude: the largest entry is popped first.
 const REACHED: u64 = 1 << 63;
-/// The entry is a bin of the frame that phases are sought for, not of the one before.
+/// The entry is a bin of the processed frame, not of the one before.
 const PRESENT: u64 = 1 << 31;
 
 fn entry(mag: f32, bin: usize) -> u64 {
-    // Bits of positive floats are ordered as the floats are.
+    // Bits of positive floats have the order of the floats.
     u64::from(mag.to_bits()) << 32 | bin as u64
 }
 
 impl HeapIntegration {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples. Bins under `tolerance` times the
-    /// largest get a random phase.
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `length` samples. Bins under
+    /// `tolerance` times the largest get a random phase.
     pub fn new(length: u32, bins: usize, tolerance: f64, seed: u64) -> Self {
         Self {
             length: length.max(1),
@@ -109,7 +111,7 @@ impl HeapIntegration {
         self.filled = 0;
     }
 
-    /// What is remembered from frame to frame.
+    /// Saves or restores the frames and phases.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut length = self.length;
         state.keep(&mut length).keep(&mut self.filled).keep(&mut self.turns);
@@ -126,11 +128,11 @@ impl HeapIntegration {
         state.require(sane);
     }
 
-    /// Takes the next frame, `advance` samples after the one before. A magnitude that is NaN, infinite or negative is taken
-    /// as 0; the number of these is returned. Missing bins count as 0.
+    /// Takes the next frame, `advance` samples after the one before. A magnitude that is NaN, infinite
+    /// or negative counts as 0; their number is returned. Missing bins count as 0.
     pub fn push(&mut self, magnitudes: &[f32], advance: u32) -> usize {
         if advance == 0 || advance >= self.length {
-            // Frames that share no sample know nothing of each other.
+            // Frames without a common sample are independent.
             self.filled = 0;
         }
         self.frames.rotate_right(1);
@@ -138,10 +140,11 @@ impl HeapIntegration {
         self.frames[0].take(magnitudes, advance)
     }
 
-    /// Finds phases for the newest frame (`age` 0) or the one before it (1), in the order they came.
+    /// Computes phases for the newest frame (`age` 0) or the one before it (1), in the order they came.
     ///
-    /// `out[k]` gets the magnitude of bin `k` and a phase counted from the frame's first sample. `advance` is the number of
-    /// samples since the frame that was found before, where both are put; `index` numbers the random phases.
+    /// `out[k]` gets the magnitude of bin `k` and a phase counted from the frame's first sample.
+    /// `advance` is the number of output samples since the last processed frame; `index` numbers the
+    /// random phases.
     pub fn find(&mut self, age: usize, advance: u32, index: u64, out: &mut [Complex<f32>]) {
         let age = age.min(1);
         self.slopes(age);
@@ -162,7 +165,7 @@ impl HeapIntegration {
     fn slopes(&mut self, age: usize) {
         let around = &self.frames[age.saturating_sub(1)..(age + 3).min(self.filled)];
         let top = around.iter().map(|f| f.top).fold(0.0, f32::max);
-        // Beyond this a slope is one of rounding errors or of silence.
+        // Below this a slope is one of rounding errors or of silence.
         let floor = (top * self.tolerance).max(f32::MIN_POSITIVE).log_e();
         self.delays(age, floor);
         let Content { logs, freq, .. } = &mut self.frames[age];
@@ -193,7 +196,8 @@ impl HeapIntegration {
         }
     }
 
-    /// Weights of the next frame, the frame itself, and the two before in the derivative along time, per sample.
+    /// Weights of the next frame, the frame itself, and the two before in the derivative along time, per
+    /// sample.
     fn weights(&self, age: usize) -> [f32; 4] {
         let own = self.frames[age].advance as f32;
         let has_before = self.filled > age + 1;
@@ -210,7 +214,7 @@ impl HeapIntegration {
         if has_before { [0.0, 1.0 / own, -1.0 / own, 0.0] } else { [0.0; 4] }
     }
 
-    /// Spreads phases from the frame before and within the frame, the strongest bins first.
+    /// Integrates phases from the frame before and within the frame, the strongest bins first.
     fn integrate(&mut self, age: usize, advance: u32, index: u64) {
         let (newer, older) = self.frames.split_at(age + 1);
         let (frame, before) = (&newer[age], &older[0]);
@@ -226,7 +230,7 @@ impl HeapIntegration {
             let was = before_mags.get(k).copied().unwrap_or(0.0);
             if *todo {
                 left += 1;
-                // Where nothing leads to, the strongest bin starts on its own.
+                // A bin that no other reaches starts on its own.
                 entries.push(entry(mag, k));
             }
             if *todo && was > least {
@@ -268,7 +272,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hann_gamma_is_that_of_the_gaussian_nearest_to_the_window() {
+    fn hann_gamma_is_that_of_the_nearest_gaussian() {
         let n = 1000;
         let time = |i: i32| f64::from(i) / f64::from(n) - 0.5;
         let error = |gamma: f64| -> f64 {

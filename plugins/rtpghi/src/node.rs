@@ -24,21 +24,38 @@ pub struct Rtpghi {
 
 impl Node for Rtpghi {
     fn descriptor() -> Descriptor {
-        Descriptor::new("rtpghi", "Phase gradient heap integration: phases from the slopes of the log magnitudes, the strongest bins first.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
-            )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the same magnitudes with phases, `look_ahead` frames later"),
-            )
-            .param(Param::integer("look_ahead", 0, 0..=1, "Frames known beyond the one that is put out: 0 takes slopes along time from the past alone."))
-            .param(Param::number("tolerance", 1e-6, 1e-9..=0.1, "Bins under this part of the largest get a random phase."))
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the random phases; left out, from the graph's.").optional())
-            .timing("`look_ahead` frames")
+        Descriptor::new(
+            "rtpghi",
+            "Phase gradient heap integration: phases from the slopes of the log magnitudes, \
+             the strongest bins first.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+        )
+        .param(Param::integer(
+            "look_ahead",
+            0,
+            0..=1,
+            "Frames known beyond the one that is put out: 0 takes slopes along time from the past alone.",
+        ))
+        .param(Param::number(
+            "tolerance",
+            1e-6,
+            1e-9..=0.1,
+            "Bins under this part of the largest get a random phase.",
+        ))
+        .param(
+            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the random phases; left out, from the graph's.")
+                .optional(),
+        )
+        .timing("`look_ahead` frames")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -1,4 +1,4 @@
-//! A tick's values, between the host's memory and the node's view.
+//! Copies a tick's values between the host's memory and the node's view.
 
 use std::slice;
 
@@ -14,7 +14,7 @@ unsafe fn at(first: *const AsperityBuffer, index: usize, stride: u32) -> *const 
     unsafe { first.byte_add(index * stride as usize) }
 }
 
-/// What a buffer holds, as values of a type.
+/// Content of a buffer as values of a type.
 ///
 /// # Safety
 /// `data` holds `count` values of that type, or is NULL.
@@ -26,7 +26,7 @@ unsafe fn values<'a, T>(b: &AsperityBuffer) -> &'a [T] {
     unsafe { slice::from_raw_parts(b.data.cast(), b.count as usize) }
 }
 
-/// The same, to be written to.
+/// The same, writable.
 ///
 /// # Safety
 /// As for [`values`], and nobody else reads it meanwhile.
@@ -44,7 +44,7 @@ fn copy<T: Copy>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// Takes the inputs of a tick over.
+/// Reads the inputs of a tick.
 ///
 /// # Safety
 /// `first` is an array of `count` buffers of the host.
@@ -97,8 +97,8 @@ pub(crate) unsafe fn read(
     }
 }
 
-/// Makes the node's outputs what the host's are before a tick: audio zero and of this tick's length, no frames, controls as they
-/// were.
+/// Prepares the node's outputs for a tick: audio zero and of this tick's length, no frames, controls
+/// unchanged.
 ///
 /// # Safety
 /// `first` is an array of `count` buffers of the host.
@@ -123,7 +123,7 @@ pub(crate) unsafe fn clear(first: *const AsperityBuffer, count: u32, stride: u32
     }
 }
 
-/// Hands the outputs of a tick back.
+/// Writes the outputs of a tick back.
 ///
 /// # Safety
 /// `first` is an array of `count` buffers of the host, which nobody else reads meanwhile.

@@ -1,4 +1,4 @@
-//! Descriptors in the interface's own form, made once when the host opens the plugin.
+//! Descriptors in the interface's form, made once when the host opens the plugin.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::size_of;
@@ -14,7 +14,7 @@ use asperity_node::{
 use crate::text::Texts;
 use crate::{facts, instance, panics};
 
-/// A kind as the host sees it, and what the plugin itself wants to know of it.
+/// A kind as the host sees it, with the plugin's own data about it.
 #[repr(C)]
 pub(crate) struct Record {
     pub(crate) abi: AsperityKind,
@@ -35,14 +35,14 @@ impl Kinds {
     }
 }
 
-/// What the host gets: only ever read, and never freed.
+/// Data for the host: only read, and never freed.
 struct Shared(AsperityPlugin);
 // SAFETY: constant data behind constant pointers.
 unsafe impl Send for Shared {}
 // SAFETY: as above.
 unsafe impl Sync for Shared {}
 
-/// Answers what the plugin offers; NULL where describing it panics.
+/// Returns the plugin's description; NULL if describing it panics.
 pub fn open(
     name: &'static str,
     version: &'static str,

@@ -10,7 +10,7 @@ use crate::instance::Instance;
 use crate::panics;
 use crate::text::Texts;
 
-/// Tells the facts of any kind of this plugin.
+/// Reports the facts of any kind of this plugin.
 ///
 /// # Safety
 /// `kind` is one of this plugin's, `instance` one of its instances, `sink` the host's.
@@ -29,7 +29,7 @@ pub(crate) unsafe extern "C" fn facts(
     panics::caught(|| unsafe { (record.facts)(instance, &sink) });
 }
 
-/// Tells the facts of one node.
+/// Reports the facts of one node.
 ///
 /// # Safety
 /// `instance` is an `Instance<N>`.

@@ -1,4 +1,5 @@
-//! The functions of a kind, for any node type: each reads what the host hands in, calls the node, and hands back.
+//! The C functions of a kind, for any node type. Each reads the host's data, calls the node, and writes
+//! the result.
 
 use std::ffi::c_void;
 use std::mem::size_of;
@@ -29,12 +30,12 @@ impl<N: Node> Instance<N> {
         unsafe { instance.cast::<Self>().as_mut() }
     }
 
-    /// The node, once it has been prepared.
+    /// The node, after `prepare`.
     pub(crate) fn node(&mut self) -> Option<&mut N> {
         self.node.as_mut()
     }
 
-    /// Calls `f` with the node's view of a tick; outputs are written back where `outputs` says so.
+    /// Calls `f` with the node's view of a tick. Outputs are written back if `outputs` is set.
     ///
     /// # Safety
     /// `tick` is the host's.
@@ -45,7 +46,7 @@ impl<N: Node> Instance<N> {
         f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
     ) -> i32 {
         let Some(node) = &mut self.node else { return ASPERITY_FAILED };
-        // Nothing is known of a buffer without the members that 1.0 has.
+        // A buffer without the members of 1.0 cannot be read.
         if (tick.buffer_size as usize) < size_of::<AsperityBuffer>() {
             return ASPERITY_FAILED;
         }
@@ -232,7 +233,7 @@ unsafe fn call<N: Node>(
     guarded(|| unsafe { it.with_tick(&tick, outputs, f) })
 }
 
-/// Calls a node that has been prepared.
+/// Calls a prepared node.
 ///
 /// # Safety
 /// `instance` is the host's.

@@ -27,8 +27,9 @@
 //! asperity_sdk::export!(Twice);
 //! ```
 //!
-//! Every call from the host is wrapped: a panic is caught on this side, silently, and answered as a fault. Buffers are copied
-//! between the host's memory and the node's view, so that no Rust type crosses the boundary.
+//! Every call from the host is wrapped: a panic is caught on this side, silently, and answered as a
+//! fault. Buffers are copied between the host's memory and the node's view, so that no Rust type crosses
+//! the boundary.
 
 #[cfg(panic = "abort")]
 compile_error!("a node that panics is contained by unwinding: build with panic = \"unwind\"");
@@ -44,7 +45,7 @@ mod text;
 pub use asperity_abi as abi;
 pub use asperity_node::*;
 
-/// What [`export!`] stands on; not to be used otherwise.
+/// Internals of [`export!`]; do not use them directly.
 #[doc(hidden)]
 pub mod export {
     pub use crate::describe::{Kinds, open};
@@ -54,7 +55,7 @@ pub mod export {
 #[macro_export]
 macro_rules! export {
     ($($node:ty),+ $(,)?) => {
-        /// What the host looks for.
+        /// The symbol that the host looks for.
         #[allow(non_upper_case_globals, missing_docs)]
         #[unsafe(no_mangle)]
         pub static asperity_entry: $crate::abi::AsperityEntry = {

@@ -6,11 +6,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_abi::ASPERITY_PANICKED;
 
-/// Calls of nodes that are under way, on any thread. Not a thread's own: the first touch of such a variable allocates, and
-/// that would be on the tick thread. This library's hook sees panics of this library alone.
+/// Number of calls of nodes in progress, on any thread. It is not thread-local, because the first
+/// access to such a variable allocates, and that would be on the tick thread. This library's hook sees
+/// only panics of this library.
 static IN_NODES: AtomicUsize = AtomicUsize::new(0);
 
-/// The default hook prints on the tick thread; faults are counted and named by the host instead.
+/// Installs a silent panic hook, because the default one prints on the tick thread. The host counts and
+/// names faults instead.
 pub(crate) fn install_silent_hook() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -23,28 +25,31 @@ pub(crate) fn install_silent_hook() {
     });
 }
 
-/// Runs a node's code. `None` if it panicked.
-pub(crate) fn caught<T>(f: impl FnOnce() -> T) -> Option<T> {
+/// Runs a node's code with the hook silent.
+fn run<T>(f: impl FnOnce() -> T) -> std::thread::Result<T> {
     IN_NODES.fetch_add(1, Ordering::Relaxed);
     let result = panic::catch_unwind(AssertUnwindSafe(f));
     IN_NODES.fetch_sub(1, Ordering::Relaxed);
-    // Dropping a payload would free memory on the tick thread and might panic again. The host's quarantine bounds what leaks.
-    result.map_err(std::mem::forget).ok()
+    result
 }
 
-/// Runs a node's code off the tick thread. What it said where it panicked.
+/// Runs a node's code. `None` if it panicked.
+pub(crate) fn caught<T>(f: impl FnOnce() -> T) -> Option<T> {
+    // Dropping a payload would free memory on the tick thread and might panic again. The host's
+    // quarantine bounds the leak.
+    run(f).map_err(std::mem::forget).ok()
+}
+
+/// Runs a node's code off the tick thread. The error is the message of its panic.
 pub(crate) fn heard<T>(f: impl FnOnce() -> T) -> Result<T, String> {
-    IN_NODES.fetch_add(1, Ordering::Relaxed);
-    let result = panic::catch_unwind(AssertUnwindSafe(f));
-    IN_NODES.fetch_sub(1, Ordering::Relaxed);
-    result.map_err(|payload| match (payload.downcast_ref::<String>(), payload.downcast_ref::<&str>()) {
+    run(f).map_err(|payload| match (payload.downcast_ref::<String>(), payload.downcast_ref::<&str>()) {
         (Some(text), _) => text.clone(),
         (_, Some(text)) => (*text).to_owned(),
         _ => "nothing is known of it".to_owned(),
     })
 }
 
-/// The same for code that answers a status.
+/// Runs a node's code that returns a status.
 pub(crate) fn guarded(f: impl FnOnce() -> i32) -> i32 {
     caught(f).unwrap_or(ASPERITY_PANICKED)
 }

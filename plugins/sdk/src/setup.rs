@@ -1,4 +1,4 @@
-//! What an instance is prepared for, from the interface's form to a node's.
+//! Converts a setup from the interface's form.
 
 use std::sync::Arc;
 
@@ -10,12 +10,12 @@ use asperity_node::{
 
 use crate::text;
 
-/// A setup that owns what the host's only lends.
+/// A setup that owns a copy of the host's data.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     id: String,
     params: Params,
-    /// Stands in for the place of each parameter, so that an error about one finds its way back.
+    /// Placeholder for the position of each parameter, by which an error finds its parameter.
     sources: Vec<Arc<Source>>,
     tick_hz: u32,
     every: u32,
@@ -66,13 +66,13 @@ impl Prepared {
         })
     }
 
-    /// What a node may know before its ports are settled.
+    /// Configuration before the port types are known.
     pub(crate) fn config(&self) -> Config<'_> {
         let Self { id, params, tick_hz, every, audio_hz, seed, .. } = self;
         Config { id, params, tick_hz: *tick_hz, every: *every, audio_hz: *audio_hz, seed: *seed }
     }
 
-    /// Everything a node may know when it is prepared.
+    /// Complete setup.
     pub(crate) fn setup(&self) -> Setup<'_> {
         Setup {
             config: self.config(),
@@ -87,7 +87,7 @@ impl Prepared {
         self.tick_hz
     }
 
-    /// Hands a node's error to the host.
+    /// Passes a node's error to the host.
     ///
     /// # Safety
     /// `error` is the host's, or NULL.
@@ -96,7 +96,7 @@ impl Prepared {
         let param = place.and_then(|p| self.sources.iter().position(|s| Arc::ptr_eq(s, &p.source)));
         let message = match param {
             Some(_) => d.message.clone(),
-            // An error in a file that the node read says where.
+            // An error in another file includes its position.
             None => Diagnostic { help: None, ..d.clone() }.to_string(),
         };
         // SAFETY: the caller's promise.
@@ -123,7 +123,8 @@ pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error
 /// An element of an array of the host's, whose structs may be longer than ours.
 ///
 /// # Safety
-/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the first says.
+/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the
+/// first says.
 unsafe fn element<T: Grows>(first: *const T, index: usize) -> Option<T> {
     if first.is_null() {
         return None;

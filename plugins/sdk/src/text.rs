@@ -1,4 +1,4 @@
-//! Texts across the boundary.
+//! Texts across the interface.
 
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
@@ -11,20 +11,20 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    /// A text. What follows a zero byte is lost.
+    /// Stores a text. Anything after a zero byte is dropped.
     pub(crate) fn text(&mut self, text: &str) -> *const c_char {
         let end = text.find('\0').unwrap_or(text.len());
         self.texts.push(CString::new(&text[..end]).unwrap_or_default());
-        // Where its bytes lie does not change when the list grows.
+        // Its bytes stay in place when the list grows.
         self.texts.last().map_or(ptr::null(), |t| t.as_ptr())
     }
 
-    /// The same, NULL for an empty text.
+    /// Stores a text; NULL for an empty one.
     pub(crate) fn some(&mut self, text: &str) -> *const c_char {
         if text.is_empty() { ptr::null() } else { self.text(text) }
     }
 
-    /// A list of texts that ends with NULL.
+    /// Stores a list of texts that ends with NULL.
     pub(crate) fn list<'a>(&mut self, texts: impl Iterator<Item = &'a str>) -> *const *const c_char {
         let mut list: Vec<*const c_char> = texts.map(|t| self.text(t)).collect();
         list.push(ptr::null());
@@ -33,7 +33,7 @@ impl Texts {
     }
 }
 
-/// A text of the host; empty for NULL, and what is no UTF-8 replaced.
+/// Reads a text of the host; empty for NULL. Invalid UTF-8 is replaced.
 ///
 /// # Safety
 /// NULL, or ends with a zero byte and lives through the call.
@@ -45,7 +45,7 @@ pub(crate) unsafe fn read(text: *const c_char) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// Writes a text into memory of the host, cut off where it does not fit, with a zero at its end.
+/// Writes a text into memory of the host, cut to its capacity, with a zero at its end.
 ///
 /// # Safety
 /// NULL, or `capacity` bytes that may be written.

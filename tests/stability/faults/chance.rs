@@ -1,36 +1,35 @@
-//! Nodes that fail by chance, for a long time: every fault is counted, nothing leaks, what is computed elsewhere is the same to the bit.
+//! Nodes that fail by chance, for a long time: every fault is counted, nothing leaks, what is computed
+//! elsewhere is the same to the bit.
 
 mod nodes;
 
-use asperity_diagnostics::Source;
-use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
+use asperity_engine::Engine;
 use asperity_node::Buffer;
+use harness::counting::{Held, held};
 
-use crate::counting::{Held, held};
-use nodes::{INJECTORS, injected, injected_all, registry};
+use self::nodes::{INJECTORS, injected, injected_all, registry};
 
 /// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
 fn ticks() -> u64 {
     std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(100_000)
 }
 
-/// What no fault reaches.
+/// Part of the graph that no fault reaches.
 const CLEAN: (&str, &str) = (
-    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)), "motion": (kind: "velocity"), "speed": (kind: "probe"),
-       "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)), "guard": (kind: "limiter"), "clean": (kind: "audio_out"),"#,
-    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"), ("guard", "clean"),"#,
+    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)),
+    "motion": (kind: "velocity"), "speed": (kind: "probe"),
+       "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)), "guard": (kind: "limiter"),
+       "clean": (kind: "audio_out"),"#,
+    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"), ("guard",
+    "clean"),"#,
 );
 
 fn engine(nodes: &str, wires: &str) -> Engine {
-    let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-    let graph = GraphFile::parse(&Source::new("chance.ron", text)).expect("a graph");
-    let compiled = compile(&graph, &registry(), Default::default());
-    Engine::new(compiled.unwrap_or_else(|all| panic!("{all:?}")), Options::default())
+    harness::graph::engine(&harness::graph::of(nodes, wires), &registry())
 }
 
-/// A graph of injectors, each of which fails in one of so many calls: as sources of audio, controls and frames, as gates, in a cycle,
-/// asleep now and then; and what is to go on beside them.
+/// A graph of injectors, each of which fails in one of so many calls: as sources of audio, controls and
+/// frames, as gates, in a cycle, asleep now and then; and what is to go on beside them.
 fn faulty(one_in: u64) -> Engine {
     let (mut nodes, mut wires) = (CLEAN.0.to_owned(), CLEAN.1.to_owned());
     let (mut mixed, mut forces) = (0, 0);
@@ -61,11 +60,13 @@ fn faulty(one_in: u64) -> Engine {
         }
     }
     nodes += &format!(
-        r#""mix": (kind: "mix", params: (inputs: {mixed})), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
+        r#""mix": (kind: "mix", params: (inputs: {mixed})), "limiter": (kind: "limiter"),
+        "out": (kind: "audio_out"),
            "forces": (kind: "mix", params: (inputs: {forces})), "force": (kind: "probe"),
            "phase": (kind: "spsi"), "sum": (kind: "overlap_add"), "heard": (kind: "probe"),"#
     );
-    wires += r#"("mix", "limiter"), ("limiter", "out"), ("forces", "force"), ("0.frame", "phase"), ("phase", "sum"), ("sum", "heard"),"#;
+    wires += r#"("mix", "limiter"), ("limiter", "out"), ("forces", "force"), ("0.frame", "phase"),
+    ("phase", "sum"), ("sum", "heard"),"#;
     engine(&nodes, &wires)
 }
 
@@ -129,8 +130,8 @@ fn step(rig: &mut impl Rig, alone: &mut Engine, watched: &[(usize, usize, usize)
     Ok(())
 }
 
-/// Whether an engine whose nodes fail goes on as it should for so many ticks, put back to the start every so often. Answers how many
-/// faults there were.
+/// Whether an engine whose nodes fail goes on as it should for so many ticks, put back to the start every so
+/// often. Answers how many faults there were.
 fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, String> {
     let mut alone = engine(CLEAN.0, CLEAN.1);
     let nodes = alone.schedule().nodes.clone();
@@ -177,7 +178,7 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
 
 /// Faults as rare as they must be for a node to stay in the graph.
 #[test]
-fn nodes_that_fail_now_and_then_are_contained_and_counted_without_a_leak() {
+fn rare_faults_are_contained_and_counted_without_a_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(20_000), ticks, u64::MAX).unwrap();
     println!("{faults} faults in {ticks} ticks");
@@ -186,7 +187,7 @@ fn nodes_that_fail_now_and_then_are_contained_and_counted_without_a_leak() {
 
 /// One call of 50 fails, and every node is soon taken out of the graph; then all is put back to the start.
 #[test]
-fn nodes_that_fail_often_are_contained_and_counted_without_a_leak() {
+fn frequent_faults_are_contained_and_counted_without_leak() {
     let ticks = ticks();
     let faults = endures(&mut faulty(50), ticks, 1000).unwrap();
     println!("{faults} faults in {ticks} ticks");
@@ -206,7 +207,8 @@ fn a_panic_in_the_reset_that_follows_a_panic_is_counted_too() {
     assert_eq!(engine.report(it).expect("a report").faults, 3);
 }
 
-/// As it was: what a panic carried was never freed, and a node that panics less than once in ten seconds does so for good.
+/// As it was: what a panic carried was never freed, and a node that panics less than once in ten seconds
+/// does so for good.
 #[test]
 fn what_a_panic_carries_is_freed() {
     let mut engine = faulty(50);

@@ -8,10 +8,10 @@ use std::sync::OnceLock;
 
 use super::writers::Writer;
 
-/// What stood in a file before.
+/// Content of a file before the run.
 pub(super) const BEFORE: &[u8] = b"what was there before\n";
 
-/// What goes wrong with the disk.
+/// Faults of the disk.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Fails {
     /// Nothing.
@@ -22,13 +22,13 @@ pub(super) enum Fails {
     FullAt(u64),
 }
 
-/// How a command ended.
+/// End of a command.
 pub(super) struct Ended {
     /// Its exit code; none where a signal ended it.
     pub(super) code: Option<i32>,
     /// Whether it was killed, or as a shell a command of its own.
     pub(super) killed: bool,
-    /// What it said on the standard error.
+    /// Its error output.
     pub(super) said: String,
     /// Changes of files and bytes written, where it came to its end.
     pub(super) wrote: Option<(u64, u64)>,
@@ -43,10 +43,10 @@ fn library() -> Option<&'static Path> {
         }
         let dir = tempfile::tempdir().expect("a folder");
         let library = dir.path().join("disk.so");
-        let source = crate::common::root().join("tests/stability/faults/disk.c");
+        let source = harness::root().join("tests/stability/faults/disk.c");
         let mut cc = Command::new("cc");
         cc.args(["-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-o"]);
-        crate::common::plugins::must(cc.arg(&library).arg(source).arg("-ldl"));
+        harness::plugins::must(cc.arg(&library).arg(source).arg("-ldl"));
         Some((library, dir))
     });
     built.as_ref().map(|(library, _)| library.as_path())
@@ -124,12 +124,13 @@ impl Place {
         new > 0 && new < now.0.len()
     }
 
-    /// What a writer makes, as it is now.
+    /// The files of a writer, as they are now.
     pub(super) fn now(&self, writer: &Writer) -> Before {
         Before(writer.makes.iter().map(|made| content(&self.dir.path().join(made.name))).collect())
     }
 
-    /// Names of what is here and was neither given nor asked for; of the folder for what is temporary, with its path.
+    /// Names of what is here and was neither given nor asked for; of the folder for what is temporary, with
+    /// its path.
     pub(super) fn left(&self, writer: &Writer) -> Vec<String> {
         let asked = |name: &OsString| writer.makes.iter().any(|made| name == made.name);
         let here =
@@ -140,7 +141,7 @@ impl Place {
     }
 }
 
-/// What a writer's files held; none of one that was not there.
+/// Content of a writer's files; none where a file was missing.
 #[derive(PartialEq)]
 pub(super) struct Before(Vec<Option<Vec<u8>>>);
 

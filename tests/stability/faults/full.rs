@@ -1,11 +1,13 @@
-//! A disk that is full: an exit code that says so, a message that names the file, and what was there before is kept.
+//! A disk that is full: an exit code that says so, a message that names the file, and what was there before
+//! is kept.
 
 use std::path::Path;
 use std::process::Command;
 
+use harness::files;
+
 use super::disk::{BEFORE, Fails, Place, can_fail};
 use super::writers::{Made, WRITERS, Writer};
-use crate::common::files;
 
 /// Whether a command that cannot write says so and leaves all as it was.
 fn endures(writer: &Writer) -> Result<(), String> {
@@ -98,7 +100,7 @@ fn a_new_plugin_on_a_full_disk_is_not_there() {
 
 /// A measurement that cannot be written is said, and the profile that was there is kept.
 #[test]
-fn a_calibration_onto_a_full_disk_fails_and_keeps_what_was_there() {
+fn calibration_onto_full_disk_fails_and_keeps_old_file() {
     must_endure("calibrate");
 }
 
@@ -108,9 +110,9 @@ fn a_run_on_a_full_disk_says_so_and_its_files_are_whole() {
     must_endure("run");
 }
 
-/// A study: what cannot be written is said, and what was there is kept.
+/// A trade-off: what cannot be written is said, and what was there is kept.
 #[test]
-fn a_study_onto_a_full_disk_fails_and_keeps_what_was_there() {
+fn a_tradeoff_onto_a_full_disk_keeps_what_was_there() {
     must_endure("tradeoff");
 }
 
@@ -124,7 +126,8 @@ fn is_new(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
 }
 
-/// Mutants: one that ignores a write error, one that does not name the file, one that writes in place, one that does not clear up.
+/// Mutants: one that ignores a write error, one that does not name the file, one that writes in place, one
+/// that does not clear up.
 #[test]
 fn writers_that_a_full_disk_harms_are_found_out() {
     if !can_fail() {
@@ -143,9 +146,8 @@ fn writers_that_a_full_disk_harms_are_found_out() {
     let mutants: [(Make, &str); 4] = [
         (
             |_| {
-                sh(
-                    "dd if=new of=.out.1.part bs=64 2>/dev/null && mv .out.1.part out; rm -f .out.1.part; exit 0",
-                )
+                sh("dd if=new of=.out.1.part bs=64 2>/dev/null && mv .out.1.part out; rm -f .out.1.part; \
+                     exit 0")
             },
             "nobody is told",
         ),
@@ -166,7 +168,7 @@ fn writers_that_a_full_disk_harms_are_found_out() {
     endures(&Writer { name: "right", prepare: new, command: right, makes: MAKES, live: false }).unwrap();
 }
 
-/// What a shell says of a render into a folder with room for `kib`, by limits that the system itself keeps.
+/// Messages of a render into a folder with room for `kib`, by limits that the system itself keeps.
 fn on_a_small_disk(script: &str, dir: &Path) -> (Option<i32>, String) {
     let out = Command::new("sh")
         .args(["-c", script, "sh", env!("CARGO_BIN_EXE_asperity")])
@@ -179,13 +181,15 @@ fn on_a_small_disk(script: &str, dir: &Path) -> (Option<i32>, String) {
 const RENDER: &str = r#""$1" render g.ron --seconds 0.3 --out o.wav --quiet"#;
 
 const TONE: &str = r#"Graph(version: 1, nodes: {
-    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")), "out": (kind: "audio_out"),
+    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+    "out": (kind: "audio_out"),
 }, wires: [("tone", "limiter"), ("limiter", "out")])"#;
 
-/// The system's own limits, so that the disk of the other tests is not all that was tried: the largest file that a process may write.
+/// The system's own limits, so that the disk of the other tests is not all that was tried: the largest file
+/// that a process may write.
 #[cfg(unix)]
 #[test]
-fn a_file_beyond_the_systems_limit_fails_and_keeps_what_was_there() {
+fn file_beyond_system_limit_fails_and_keeps_old_file() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("g.ron"), TONE).unwrap();
     std::fs::write(dir.path().join("o.wav"), BEFORE).unwrap();
@@ -205,8 +209,8 @@ fn a_real_disk_that_is_full_fails_and_keeps_what_was_there() {
     std::fs::write(dir.path().join("g.ron"), TONE).unwrap();
     std::fs::create_dir(dir.path().join("small")).unwrap();
     let inside = format!(
-        "mount -t tmpfs -o size=16k none small || exit 77; cp g.ron small; cd small; printf before > o.wav; {RENDER}; \
-         code=$?; ls -A > ../left; cp o.wav ../; exit $code"
+        "mount -t tmpfs -o size=16k none small || exit 77; cp g.ron small; cd small; printf before > \
+         o.wav; {RENDER}; code=$?; ls -A > ../left; cp o.wav ../; exit $code"
     );
     let script = format!("unshare --user --map-root-user --mount sh -c '{inside}' sh \"$1\" || exit $?");
     let (code, said) = on_a_small_disk(&script, dir.path());
@@ -238,8 +242,8 @@ fn says_that_nobody_can_read(command: &mut Command) -> Result<(), String> {
 fn a_standard_output_that_is_full_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     (WRITERS[0].prepare)(dir.path());
-    let graph = crate::common::graphs("scenes/study.ron").display().to_string();
-    let library = crate::common::graphs("models/surfaces/materials.ron").display().to_string();
+    let graph = harness::graphs("scenes/side_by_side.ron").display().to_string();
+    let library = harness::graphs("models/surfaces/materials.ron").display().to_string();
     for args in [
         &["nodes"][..],
         &["nodes", "--json"],
@@ -253,8 +257,7 @@ fn a_standard_output_that_is_full_is_an_error() {
         &["render", "g.ron", "--seconds", "0.1"],
         &["run", "g.ron", "--device", "simulated:frames=64", "--seconds", "0.1"],
     ] {
-        says_that_nobody_can_read(crate::common::asperity(dir.path()).args(args))
-            .unwrap_or_else(|e| panic!("{e}"));
+        says_that_nobody_can_read(harness::asperity(dir.path()).args(args)).unwrap_or_else(|e| panic!("{e}"));
     }
     // Mutant: one to which it is all one.
     says_that_nobody_can_read(Command::new("sh").args(["-c", "echo x; exit 0"])).unwrap_err();

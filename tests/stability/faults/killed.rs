@@ -1,4 +1,5 @@
-//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what it is, and harms nobody.
+//! Killed in mid-write: what was there is untouched, or the new file is whole; what else is left says what
+//! it is, and harms nobody.
 
 use std::path::Path;
 use std::process::Command;
@@ -127,9 +128,9 @@ fn a_run_that_is_killed_leaves_nothing_half() {
     must_endure("run");
 }
 
-/// A study of hours: what is finished stays, and the same command goes on with the rest.
+/// A long trade-off: finished parts stay, and the same command resumes.
 #[test]
-fn a_study_that_is_killed_leaves_nothing_half_and_goes_on() {
+fn a_tradeoff_that_is_killed_resumes() {
     must_endure("tradeoff");
 }
 
@@ -153,7 +154,8 @@ fn sh(text: &str) -> Command {
     command
 }
 
-/// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for good.
+/// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for
+/// good.
 #[test]
 fn writers_that_a_kill_harms_are_found_out() {
     if !can_fail() {

@@ -1,4 +1,5 @@
-//! A node that does not come back: under the paced driver the output ramps to zero, the fault is counted and named, and the run can be ended.
+//! A node that does not come back: under the paced driver the output ramps to zero, the fault is counted and
+//! named, and the run can be ended.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -14,15 +15,15 @@ use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, co
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
-
-use crate::common::live::{PATIENCE, told};
-use crate::common::{asperity, json, plugins};
-use crate::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::live::{PATIENCE, told};
+use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::{asperity, json, plugins};
 
 /// Samples in which the output is down: 20 ms.
 const DOWN: usize = 960;
 
-/// Which of the nodes that spin without end may do so: those of earlier tries are let go, so that they take no core from what comes after.
+/// Which of the nodes that spin without end may do so: those of earlier tries are let go, so that they take
+/// no core from what comes after.
 static TRIES: AtomicU64 = AtomicU64::new(0);
 
 /// A slow wave; in tick `from` and after it calls take this long.
@@ -67,7 +68,8 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     let registry = asperity_nodes::registry().with::<Spins>();
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
-        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
+        r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",
+        params: (profile: "hapcoil_one")),
            "out": (kind: "audio_out"), {tone}"#
     );
     let wires = format!(r#"("bad", "limiter"), ("limiter", "out"), {wires}"#);
@@ -86,7 +88,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     Session::start(conductor, player, None, options).expect("it starts")
 }
 
-/// Whether what is heard ends within 20 ms and without a step, and stays silent.
+/// Whether the sound ends within 20 ms without a step, and stays silent.
 fn falls_silent(heard: &[f64]) -> Result<(), String> {
     let loud = heard.iter().rposition(|y| y.abs() > 0.03).ok_or("nothing is ever heard")?;
     let last = heard.iter().rposition(|y| *y != 0.0).unwrap_or(loud);
@@ -114,7 +116,7 @@ fn is_counted(view: &View, node: usize) -> Result<(), String> {
 
 /// The tick thread is in a call that does not end. The ring runs dry, and there is nobody to fill it.
 #[test]
-fn a_node_that_spins_without_end_is_silent_counted_and_left_behind() {
+fn spinning_node_is_silenced_counted_and_left_behind() {
     let mut attempts = 0..;
     told(|| {
         let card =
@@ -142,7 +144,8 @@ fn a_node_that_spins_without_end_is_silent_counted_and_left_behind() {
         falls_silent(&one).unwrap();
         falls_silent(&two).unwrap();
 
-        // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it off; a view that does not count.
+        // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it
+        // off; a view that does not count.
         let loud = one.iter().rposition(|y| y.abs() > 0.03).expect("a wave");
         let again: Vec<f64> =
             one[..loud].iter().chain(one[loud - 960..loud].iter().cycle().take(48_000)).copied().collect();
@@ -184,7 +187,8 @@ fn quietly(command: &mut Command) -> Child {
 fn write_spinning(dir: &Path) {
     let graph = format!(
         r#"Graph(version: 1, plugins: [{:?}],
-            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)), "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
+            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)),
+            "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
             wires: [("bad", "guard"), ("guard", "out")])"#,
         plugins::c("told").display().to_string()
     );
@@ -199,13 +203,15 @@ fn write_beside_a_tone(dir: &Path) {
                 "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
                 "sum": (kind: "mix"), "guard": (kind: "limiter"), "out": (kind: "audio_out"),
                 "ear": (kind: "file_out", params: (file: "heard.npy"))}},
-            wires: [("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "out"), ("guard", "ear")])"#,
+            wires: [("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "out"),
+            ("guard", "ear")])"#,
         plugins::c("told").display().to_string()
     );
     std::fs::write(dir.join("g.ron"), graph).expect("a graph");
 }
 
-/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends when it is to.
+/// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends
+/// when it is to.
 #[test]
 fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
     for (clock, ends) in [("paced", "--seconds"), ("callback", "ctrl-c")] {
@@ -219,7 +225,7 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
             std::thread::sleep(Duration::from_secs(5));
             ends_on_ctrl_c(child, PATIENCE).unwrap()
         } else {
-            let code = crate::common::live::end(&mut child);
+            let code = harness::live::end(&mut child);
             let mut said = String::new();
             let mut pipe = child.stderr.take().expect("a pipe");
             std::io::Read::read_to_string(&mut pipe, &mut said).expect("what it said");
@@ -232,10 +238,10 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
         let nodes = report["nodes"].as_array().expect("nodes");
         let bad = nodes.iter().find(|node| node["id"] == "bad").expect("the node");
         assert!(bad["quarantined"] == true && bad["last_fault"] == "did not return and is cut out", "{bad}");
-        let heard = crate::common::live::npy(&dir.path().join("heard.npy"));
+        let heard = harness::live::npy(&dir.path().join("heard.npy"));
         assert!(heard.len() > 3 * 48_000, "{clock}: {} samples", heard.len());
         // With the plugin's wave first, then the tone alone.
-        let rms = crate::common::live::rms;
+        let rms = harness::live::rms;
         let (before, after) = (rms(&heard[24_000..33_600]), rms(&heard[heard.len() - 48_000..]));
         assert!(before > 0.06, "{clock}: rms {before} with both");
         assert!((after / (0.05 / 2f32.sqrt()) as f64 - 1.0).abs() < 0.05, "{clock}: rms {after} of the tone");
@@ -249,7 +255,7 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     write_spinning(dir.path());
     let args = ["run", "g.ron", "--device", "simulated:frames=1024", "--clock", "paced", "--in-place"];
     let mut child = quietly(asperity(dir.path()).args(args).args(["--report", "r.json", "--seconds", "3"]));
-    let code = crate::common::live::end(&mut child);
+    let code = harness::live::end(&mut child);
     let mut said = String::new();
     std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");
     assert_eq!(code, 1, "{said}");
@@ -262,7 +268,8 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
 }
 
-/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is left under the name that was asked for.
+/// Offline there is nobody else to look after it: the third Ctrl-C ends the program, and no half file is
+/// left under the name that was asked for.
 #[test]
 fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -288,9 +295,10 @@ fn a_program_that_does_not_end_is_found_out() {
     ends_on_ctrl_c(child, Duration::from_secs(1)).unwrap_err();
 }
 
-/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it held up is heard again.
+/// Calls of 30 ms where 15 may be taken: each is counted, after eight the node is taken out, and what it
+/// held up is heard again.
 #[test]
-fn a_node_that_is_slow_again_and_again_is_counted_taken_out_and_the_rest_is_heard() {
+fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
     let mut attempts = 0..;
     told(|| {
         let card =

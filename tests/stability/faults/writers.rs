@@ -5,8 +5,8 @@ use std::process::Command;
 
 use asperity_accuracy::npy;
 use asperity_texture::{Library, LibraryMaterial};
+use harness::{asperity, graphs};
 
-use crate::common::{asperity, graphs};
 use crate::files::encoder;
 
 /// A command, and the files that it makes.
@@ -47,7 +47,8 @@ const GRAPH: &str = r#"Graph(
 
 const SCENE: &str = r#"Scene(
     version: 1, input: stroke(duration_s: 1), output: audio_out,
-    surfaces: {"wall": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), vibration: (frequency_hz: 150, amplitude_m_s2: 3)))},
+    surfaces: {"wall": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5),
+    vibration: (frequency_hz: 150, amplitude_m_s2: 3)))},
 )
 "#;
 
@@ -83,10 +84,10 @@ fn recording(dir: &Path) {
 }
 
 /// Two settings of the shipped texture, over a short stroke.
-fn study(dir: &Path) {
+fn tradeoff(dir: &Path) {
     let graph = graphs("texture.ron").canonicalize().expect("the shipped graph");
     let text = format!(
-        r#"Study(
+        r#"Tradeoff(
             version: 1, graph: {graph:?},
             strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.0, approach_s: 0.1)],
             materials: ["canvas"], strength: 0.25, steps: 10,
@@ -94,7 +95,7 @@ fn study(dir: &Path) {
             times: (turns: 2, turn_ms: 20, batch: 2),
         )"#
     );
-    write(dir, "study.ron", text);
+    write(dir, "tradeoff.ron", text);
 }
 
 fn library(dir: &Path) {
@@ -161,20 +162,15 @@ fn is_library(path: &Path) -> bool {
 /// Its last section is the last there is to say, and its last line is whole.
 fn is_report(path: &Path) -> bool {
     let text = text(path);
-    text.ends_with("\n")
-        && text.lines().last().is_some_and(|line| line.starts_with("- less than this is not told apart"))
+    text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
 }
 
-/// What is kept of a study: whole parts, and beside them what says that it is none, and what keeps other
-/// runs out.
-fn is_kept(path: &Path) -> bool {
-    let entries = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path());
-    let part = |path: &Path| {
-        path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
-            && path.extension().is_some_and(|e| e == "part")
-    };
-    let lock = |path: &Path| path.file_name().is_some_and(|name| name == ".lock");
-    entries.into_iter().all(|path| is_json(&path) || part(&path) || lock(&path))
+/// A digest, then finished parts. The last line of a killed run may be unfinished, and is ignored.
+fn is_progress(path: &Path) -> bool {
+    let text = text(path);
+    let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
+    let json = |line: &str| serde_json::from_str::<serde_json::Value>(line).is_ok();
+    path.is_file() && whole.lines().skip(1).all(json)
 }
 
 /// A crate that has all that cargo wants.
@@ -184,8 +180,8 @@ fn is_plugin(path: &Path) -> bool {
 
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
-/// Files of a study: its results, and the folder that it may go on from. Only gratings have a pitch.
-static STUDY: [Made; 26] = [
+/// Files of a trade-off: its results, and the file that it resumes from. Only gratings have a pitch.
+static TRADEOFF: [Made; 26] = [
     file("pitch_time.svg", is_picture),
     file("pitch_lag.svg", is_picture),
     file("spectrum_time.svg", is_picture),
@@ -211,7 +207,7 @@ static STUDY: [Made; 26] = [
     file("results.csv", is_table),
     file("results.json", is_json),
     file("REPORT.md", is_report),
-    Made { name: "kept", whole: is_kept, folder: true },
+    file("progress.jsonl", is_progress),
 ];
 
 /// All of them, but for the training of models, which is another program.
@@ -338,32 +334,27 @@ pub(super) static WRITERS: [Writer; 12] = [
                 "1",
                 "--quiet",
             ];
-            command(dir, &[&args[..], &["--report", "r.json", "--picture", "p.svg"]].concat())
+            command(dir, &[&args[..], &["--report", "r.json"]].concat())
         },
-        makes: &[
-            file("r.json", is_json),
-            file("p.svg", is_picture),
-            file("kept.npy", is_array),
-            file("seen.csv", is_table),
-        ],
+        makes: &[file("r.json", is_json), file("kept.npy", is_array), file("seen.csv", is_table)],
         live: true,
     },
     Writer {
         name: "tradeoff",
-        prepare: study,
-        command: |dir| command(dir, &["tradeoff", "study.ron", "--out", ".", "--no-cases", "--quiet"]),
-        makes: STUDY.split_at(2).1,
+        prepare: tradeoff,
+        command: |dir| command(dir, &["tradeoff", "tradeoff.ron", "--out", ".", "--no-cases", "--quiet"]),
+        makes: TRADEOFF.split_at(2).1,
         live: true,
     },
     Writer {
         name: "tradeoff merge",
         prepare: |dir| {
             std::fs::create_dir(dir.join("shard")).expect("a folder");
-            std::fs::copy(graphs("../docs/tradeoff/results.json"), dir.join("shard/results.json"))
+            std::fs::copy(graphs("tradeoffs/results.json"), dir.join("shard/results.json"))
                 .expect("the shipped results");
         },
         command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
-        makes: STUDY.split_at(STUDY.len() - 1).0,
+        makes: TRADEOFF.split_at(TRADEOFF.len() - 1).0,
         live: false,
     },
 ];

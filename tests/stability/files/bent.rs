@@ -2,7 +2,7 @@
 
 use asperity_node::random;
 
-/// What stands in the place of numbers.
+/// Texts that replace numbers.
 const NUMBERS: [&str; 18] = [
     "1e308",
     "-1e308",
@@ -43,8 +43,8 @@ impl Dice {
     }
 }
 
-/// One of some files with one to four changes: bits and bytes turned over, parts cut off, left out, doubled, taken from another file,
-/// numbers that are out of all proportion.
+/// One of some files with one to four changes: bits and bytes turned over, parts cut off, left out, doubled,
+/// taken from another file, numbers that are out of all proportion.
 pub(super) fn bent(whole: &[Vec<u8>], seed: u64) -> Vec<u8> {
     let mut dice = Dice { seed: seed.wrapping_add(1), thrown: 0 };
     let mut file = whole[dice.below(whole.len())].clone();

@@ -1,15 +1,13 @@
 //! Small networks for the corpus, made here.
 
-#[path = "../../../core/texture/tests/common/mod.rs"]
-mod network;
-
-use network::{Layer, Random, Spelling, Writer, bytes, float, int};
+use harness::networks::{Layer, Random, Spelling, Writer, bytes, float, int};
 
 fn layer(r: &mut Random, from: usize, to: usize) -> Layer {
     Layer { weights: r.vector(from * to, 0.5), bias: r.vector(to, 0.1) }
 }
 
-/// Two layers, as the shipped networks are written; and one of operators that only tract runs, written in other ways.
+/// Two layers, as the shipped networks are written; and one of operators that only tract runs, written in
+/// other ways.
 pub(super) fn all() -> [(&'static str, Vec<u8>); 2] {
     let mut r = Random(7);
     let mut w = Writer::new(Spelling::default());
@@ -50,5 +48,5 @@ fn network_ints(name: &str, ints: &[i64]) -> tract_onnx::pb::AttributeProto {
 
 /// An encoder whose answer is the mean brightness of a picture, in steps.
 pub(crate) fn encoder() -> Vec<u8> {
-    bytes(&network::encoder(&[1.0 / 576.0; 576], 0.01))
+    bytes(&harness::networks::encoder(&[1.0 / 576.0; 576], 0.01))
 }

@@ -4,15 +4,16 @@ use super::spectrogram::bin_hz;
 
 /// Bands.
 pub const BANDS: usize = 9;
-/// How far below its loudest band an energy still counts, in dB; what is less counts as that much.
+/// Range below the loudest band in which energies count \[dB\]. Lower ones count as this.
 pub const BAND_RANGE_DB: f64 = 40.0;
 /// First and last edge in Hz.
 const EDGES_HZ: (f64, f64) = (20.0, 1000.0);
 
-/// The edges of the bands in Hz: 20, 30.9, 47.7, 73.7, 113.8, 175.7, 271.4, 419.2, 647.4, 1000.
+/// Edges of the bands \[Hz\]: 20, 30.9, 47.7, 73.7, 113.8, 175.7, 271.4, 419.2, 647.4, 1000.
 ///
-/// The energies of nine bands were what told best how real virtual textures felt (Balasubramanian and Vardar 2026, "Perceptually lossless tactile
-/// texture synthesis with compact spectral envelope models", arXiv 2605.23804). Where their bands end could not be found out; these have equal ratios, `50^(1/9)` = 1.54.
+/// The energies of nine bands predicted best how real virtual textures felt (Balasubramanian and Vardar 2026,
+/// "Perceptually lossless tactile texture synthesis with compact spectral envelope models", arXiv
+/// 2605.23804). The paper does not say where its bands end; these have equal ratios, `50^(1/9)` = 1.54.
 pub fn band_edges_hz() -> [f64; BANDS + 1] {
     let (first, last) = EDGES_HZ;
     std::array::from_fn(|edge| first * (last / first).powf(edge as f64 / BANDS as f64))
@@ -37,9 +38,11 @@ pub fn band_powers(powers: &[f64]) -> [f64; BANDS] {
     sums
 }
 
-/// Error of the energy of each band in dB, of long-term powers, bin by bin: `10 log10 (E_rendered / E_truth)`. An energy more than [`BAND_RANGE_DB`] below the
-/// truth's loudest counts as that: what cannot be felt beside the rest is no error, what is rendered where the truth has nothing is one. None for a band
-/// of which the bins do not come up to its end. Within [`LIMIT_DB`].
+/// Error of the energy of each band \[dB\], from long-term powers of bins: `10 log10 (E_rendered / E_truth)`.
+///
+/// An energy more than [`BAND_RANGE_DB`] below the truth's loudest band counts as that. So unfelt energy is
+/// no error, and energy where the truth has none is one. None for a band that the bins do not cover. Within
+/// [`LIMIT_DB`].
 pub fn bands_db(rendered: &[f64], truth: &[f64]) -> [Option<f64>; BANDS] {
     let (r, t, edges) = (band_powers(rendered), band_powers(truth), band_edges_hz());
     let known = rendered.len().min(truth.len());
@@ -66,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bins_lie_in_nine_bands_of_equal_ratio_between_20_and_1000_hz() {
+    fn bins_lie_in_nine_bands_of_equal_ratio() {
         let edges = band_edges_hz();
         assert!(edges[0] == 20.0 && (edges[9] - 1000.0).abs() < 1e-9);
         assert!(edges.windows(2).all(|e| (e[1] / e[0] - 50f64.powf(1.0 / 9.0)).abs() < 1e-12));
@@ -75,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_band_that_is_3_db_too_loud_is_1_db_of_error_together() {
+    fn one_band_off_by_3_db_is_1_db_in_all() {
         let truth = [1.0; BINS];
         let mut rendered = truth;
         (33 - 7..40).for_each(|bin| rendered[bin] *= 10f64.powf(0.3));
@@ -89,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_below_the_loudest_band_counts_as_forty_db_below_it() {
+    fn quiet_bands_count_as_40_db_below_the_loudest() {
         let (mut truth, mut rendered) = ([0.0; BINS], [0.0; BINS]);
         (truth[20], rendered[20]) = (1.0, 1.0);
         (truth[60], rendered[60]) = (1e-7, 0.0);
@@ -102,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_beyond_half_the_rate_are_not_known_and_silence_is_defined() {
+    fn bands_beyond_half_the_rate_are_unknown() {
         // At 1 kHz the last bin is 490 Hz.
         let known = bands_db(&[1.0; 48], &[1.0; 48]);
         assert_eq!(known.map(|b| b.is_some()), [true, true, true, true, true, true, true, false, false]);

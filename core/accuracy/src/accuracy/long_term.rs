@@ -18,8 +18,8 @@ pub(super) fn ratio_db(rendered: f64, truth: f64) -> f64 {
     }
 }
 
-/// Error of the level in dB of long-term powers, bin by bin: `10 log10 (sum P_rendered / sum P_truth)`, the ratio of root mean squares over 20 to 1000 Hz. Within
-/// [`LIMIT_DB`]; 0 of two silent signals.
+/// Error of the level \[dB\], from long-term powers of bins: `10 log10 (sum P_rendered / sum P_truth)`, the
+/// ratio of root mean squares over 20 to 1000 Hz. Within [`LIMIT_DB`]; 0 of two silent signals.
 pub fn level_db(rendered: &[f64], truth: &[f64]) -> f64 {
     match (silent(rendered), silent(truth)) {
         (true, true) => 0.0,
@@ -29,7 +29,8 @@ pub fn level_db(rendered: &[f64], truth: &[f64]) -> f64 {
     }
 }
 
-/// Errors in dB of the bins in which the truth is within [`SPECTRUM_RANGE_DB`] of its loudest; none where one signal is silent.
+/// Errors \[dB\] of the bins in which the truth is within [`SPECTRUM_RANGE_DB`] of its loudest; none where a
+/// signal is silent.
 fn errors(rendered: &[f64], truth: &[f64]) -> Option<Vec<f64>> {
     if silent(rendered) || silent(truth) {
         return None;
@@ -39,9 +40,11 @@ fn errors(rendered: &[f64], truth: &[f64]) -> Option<Vec<f64>> {
     Some(pairs.map(|(r, t)| ratio_db(*r, *t)).collect())
 }
 
-/// Error of the long-term average spectrum in dB, of long-term powers, bin by bin: the root mean square over the bins in which the truth is within
-/// [`SPECTRUM_RANGE_DB`] of its loudest, of `10 log10 (P_rendered / P_truth)`. This is the log-spectral distance of A. H. Gray and J. D. Markel (IEEE Trans. ASSP 24(5), 1976)
-/// between Welch's averages. 0 to [`LIMIT_DB`].
+/// Error of the long-term average spectrum \[dB\], from long-term powers of bins, 0 to [`LIMIT_DB`].
+///
+/// The root mean square of `10 log10 (P_rendered / P_truth)` over the bins in which the truth is within
+/// [`SPECTRUM_RANGE_DB`] of its loudest. This is the log-spectral distance of A. H. Gray and J. D. Markel
+/// (IEEE Trans. ASSP 24(5), 1976) between Welch's averages.
 pub fn spectrum_db(rendered: &[f64], truth: &[f64]) -> f64 {
     match errors(rendered, truth) {
         Some(errors) => mean(errors.iter().map(|e| e * e)).sqrt(),
@@ -49,7 +52,8 @@ pub fn spectrum_db(rendered: &[f64], truth: &[f64]) -> f64 {
     }
 }
 
-/// What is left of [`spectrum_db`] when the error's mean is taken out, in dB: the error of the spectrum's shape. `spectrum^2 = mean^2 + shape^2`.
+/// Error of the spectrum's shape \[dB\]: the standard deviation of the errors in [`spectrum_db`].
+/// `spectrum^2 = mean^2 + shape^2`.
 pub fn shape_db(rendered: &[f64], truth: &[f64]) -> f64 {
     let Some(errors) = errors(rendered, truth) else { return 0.0 };
     let middle = mean(errors.iter().copied());
@@ -67,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scaled_copy_is_off_by_its_gain_and_has_the_same_shape() {
+    fn scaled_copy_differs_by_its_gain_only() {
         let truth: Vec<f64> = (1..=99).map(|k| 1.0 / f64::from(k)).collect();
         let half: Vec<f64> = truth.iter().map(|p| 0.25 * p).collect();
         let six = 20.0 * 2f64.log10();
@@ -82,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_10_and_0_db_are_7_07_together_and_5_without_their_mean() {
+    fn spectrum_error_is_the_rms_and_shape_its_deviation() {
         // The third bin is 50 dB below the loudest and does not count, however wrong it is.
         let (truth, rendered) = ([1.0, 0.1, 1e-5], [10.0, 0.1, 1.0]);
         assert!((spectrum_db(&rendered, &truth) - 50f64.sqrt()).abs() < 1e-12);
@@ -94,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_defined_on_either_side() {
+    fn silence_has_defined_errors() {
         let (nothing, something) = ([0.0; 9], [1.0; 9]);
         for (rendered, truth, level) in
             [(nothing, nothing, 0.0), (nothing, something, -LIMIT_DB), (something, nothing, LIMIT_DB)]

@@ -1,16 +1,16 @@
-//! How well what is rendered agrees with what a tool felt along the same stroke, by figures that are never
-//! made one.
+//! Agreement of a rendered acceleration with what a tool felt along the same stroke. The figures are never
+//! combined into one.
 //!
-//! A texture's waveform is a draw: two strokes over two places of one surface share no sample. What they
-//! share is how much there is of each frequency at each moment, so the figures compare spectra over 20 to
-//! 1000 Hz ([`Spectrogram`]), and only [`waveform_db`] compares samples: of two runs of one setting.
-//! `docs/accuracy.md` says how much of a difference means what.
+//! A texture's waveform is a draw: two strokes over two places of one surface share no sample. They share the
+//! power of each frequency at each moment, so the figures compare spectra over 20 to 1000 Hz
+//! ([`Spectrogram`]). Only [`waveform_db`] compares samples, of two runs of one setting. `docs/accuracy.md`
+//! explains the figures.
 //!
 //! # Silence
 //!
-//! Below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) a signal is silent. Two silent signals agree in
-//! everything. Where one alone is silent, levels, spectra and bands are [`LIMIT_DB`] apart (less where the
-//! figure has a bound of its own), and the shape is 0: there is none.
+//! A signal below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) is silent. Two silent signals agree in
+//! all figures. Where only one is silent, the errors of level, spectrum and bands are [`LIMIT_DB`] (or the
+//! bound of the figure), and the error of the shape is 0.
 
 mod bands;
 mod long_term;
@@ -28,7 +28,7 @@ pub use rhythm::{Rhythm, RhythmAgreement};
 pub use spectrogram::{BINS, FIRST_HZ, HOP_S, MIN_FRAMES, STEP_HZ, Spectrogram, WINDOW_S};
 pub use waveform::{EXACT_DB, waveform_db};
 
-/// The largest error in dB that is told, of either sign: that of silence.
+/// Largest error \[dB\], of either sign: that of silence.
 pub const LIMIT_DB: f64 = 120.0;
 
 /// Root mean square in m/s^2 below which a signal is silent.
@@ -45,7 +45,7 @@ pub struct Agreement {
     pub shape_db: f64,
     /// [`band_rms_db`]: root mean square error of the energies of nine bands; 0 is right.
     pub bands_db: f64,
-    /// [`bands_db`]: the error of each band; none where the truth's rate says nothing of it.
+    /// [`bands_db`]: the error of each band; none above half of the truth's rate.
     pub bands: [Option<f64>; BANDS],
     /// [`perceptual()`]: 0 to 1; 1 is no perceptible difference.
     pub perceptual: f64,
@@ -81,10 +81,11 @@ impl std::fmt::Display for AccuracyError {
 
 impl std::error::Error for AccuracyError {}
 
-/// All figures of a rendered acceleration in m/s^2 against the truth, whose axes' powers add: one signal
-/// has to carry what a tool felt along three (Landin, Romano, McMahan, Kuchenbecker 2010). Sample 0 of all
-/// is the same moment; what one side alone has at the end does not count, nor do frequencies from half the
-/// truth's rate on. The rendered signal has nothing from half its own rate on.
+/// All figures of a rendered acceleration \[m/s^2\] against the truth. The powers of the truth's axes add,
+/// since one signal has to carry the vibration of three (Landin, Romano, McMahan, Kuchenbecker 2010).
+///
+/// Sample 0 of all signals is the same moment. The longer signal's end does not count, nor do frequencies
+/// from half the truth's rate on. The rendered signal has no power from half its own rate on.
 ///
 /// # Errors
 /// Each kind of [`AccuracyError`] but `Lengths`.
@@ -99,9 +100,9 @@ pub fn agreement(
     compare(&rendered, &[truth])
 }
 
-/// The same of spectrograms, against several draws of one truth, such as one stroke over several places of
-/// a surface: their mean powers are compared with, and `perceptual` is the mean over them, since masks are
-/// those of one draw.
+/// All figures of a spectrogram against several draws of one truth, such as one stroke over several places of
+/// a surface. The truth is their mean power; `perceptual` is the mean over the draws, since masks are those
+/// of one draw.
 ///
 /// # Errors
 /// [`AccuracyError::TooShort`], [`AccuracyError::NoAxes`] without a truth.

@@ -13,44 +13,54 @@ const LEAST_UM: f64 = 0.03;
 const RISE_DB: f64 = 62.0;
 /// `log10(f / 550 + 6 / 11)` is 0 at 250 Hz.
 const CURVE: (f64, f64) = (1.0 / 550.0, 6.0 / 11.0);
-/// Beyond the minimum by so many dB the threshold rises no more.
+/// Largest rise of the threshold over its minimum \[dB\].
 const MOST_DB: f64 = 77.0;
-/// What a mask is below its peak at 0 Hz, in dB, and where it is as high as the peak, in Hz.
+/// Distance of a mask below its peak at 0 Hz \[dB\], and the frequency where it reaches the peak \[Hz\].
 const MASK: (f64, f64) = (5.0, 1400.0);
-/// What a mask falls by at 0 Hz and at twice its peak's frequency, in dB.
+/// Fall of a mask at 0 Hz and at twice its peak's frequency \[dB\].
 const MASK_FALL_DB: f64 = 30.0;
-/// A peak that masks: how far it stands out, and how far it is at most below the loudest bin that is felt, in dB.
+/// A masking peak: least prominence, and largest distance below the loudest felt bin \[dB\].
 const PEAK_DB: (f64, f64) = (12.0, 45.0);
-/// A support so small in every bin, 24 dB below the threshold, is none.
+/// Support of a bin 24 dB below the threshold: Phi(-2).
 const LITTLE: f64 = 0.022_750_13;
 
-/// How alike two signals feel by their spectra: 0 to 1, where 1 is no perceptible difference.
+/// How alike two signals feel by their spectra, 0 to 1; 1 is no perceptible difference.
 ///
-/// The spectral part of ST-SIM (R. Hassen and E. Steinbach, "Subjective evaluation of the spectral temporal similarity (ST-SIM) measure for vibrotactile quality
-/// assessment", IEEE Trans. Haptics 13(1), 2020), with the threshold curve and the masks of the psychohaptic model of VC-PWQ (A. Noll, B. Gulecyuz, A. Hofmann,
-/// E. Steinbach, "A rate-scalable perceptual wavelet-based vibrotactile codec", IEEE Haptics Symposium 2020; IEEE 1918.1.1):
+/// This is the spectral part of ST-SIM (R. Hassen and E. Steinbach, "Subjective evaluation of the spectral
+/// temporal similarity (ST-SIM) measure for vibrotactile quality assessment", IEEE Trans. Haptics 13(1),
+/// 2020). The threshold curve and the masks are those of the psychohaptic model of VC-PWQ (A. Noll, B.
+/// Gulecyuz, A. Hofmann, E. Steinbach, "A rate-scalable perceptual wavelet-based vibrotactile codec", IEEE
+/// Haptics Symposium 2020; IEEE 1918.1.1):
 ///
 /// ```text
-/// support   s = Phi((L - T) / 12 dB)                               how likely a bin of level L is felt over the threshold T
+/// support   s = Phi((L - T) / 12 dB)
+///           probability that a bin of level L is felt over the threshold T
 /// threshold T = the powers of absolute threshold and mask added
-/// absolute  62 (log10(f / 550 + 6 / 11) / log10(6 / 11))^2 dB      over its value at 250 Hz, at most 77; see threshold_m_s2
-/// mask      max over peaks p of  L_p - 5 + f_p / 280 - 30 ((f - f_p) / f_p)^2 dB      peaks that stand out by 12 dB, at most 45 dB below the loudest bin
-/// score     (sum s_r s_t + C) / (max(sum s_r^2, sum s_t^2) + C)    over bins and segments, of which one begins with every frame
+/// absolute  62 (log10(f / 550 + 6 / 11) / log10(6 / 11))^2 dB
+///           over its value at 250 Hz, at most 77; see threshold_m_s2
+/// mask      max over peaks p of  L_p - 5 + f_p / 280 - 30 ((f - f_p) / f_p)^2 dB
+///           peaks stand out by 12 dB, and are at most 45 dB below the loudest bin
+/// score     (sum s_r s_t + C) / (max(sum s_r^2, sum s_t^2) + C)
+///           over bins and segments; a segment begins with every frame
 /// ```
 ///
-/// L is the level of a sine that would read as much in the bin. Where this differs from the papers:
+/// L is the level of a sine with this power in the bin. Differences from the papers:
 ///
-/// - Theirs compares waveforms block by block; of two draws of one noise that finds all that is random in a spectrum of one block. Here a level is the mean power
-///   of a segment of [`SEGMENT_FRAMES`] frames (0.575 s, of which speed and force of a stroke do not change very much). Masks are those of single frames,
-///   as in the codec, their powers averaged over the segment: the long-term spectrum of a noise has no peaks, its frames have.
+/// - The papers compare waveforms block by block, so that two draws of one noise differ. Here a level is
+///   the mean power of a segment of [`SEGMENT_FRAMES`] frames (0.575 s). Over this time speed and force
+///   change little.
+/// - Masks are those of single frames, as in the codec, with their powers averaged over the segment. The
+///   long-term spectrum of a noise has no peaks; its frames have.
 /// - Peaks below the absolute threshold mask nothing, and the loudest bin is one above it.
-/// - The larger mask of both signals counts. With that of the truth alone what is too loud would hardly be told from what is right, since support
-///   ends at 1.
-/// - ST-SIM divides by `sum s_t^2`, which makes what is too loud more than perfect; the larger of both sums is the same where the rendered signal has less support.
-/// - Segments overlap but for a frame, so that it does not matter where one ends, and sums are over all of them, so that moments in which nothing is felt do not count, and `C` is the support of a signal 24 dB below the threshold in every bin:
-///   two signals that nobody feels are the same.
+/// - The larger mask of both signals counts. With the truth's mask alone a signal that is too loud would
+///   score high, since support ends at 1.
+/// - ST-SIM divides by `sum s_t^2`, so that a signal that is too loud scores above 1. The larger sum is the
+///   same where the rendered signal has less support.
+/// - Segments overlap, and sums are over all of them: neither the ends of segments nor moments without a
+///   sensation matter. `C` is the support of a signal 24 dB below the threshold in every bin, so that two
+///   signals that nobody feels score 1.
 ///
-/// Frames that only one of them has do not count, nor bins from half the truth's rate on. 1 if there are none.
+/// Frames that only one signal has do not count, nor bins from half the truth's rate on. 1 without frames.
 pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     let frames = rendered.frames().min(truth.frames());
     let length = SEGMENT_FRAMES.min(frames);
@@ -77,13 +87,15 @@ pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     if most > 0.0 { ((both + little) / most).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-/// The least amplitude in m/s^2 at which a sine of a frequency in Hz is felt.
+/// Smallest amplitude \[m/s^2\] at which a sine of a frequency \[Hz\] is felt.
 ///
-/// The codec's curve is in dB of its recordings, of no unit; its shape, a minimum at 250 Hz and 15 dB an octave below, is that of thresholds of displacement, which is
-/// what it is taken for here: `(2 pi f)^2` times that is acceleration. It is set to 0.03 um of amplitude at 250 Hz, 0.07 m/s^2, about what hands feel that
-/// hold a tool (A. J. Brisben, S. S. Hsiao, K. O. Johnson, "Detection of vibration transmitted through an object grasped in the hand", J. Neurophysiology 81(4), 1999: least between
-/// 150 and 200 Hz, below 0.01 um for some subjects; large contactors on the palm come to about 0.1 um). Of 62 and 50 dB, which the
-/// codec's versions have, this is the later.
+/// The codec's curve is in dB without a unit. Its shape, a minimum at 250 Hz and 15 dB an octave below, is
+/// that of thresholds of displacement, and is taken as such: times `(2 pi f)^2` it is an acceleration. It is
+/// set to an amplitude of 0.03 um at 250 Hz, 0.07 m/s^2, about the threshold of hands that hold a tool (A. J.
+/// Brisben, S. S. Hsiao, K. O. Johnson, "Detection of vibration transmitted through an object grasped in the
+/// hand", J. Neurophysiology 81(4), 1999: lowest between 150 and 200 Hz, below 0.01 um for some subjects;
+/// large contactors on the palm need about 0.1 um). Of the two rises in versions of the codec, 62 and 50 dB,
+/// this is the later.
 pub fn threshold_m_s2(hz: f64) -> f64 {
     let (per_hz, at_0) = CURVE;
     let rise = RISE_DB * ((per_hz * hz.max(0.0) + at_0).log10() / at_0.log10()).powi(2);
@@ -100,7 +112,7 @@ fn db(power: f64) -> f64 {
     10.0 * power.max(1e-300).log10()
 }
 
-/// How likely a bin is felt, 0 to 1, of powers of signal and threshold in one unit.
+/// Probability that a bin is felt, from the powers of signal and threshold in the same unit.
 fn support(power: f64, threshold: f64) -> f64 {
     normal_cdf((db(power) - db(threshold)) / SUPPORT_DB)
 }
@@ -110,7 +122,7 @@ fn masks(signal: &Spectrogram, frames: usize) -> Vec<[f64; BINS]> {
     (0..frames).filter_map(|frame| signal.frame(frame)).map(|powers| mask(powers, signal.bins())).collect()
 }
 
-/// The power of the mask of a frame's powers, of which so many are known. What is below the absolute threshold masks nothing, however loud.
+/// Power of a frame's mask. Bins below the absolute threshold mask nothing.
 fn mask(powers: &[f64; BINS], known: usize) -> [f64; BINS] {
     let levels: Vec<f64> = powers.iter().take(known).map(|p| db(squared_amplitude(*p))).collect();
     let felt = |bin: usize, level: f64| level >= db(threshold_m_s2(bin_hz(bin)).powi(2));
@@ -139,8 +151,8 @@ fn mean(frames: &[[f64; BINS]]) -> [f64; BINS] {
     sums.map(|sum| sum / frames.len().max(1) as f64)
 }
 
-/// The places of the peaks of levels in dB: higher than both neighbours, and by 12 dB over the higher one of the lowest levels between them and the next higher
-/// level (or the end) on either side.
+/// Indices of peaks of levels in dB: higher than both neighbours, with a prominence of 12 dB. The prominence
+/// is the height over the higher of the two valleys, each up to the next higher level or the end.
 fn peaks(levels: &[f64]) -> Vec<usize> {
     // Of silence the levels are all alike, and there is none.
     let base = |peak: f64, side: &mut dyn Iterator<Item = &f64>| {
@@ -161,7 +173,8 @@ fn peaks(levels: &[f64]) -> Vec<usize> {
     (0..levels.len()).filter(is_peak).collect()
 }
 
-/// The normal distribution's share below `x`, to 7.5e-8 (Abramowitz and Stegun, "Handbook of mathematical functions", 26.2.17).
+/// Cumulative normal distribution, to 7.5e-8 (Abramowitz and Stegun, "Handbook of mathematical functions",
+/// 26.2.17).
 fn normal_cdf(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
     let sum = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429]

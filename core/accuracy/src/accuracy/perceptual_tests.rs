@@ -18,7 +18,7 @@ fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn the_normal_distribution_is_that_of_the_tables() {
+fn normal_distribution_matches_tables() {
     for (x, share) in [
         (0.0, 0.5),
         (1.0, 0.841_344_746),
@@ -34,7 +34,7 @@ fn the_normal_distribution_is_that_of_the_tables() {
 }
 
 #[test]
-fn the_threshold_is_that_of_the_formula_by_hand() {
+fn threshold_matches_the_formula() {
     for (hz, m_s2) in
         [(0.0, 0.0), (25.0, 0.160_208), (100.0, 0.084_950_7), (250.0, 0.074_022), (500.0, 4.529_26)]
     {
@@ -45,7 +45,7 @@ fn the_threshold_is_that_of_the_formula_by_hand() {
 }
 
 #[test]
-fn a_peak_stands_out_by_12_db() {
+fn peak_stands_out_by_12_db() {
     let at = |levels: &[f64]| peaks(levels);
     assert_eq!(at(&[0.0, 12.0, 0.0]), [1]);
     assert_eq!(at(&[0.0, 11.9, 0.0]), [0; 0]);
@@ -62,7 +62,7 @@ fn a_peak_stands_out_by_12_db() {
 }
 
 #[test]
-fn a_line_masks_by_the_parabola_of_the_codec() {
+fn line_masks_by_the_parabola_of_the_codec() {
     let line = seen(&sine(3.0, 200.0, RATE, 1.0));
     let found = mask(line.frame(3).unwrap(), BINS);
     for (hz, away_db) in [(200.0, 0.0), (400.0, -30.0), (100.0, -7.5), (260.0, -2.7)] {
@@ -73,7 +73,7 @@ fn a_line_masks_by_the_parabola_of_the_codec() {
 }
 
 #[test]
-fn a_line_46_db_below_another_masks_nothing_and_one_44_db_below_does() {
+fn line_masks_down_to_45_db_below_the_loudest() {
     let at_300 = |below_db: f64| {
         let both = sum(&sine(30.0, 60.0, RATE, 1.0), &louder(&sine(30.0, 300.0, RATE, 1.0), -below_db));
         db(mask(seen(&both).frame(0).unwrap(), BINS)[28])
@@ -85,7 +85,7 @@ fn a_line_46_db_below_another_masks_nothing_and_one_44_db_below_does() {
 }
 
 #[test]
-fn a_line_of_half_its_amplitude_scores_what_it_does_by_hand() {
+fn line_of_half_the_amplitude_scores_0_66() {
     // Three bins carry a line, L and twice L - 6.02 dB; its mask is L - 4.29 dB, 0.075 less beside it.
     let line = sine(30.0, 200.0, RATE, 1.0);
     let half = louder(&line, -20.0 * 2f64.log10());
@@ -95,7 +95,7 @@ fn a_line_of_half_its_amplitude_scores_what_it_does_by_hand() {
 }
 
 #[test]
-fn draws_of_one_noise_are_alike_and_levels_are_told_apart_at_any_level() {
+fn score_falls_with_level_error_at_any_level() {
     for rms in [0.3, 3.0, 30.0] {
         let (one, other) = (noise(1, COUNT, rms), noise(2, COUNT, rms));
         let at = |db: f64| score(&louder(&other, db), &one);
@@ -110,7 +110,7 @@ fn draws_of_one_noise_are_alike_and_levels_are_told_apart_at_any_level() {
 }
 
 #[test]
-fn what_is_missing_in_the_felt_band_counts_and_what_nobody_feels_does_not() {
+fn only_felt_differences_count() {
     let truth = noise(1, COUNT, 1.0);
     // By differences, a noise without low frequencies: 6 dB an octave.
     let thin: Vec<f64> = std::iter::once(0.0).chain(truth.windows(2).map(|x| x[1] - x[0])).collect();
@@ -126,7 +126,7 @@ fn what_is_missing_in_the_felt_band_counts_and_what_nobody_feels_does_not() {
 }
 
 #[test]
-fn the_same_spectrum_at_another_time_is_another_feeling() {
+fn same_spectrum_at_another_time_differs() {
     let (loud, silent) = (noise(1, COUNT / 2, 1.0), vec![0.0; COUNT / 2]);
     let (first, last) = ([loud.clone(), silent.clone()].concat(), [silent, loud].concat());
     assert!(score(&first, &last) < 0.1, "{}", score(&first, &last));
@@ -134,7 +134,7 @@ fn the_same_spectrum_at_another_time_is_another_feeling() {
 }
 
 #[test]
-fn what_nobody_feels_is_the_same_as_silence_and_silence_is_not_what_is_felt() {
+fn unfelt_signal_equals_silence() {
     let (silence, faint, felt) = (vec![0.0; COUNT], noise(1, COUNT, 3e-3), noise(1, COUNT, 1.0));
     assert_eq!(score(&silence, &silence), 1.0);
     assert!(score(&faint, &silence) > 0.99 && score(&silence, &faint) > 0.99);
@@ -143,7 +143,7 @@ fn what_nobody_feels_is_the_same_as_silence_and_silence_is_not_what_is_felt() {
 }
 
 #[test]
-fn where_a_pause_falls_among_the_frames_does_not_matter() {
+fn score_does_not_depend_on_the_start_of_a_pause() {
     // 0.9 s of noise, 0.9 s of nothing; what is rendered ends 50 ms late.
     let mut scores = Vec::new();
     for shift in [0, 250, 500, 750, 1000] {

@@ -23,13 +23,13 @@ const FIRST: usize = 2;
 const MOST: f64 = 1e100;
 
 /// Short-time powers of a signal, by Welch's method (IEEE Trans. Audio and Electroacoustics 15(2), 1967):
-/// windows of 0.1 s, Hann's (periodic), overlapped by three quarters. By a half, as is usual, the squares
-/// of the windows do not add up to a constant, and what phase retrieval makes has pulses 50 ms apart: its
-/// level came out up to 0.7 dB otherwise when it was shifted by 20 ms.
+/// periodic Hann windows of 0.1 s, overlapped by three quarters. With the usual half the squared windows do
+/// not add up to a constant. The level of pulses 50 ms apart, as phase retrieval makes them, then changed by
+/// up to 0.7 dB under a shift of 20 ms.
 ///
-/// A bin's power is `4 |sum w x|^2 / (3 (sum w)^2)` in (m/s^2)^2, twice that of one sign of frequency, so
-/// that the powers of all bins add up to the mean square: a sine of amplitude A at a bin's frequency has
-/// A^2 / 3 there and A^2 / 12 in the bins beside. Powers of several axes are added.
+/// A bin's power is `4 |sum w x|^2 / (3 (sum w)^2)` \[(m/s^2)^2\], that of both signs of frequency. So the
+/// powers of all bins add up to the mean square. A sine of amplitude A on a bin has A^2 / 3 there and A^2 /
+/// 12 in the bins beside. Powers of several axes are added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrogram {
     bins: usize,
@@ -37,11 +37,11 @@ pub struct Spectrogram {
 }
 
 impl Spectrogram {
-    /// Of a signal of one axis or more in m/s^2; the shortest axis counts.
+    /// Of a signal with one axis or more \[m/s^2\]; the shortest axis counts.
     ///
     /// # Errors
     /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite. A signal
-    /// of less than a window has no frames.
+    /// shorter than a window has no frames.
     pub fn new(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
         let samples = check(axes, rate_hz)?;
         let bins = (0..BINS).take_while(|bin| bin_hz(*bin) < 0.5 * rate_hz).count();
@@ -62,8 +62,7 @@ impl Spectrogram {
         Ok(Self { bins, powers })
     }
 
-    /// Of powers in (m/s^2)^2 that are known by another way: one array for every 0.025 s, of which the
-    /// first `bins` say anything.
+    /// Of known powers \[(m/s^2)^2\]: one array for every 0.025 s, of which the first `bins` are valid.
     pub fn from_powers(bins: usize, powers: Vec<[f64; BINS]>) -> Self {
         Self { bins: bins.min(BINS), powers }
     }
@@ -73,7 +72,7 @@ impl Spectrogram {
         self.powers.len()
     }
 
-    /// How many of [`BINS`] lie below half the rate; the others are 0.
+    /// Number of [`BINS`] below half the rate; the others are 0.
     pub fn bins(&self) -> usize {
         self.bins
     }
@@ -83,8 +82,8 @@ impl Spectrogram {
         self.powers.get(number)
     }
 
-    /// Mean powers over some frames in (m/s^2)^2; those beyond the last do not count, and of none the mean
-    /// is 0.
+    /// Mean powers over some frames \[(m/s^2)^2\]. Frames beyond the last do not count; the mean of none is
+    /// 0.
     pub fn mean(&self, frames: Range<usize>) -> [f64; BINS] {
         let mut sums = [0.0; BINS];
         let end = frames.end.min(self.powers.len());
@@ -118,11 +117,11 @@ pub(super) fn bin_hz(bin: usize) -> f64 {
     FIRST_HZ + STEP_HZ * bin as f64
 }
 
-/// How the sums at 20, 30, .. Hz are taken.
+/// Transform at 20, 30, .. Hz.
 enum Transform {
     /// Where a window has a whole number of samples.
     Fast { stft: Stft<f64>, samples: usize, bins: usize },
-    /// Elsewhere, one by one: the window times e^(-i w t), for each bin.
+    /// For other rates: the window times e^(-i w t), bin by bin.
     Direct { kernels: Vec<Vec<Complex<f64>>>, samples: usize },
 }
 
@@ -174,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_on_a_bin_has_a_third_of_its_squared_amplitude_there_and_a_twelfth_beside() {
+    fn sine_power_is_a_third_in_its_bin_and_a_twelfth_beside() {
         for rate in [1000.0, 1024.0, 2500.0, 4096.5, 10_000.0, 48_000.0] {
             let seen =
                 Spectrogram::new(&[&sine(3.0, 120.0, rate, 1.01), &sine(4.0, 120.0, rate, 1.01)], rate)
@@ -201,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_of_all_bins_add_up_to_the_mean_square_of_what_lies_among_them() {
+    fn powers_add_up_to_the_mean_square() {
         // White noise of variance 4 at 10 kHz: 99 bins of 10 Hz out of 5000 Hz.
         let seen = Spectrogram::new(&[&noise(5, 200_000, 2.0)], 10_000.0).unwrap();
         let sum: f64 = seen.mean(0..usize::MAX).iter().sum();
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_50_ms_apart_have_the_same_level_wherever_they_fall_among_the_frames() {
+    fn level_of_pulses_does_not_depend_on_their_shift() {
         // 4 ms of noise every 50 ms.
         let level = |shift: usize| {
             let mut x = noise(6, 25_000, 1.0);
@@ -225,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_signal_is_an_error_and_never_a_panic() {
+    fn invalid_signal_is_an_error() {
         let x = vec![0.0; 1000];
         for rate in [f64::NAN, 0.0, -1.0, 99.0, 1e7, f64::INFINITY] {
             assert!(matches!(Spectrogram::new(&[&x], rate), Err(AccuracyError::Rate(_))));

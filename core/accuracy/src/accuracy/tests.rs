@@ -11,7 +11,7 @@ fn lines(of: &[(f64, f64)], rate_hz: f64) -> Vec<f64> {
 const CHORD: [(f64, f64); 3] = [(60.0, 0.5), (180.0, 2.0), (430.0, 1.0)];
 
 #[test]
-fn the_same_signal_at_other_rates_agrees_in_everything() {
+fn same_signal_at_other_rates_agrees() {
     let truth = lines(&CHORD, 10_000.0);
     for rate in [2500.0, 4096.0, 44_100.0, 48_000.0] {
         let found = agreement(&lines(&CHORD, rate), rate, &[&truth], 10_000.0).unwrap();
@@ -25,7 +25,7 @@ fn the_same_signal_at_other_rates_agrees_in_everything() {
 }
 
 #[test]
-fn three_axes_are_one_signal_by_their_powers() {
+fn powers_of_three_axes_add() {
     let axis = |part: f64| louder(&lines(&CHORD, 10_000.0), 20.0 * part.log10());
     let truth = [axis(3.0 / 13.0), axis(4.0 / 13.0), axis(12.0 / 13.0)];
     let truth = truth.each_ref().map(Vec::as_slice);
@@ -39,7 +39,7 @@ fn three_axes_are_one_signal_by_their_powers() {
 }
 
 #[test]
-fn a_line_that_is_20_db_too_loud_is_in_its_band_and_its_bins_alone() {
+fn loud_line_changes_only_its_bins_and_bands() {
     let mut wrong = CHORD;
     wrong[1].1 = 20.0;
     let truth = lines(&CHORD, 10_000.0);
@@ -49,7 +49,8 @@ fn a_line_that_is_20_db_too_loud_is_in_its_band_and_its_bins_alone() {
     // Nine bins, of which three are off by 20 dB.
     assert!((found.spectrum_db - 20.0 / 3f64.sqrt()).abs() < 1e-6, "{found:?}");
     assert!((found.shape_db - (400.0_f64 / 3.0 - 400.0 / 9.0).sqrt()).abs() < 1e-6, "{found:?}");
-    // 170 Hz, a sixth of the line, is in the fifth band, its 180 and 190 Hz in the sixth. The fifth has nothing else.
+    // 170 Hz, a sixth of the line, is in the fifth band, which has nothing else; 180 and 190 Hz are in the
+    // sixth.
     let bands = found.bands.map(Option::unwrap);
     assert!((bands[4] - 20.0).abs() < 1e-6 && (bands[5] - 20.0).abs() < 1e-6, "{bands:?}");
     assert!(bands.iter().enumerate().all(|(k, b)| [4, 5].contains(&k) || b.abs() < 1e-6), "{bands:?}");
@@ -57,7 +58,7 @@ fn a_line_that_is_20_db_too_loud_is_in_its_band_and_its_bins_alone() {
 }
 
 #[test]
-fn what_a_slow_recording_does_not_say_is_not_counted() {
+fn frequencies_above_half_the_rate_do_not_count() {
     let truth = lines(&CHORD, 1000.0);
     let loud = [CHORD.as_slice(), &[(700.0, 9.0)]].concat();
     let found = agreement(&lines(&loud, 48_000.0), 48_000.0, &[&truth], 1000.0).unwrap();
@@ -69,18 +70,19 @@ fn what_a_slow_recording_does_not_say_is_not_counted() {
 }
 
 #[test]
-fn draws_of_one_noise_agree_within_what_their_length_allows() {
+fn draws_of_one_noise_agree_within_chance() {
     let (one, other) = (noise(7, 80_000, 1.0), noise(8, 20_000, 0.5));
     let found = agreement(&other, 2500.0, &[&one], 10_000.0).unwrap();
     // 990 Hz of 1250 in one, of 5000 in the other: 0.25 / 1250 over 1 / 5000 is 0 dB.
     assert!(found.level_db.abs() < 0.2, "{found:?}");
-    // 8 s have about 150 frames that are independent; a bin's mean power is off by 4.34 / sqrt(150) = 0.35 dB, of two by 0.5.
+    // 8 s have about 150 independent frames: a bin's mean power is off by 4.34 / sqrt(150) = 0.35 dB, of two
+    // by 0.5.
     assert!((0.35..0.65).contains(&found.spectrum_db) && found.shape_db <= found.spectrum_db, "{found:?}");
     assert!(found.bands_db < 0.4 && found.perceptual > 0.97, "{found:?}");
 }
 
 #[test]
-fn several_draws_of_a_truth_are_known_better_than_one() {
+fn several_draws_of_a_truth_reduce_the_error() {
     let seen = |seed| Spectrogram::new(&[&noise(seed, 20_000, 1.0)], 2500.0).unwrap();
     let rendered = Spectrogram::new(&[&noise(1, 20_000, 1.0)], 2500.0).unwrap();
     let truths: Vec<Spectrogram> = (2..18).map(seen).collect();
@@ -93,7 +95,7 @@ fn several_draws_of_a_truth_are_known_better_than_one() {
 }
 
 #[test]
-fn silence_and_what_is_no_signal_are_told_apart() {
+fn silent_and_invalid_signals_differ() {
     let (silence, sound) = (vec![0.0; 2500], lines(&CHORD, 2500.0)[..2500].to_vec());
     let of = |a: &[f64], b: &[f64]| agreement(a, 2500.0, &[b], 2500.0);
     let both = of(&silence, &silence).unwrap();
@@ -118,7 +120,7 @@ fn silence_and_what_is_no_signal_are_told_apart() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn figures_are_in_their_ranges_for_any_signals(
+    fn figures_are_in_range_for_any_signals(
         seeds in (0u64..1000, 0u64..1000),
         levels in (-170.0..170.0f64, -170.0..170.0f64),
         rates in (100.0..5000.0f64, 100.0..5000.0f64),

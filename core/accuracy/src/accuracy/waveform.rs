@@ -1,11 +1,13 @@
 use super::AccuracyError;
 
-/// The error in dB of signals that are the same to the bit; with the sign turned, of what is rendered where the reference is all 0.
+/// Error of identical signals \[dB\]; its negative is that of any signal against a reference of zeros.
 pub const EXACT_DB: f64 = -300.0;
 
-/// Error of a waveform against a reference of the same setting, sample by sample: `20 log10 (|| y - r || / || r ||)` in dB, the noise-to-signal ratio. 0 dB
-/// is silence or an independent signal of little level, 3 dB an independent one of the same level, -6 dB half or one and a half times the amplitude. At least [`EXACT_DB`]:
-/// no difference; at most its negative: a reference that is all 0.
+/// Error of a waveform against a reference of the same setting, sample by sample: the noise-to-signal ratio
+/// `20 log10 (|| y - r || / || r ||)` \[dB\].
+///
+/// 0 dB is silence; 3 dB is an independent signal of the same level; -6 dB is half or one and a half times
+/// the amplitude. Within [`EXACT_DB`] and its negative.
 ///
 /// # Errors
 /// [`AccuracyError::Lengths`], [`AccuracyError::NotFinite`].
@@ -38,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_of_copies_are_those_of_their_gains() {
+    fn scaled_copies_have_the_error_of_their_gain() {
         let r = noise(3, 4000, 0.7);
         let times = |gain: f64| -> Vec<f64> { r.iter().map(|x| gain * x).collect() };
         for (gain, db) in
@@ -54,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_silence_and_what_is_no_signal_are_told_apart() {
+    fn equal_silent_and_invalid_signals_differ() {
         let (zero, tiny) = ([0.0; 5], [1e-200; 5]);
         assert_eq!(waveform_db(&zero, &zero), Ok(EXACT_DB));
         assert_eq!(waveform_db(&tiny, &tiny), Ok(EXACT_DB));

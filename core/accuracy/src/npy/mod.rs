@@ -11,7 +11,7 @@ use asperity_diagnostics::{Diagnostic, file};
 use header::Header;
 use std::path::Path;
 
-/// Most numbers that are read from one file: an hour of frames of 101 bins at 500 a second is 182 million.
+/// Most numbers of a file: an hour of frames of 101 bins at 500 a second is 182 million.
 pub const MAX_VALUES: usize = 1 << 28;
 
 /// An array, row by row (C order).
@@ -33,7 +33,7 @@ pub enum Values {
 }
 
 impl Values {
-    /// How many numbers.
+    /// Number of values.
     pub fn len(&self) -> usize {
         match self {
             Self::F32(v) => v.len(),
@@ -41,7 +41,7 @@ impl Values {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -66,9 +66,9 @@ impl Values {
 /// Reads a file.
 ///
 /// # Errors
-/// A file that cannot be read, that is no `.npy` file, holds other than float32 or float64 numbers, has other than
-/// one or two dimensions, more than [`MAX_VALUES`] numbers, or fewer or more bytes than its header says. NaN and infinity are read as
-/// they are.
+/// A file that cannot be read or is no `.npy` file; other numbers than float32 or float64; other than one or
+/// two dimensions; more than [`MAX_VALUES`] numbers; fewer or more bytes than the header says. NaN and
+/// infinities are read.
 pub fn read(path: impl AsRef<Path>) -> Result<Array, Diagnostic> {
     let path = path.as_ref();
     let most = MAX_VALUES as u64 * 8 + header::MAX_LEN as u64;
@@ -87,7 +87,7 @@ pub fn parse(bytes: &[u8]) -> Result<Array, Diagnostic> {
         return Err(Diagnostic::new(format!("this array has the shape {printed}"))
             .help("one or two dimensions fit, as (samples,) or (frames, bins)"));
     }
-    // In C and in Fortran order alike where at most one dimension is longer than 1.
+    // Where at most one dimension is longer than 1, both orders are the same.
     if fortran && shape.iter().all(|&n| n > 1) && shape.len() > 1 {
         return Err(Diagnostic::new("this array is stored column by column (Fortran order)")
             .help("save it row by row: np.save(file, np.ascontiguousarray(x))"));

@@ -2,7 +2,7 @@ use super::*;
 use proptest::prelude::*;
 use std::io::Cursor;
 
-/// The bytes of `np.save(f, np.array([[1.5, -2, 3e-8], [np.inf, 0, 7]], dtype=descr))`, NumPy 2.4.6: 128 bytes of header.
+/// Bytes of `np.save(f, np.array([[1.5, -2, 3e-8], [np.inf, 0, 7]], dtype=descr))` in NumPy 2.4.6.
 fn numpy(descr: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let text = format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}");
     let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
@@ -17,7 +17,7 @@ fn message(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn numpy_files_of_both_precisions_and_orders_are_read() {
+fn files_of_both_precisions_and_byte_orders_are_read() {
     let x = [1.5, -2.0, 3e-8, f64::INFINITY, 0.0, 7.0];
     let wide: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
     let swapped: Vec<u8> = x.iter().flat_map(|v| (*v as f32).to_be_bytes()).collect();
@@ -32,7 +32,7 @@ fn numpy_files_of_both_precisions_and_orders_are_read() {
 }
 
 #[test]
-fn a_file_that_numpy_wrote_is_read() {
+fn file_by_numpy_is_read() {
     let a =
         read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase/sine_off_2500.mag.npy")).unwrap();
     // np.load(f)[0, 15], [451-1, 100]
@@ -42,7 +42,7 @@ fn a_file_that_numpy_wrote_is_read() {
 }
 
 #[test]
-fn what_does_not_fit_is_named_with_what_would() {
+fn unreadable_file_is_refused_with_a_remedy() {
     let f4 = [0u8; 24];
     assert!(message(b"").contains("empty"));
     assert!(message(b"PK\x03\x04....").contains("npz"));
@@ -67,7 +67,7 @@ fn what_does_not_fit_is_named_with_what_would() {
 }
 
 #[test]
-fn arrays_are_written_as_numpy_writes_them() {
+fn arrays_are_written_as_by_numpy() {
     let x = [1.5f32, -2.0, 3e-8, f32::INFINITY, 0.0, 7.0];
     let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
     let mut out = Vec::new();
@@ -77,7 +77,7 @@ fn arrays_are_written_as_numpy_writes_them() {
 }
 
 #[test]
-fn rows_are_appended_until_their_number_is_known() {
+fn rows_are_appended() {
     let mut w = Writer::new(Cursor::new(Vec::new()), Some(3)).unwrap();
     w.append(&[1.0, 2.0, 3.0]).unwrap();
     assert!(w.append(&[1.0]).is_err());
@@ -92,12 +92,12 @@ fn rows_are_appended_until_their_number_is_known() {
 
 proptest! {
     #[test]
-    fn garbage_is_an_error_and_never_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn garbage_is_an_error(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(parse(&bytes).is_err());
     }
 
     #[test]
-    fn a_spoilt_header_is_an_error_or_an_array_of_its_shape(at in 0usize..128, byte in any::<u8>()) {
+    fn spoilt_header_is_an_error_or_has_its_shape(at in 0usize..128, byte in any::<u8>()) {
         let mut bytes = numpy("<f4", "False", "(2, 3)", &[0; 24]);
         bytes[at] = byte;
         if let Ok(a) = parse(&bytes) {

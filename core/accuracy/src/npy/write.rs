@@ -2,7 +2,7 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Length of the whole header: room for any shape, and a multiple of 64, as NumPy aligns it.
+/// Length of the header: room for any shape, and a multiple of 64, as NumPy aligns it.
 const HEADER_LEN: usize = 128;
 
 fn header(shape: &[usize]) -> io::Result<[u8; HEADER_LEN]> {
@@ -24,7 +24,7 @@ fn header(shape: &[usize]) -> io::Result<[u8; HEADER_LEN]> {
 /// Writes a float32 array, row by row.
 ///
 /// # Errors
-/// What the writer returns; a shape whose product is not the number of values, or of more than about four dimensions.
+/// Errors of the writer; a shape that does not fit the number of values, or has too many dimensions.
 pub fn write_f32(mut to: impl Write, shape: &[usize], values: &[f32]) -> io::Result<()> {
     if shape.iter().try_fold(1usize, |a, &n| a.checked_mul(n)) != Some(values.len()) {
         return Err(io::Error::new(
@@ -48,7 +48,7 @@ fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
-/// Sets the number of rows of a file that a [`Writer`] began and did not finish, as far as it was written. `to` is the file.
+/// Sets the number of rows in the header of a file that a [`Writer`] did not finish.
 ///
 /// # Errors
 /// Errors of the writer.
@@ -57,8 +57,7 @@ pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize
     to.write_all(&header(&std::iter::once(rows).chain(columns).collect::<Vec<_>>())?)
 }
 
-/// Where the rows begin of a file that a [`Writer`] began, and its columns, from its first bytes; none of
-/// another file.
+/// Offset of the rows and the columns of a file by a [`Writer`], from its first bytes; none of another file.
 pub fn begun(head: &[u8]) -> Option<(u64, Option<usize>)> {
     let (header, _) = super::header::Header::parse(head.get(..HEADER_LEN)?).ok()?;
     let ours = !header.wide && !header.big_endian && !header.fortran && header.shape.len() <= 2;
@@ -67,7 +66,7 @@ pub fn begun(head: &[u8]) -> Option<(u64, Option<usize>)> {
 
 /// Writes a float32 array whose number of rows is not known yet.
 ///
-/// The file is a valid, empty array from the start, and holds all rows once [`finish`](Self::finish) has been called.
+/// The file is a valid, empty array from the start, and has all rows after [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct Writer<W> {
     to: W,
@@ -76,7 +75,7 @@ pub struct Writer<W> {
 }
 
 impl<W: Write + Seek> Writer<W> {
-    /// Starts an array of shape `(rows,)`, or `(rows, columns)` where `columns` is given, at the start of `to`.
+    /// Starts an array of shape `(rows,)`, or `(rows, columns)`, at the start of `to`.
     ///
     /// # Errors
     /// Errors of the writer.
@@ -92,7 +91,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Appends values: whole rows where the array has columns.
     ///
     /// # Errors
-    /// What the writer returns; a number of values that is not a number of rows.
+    /// Errors of the writer; values that are not whole rows.
     pub fn append(&mut self, values: &[f32]) -> io::Result<()> {
         let width = self.columns.unwrap_or(1);
         if width == 0 || !values.len().is_multiple_of(width) {
@@ -103,7 +102,7 @@ impl<W: Write + Seek> Writer<W> {
         Ok(())
     }
 
-    /// Writes the number of rows into the header, so that the file is whole as it is.
+    /// Writes the number of rows into the header: the file is complete until the next append.
     ///
     /// # Errors
     /// Errors of the writer.

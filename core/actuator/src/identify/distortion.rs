@@ -9,13 +9,14 @@ use super::spectra::{fast_len, transform};
 
 /// Harmonics from the second to this one.
 const HARMONICS: u32 = 5;
-/// A response that is looked at begins so early before its time \[s\].
+/// A response begins this long before its time \[s\].
 const EARLY: f64 = 0.004;
 
-/// Amplitude of the second to fifth harmonics over that of the linear response, both over all frequencies to `highest_hz`.
+/// Amplitude of the second to fifth harmonics over that of the linear response, up to `highest_hz`.
 ///
-/// Divided by the drive's spectrum, the acceleration of an exponential sweep becomes the impulse response, and before it, at
-/// L ln(k), that of the k-th harmonic (Farina 2000). What noise contributes is judged from the time before the highest harmonic and taken off.
+/// An exponential sweep's acceleration divided by the drive's spectrum is the impulse response. The
+/// k-th harmonic's stands L ln(k) before it (Farina 2000). The time before the highest harmonic tells
+/// the noise, which is subtracted.
 pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f64) -> Option<f64> {
     let constant = recording.sweep_time_constant_s?;
     let rate = recording.rate_hz;
@@ -26,7 +27,7 @@ pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f6
     let strongest = drive.iter().map(Complex64::norm_sqr).fold(0.0, f64::max);
     for (n, (y, x)) in response.iter_mut().zip(&drive).enumerate() {
         let hz = n as f64 * rate / len as f64;
-        // A soft edge, so that the impulse has short feet.
+        // A soft edge makes the impulse short.
         let edge = super::raised_cosine((highest_hz - hz).max(0.0), 0.2 * highest_hz);
         *y = *y * x.conj() * edge / (x.norm_sqr() + 1e-5 * strongest);
     }

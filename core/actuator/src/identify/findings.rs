@@ -1,13 +1,13 @@
-//! What was found, as a person or a plot reads it.
+//! Findings for people and plots.
 
 use super::fit::{Fitted, Run};
 use super::judge;
-use super::model::{EACH, Model, OWN, SHARED};
+use super::model::{EACH, Model, places};
 use super::spectra::Spectra;
 use super::{IdentifySettings, Recording, WITHIN_95, distortion};
 use asperity_numbers::{Elementary as _, size};
 
-/// Half intervals from here on, as a part of the value, say that the value was not found.
+/// A half interval of this part of the value means that the value was not found.
 const UNDETERMINED: f64 = 2.0;
 
 /// A value with its 95 % interval.
@@ -24,41 +24,41 @@ pub struct Estimate {
 impl Estimate {
     /// From a value and the standard deviation of its logarithm.
     pub(super) fn of_log(value: f64, spread: f64) -> Self {
-        // Beyond this nothing is known, and the ends stay finite.
+        // Keeps the ends finite. Beyond this nothing is known.
         let factor = (WITHIN_95 * spread).min(100.0).exp_e();
         Self { value, low: value / factor, high: value * factor }
     }
 
-    /// Half the interval, as a part of the value: the greater of both sides.
+    /// Half the interval as a part of the value: the greater side.
     pub fn relative(&self) -> f64 {
         (self.high / self.value - 1.0).max(1.0 - self.low / self.value)
     }
 
-    /// Whether the measurement tells the value at all: its interval ends below three times the value.
+    /// Whether the measurement determines the value: the interval ends below three times the value.
     pub fn is_determined(&self) -> bool {
         self.relative() < UNDETERMINED
     }
 
-    /// The same in another unit, `factor` of which are one of this.
+    /// The same in another unit; `factor` of them make one of this.
     #[must_use]
     pub fn times(self, factor: f64) -> Self {
         Self { value: self.value * factor, low: self.low * factor, high: self.high * factor }
     }
 }
 
-/// How far to trust what was found.
+/// Trust in the findings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Trust {
     /// Something is wrong; the notes say what.
     Poor,
-    /// Better than an estimate; the notes say what would make it good.
+    /// Better than an estimate; the notes say how to improve it.
     Fair,
-    /// The intervals may be believed.
+    /// The intervals are reliable.
     Good,
 }
 
 impl Trust {
-    /// The word a person reads.
+    /// The word for people.
     pub fn word(self) -> &'static str {
         match self {
             Self::Poor => "poor",
@@ -68,7 +68,7 @@ impl Trust {
     }
 }
 
-/// The response at a frequency, measured and fitted, with the latency taken out.
+/// Response at a frequency, measured and fitted, without the latency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Frequency \[Hz\].
@@ -81,14 +81,14 @@ pub struct Point {
     pub fitted_db: f64,
     /// Fitted phase \[rad\], -pi to pi.
     pub fitted_phase: f64,
-    /// Part of the acceleration's power here that the drive explains, 0 to 1.
+    /// Part of the acceleration's power that the drive explains, 0 to 1.
     pub coherence: f64,
 }
 
-/// What one recording says.
+/// Findings of one recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
-    /// Mass of the handle, as it fits best \[kg\].
+    /// Best fit of the handle's mass \[kg\].
     pub handle_mass: f64,
     /// Resonance on this handle \[Hz\].
     pub natural_hz: Estimate,
@@ -96,25 +96,25 @@ pub struct Measurement {
     pub damping_ratio: Estimate,
     /// k_f / m_h: acceleration per current at high frequencies \[m/s^2 per A\].
     pub gain: Estimate,
-    /// From the drive to the acceleration \[s\].
+    /// Latency from drive to acceleration \[s\].
     pub latency_s: f64,
     /// Half of its 95 % interval \[s\].
     pub latency_within_s: f64,
-    /// Whether the acceleration has the other sign than the model's.
+    /// Whether the acceleration's sign is opposite to the model's.
     pub inverted: bool,
-    /// Power that the model explains over all other power in the recording \[dB\].
+    /// Power that the model explains over all other power \[dB\].
     pub snr_db: f64,
-    /// Coherence, the median over the bands.
+    /// Median coherence of the bands.
     pub coherence: f64,
-    /// By how much measured and fitted response differ beyond the noise, as a part of the response (rms).
+    /// Rms difference of measured and fitted response beyond the noise, as a part of the response.
     pub misfit: f64,
-    /// Amplitude of the second to fifth harmonics over that of the response itself, over the sweep; only for a sweep.
+    /// Amplitude of the second to fifth harmonics over the linear response. Only for a sweep.
     pub distortion: Option<f64>,
-    /// Frequencies that were used \[Hz\].
+    /// Frequencies used \[Hz\].
     pub band_hz: (f64, f64),
 }
 
-/// The actuator's figures, SI units, and how far to trust them.
+/// Figures of the actuator in SI units, with trust and notes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Findings {
     /// Moving mass m_a \[kg\].
@@ -125,20 +125,20 @@ pub struct Findings {
     pub damping: Estimate,
     /// Force factor k_f \[N/A\].
     pub force_factor: Estimate,
-    /// Whether the moving mass was measured, by recordings on several handles. If not it is the base profile's, and the
-    /// intervals of stiffness and damping contain what that is uncertain by.
+    /// Whether recordings on several handles gave the moving mass. If not, it is the base profile's,
+    /// and the intervals of stiffness and damping include its uncertainty.
     pub moving_mass_measured: bool,
-    /// Each recording by itself.
+    /// Findings of each recording.
     pub recordings: Vec<Measurement>,
-    /// For each recording the response, measured and fitted.
+    /// Measured and fitted response of each recording.
     pub curves: Vec<Vec<Point>>,
-    /// How far to trust it.
+    /// Trust in them.
     pub trust: Trust,
-    /// What a person should know, a sentence each; the worst comes first.
+    /// Notes for a person, one sentence each, the worst first.
     pub notes: Vec<String>,
 }
 
-/// What `identify` answers.
+/// Makes the findings from a fit.
 pub(super) fn sum_up(
     recordings: &[Recording<'_>],
     runs: &[Run],
@@ -170,16 +170,16 @@ pub(super) fn sum_up(
 }
 
 fn measurement(n: usize, spectra: &Spectra, model: &Model, covariance: &[Vec<f64>]) -> Measurement {
-    let at: [usize; EACH] =
-        std::array::from_fn(|i| if i < SHARED { i } else { SHARED + OWN * n + i - SHARED });
-    // Standard deviation of a sum of logarithms, with these weights of k_f, m_a, k, c, m_h; and of the latency.
+    let at = places(n);
+    // Standard deviation of a sum of logarithms with these weights of k_f, m_a, k, c, m_h, and of the
+    // latency.
     let spread = |by: [f64; EACH]| {
         let sum: f64 = (0..EACH * EACH)
             .map(|i| by[i / EACH] * by[i % EACH] * covariance[at[i / EACH]][at[i % EACH]])
             .sum();
         sum.max(0.0).sqrt()
     };
-    // 1 / mu by ln m_a and ln m_h, as a part of it.
+    // Relative derivatives of 1 / mu by ln m_a and ln m_h.
     let u = model.inverse_reduced_mass();
     let (a, h) = (-1.0 / (model.moving_mass * u), -1.0 / (model.handle_mass * u));
     let natural = spread([0.0, a / 2.0, 0.5, 0.0, h / 2.0, 0.0]);

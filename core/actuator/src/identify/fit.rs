@@ -1,4 +1,4 @@
-//! The figures that agree best with all recordings at once.
+//! Fits the figures to all recordings at once.
 
 use asperity_numbers::{Elementary as _, size};
 use std::f64::consts::TAU;
@@ -6,16 +6,16 @@ use std::f64::consts::TAU;
 use realfft::num_complex::Complex64;
 
 use super::super::Drive;
-use super::model::{Coil, EACH, Model, OWN, SHARED};
+use super::model::{Coil, EACH, Model, OWN, SHARED, places};
 use super::spectra::{Band, Spectra};
 
-/// Standard deviation of the logarithm of a figure that nothing is known of.
+/// Standard deviation of the logarithm of an unknown figure.
 const UNKNOWN: f64 = 5.0;
-/// Ranges of k_f, m_a, k and c: those of a profile.
+/// Ranges of k_f, m_a, k and c, as in a profile.
 const RANGES: [(f64, f64); SHARED] = [(0.01, 100.0), (5e-5, 1.0), (1.0, 1e6), (1e-4, 100.0)];
 const ITERATIONS: usize = 60;
 
-/// A value known beforehand, as a normal distribution of its logarithm.
+/// Prior of a value: a normal distribution of its logarithm.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Belief {
     pub(super) value: f64,
@@ -23,14 +23,14 @@ pub(super) struct Belief {
     pub(super) spread: f64,
 }
 
-/// One recording, ready to be fitted.
+/// One recording, ready to fit.
 pub(super) struct Run {
     pub(super) spectra: Spectra,
     pub(super) start: Start,
     pub(super) handle_mass: Belief,
 }
 
-/// What a recording looks like at first sight.
+/// First estimates from one recording.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     /// Acceleration per ampere at high frequencies \[m/s^2 per A\].
@@ -41,25 +41,21 @@ pub(super) struct Start {
     pub(super) sign: f64,
 }
 
-/// The figures and how well they are known.
+/// The figures and their uncertainty.
 pub(super) struct Fitted {
     pub(super) models: Vec<Model>,
-    /// Covariance of ln k_f, ln m_a, ln k, ln c and of each recording's ln m_h and latency.
+    /// Covariance of ln k_f, ln m_a, ln k, ln c and each recording's ln m_h and latency.
     pub(super) covariance: Vec<Vec<f64>>,
     at: Vec<f64>,
 }
 
 fn shape(coil: Coil, natural: f64, zeta: f64, hz: f64) -> Complex64 {
     let s = Complex64::new(0.0, TAU * hz);
-    let electric = match coil.drive {
-        Drive::Current => Complex64::from(1.0),
-        Drive::Voltage => s * coil.inductance + coil.resistance,
-    };
-    -s * s / (s * s + s * (2.0 * zeta * natural) + natural * natural) / electric
+    -s * s / (s * s + s * (2.0 * zeta * natural) + natural * natural) / coil.impedance(s)
 }
 
-/// Resonance, damping, gain and latency of one recording: the best of a grid by magnitude, then the latency at which that
-/// is most like what was heard. Settles the bands of `spectra`.
+/// Resonance, damping, gain and latency of one recording: the best of a grid by magnitude, then the
+/// latency that fits it best. Settles the bands of `spectra`.
 pub(super) fn start(spectra: &mut Spectra, coil: Coil) -> Start {
     let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
     spectra.settle(latency);
@@ -99,7 +95,7 @@ fn grid(
     best.1
 }
 
-/// All figures in one vector: ln k_f, ln m_a, ln k, ln c, then ln m_h and the latency of each recording.
+/// All figures: ln k_f, ln m_a, ln k, ln c, then ln m_h and the latency of each recording.
 #[derive(Clone)]
 struct Point(Vec<f64>);
 
@@ -119,7 +115,8 @@ impl Point {
     }
 }
 
-/// Where the fit begins: from the single recordings, and from the moving mass that two of them make or that is believed.
+/// Start of the fit: means over the recordings, and the moving mass that two of them give, or the
+/// believed one.
 fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let mean = |f: &dyn Fn(&Run) -> f64| runs.iter().map(f).sum::<f64>() / runs.len() as f64;
     let force_factor = mean(&|r| r.start.gain * r.handle_mass.value);
@@ -147,7 +144,7 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     Point(point)
 }
 
-/// The cost's half gradient and normal matrix, for a cost of sum 2 |r|^2 / noise + what is believed.
+/// Half gradient and normal matrix of the cost: the sum of 2 |r|^2 / noise and the priors.
 struct Normal {
     cost: f64,
     gradient: Vec<f64>,
@@ -158,7 +155,7 @@ struct Problem<'a> {
     runs: &'a [Run],
     coil: Coil,
     beliefs: Vec<(f64, f64)>,
-    /// How many times as much each recording's noise counts.
+    /// Factor on each recording's noise.
     noise: Vec<f64>,
 }
 
@@ -168,8 +165,7 @@ impl Problem<'_> {
         let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
         for (n, run) in self.runs.iter().enumerate() {
             let model = at.model(run, n, self.coil);
-            let place: [usize; EACH] =
-                std::array::from_fn(|i| if i < SHARED { i } else { SHARED + OWN * n + i - SHARED });
+            let place = places(n);
             let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
             cost += own;
             for i in 0..EACH {
@@ -213,10 +209,11 @@ fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Squar
     (cost, slope, whole)
 }
 
-/// Fits all recordings by the Levenberg-Marquardt method (D. Marquardt, "An algorithm for least-squares estimation of
-/// nonlinear parameters", SIAM J. Appl. Math. 11, 1963), each bin weighted by the noise of its band.
+/// Fits all recordings by the Levenberg-Marquardt method (D. Marquardt, "An algorithm for least-squares
+/// estimation of nonlinear parameters", SIAM J. Appl. Math. 11, 1963), each bin weighted by the noise
+/// of its band.
 ///
-/// `noise` says for each recording by how much its noise is greater than found; it widens the covariance.
+/// `noise` is a factor on each recording's noise; it widens the covariance.
 pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) -> Fitted {
     let mut at = first_guess(runs, coil, moving_mass);
     let mut beliefs: Vec<(f64, f64)> = at.0.iter().map(|x| (*x, UNKNOWN)).collect();
@@ -256,7 +253,7 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
 }
 
 impl Fitted {
-    /// Adds what a fit with something else assumed, one standard deviation off, came to.
+    /// Adds the change in another fit, whose assumption is one standard deviation off.
     pub(super) fn widen(&mut self, other: &Self) {
         let off: Vec<f64> = self.at.iter().zip(&other.at).map(|(a, b)| b - a).collect();
         for (row, a) in self.covariance.iter_mut().zip(&off) {
@@ -265,7 +262,7 @@ impl Fitted {
     }
 }
 
-/// The solution of a symmetric positive definite system, by Cholesky's method on the scaled matrix.
+/// Solves a symmetric positive definite system by Cholesky's method on the scaled matrix.
 fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let len = right.len();
     let scale: Vec<f64> = (0..len).map(|i| 1.0 / matrix[i][i].sqrt()).collect();
@@ -290,7 +287,7 @@ fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
-/// The inverse, or infinite variances where there is none.
+/// The inverse, or infinite variances if there is none.
 fn inverse(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let len = matrix.len();
     let unit = |i: usize| (0..len).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();

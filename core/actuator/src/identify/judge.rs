@@ -1,4 +1,4 @@
-//! How far to trust a fit, and what to tell about it.
+//! Trust in a fit, and notes about it.
 
 use asperity_numbers::Elementary as _;
 use realfft::num_complex::Complex64;
@@ -8,24 +8,24 @@ use super::model::Model;
 use super::spectra::{Band, Spectra};
 use super::{Estimate, Findings, IdentifySettings, Measurement, Recording, Trust};
 
-/// Least of the signal-to-noise ratio for good and for fair \[dB\].
+/// Least signal-to-noise ratio for good and for fair \[dB\].
 const SNR_DB: (f64, f64) = (15.0, 6.0);
-/// Least coherence, likewise.
+/// Least coherence for good and for fair.
 const COHERENCE: (f64, f64) = (0.9, 0.6);
-/// Greatest misfit, likewise.
+/// Greatest misfit for good and for fair.
 const MISFIT: (f64, f64) = (0.05, 0.2);
-/// Greatest half interval of what one recording tells, likewise.
+/// Greatest half interval of a recording's figures for good and for fair.
 const WITHIN: (f64, f64) = (0.05, 0.25);
-/// Greatest half interval of moving mass, stiffness and damping, likewise.
+/// Greatest half interval of moving mass, stiffness and damping for good and for fair.
 const WITHIN_ABSOLUTE: (f64, f64) = (0.1, 0.6);
-/// How far the handle's mass that fits best may be from the given one, in half intervals of what is known of it, likewise. Two
-/// recordings whose gains go with their masses come to 0.4 by chance; one recording is always right.
+/// Greatest difference of fitted and given handle mass, in half intervals, for good and for fair. Two
+/// recordings whose gains fit their masses reach 0.4 by chance; one recording always fits.
 const MASS_OFF: (f64, f64) = (1.0, 2.0);
-/// Greatest distortion, likewise.
+/// Greatest distortion for good and for fair.
 const DISTORTION: (f64, f64) = (0.05, 0.3);
 
-/// In every band: what the model leaves that still goes with the drive, its power relative to the noise's (1 is what noise
-/// makes by chance), and as a response.
+/// For every band: the residual that still follows the drive. Its power relative to the noise (1 by
+/// chance), its response and its noise.
 fn left(spectra: &Spectra, model: &Model) -> impl Iterator<Item = (Band, f64, Complex64, f64)> {
     spectra.bands.iter().map(|band| {
         let (mut cross, mut power) = (Complex64::default(), 0.0);
@@ -40,8 +40,8 @@ fn left(spectra: &Spectra, model: &Model) -> impl Iterator<Item = (Band, f64, Co
     })
 }
 
-/// By how much more than the noise the model leaves: 1 where it explains everything. The greater of the mean over all bands
-/// and over those near the resonance.
+/// Residual over noise: 1 if the model explains everything. The greater of the mean over all bands and
+/// over those near the resonance.
 pub(super) fn unexplained(spectra: &Spectra, model: &Model) -> f64 {
     let natural_hz = model.natural_rad_s() / std::f64::consts::TAU;
     let (mut all, mut near) = ((0.0, 0.0), (0.0, 0.0));
@@ -77,14 +77,14 @@ pub(super) fn snr_db(spectra: &Spectra, model: &Model) -> f64 {
     10.0 * (explained.max(1e-300) / rest.max(1e-12 * explained).max(1e-300)).log_10()
 }
 
-/// The middle of `values`, 0 of none.
+/// Median, 0 of none.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Whether the extreme values of a signal look cut off: the highest 0.2 % of the range holds many more samples than the next
-/// 0.2 %. A sine's holds 2.4 times as many, noise's fewer.
+/// Whether a signal looks clipped: the top 0.2 % of its range hold many more samples than the next 0.2
+/// %. A sine has 2.4 times as many there, noise fewer.
 fn is_clipped(signal: &[f32]) -> bool {
     let side = |sign: f32| {
         let peak = signal.iter().fold(0.0f32, |m, x| m.max(sign * x));
@@ -106,14 +106,14 @@ impl Notes {
         self.found.push((trust, note.into()));
     }
 
-    /// Adds a note if `value` is below what is good.
+    /// Adds a note if `value` is less than good.
     fn least(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
         if value.is_nan() || value < good {
             self.add(if value >= fair { Trust::Fair } else { Trust::Poor }, note());
         }
     }
 
-    /// Adds a note if `value` is above what is good.
+    /// Adds a note if `value` is more than good.
     fn most(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
         self.least(-value, (-good, -fair), note);
     }
@@ -140,17 +140,27 @@ pub(super) fn judge(
 
 fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r: &Recording<'_>) {
     if m.coherence < 0.3 {
-        let note = "what was heard does not follow the drive; is this the accelerometer's channel, and does the actuator move?";
-        notes.add(Trust::Poor, format!("{which}{note} (coherence {:.2})", m.coherence));
+        notes.add(
+            Trust::Poor,
+            format!(
+                "{which}the acceleration does not follow the drive: check the accelerometer's channel, and \
+                 whether the actuator moves (coherence {:.2})",
+                m.coherence
+            ),
+        );
     } else {
         notes.least(m.coherence, COHERENCE, || {
-            format!("{which}much of what was heard does not follow the drive (coherence {:.2})", m.coherence)
+            format!(
+                "{which}much of the acceleration does not follow the drive (coherence {:.2})",
+                m.coherence
+            )
         });
     }
     notes.least(m.snr_db, SNR_DB, || {
         format!(
-            "{which}the recording is noisy ({:.0} dB signal to noise, {:.0} dB would be good): a stronger drive, a longer \
-             sweep, or a quieter place",
+            "{which}the recording is noisy ({:.0} dB signal to noise, {:.0} dB would be good): use a \
+             stronger \
+             drive, a longer sweep, or a quieter place",
             m.snr_db, SNR_DB.0
         )
     });
@@ -165,14 +175,16 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
         notes.add(
             Trust::Poor,
             format!(
-                "{which}the resonance lies outside of the frequencies that were excited ({from:.0} to {to:.0} Hz), or there \
-                 is none: is the input connected to the drive itself?"
+                "{which}the resonance lies outside of the frequencies that were excited ({from:.0} to \
+                 {to:.0} \
+                 Hz), or there is none: is the input connected to the drive itself?"
             ),
         );
     }
     notes.most(m.misfit, MISFIT, || {
         format!(
-            "{which}the actuator does not behave like a mass on a spring: {:.0} % of its response remain unexplained",
+            "{which}the actuator does not behave like a mass on a spring: {:.0} % of its response remain \
+             unexplained",
             100.0 * m.misfit
         )
     });
@@ -180,7 +192,7 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
         let percent = 100.0 * m.distortion.unwrap_or(0.0);
         format!("{which}{percent:.0} % harmonic distortion: the drive is too strong for a linear fit")
     });
-    // Behind a voltage the back-EMF may damp so much that the suspension's damping does not show.
+    // Behind a voltage the back-EMF may hide the suspension's damping.
     let damping = if drive == Drive::Current { m.damping_ratio.relative() } else { 0.0 };
     for (what, value, within) in [
         ("resonance", m.natural_hz, m.natural_hz.relative()),
@@ -192,7 +204,10 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
     if m.inverted {
         notes.add(
             Trust::Good,
-            format!("{which}the polarity is inverted: coil or accelerometer point the other way (the figures hold)"),
+            format!(
+                "{which}the polarity is inverted: coil or accelerometer point the other way (the figures \
+                 hold)"
+            ),
         );
     }
     if r.limited {
@@ -200,29 +215,32 @@ fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r
     }
 }
 
-/// How well a value is known, where that is not well; and what to do where it is not known at all.
+/// Says how uncertain a value is, or how to determine it.
 fn known(what: &str, value: Estimate) -> String {
     if value.is_determined() {
         return format!("the {what} is known within {:.0} % only", 100.0 * value.relative());
     }
     let better = match what {
         "damping" | "damping ratio" => {
-            "a stronger drive, a longer sweep, or a current amplifier, behind which the coil does not damp as well"
+            "use a stronger drive, a longer sweep, or a current amplifier, which does not damp the coil"
         }
-        "moving mass" => "handles whose masses are farther apart",
-        _ => "a stronger drive, a longer sweep, or one that reaches farther to both sides of the resonance",
+        "moving mass" => "use handles whose masses are farther apart",
+        _ => {
+            "use a stronger drive, a longer sweep, or one that reaches farther to both sides of the resonance"
+        }
     };
     format!("the {what} is not determined by this measurement: {better}")
 }
 
-/// Gains of several recordings must go with the masses of their handles.
+/// Gains of several recordings must match the masses of their handles.
 fn of_mass(notes: &mut Notes, which: &str, uncertainty: f64, m: &Measurement, r: &Recording<'_>) {
     let grams = 1e3 * m.handle_mass;
     let off = (grams / r.handle_mass_g).log_e().abs() / uncertainty.log_1_plus();
     notes.most(off, MASS_OFF, || {
         format!(
-            "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed between the recordings, and is \
-             each what was given?",
+            "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed \
+             between the \
+             recordings, and are the given masses right?",
             r.handle_mass_g
         )
     });
@@ -237,7 +255,8 @@ fn of_values(notes: &mut Notes, f: &Findings, base_is_estimate: bool) {
         notes.add(
             if base_is_estimate { Trust::Fair } else { Trust::Good },
             format!(
-                "{why} the moving mass; it is the base profile's, {known}, and stiffness and damping are as good as it is. \
+                "{why} the moving mass; it is the base profile's, {known}, and stiffness and damping are \
+                 only as good. \
                  Record again with a weight of a few moving masses added to the handle, or taken from it"
             ),
         );

@@ -1,31 +1,35 @@
-//! Finding an actuator's figures from what was sent to it and what an accelerometer on its handle heard.
+//! Finds an actuator's figures from a drive and the acceleration of its handle.
 //!
 //! ```text
 //! A/I = -(k_f / m_h) s^2 / (s^2 + (c / mu) s + k / mu),    1 / mu = 1 / m_a + 1 / m_h
 //! ```
 //!
-//! **What can be known.** A current and the handle's acceleration tell three numbers: the gain at high frequencies k_f / m_h, the
-//! resonance w_n^2 = k / mu and the damping c / mu. With the handle's mass k_f follows. The moving mass does not: an actuator with
-//! twice the moving mass, stiffness and damping (and a little more, for mu) moves the handle in just the same way. It takes
-//! one of two things: a second recording with another, known handle mass, whose resonance differs by k (1 / m_1 - 1 / m_2); or
-//! a moving mass from elsewhere, the base profile's. Both go through one fit, which knows how well each of them is known, so that
-//! the intervals say what has been learned. The second resonance differs little where the mover is light beside both handles:
-//! 3.2 % in frequency for 4.4 g on 50 g and on 200 g; the masses must be far apart, and known better than the intervals wanted.
-//! A voltage instead of a current damps by k_f^2 / R more, with R and L those of the base profile; the heat of the coil changes R.
+//! **What can be known.** A current and the handle's acceleration give three numbers: the gain at high
+//! frequencies k_f / m_h, the resonance w_n^2 = k / mu and the damping c / mu. With the handle's mass
+//! k_f follows. The moving mass does not: twice the moving mass, stiffness and damping (a little more,
+//! for mu) move the handle in the same way. One of two things helps. A second recording with another
+//! known handle mass has a resonance that differs by k (1 / m_1 - 1 / m_2). Or the base profile gives
+//! the moving mass. One fit serves both: it knows the uncertainty of each, and the intervals show it.
+//! The second resonance differs little where the mover is light: by 3.2 % for 4.4 g on 50 g and on 200
+//! g. The masses must be far apart, and better known than the wanted intervals. A voltage damps by
+//! k_f^2 / R more than a current, with R and L of the base profile; heat changes R.
 //!
-//! **How.** Both signals are transformed whole; neighbouring bins are put into bands of 1/24 octave, in which a straight line
-//! tells response and noise apart. Latency and signs are looked for by correlation, the figures by a grid, then everything
-//! together, latency included, is fitted to all bins by weighted least squares ([`identify`]). Nothing needs to be known of the
-//! drive's waveform, so the limiter may have changed it, but it must be the drive that was really sent, and begin and end in silence.
-//! Intervals follow from the fit's curvature and are widened by what the model cannot explain.
+//! **How.** Both signals are transformed whole. Neighbouring bins form bands of 1/24 octave. In each a
+//! straight line separates response and noise. Correlation finds latency and signs, a grid the figures.
+//! Then weighted least squares over all bins fits everything, latency included ([`identify`]). The
+//! drive may have any waveform, so the limiter may have changed it. But it must be the drive that was
+//! really sent, and begin and end in silence. Intervals follow from the fit's curvature and are widened
+//! by what the model cannot explain.
 //!
-//! The model is of continuous time, which a sound card's converters come close to. The simulated [`Plant`](super::Plant) holds each
-//! sample, which delays what the mover does by half a sample but not the push on the handle: [`IdentifySettings::held`].
+//! The model is in continuous time; a sound card's converters come close. The simulated
+//! [`Plant`](super::Plant) holds each sample. That delays the mover by half a sample, but not the push
+//! on the handle: [`IdentifySettings::held`].
 //!
-//! **How well.** 59 random actuators (0.5 to 50 g, 25 to 500 Hz, damping ratios 0.02 to 0.9, on handles of 50 to 200 g) in simulation,
-//! sweeps of 4 s through the limiter at 20 dB signal to noise (white noise and hum): with the moving mass known, stiffness, damping and
-//! force factor came out within 0.4 %, and the latency within 0.01 samples. The hold left out of account costs up to 4.4 %, at strongly
-//! damped resonances above 400 Hz. A damping that is small beside k_f^2 / R is not found behind a voltage, and its interval says so.
+//! **How well.** Simulation of 59 random actuators (0.5 to 50 g, 25 to 500 Hz, damping ratios 0.02 to
+//! 0.9, handles of 50 to 200 g): sweeps of 4 s through the limiter, 20 dB signal to noise (white noise
+//! and hum), moving mass known. Stiffness, damping and force factor came out within 0.4 %, the latency
+//! within 0.01 samples. Ignoring the hold costs up to 4.4 %, at strongly damped resonances above 400
+//! Hz. A damping much below k_f^2 / R is not found behind a voltage; its interval says so.
 
 mod distortion;
 mod findings;
@@ -48,37 +52,38 @@ pub use findings::{Estimate, Findings, Measurement, Point, Trust};
 pub use profile::write_profile;
 pub use sweep::{Sweep, SweepSettings, SweepShape, raised_cosine};
 
-/// What was sent to the actuator and heard on its handle, in step.
+/// A drive and the acceleration of the handle, in step.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
-    /// What was sent, behind the limiter \[A or V\].
+    /// The drive behind the limiter \[A or V\].
     pub drive: &'a [f32],
-    /// What the accelerometer heard \[m/s^2\], later by an unknown latency of at most 0.5 s.
+    /// The accelerometer's signal \[m/s^2\], later by an unknown latency of at most 0.5 s.
     pub acceleration: &'a [f32],
-    /// Samples a second of both.
+    /// Sampling rate of both \[Hz\].
     pub rate_hz: f64,
-    /// Mass of the handle with everything fixed to it, the actuator's housing and the accelerometer included, but not the
+    /// Mass of the handle with everything fixed to it, housing and accelerometer included, without the
     /// mover \[g\].
     pub handle_mass_g: f64,
     /// Whether the limiter changed the drive ([`LimiterReport::acted`](super::LimiterReport::acted)).
     pub limited: bool,
-    /// For an exponential sweep its [`Sweep::time_constant_s`], by which distortion is told.
+    /// [`Sweep::time_constant_s`] of an exponential sweep, to measure distortion.
     pub sweep_time_constant_s: Option<f64>,
 }
 
-/// What is known before.
+/// Prior knowledge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IdentifySettings {
-    /// What a sample of the drive is.
+    /// The meaning of a drive sample.
     pub drive: Drive,
-    /// Frequencies that are used \[Hz\], as far as the drive excites them. Above, handles bend.
+    /// Frequencies to use \[Hz\], as far as the drive excites them. Above, handles bend.
     pub band_hz: (f64, f64),
-    /// How well the handles' masses are known: half the 95 % interval, as a part of them, 0.0001 to 0.5.
+    /// Uncertainty of the handles' masses: half the 95 % interval, as a part of them, 0.0001 to 0.5.
     pub handle_mass_uncertainty: f64,
-    /// How well the base profile's resistance is known, likewise; only a voltage needs it. Copper gains 0.4 % a kelvin.
+    /// Uncertainty of the base profile's resistance, in the same form. Only a voltage needs it. Copper
+    /// gains 0.4 % a kelvin.
     pub resistance_uncertainty: f64,
-    /// Whether a sample acts at once and until the next, as in a simulated [`Plant`](super::Plant), and not as a smooth
-    /// signal, as behind a sound card.
+    /// Whether a sample is held until the next, as in a simulated [`Plant`](super::Plant). Behind a
+    /// sound card the signal is smooth.
     pub held: bool,
 }
 
@@ -94,22 +99,22 @@ impl Default for IdentifySettings {
     }
 }
 
-/// Why there is nothing to find.
+/// Reasons why nothing can be computed.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum IdentifyError {
     /// No recording.
     Nothing,
-    /// A rate, mass, band or uncertainty that is none.
+    /// A rate, mass, band or uncertainty out of range.
     Setting {
-        /// What it is.
+        /// The setting's name.
         what: &'static str,
-        /// What was given.
+        /// The value.
         found: f64,
     },
     /// Less than half a second.
     Short {
-        /// What there is \[s\].
+        /// Length \[s\].
         seconds: f64,
     },
     /// A sample that is not finite.
@@ -120,9 +125,9 @@ pub enum IdentifyError {
     NoAcceleration,
     /// The drive excites too few frequencies.
     Narrow {
-        /// From here \[Hz\].
+        /// Lowest excited frequency \[Hz\].
         from_hz: f64,
-        /// To here \[Hz\].
+        /// Highest excited frequency \[Hz\].
         to_hz: f64,
     },
 }
@@ -155,12 +160,13 @@ impl std::error::Error for IdentifyError {}
 
 /// Finds the actuator that turns every recording's drive into its acceleration.
 ///
-/// `base` gives the coil's resistance and inductance where the drive is a voltage, and the moving mass where the recordings
-/// cannot tell it: one recording, or handles too much alike. Two recordings of 5 s at 48 kHz took 0.10 to 0.14 s.
+/// `base` gives the coil's resistance and inductance if the drive is a voltage. It also gives the
+/// moving mass if the recordings cannot: there is only one, or the handles are too similar. Two
+/// recordings of 5 s at 48 kHz took 0.10 to 0.14 s.
 ///
 /// # Errors
-/// Recordings or settings from which nothing can be computed. A recording that is merely bad has [`Findings`] of
-/// [`Trust::Poor`], and notes that say why.
+/// Recordings or settings from which nothing can be computed. A bad recording gives [`Findings`] of
+/// [`Trust::Poor`] with notes that say why.
 pub fn identify(
     recordings: &[Recording<'_>],
     base: &ActuatorProfile,
@@ -194,21 +200,22 @@ pub fn identify(
     Ok(findings::sum_up(recordings, &runs, &fitted, &settings, (measured, base.moving_mass.estimate)))
 }
 
-/// A published moving mass is taken to be right within this factor, in 95 of 100 actuators; an estimated one within this.
+/// A published moving mass is right within this factor for 95 of 100 actuators; an estimated one within
+/// the other.
 const PUBLISHED: f64 = 1.05;
 const ESTIMATED: f64 = 1.5;
-/// A moving mass that two recordings shall tell is believed within this factor beforehand.
+/// Prior factor for a moving mass that two recordings shall find.
 const OPEN: f64 = 20.0;
-/// 95 % of a normal distribution lie within so many standard deviations.
+/// 95 % of a normal distribution lie within this many standard deviations.
 const WITHIN_95: f64 = 1.959_964;
 
-/// Standard deviation of the logarithm of what is known within a factor, 95 %.
+/// Standard deviation of the logarithm of a value known within a factor, 95 %.
 fn spread_of(factor: f64) -> f64 {
     factor.log_e() / WITHIN_95
 }
 
-/// Fits with an open moving mass where there are several handles, and with the believed one where that tells less. Says too
-/// whether the moving mass was measured.
+/// Fits with an open moving mass if there are several handles, and with the believed one if that is
+/// more certain. Returns whether the moving mass was measured.
 fn best(runs: &[Run], coil: Coil, believed: Belief, resistance: f64) -> (Fitted, bool) {
     let mass = |r: &Run| r.handle_mass.value;
     let least = runs.iter().map(mass).fold(f64::INFINITY, f64::min);
@@ -223,8 +230,9 @@ fn best(runs: &[Run], coil: Coil, believed: Belief, resistance: f64) -> (Fitted,
     (fit_widely(runs, coil, believed, resistance), false)
 }
 
-/// Fits; again with the noise that the first fit left unexplained; and behind a voltage once more with another resistance, which
-/// widens the intervals by what that changes. A resistance that were fitted would follow the least errors at high frequencies.
+/// Fits, then fits again with the noise that the first fit left unexplained. Behind a voltage it fits
+/// once more with another resistance and widens the intervals by the change. A fitted resistance would
+/// follow the least errors at high frequencies.
 fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) -> Fitted {
     let first = fit::fit(runs, coil, moving_mass, &vec![1.0; runs.len()]);
     let noise: Vec<f64> = runs
@@ -240,34 +248,30 @@ fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) ->
     fitted
 }
 
+/// The first value that is out of range.
+fn refuse(values: &[(&'static str, f64, bool)]) -> Result<(), IdentifyError> {
+    let bad = values.iter().find(|(.., fits)| !fits);
+    bad.map_or(Ok(()), |&(what, found, _)| Err(IdentifyError::Setting { what, found }))
+}
+
 fn check_settings(s: &IdentifySettings) -> Result<(), IdentifyError> {
-    let wrong = |what, found| Err(IdentifyError::Setting { what, found });
-    if !(s.band_hz.0 >= 0.1 && s.band_hz.0.is_finite()) {
-        return wrong("a lowest frequency", s.band_hz.0);
-    }
-    if !(s.band_hz.1 > s.band_hz.0 && s.band_hz.1.is_finite()) {
-        return wrong("a highest frequency", s.band_hz.1);
-    }
-    if !(1e-4..=0.5).contains(&s.handle_mass_uncertainty) {
-        return wrong("an uncertainty of the handle's mass", s.handle_mass_uncertainty);
-    }
-    if !(1e-4..=0.5).contains(&s.resistance_uncertainty) {
-        return wrong("an uncertainty of the resistance", s.resistance_uncertainty);
-    }
-    Ok(())
+    let (low, high) = s.band_hz;
+    let part = |x: f64| (1e-4..=0.5).contains(&x);
+    refuse(&[
+        ("a lowest frequency", low, low >= 0.1 && low.is_finite()),
+        ("a highest frequency", high, high > low && high.is_finite()),
+        ("an uncertainty of the handle's mass", s.handle_mass_uncertainty, part(s.handle_mass_uncertainty)),
+        ("an uncertainty of the resistance", s.resistance_uncertainty, part(s.resistance_uncertainty)),
+    ])
 }
 
 fn check(r: &Recording<'_>, rate_hz: f64) -> Result<(), IdentifyError> {
-    let wrong = |what, found| Err(IdentifyError::Setting { what, found });
-    if !(1000.0..=1e6).contains(&r.rate_hz) || r.rate_hz != rate_hz {
-        return wrong("a rate", r.rate_hz);
-    }
-    if !(1.0..=10_000.0).contains(&r.handle_mass_g) {
-        return wrong("a handle's mass", r.handle_mass_g);
-    }
-    if r.sweep_time_constant_s.is_some_and(|l| !(l > 0.0 && l.is_finite())) {
-        return wrong("a sweep's time constant", r.sweep_time_constant_s.unwrap_or(0.0));
-    }
+    let constant = r.sweep_time_constant_s.unwrap_or(1.0);
+    refuse(&[
+        ("a rate", r.rate_hz, (1000.0..=1e6).contains(&r.rate_hz) && r.rate_hz == rate_hz),
+        ("a handle's mass", r.handle_mass_g, (1.0..=10_000.0).contains(&r.handle_mass_g)),
+        ("a sweep's time constant", constant, constant > 0.0 && constant.is_finite()),
+    ])?;
     let seconds = r.drive.len().min(r.acceleration.len()) as f64 / r.rate_hz;
     if seconds < 0.5 {
         return Err(IdentifyError::Short { seconds });

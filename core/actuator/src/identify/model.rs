@@ -1,4 +1,4 @@
-//! The actuator's transfer function and how it depends on each figure.
+//! Transfer function of the actuator and its derivatives.
 
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::{PI, TAU};
@@ -7,24 +7,39 @@ use realfft::num_complex::Complex64;
 
 use super::super::Drive;
 
-/// Figures of the actuator, in the order of the fit: k_f, m_a, k, c.
+/// Number of figures of the actuator: k_f, m_a, k, c.
 pub(super) const SHARED: usize = 4;
-/// Figures of each recording, behind those of the actuator: m_h and the latency.
+/// Number of figures of each recording: m_h and the latency.
 pub(super) const OWN: usize = 2;
-/// All that one recording depends on.
+/// Number of figures that one recording depends on.
 pub(super) const EACH: usize = SHARED + OWN;
 
-/// Coil and amplifier: what turns a sample into a current.
+/// Places in the fit's vector of the figures that recording `n` depends on.
+pub(super) fn places(n: usize) -> [usize; EACH] {
+    std::array::from_fn(|i| if i < SHARED { i } else { OWN * n + i })
+}
+
+/// Coil and amplifier: from a sample to a current.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coil {
     pub(super) drive: Drive,
     pub(super) resistance: f64,
     pub(super) inductance: f64,
-    /// How long a sample acts \[s\]; 0 where a converter makes a smooth signal of it.
+    /// Time that a sample is held \[s\]; 0 behind a converter that smooths.
     pub(super) hold: f64,
 }
 
-/// What one recording's response follows from, SI units.
+impl Coil {
+    /// Impedance R + L s of a coil under a voltage; 1 for a current.
+    pub(super) fn impedance(&self, s: Complex64) -> Complex64 {
+        match self.drive {
+            Drive::Current => Complex64::from(1.0),
+            Drive::Voltage => s * self.inductance + self.resistance,
+        }
+    }
+}
+
+/// Figures behind one recording's response, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Model {
     pub(super) coil: Coil,
@@ -34,7 +49,7 @@ pub(super) struct Model {
     pub(super) damping: f64,
     pub(super) handle_mass: f64,
     pub(super) latency: f64,
-    /// -1 where coil or accelerometer point the other way.
+    /// -1 if coil or accelerometer point the other way.
     pub(super) sign: f64,
 }
 
@@ -52,18 +67,15 @@ impl Model {
         0.5 * self.damping * (self.inverse_reduced_mass() / self.stiffness).sqrt()
     }
 
-    /// E, P and the denominator D = s^2 E + P / mu, with E = 1 and P = c s + k for a current, E = R + L s and
-    /// P = (c s + k) E + k_f^2 s for a voltage.
+    /// E, P and the denominator D = s^2 E + P / mu. For a current E = 1 and P = c s + k. For a voltage
+    /// E = R + L s and P = (c s + k) E + k_f^2 s.
     fn parts(&self, s: Complex64) -> (Complex64, Complex64, Complex64) {
-        let e = match self.coil.drive {
-            Drive::Current => Complex64::from(1.0),
-            Drive::Voltage => s * self.coil.inductance + self.coil.resistance,
-        };
+        let e = self.coil.impedance(s);
         let p = (s * self.damping + self.stiffness) * e + s * self.emf();
         (e, p, s * s * e + p * self.inverse_reduced_mass())
     }
 
-    /// k_f^2 where the back-EMF acts, else 0.
+    /// k_f^2 if the back-EMF acts, else 0.
     fn emf(&self) -> f64 {
         match self.coil.drive {
             Drive::Current => 0.0,
@@ -71,7 +83,7 @@ impl Model {
         }
     }
 
-    /// What holding does to the answer of mover and coil, and the push on the handle, which is read at once.
+    /// Effect of the hold on mover and coil, and the push on the handle, which is read at once.
     fn held(&self, hz: f64) -> (Complex64, f64) {
         let half = PI * hz * self.coil.hold;
         let push = match self.coil.drive {
@@ -82,12 +94,13 @@ impl Model {
         (polar(droop, -half), push)
     }
 
-    /// Acceleration of the handle per ampere or volt, latency left out.
+    /// Acceleration of the handle per ampere or volt, without latency.
     pub(super) fn response(&self, hz: f64) -> Complex64 {
         Self { latency: 0.0, ..*self }.gradient(hz).0
     }
 
-    /// The response with its latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the latency.
+    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the
+    /// latency.
     pub(super) fn gradient(&self, hz: f64) -> (Complex64, [Complex64; EACH]) {
         let s = Complex64::new(0.0, TAU * hz);
         let (e, p, d) = self.parts(s);

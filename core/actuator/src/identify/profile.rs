@@ -1,4 +1,4 @@
-//! A profile's file from what was found.
+//! Writes a profile from findings.
 
 use std::fmt::Write;
 
@@ -6,10 +6,10 @@ use super::super::ActuatorProfile;
 use super::super::profile::FIELDS;
 use super::{Estimate, Findings, Trust};
 
-/// The text of a profile with the measured figures, such as [`ActuatorProfile::parse`] reads; everything else is copied from
-/// `base`, with its source, and marked an estimate. `date` is written as given.
+/// Text of a profile with the measured figures, for [`ActuatorProfile::parse`]. Other values come from
+/// `base` with their source and are marked as estimates. `date` is written as given.
 ///
-/// Findings of [`Trust::Poor`] are marked estimates too, and the notes stand at the top.
+/// Findings of [`Trust::Poor`] are marked as estimates too. Notes stand at the top.
 pub fn write_profile(findings: &Findings, base: &ActuatorProfile, date: Option<&str>) -> String {
     let mut text = String::new();
     let when = date.map(|d| format!(" on {}", one_line(d))).unwrap_or_default();
@@ -17,7 +17,8 @@ pub fn write_profile(findings: &Findings, base: &ActuatorProfile, date: Option<&
     for m in &findings.recordings {
         let _ = writeln!(
             text,
-            "// On {:.1} g: resonance {:.2} Hz, damping ratio {:.4}, {:.0} dB signal to noise, coherence {:.3}, misfit {:.1} %.",
+            "// On {:.1} g: resonance {:.2} Hz, damping ratio {:.4}, {:.0} dB signal to noise, \
+             coherence {:.3}, misfit {:.1} %.",
             m.handle_mass * 1e3,
             m.natural_hz.value,
             m.damping_ratio.value,

@@ -1,4 +1,4 @@
-//! From two recordings to a frequency response with coherence and noise, and the latency between them.
+//! Frequency response with coherence, noise and latency from two signals.
 
 use asperity_dsp::plans;
 use asperity_numbers::{Elementary as _, polar};
@@ -8,44 +8,44 @@ use realfft::num_complex::Complex64;
 
 use super::{IdentifyError, Recording};
 
-/// Bands an octave.
+/// Bands per octave.
 const BANDS: f64 = 24.0;
-/// Bins a band has at least.
+/// Least bins in a band.
 const LEAST_BINS: usize = 9;
-/// A band belongs to the excited ones if its power is above this part of the strongest band's \[power per bin\].
+/// A band is excited if its power per bin is above this part of the strongest band's.
 const EXCITED: f64 = 1e-4;
-/// Latencies that are looked for \[s\].
+/// Range of latencies \[s\].
 const LATENCY: (f64, f64) = (-0.005, 0.5);
 
-/// A band of neighbouring bins. Latency is taken out of `response`.
+/// A band of neighbouring bins. `response` has the latency removed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Band {
     pub(super) hz: f64,
-    /// First bin, and the one behind the last, counted in [`Spectra::drive`].
+    /// First bin and end, counted in [`Spectra::drive`].
     pub(super) bins: (usize, usize),
     pub(super) response: Complex64,
-    /// Power of the noise in a bin of the acceleration.
+    /// Noise power in a bin of the acceleration.
     pub(super) noise: f64,
     pub(super) coherence: f64,
 }
 
-/// Both signals in the frequency domain, in the band that is used.
+/// Both signals in the frequency domain, within the used band.
 pub(super) struct Spectra {
     pub(super) drive: Vec<Complex64>,
     pub(super) acceleration: Vec<Complex64>,
-    /// Number of the first bin in the whole transform.
+    /// Number of the first bin in the full transform.
     first: usize,
     pub(super) bin_hz: f64,
     len: usize,
-    /// Samples over length of the transform: how many of the bins are independent.
+    /// Samples over transform length: the part of bins that are independent.
     pub(super) independent: f64,
-    /// Power of the acceleration in all bins above the lowest used, the unused ones included.
+    /// Power of the acceleration in all bins above the lowest used one.
     pub(super) whole_power: f64,
     pub(super) bands: Vec<Band>,
 }
 
 impl Spectra {
-    /// Transforms a recording; bands follow with [`Spectra::settle`].
+    /// Transforms a recording. [`Spectra::settle`] makes the bands.
     pub(super) fn new(recording: &Recording<'_>, band_hz: (f64, f64)) -> Result<Self, IdentifyError> {
         let count = recording.drive.len().min(recording.acceleration.len());
         let rate = recording.rate_hz;
@@ -53,7 +53,7 @@ impl Spectra {
         let bin_hz = rate / len as f64;
         let drive = transform(&recording.drive[..count], 0.0, len);
         let heard = &recording.acceleration[..count];
-        // An accelerometer also hears gravity.
+        // An accelerometer also measures gravity.
         let mean = heard.iter().map(|x| f64::from(*x)).sum::<f64>() / count as f64;
         let acceleration = transform(heard, mean, len);
         let lowest = (band_hz.0 / bin_hz).ceil().max(1.0) as usize;
@@ -86,7 +86,7 @@ impl Spectra {
         })
     }
 
-    /// Frequency of bin `n` of the used ones \[Hz\].
+    /// Frequency of used bin `n` \[Hz\].
     pub(super) fn hz(&self, n: usize) -> f64 {
         (self.first + n) as f64 * self.bin_hz
     }
@@ -96,7 +96,8 @@ impl Spectra {
         (self.hz(0), self.hz(self.drive.len() - 1))
     }
 
-    /// The latency at which the drive, through `shape`, is most like the acceleration, and whether it is with the same sign.
+    /// The latency at which the drive, through `shape`, fits the acceleration best, and whether the
+    /// sign is the same.
     pub(super) fn latency(&self, shape: impl Fn(f64) -> Complex64) -> (f64, bool) {
         let mut spectrum = vec![Complex64::default(); self.len / 2 + 1];
         let weight = self.weights();
@@ -105,7 +106,7 @@ impl Spectra {
         }
         let inverse = plans::inverse::<f64>(self.len);
         let mut signal = inverse.make_output_vec();
-        // The spectrum has the plan's length and no DC, so there is nothing it can refuse.
+        // The spectrum has the plan's length and no DC, so it cannot fail.
         let done = inverse.process(&mut spectrum, &mut signal);
         debug_assert!(done.is_ok());
         let rate = self.bin_hz * self.len as f64;
@@ -115,7 +116,7 @@ impl Spectra {
         (best as f64 / rate, at(best) >= 0.0)
     }
 
-    /// 1 over the noise's power, or over the drive's while the noise is not known.
+    /// 1 over the noise power, or over the drive's power while the noise is unknown.
     fn weights(&self) -> Vec<f64> {
         let mut weights: Vec<f64> = self.drive.iter().map(|x| 1.0 / (x.norm_sqr() + 1e-30)).collect();
         for band in &self.bands {
@@ -124,11 +125,12 @@ impl Spectra {
         weights
     }
 
-    /// Finds response, noise and coherence in every band, with `latency` taken out.
+    /// Finds response, noise and coherence in every band, with `latency` removed.
     ///
-    /// In each band the response is a straight line over frequency, fitted by least squares; what the line leaves is noise
-    /// (the local polynomial method of first order: R. Pintelon, J. Schoukens, G. Vandersteen, K. Barbe, "Estimation of
-    /// nonparametric noise and FRF models for multivariable systems", Mech. Syst. Signal Process. 24, 2010).
+    /// In each band the response is a straight line over frequency, fitted by least squares. The
+    /// residual is noise (the local polynomial method of first order: R. Pintelon, J. Schoukens, G.
+    /// Vandersteen, K. Barbe, "Estimation of nonparametric noise and FRF models for multivariable
+    /// systems", Mech. Syst. Signal Process. 24, 2010).
     pub(super) fn settle(&mut self, latency: f64) {
         let mut bands = Vec::new();
         for bins in split(self.first, self.first + self.drive.len()) {
@@ -142,7 +144,7 @@ impl Spectra {
             let (response, noise, coherence) = sums.solve(bins.1 - bins.0);
             bands.push(Band { hz, bins, response, noise, coherence });
         }
-        // A recording without noise still has that of its numbers.
+        // Without noise, rounding is left.
         let floor = 1e-12 * self.whole_power / self.len as f64;
         bands.iter_mut().for_each(|b| b.noise = b.noise.max(floor));
         self.bands = bands;
@@ -165,7 +167,7 @@ impl Line {
         self.yy += y.norm_sqr();
     }
 
-    /// a, what is left per bin, and the part of y's power that x explains.
+    /// a, the residual per bin, and the part of y's power that x explains.
     fn solve(&self, count: usize) -> (Complex64, f64, f64) {
         let [s0, s1, s2] = self.xx;
         let det = s0 * s2 - s1 * s1;
@@ -176,12 +178,12 @@ impl Line {
         let b = (self.xy[1] * s0 - self.xy[0] * s1) / det;
         let explained = (a.conj() * self.xy[0] + b.conj() * self.xy[1]).re;
         let noise = (self.yy - explained).max(0.0) / (count - 2) as f64;
-        // Two of the bins' worth of noise is explained by chance.
+        // Chance explains two bins' worth of noise.
         (a, noise, (1.0 - noise * count as f64 / self.yy).clamp(0.0, 1.0))
     }
 }
 
-/// Bins from `first` to before `end` in bands of equal ratio, none shorter than [`LEAST_BINS`].
+/// Bins `first..end` in bands of equal ratio, none shorter than [`LEAST_BINS`].
 fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
     let mut bands = Vec::new();
     let mut from = first;
@@ -194,7 +196,7 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
     bands
 }
 
-/// The spectrum of `samples` less `offset`, padded with zeros to `len`.
+/// Spectrum of `samples` minus `offset`, zero-padded to `len`.
 pub(super) fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
     let forward = plans::forward::<f64>(len);
     let mut padded = forward.make_input_vec();

@@ -1,41 +1,41 @@
-//! The signal that an actuator is measured with: an exponential sine sweep.
+//! The measuring signal: an exponential sine sweep.
 
 use asperity_numbers::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
 use super::super::ActuatorError;
 
-/// How the amplitude of a [`Sweep`] goes with its frequency.
+/// Amplitude of a [`Sweep`] over frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SweepShape {
-    /// The same at every frequency.
+    /// Constant.
     #[default]
     Flat,
-    /// In proportion to the frequency below [`SweepSettings::corner_hz`], flat above: a current that would move the mover
-    /// far at low frequencies is small there.
+    /// Proportional to frequency below [`SweepSettings::corner_hz`], constant above. So a low-frequency
+    /// current does not move the mover far.
     Displacement,
 }
 
-/// What a [`Sweep`] is made of.
+/// Settings of a [`Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepSettings {
     /// First frequency \[Hz\], 0.5 to 5000.
     pub from_hz: f64,
     /// Last frequency \[Hz\], at least 1.5 times the first and at most 0.45 of the rate.
     pub to_hz: f64,
-    /// How long the sweep is to take \[s\], 0.1 to 120; see [`Sweep::seconds`] for how long it does.
+    /// Wanted length \[s\], 0.1 to 120; [`Sweep::seconds`] is the actual one.
     pub seconds: f64,
-    /// Largest amplitude, in the drive's unit.
+    /// Largest amplitude in the drive's unit.
     pub amplitude: f64,
-    /// How the amplitude goes with the frequency.
+    /// Amplitude over frequency.
     pub shape: SweepShape,
-    /// Where [`SweepShape::Displacement`] becomes flat \[Hz\], 1 to 20000.
+    /// Corner of [`SweepShape::Displacement`] \[Hz\], 1 to 20000.
     pub corner_hz: f64,
-    /// Length of each of the two raised-cosine fades \[s\], 0 to 1, at most half the sweep.
+    /// Length of each raised-cosine fade \[s\], 0 to 1, at most half the sweep.
     pub fade_s: f64,
     /// Silence before \[s\], 0 to 60.
     pub before_s: f64,
-    /// Silence after \[s\], 0 to 60: the latency and the actuator's ringing must end in it.
+    /// Silence after \[s\], 0 to 60. The latency and the ringing must end in it.
     pub after_s: f64,
 }
 
@@ -55,11 +55,12 @@ impl Default for SweepSettings {
     }
 }
 
-/// An exponential sine sweep, each sample a function of its number alone.
+/// An exponential sine sweep. Each sample depends on its number only.
 ///
-/// sin(2 pi f0 L (e^(t/L) - 1)) with L = T / ln(f1 / f0) (A. Farina, "Simultaneous measurement of impulse response and
-/// distortion with a swept-sine technique", AES 108, 2000). L is rounded so that f0 L is whole, which lets the sweep's
-/// harmonics be in phase with sweeps of their own (A. Novak et al., "Synchronized swept-sine", J. Audio Eng. Soc. 63, 2015).
+/// sin(2 pi f0 L (e^(t/L) - 1)) with L = T / ln(f1 / f0) (A. Farina, "Simultaneous measurement of
+/// impulse response and distortion with a swept-sine technique", AES 108, 2000). L is rounded so that
+/// f0 L is whole. Then the sweep's harmonics are in phase with sweeps of their own (A. Novak et al.,
+/// "Synchronized swept-sine", J. Audio Eng. Soc. 63, 2015).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     settings: SweepSettings,
@@ -101,18 +102,18 @@ impl Sweep {
         })
     }
 
-    /// L \[s\]: in this time the frequency grows by the factor e. The k-th harmonic of a drive at a frequency comes L ln(k)
-    /// before the sweep itself reaches the harmonic's frequency.
+    /// L \[s\]: the time in which the frequency grows by the factor e. The k-th harmonic arrives L
+    /// ln(k) before the sweep reaches the harmonic's frequency.
     pub fn time_constant_s(&self) -> f64 {
         self.cycles / self.settings.from_hz
     }
 
-    /// How long the sweep takes \[s\], without the silence: that of the settings, but with f0 L whole.
+    /// Length of the sweep \[s\] without the silence: the set one, adjusted so that f0 L is whole.
     pub fn seconds(&self) -> f64 {
         self.active as f64 / self.rate_hz
     }
 
-    /// All samples, silence included.
+    /// Number of samples, silence included.
     pub fn samples(&self) -> u64 {
         self.before + self.active + self.after
     }
@@ -122,7 +123,7 @@ impl Sweep {
         n >= self.before + self.active
     }
 
-    /// Sample `n` from the beginning of the silence; 0 outside.
+    /// Sample `n`, counted from the beginning of the silence; 0 outside.
     pub fn sample(&self, n: u64) -> f64 {
         let Some(i) = n.checked_sub(self.before).filter(|i| *i < self.active) else { return 0.0 };
         let s = &self.settings;
@@ -142,7 +143,7 @@ impl Sweep {
     }
 }
 
-/// From 0 at 0 to 1 at `length` along half a period of a cosine; 1 after that, or where there is no length.
+/// Rises from 0 at 0 to 1 at `length` along half a cosine. It is 1 after that, or if `length` is 0.
 pub fn raised_cosine(at: f64, length: f64) -> f64 {
     if at < length { 0.5 - 0.5 * (PI * at / length).cosine() } else { 1.0 }
 }

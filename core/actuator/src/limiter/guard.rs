@@ -1,4 +1,4 @@
-//! The limits once more, on what a device gets in the end.
+//! The limits again, on a device's final samples.
 
 use asperity_node::{Coil, Guard};
 use asperity_numbers::Elementary as _;
@@ -6,19 +6,19 @@ use asperity_numbers::Elementary as _;
 use super::run::{Fixed, Given};
 use super::{Drive, Limiter};
 
-/// A sample is left as it is where the walls would move it by less than this part of the peak: what is
-/// rounded to f32 twice, and counted in other units between, comes no closer.
+/// A sample stays as it is if the walls would move it by less than this part of the peak. Double
+/// rounding to f32, with another unit between, stays below.
 const ROUNDING: f64 = 1e-5;
-/// A sample at the peak, rounded to f32 twice, is no further over it.
+/// Largest excess over the peak by rounding to f32 twice.
 const TWICE_ROUNDED: f64 = 2e-7;
-/// DC as the limiter measures it never goes further beyond its ceiling than by what the slew makes late.
+/// The limiter's DC exceeds its ceiling by at most the slew's delay.
 const DC_WALL: f64 = 1.1;
 
-/// Holds what a channel of a device is given to the limits of a [`Limiter`], whichever limiters made it, or
-/// ramps and crossfades behind them. It has the limiter's walls and a simulated coil that gets exactly what
-/// the device gets.
+/// Holds the samples of a device's channel to the limits of a [`Limiter`], whichever limiters made them
+/// and whatever ramps and crossfades follow. It has the limiter's walls and a simulated coil that gets
+/// exactly the device's samples.
 ///
-/// It has no gain of its own: where it must act, it cuts the wave.
+/// It has no gain: where it must act, it cuts the wave.
 #[derive(Clone, Debug)]
 pub struct ChannelGuard {
     fixed: Fixed,
@@ -26,7 +26,7 @@ pub struct ChannelGuard {
     rate_hz: f64,
     cools_in: f64,
     given: Given,
-    /// As the limiter's: 2 pi times its corner times the integral of what was given \[A or V\].
+    /// As in the limiter: 2 pi times its corner times the integral of the output \[A or V\].
     dc: f64,
 }
 
@@ -67,7 +67,7 @@ impl ChannelGuard {
         changed
     }
 
-    /// Radians per second of the DC removal's corner.
+    /// Corner of the DC removal \[rad/s\].
     fn corner(&self) -> f64 {
         self.fixed.dc * self.rate_hz
     }
@@ -102,7 +102,7 @@ impl Guard for ChannelGuard {
 
     fn go_on(&mut self, coil: &Coil) {
         let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
-        // As warm as it is, however little this profile allows: a coil cools by itself.
+        // Heat is kept even if this profile allows less: a coil cools by itself.
         self.given.heat = finite(coil.heat).max(0.0);
         self.given.plant.state =
             [finite(coil.place) * self.fixed.natural, finite(coil.speed), finite(coil.current)];

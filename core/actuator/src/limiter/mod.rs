@@ -1,30 +1,31 @@
-//! The last stage before a device: what no input may do to the coil.
+//! The last stage before a device: protects the coil from any input.
 //!
-//! Every sample goes through the same chain; nothing looks ahead, so nothing is delayed:
+//! Every sample goes through the same chain. Nothing looks ahead, so nothing is delayed:
 //!
-//! 1. A sample that is not finite is replaced by the last good one, fading within milliseconds; input beyond
-//!    four times the peak is cut there, so that no number leaves a long memory.
-//! 2. DC is taken out: u = x - m, and m follows the mean of the *output*, m' = m + w_dc y / rate. While nothing
-//!    limits, this is the first-order high-pass s / (s + w_dc). As m is bounded, so is the output's mean,
-//!    whatever the stages between have done to the wave's symmetry.
-//! 3. One gain of at most 1, which falls at once and comes back slowly. It is the least of: peak / |u|; the
+//! 1. A sample that is not finite becomes the last good one, fading within milliseconds. Input is cut
+//!    at four times the peak, so that no number leaves a long memory.
+//! 2. DC is removed: u = x - m, where m follows the mean of the *output*, m' = m + w_dc y / rate.
+//!    Without limiting this is the first-order high-pass s / (s + w_dc). As m is bounded, the output's
+//!    mean is bounded too, however the later stages skew the wave.
+//! 3. One gain of at most 1 falls at once and recovers slowly. It is the least of: peak / |u|; the
 //!    power the coil may still take over the power of u; stroke / r of a simulated coil driven by u.
-//! 4. Walls, for what the gain, which looks at u, did not foresee. They bound the current by the state of a
-//!    second simulated coil that gets exactly what the device gets.
-//! 5. Peak and slew, exactly, sample by sample.
+//! 4. Walls catch what the gain did not foresee, as it looks at u. They bound the current by the state
+//!    of a second simulated coil that gets exactly the device's samples.
+//! 5. Peak and slew are enforced exactly, sample by sample.
 //!
-//! **Heat.** e is the mean of I^2 over the coil's thermal time constant tau (a first-order mean, as a coil
-//! warms). The wall lets I^2 be at most I_r^2 + (I_r^2 - e) tau / T: then e approaches the rating I_r^2 with time
-//! constant T, at least four times what the current takes to follow the wall, and never passes it. The gain does the same with a longer T and 2 %
-//! below, without cutting the wave. What no voltage can stop, a coil that brakes its own motion, is bounded by that motion: see below.
+//! **Heat.** e is the mean of I^2 over the coil's thermal time constant tau (first order, as a coil
+//! warms). The wall allows I^2 <= I_r^2 + (I_r^2 - e) tau / T. Then e approaches the rating I_r^2 with
+//! time constant T and never passes it. T is at least four times the time that the current takes to
+//! follow the wall. The gain does the same with a longer T and 2 % below, without cutting the wave. No
+//! voltage can stop a coil that brakes its own motion; its heat is bounded by that motion, see below.
 //!
-//! **Stroke.** What is bounded is r = sqrt(x^2 + (x' / w_n)^2), the swing that would follow if the drive ceased
-//! at this moment; |x| is never larger. A drive that puts energy in is cut to what lets r^2 approach the stroke
-//! with a time constant of a fraction of a millisecond. What it puts in is judged at the speed that the current which
-//! flows, and the one that is wanted, would bring before they can end; what the damping takes out, at the speed there
-//! is. A drive that takes energy out is not cut unless it would turn the mover around within a sample. Under a voltage drive r is held, too, to what the coil
-//! could bear as heat beside e, were it shorted now: e + (w_n r)^2 mu k_f^2 / (2 R tau (R c + k_f^2))
-//! goes little over I_r^2.
+//! **Stroke.** The bound is on r = sqrt(x^2 + (x' / w_n)^2), the swing that would follow if the drive
+//! stopped now; |x| is never larger. A drive that adds energy is cut so that r^2 approaches the stroke
+//! with a time constant of a fraction of a millisecond. Added energy is judged at the speed that the
+//! present and the wanted current would still bring before they can end; energy lost to damping, at the
+//! present speed. A drive that removes energy is not cut unless it would turn the mover around within a
+//! sample. Under a voltage r is also bounded by the heat that the coil could bear beside e if it were
+//! shorted now: e + (w_n r)^2 mu k_f^2 / (2 R tau (R c + k_f^2)) goes little over I_r^2.
 
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
@@ -39,19 +40,20 @@ use super::{ActuatorError, Drive, Dynamics, Plant};
 pub use guard::ChannelGuard;
 use run::{Fixed, Given, Run};
 
-/// What may be chosen about the limiter; none of it can switch it off.
+/// Settings of a limiter. None can switch it off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimiterSettings {
-    /// Corner of the DC removal, a first-order high-pass \[Hz\], 0.5 to 20. At 5 Hz: -0.06 dB at 40 Hz.
+    /// Corner of the DC removal, a first-order high-pass \[Hz\], 0.5 to 20. At 5 Hz it costs 0.06 dB at
+    /// 40 Hz.
     pub dc_corner_hz: f64,
-    /// A sine of peak amplitude up to this frequency is not limited in slew \[Hz\], 500 to 20000.
+    /// A sine of peak amplitude up to this frequency passes the slew limit \[Hz\], 500 to 20000.
     pub slew_hz: f64,
-    /// How fast the gain comes back after limiting: time constant \[s\], 0.01 to 5. Ridges of a grating have
-    /// high peaks: a gain that stays down between them takes level away.
+    /// Recovery of the gain after limiting: time constant \[s\], 0.01 to 5. A grating's ridges have
+    /// high peaks; a gain that stays low between them costs level.
     pub release_s: f64,
-    /// How long muting takes \[s\], 0.001 to 0.02.
+    /// Fade-out time of muting \[s\], 0.001 to 0.02.
     pub mute_s: f64,
-    /// How long coming back from muting takes \[s\], 0.001 to 2.
+    /// Fade-in time after muting \[s\], 0.001 to 2.
     pub unmute_s: f64,
 }
 
@@ -61,7 +63,7 @@ impl Default for LimiterSettings {
     }
 }
 
-/// What the limiter holds to, in SI units.
+/// Limits that are enforced, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest |y| \[A or V\].
@@ -78,29 +80,29 @@ pub struct Limits {
     pub stroke: f64,
 }
 
-/// What the limiter has done since construction. Plain numbers; reading allocates nothing.
+/// Counts and extremes since construction. Reading allocates nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LimiterReport {
-    /// Samples given out.
+    /// Output samples.
     pub samples: u64,
-    /// Input samples that were not finite or were not there.
+    /// Input samples that were missing or not finite.
     pub not_finite: u64,
-    /// Samples lowered because they were over the peak.
+    /// Samples lowered to the peak.
     pub peak: u64,
-    /// Samples held back because they changed too fast.
+    /// Samples held back by the slew limit.
     pub slew: u64,
-    /// Samples lowered to keep the coil cool.
+    /// Samples lowered because of the coil's heat.
     pub rms: u64,
-    /// Samples lowered to keep the mover within its stroke.
+    /// Samples lowered because of the stroke.
     pub stroke: u64,
     /// Samples lowered by muting.
     pub muted: u64,
-    /// Samples at which the gain was below 1, recovering included.
+    /// Samples with a gain below 1, recovery included.
     pub reduced: u64,
-    /// The least gain there was, 1 for none.
+    /// Least gain, 1 for none.
     pub least_gain: f64,
-    /// Largest |y| given out \[A or V\].
+    /// Largest |y| \[A or V\].
     pub largest: f64,
     /// Rms current over the coil's thermal time constant, now \[A\].
     pub rms_current: f64,
@@ -108,7 +110,7 @@ pub struct LimiterReport {
     pub largest_rms_current: f64,
     /// Largest |x| of the simulated mover \[m\].
     pub largest_displacement: f64,
-    /// DC that is being taken out, now \[A or V\].
+    /// DC being removed now \[A or V\].
     pub dc: f64,
 }
 
@@ -130,12 +132,12 @@ impl LimiterReport {
         dc: 0.0,
     };
 
-    /// The most the gain was reduced \[dB\], 0 for not at all.
+    /// Largest reduction of the gain \[dB\], 0 for none.
     pub fn largest_reduction_db(&self) -> f64 {
         -20.0 * self.least_gain.max(1e-20).log_10()
     }
 
-    /// Whether any sample was changed by anything but the DC removal.
+    /// Whether anything but the DC removal changed a sample.
     pub fn acted(&self) -> bool {
         self.not_finite + self.peak + self.slew + self.rms + self.stroke + self.muted + self.reduced > 0
     }
@@ -143,39 +145,40 @@ impl LimiterReport {
 
 const DC_CORNER_HZ: RangeInclusive<f64> = 0.5..=20.0;
 const RELEASE_S: RangeInclusive<f64> = 0.01..=5.0;
-/// Input is cut at so many peaks.
+/// Input is cut at this many peaks.
 const CEILING: f64 = 4.0;
-/// The gain aims at this part of the rated current, and of the stroke; the walls stand at the limits.
+/// The gain aims at this part of the rated current and of the stroke. The walls stand at the limits.
 const RMS_AIM: f64 = 0.98;
 const STROKE_AIM: f64 = 0.95;
 const STROKE_WALL: f64 = 0.98;
-/// The wall to the heat gives way no faster than in so many times what the current takes to follow it.
+/// The heat wall gives way no faster than this many times the current's lag.
 const WALL_LAGS: f64 = 4.0;
-/// To this part of the square of the rated current the coil may warm by its own motion.
+/// Part of the squared rated current up to which a coil may warm by its own motion.
 const SHORTED: f64 = 1.015;
-/// The slew is held by this little more than asked, for the rounding to f32.
+/// The slew limit is this part of the stated one, for rounding to f32.
 const SLEW_MARGIN: f64 = 0.999;
 const TINY: f64 = 1e-30;
 
-/// Guards an actuator; see the module for how.
+/// Protects an actuator. The module describes how.
 ///
-/// Guaranteed for any input, as simulated with the [`Dynamics`] it was made with: every output is finite, at most
-/// [`Limits::peak`] and no further than [`Limits::slew_per_sample`] from the one before; the rms current over the
-/// thermal time constant is at most 1 % over the rating (but see below for a voltage drive), the mover within its stroke.
-/// The output's mean over T seconds is at most `8 peak / (2 pi dc_corner_hz T)`. A signal that comes near none of these
-/// passes with the DC removal as its only change, rounded to f32.
+/// Guaranteed for any input, as simulated with its [`Dynamics`]: every output is finite, at most
+/// [`Limits::peak`], and no further than [`Limits::slew_per_sample`] from the one before. The rms
+/// current over the thermal time constant is at most 1 % over the rating (for a voltage see below), and
+/// the mover stays within its stroke. The output's mean over T seconds is at most `8 peak / (2 pi
+/// dc_corner_hz T)`. A signal well within the limits is changed by the DC removal only, rounded to f32.
 ///
-/// In a random search over 28 694 actuators like the shipped one, 16 790 of them under a voltage drive, with inputs that follow the mover to its wall, squares
-/// of 0.5 to 40 times its resonance, and muting by turns, the farthest went to 0.9996 of its stroke (0.980 under a current drive) and the warmest to 1.0002 of its
-/// rating. A larger one, of 208 350 under a voltage drive, found one that came to 1.024 of its rating. Before the swing was bounded by its heat there were
-/// coils up to 10 % over (`tests/heat.rs` keeps eight).
+/// A random search covered 28 694 actuators like the shipped one, 16 790 of them under a voltage, with
+/// inputs that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by
+/// turns. The farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its
+/// rating. A larger search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the
+/// swing was bounded by its heat, coils came up to 10 % over (`tests/heat.rs` keeps eight).
 ///
-/// The thermal mean is of first order, as a coil warms; a mean over a window as long as the time constant can read
-/// up to sqrt(2) of the rating just after a cold start.
+/// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can
+/// read up to sqrt(2) of the rating just after a cold start.
 ///
-/// 96 samples take 1.1 us (current) or 1.3 us (voltage) while nothing is limited, 1.5 us or 1.8 us at five times
-/// the peak, medians on one of 2 cores of a shared server-class x86-64 with AVX-512; `examples/actuator_cost.rs`
-/// measures it.
+/// 96 samples take 1.1 us (current) or 1.3 us (voltage) without limiting, 1.5 us or 1.8 us at five
+/// times the peak: medians on one of 2 cores of a shared server-class x86-64 with AVX-512, by
+/// `benches/actuator.rs`.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     fixed: Fixed,
@@ -187,11 +190,11 @@ pub struct Limiter {
 }
 
 impl Limiter {
-    /// A limiter for an actuator on its handle; it starts at rest, cold and not muted.
+    /// A limiter for an actuator on its handle: at rest, cold and not muted.
     ///
     /// # Errors
-    /// Settings out of their ranges; a rate below 4 kHz, above 1 MHz, or below 16 times the actuator's resonance;
-    /// an actuator too strong for its stroke at this rate and slew.
+    /// A setting out of range; a rate below 4 kHz, above 1 MHz, or below 16 times the resonance; an
+    /// actuator too strong for its stroke at this rate and slew.
     pub fn new(
         dynamics: &Dynamics,
         drive: Drive,
@@ -213,7 +216,7 @@ impl Limiter {
             Drive::Current => dynamics.peak_current,
             Drive::Voltage => dynamics.peak_voltage,
         };
-        // An f32 that is not above the peak.
+        // The largest f32 not above the peak.
         let mut peak = exact_peak as f32;
         if f64::from(peak) > exact_peak {
             peak = peak.next_down();
@@ -222,13 +225,13 @@ impl Limiter {
         let slew = (TAU * s.slew_hz * peak / rate_hz).min(2.0 * peak);
         let (tau, mu) = (dynamics.thermal_time_constant, dynamics.reduced_mass());
         let natural = dynamics.natural_rad_s();
-        // What a current takes to end at least, and the units of a sample that an ampere is.
+        // Least time for a current to end, and units of a sample in an ampere.
         let (coil, per_amp) = match drive {
             Drive::Current => (0.0, 1.0),
             Drive::Voltage => (dynamics.inductance / dynamics.resistance, dynamics.resistance),
         };
         let lag = 1.0 / rate_hz + coil;
-        // The current must be able to follow the walls: from peak to peak, and through the coil.
+        // The current must be able to follow the walls from peak to peak, through the coil.
         let swing_time = (8.0 / (TAU * s.slew_hz)).max(5e-4) + 4.0 * coil;
         guard(dynamics, drive, lag, lag + 0.5 * per_amp * dynamics.peak_current / (slew * rate_hz))?;
         let rated = dynamics.rated_current.powi(2);
@@ -285,25 +288,25 @@ impl Limiter {
         Ok(Self { fixed, drive, rate_hz, limits, run, muted: false })
     }
 
-    /// What it holds to.
+    /// The limits.
     pub fn limits(&self) -> Limits {
         self.limits
     }
 
-    /// What a sample is.
+    /// The meaning of a sample.
     pub fn drive(&self) -> Drive {
         self.drive
     }
 
-    /// Sets the corner of the DC removal \[Hz\], between any two blocks; see [`LimiterSettings::dc_corner_hz`]. The DC
-    /// that was found stays, and only how fast it follows changes. Outside 0.5 to 20 nothing does.
+    /// Sets the corner of the DC removal \[Hz\] between blocks; see [`LimiterSettings::dc_corner_hz`].
+    /// The DC found so far stays. Outside 0.5 to 20 nothing changes.
     pub fn set_dc_corner(&mut self, hz: f64) {
         if DC_CORNER_HZ.contains(&hz) {
             self.fixed.dc = dc_part(hz, self.rate_hz);
         }
     }
 
-    /// Sets how fast the gain comes back \[s\], between any two blocks; see [`LimiterSettings::release_s`]. The gain
+    /// Sets the recovery of the gain \[s\] between blocks; see [`LimiterSettings::release_s`]. The gain
     /// itself does not jump. Outside 0.01 to 5 nothing changes.
     pub fn set_release(&mut self, seconds: f64) {
         if RELEASE_S.contains(&seconds) {
@@ -311,18 +314,18 @@ impl Limiter {
         }
     }
 
-    /// Fades to zero, or back. While muted the input still counts for DC and for what it would have asked of
-    /// the coil, so that coming back is smooth.
+    /// Fades to zero or back. Muted input still counts for DC and for the simulated coil, so that the
+    /// return is smooth.
     pub fn set_muted(&mut self, muted: bool) {
         self.muted = muted;
     }
 
-    /// Whether it fades to zero, or is there.
+    /// Whether it is muted.
     pub fn is_muted(&self) -> bool {
         self.muted
     }
 
-    /// What it has done so far.
+    /// Counts and extremes so far.
     pub fn report(&self) -> LimiterReport {
         let run = &self.run;
         LimiterReport {
@@ -334,8 +337,8 @@ impl Limiter {
         }
     }
 
-    /// Fills `output` \[A or V\] from `input` \[A or V\]. Blocks of any length give the same samples; where input
-    /// is shorter than output, the missing samples count as not finite and fade. No allocation.
+    /// Fills `output` \[A or V\] from `input` \[A or V\]. The block length does not matter. Missing
+    /// input counts as not finite and fades. No allocation.
     pub fn process(&mut self, input: &[f32], output: &mut [f32]) {
         match self.drive {
             Drive::Current => self.run.block::<false>(&self.fixed, self.muted, input, output),
@@ -344,23 +347,25 @@ impl Limiter {
         self.run.settle(&self.fixed);
     }
 
-    /// Whether silence gives silence: the signal has ended, the coil lies still and the gain is back. It may still be warm.
+    /// Whether silence gives silence: the signal has ended, the coil lies still and the gain is back.
+    /// The coil may still be warm.
     pub fn rests(&self) -> bool {
         !self.muted && self.run.rests()
     }
 
-    /// As [`process`](Self::process) of so many samples of silence while it [rests](Self::rests), to the bit.
+    /// The same to the bit as [`process`](Self::process) of so many samples of silence, while it
+    /// [rests](Self::rests).
     pub fn rest(&mut self, samples: usize) {
         self.run.rest(&self.fixed, samples);
         self.run.settle(&self.fixed);
     }
 
-    /// What it remembers: the signal so far, its gain, where the coil is and how warm; not the report.
+    /// State: the signal, the gain, and the coil's motion and heat. The report is not part of it.
     ///
-    /// A limiter with other settings, or for another actuator, goes on from it within its own limits: a last sample
-    /// above its peak counts as one at the peak, and a coil that is too warm for it gets nothing until it has cooled.
-    /// For another kind of drive only the coil's motion and heat are taken over. What no limiter could have come
-    /// to is refused, and changes nothing.
+    /// A limiter with other settings or for another actuator goes on from it within its own limits: a
+    /// last sample above its peak counts as at the peak, and a coil too warm for it gets nothing until
+    /// it has cooled. For another kind of drive only the coil's motion and heat are taken over. A state
+    /// that no limiter can reach is refused and changes nothing.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut voltage = self.drive == Drive::Voltage;
         let mut run = self.run.clone();
@@ -380,8 +385,8 @@ impl Limiter {
         }
     }
 
-    /// Takes note that the coil is at least as warm as this \[A^2\], as what outlives this limiter knows it.
-    /// A difference of less than 1 % is what lies between two threads that look at the same coil.
+    /// Raises the coil's heat to at least this \[A^2\], as known elsewhere. Differences below 1 % are
+    /// ignored: they arise between two threads that look at the same coil.
     pub fn warm(&mut self, heat: f64) {
         let given = &mut self.run.given;
         if heat.is_finite() && heat > 1.01 * given.heat && heat > 1e-6 * self.fixed.rated {
@@ -389,14 +394,14 @@ impl Limiter {
         }
     }
 
-    /// A guard that holds a device's channel to the same limits, at rest and cold.
+    /// A guard that holds a device's channel to the same limits: at rest and cold.
     pub fn guard(&self) -> ChannelGuard {
         ChannelGuard::new(self)
     }
 
-    /// Starts a new signal at rest: forgets input and motion, but neither the coil's heat nor the report.
+    /// Starts a new signal at rest. The coil's heat and the report stay.
     ///
-    /// The next output may differ from the last by up to the slew, as always.
+    /// The next output may differ from the last by up to the slew.
     pub fn reset(&mut self) {
         let run = &mut self.run;
         (run.good, run.dc, run.power, run.gain, run.bearable) = (0.0, 0.0, 0.0, 1.0, 1.0);
@@ -404,19 +409,20 @@ impl Limiter {
     }
 }
 
-/// How much of a sample the DC that is taken out follows.
+/// Part of a sample that the removed DC follows.
 fn dc_part(corner_hz: f64, rate_hz: f64) -> f64 {
     TAU * corner_hz / rate_hz
 }
 
-/// How much of its way back the gain goes in a sample.
+/// Part of its way back that the gain goes in a sample.
 fn release_part(release_s: f64, rate_hz: f64) -> f64 {
     -(-1.0 / (release_s * rate_hz)).exp_less_1()
 }
 
-/// By how much the mean of I^2 rises at most, per square of w_n r, r being the swing, when nothing but its own motion drives a coil: when muting shorts it, or
-/// when its back-EMF is beyond the peak voltage. Of the energy mu (w_n r)^2 / 2 the part `(k_f^2 / R) / (c + k_f^2 / R)` becomes heat in the coil, and R tau is what warms
-/// it by 1 A^2. 0 for a current drive, against which no motion drives.
+/// Largest rise of the mean of I^2 per square of w_n r (r is the swing) when only its own motion drives
+/// a coil: shorted by muting, or with a back-EMF beyond the peak voltage. Of the energy mu (w_n r)^2 /
+/// 2 the part `(k_f^2 / R) / (c + k_f^2 / R)` heats the coil. R tau warms it by 1 A^2. It is 0 for a
+/// current drive, which no motion drives.
 fn warmth_of_swing(d: &Dynamics, drive: Drive) -> f64 {
     let braked = d.force_factor.powi(2) / d.resistance;
     let part = braked / (d.damping + braked);
@@ -424,9 +430,9 @@ fn warmth_of_swing(d: &Dynamics, drive: Drive) -> f64 {
     if drive == Drive::Current { 0.0 } else { warms }
 }
 
-/// Refuses an actuator that no limiter without foresight could keep within its stroke: one whose current still
-/// pushes too far while it ends, or whose back-EMF acts before a sample does. Beyond these bounds, though not
-/// close to them, random search finds inputs that pass the stroke.
+/// Refuses actuators that no limiter without foresight keeps within their stroke: the current still
+/// pushes too far while it ends, or the back-EMF acts within a sample. Well beyond these bounds random
+/// search finds inputs that pass the stroke.
 fn guard(d: &Dynamics, drive: Drive, lag: f64, end: f64) -> Result<(), ActuatorError> {
     let push = d.force_factor * d.peak_current / d.reduced_mass();
     let share = push * end / (d.natural_rad_s() * d.stroke);

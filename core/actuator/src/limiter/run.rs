@@ -1,11 +1,11 @@
-//! One sample after another: the limiter's loop. The order of its stages is told in the parent module.
+//! The limiter's loop over samples. The parent module describes its stages.
 
 use asperity_state::State;
 
 use super::super::Plant;
 use super::{LimiterReport, TINY};
 
-/// What does not change from sample to sample.
+/// Constants of a limiter.
 #[derive(Clone, Debug)]
 pub(super) struct Fixed {
     pub(super) peak: f64,
@@ -27,13 +27,13 @@ pub(super) struct Fixed {
     // Squares of w_n x.
     pub(super) swing_aim: f64,
     pub(super) swing_wall: f64,
-    // The square of a current, and of a swing over that of a current: what may become heat.
+    // Square of a current, and of a swing over that of a current: swings that may become heat.
     pub(super) coolness: f64,
     pub(super) per_warmth: f64,
     // 1 / (2 T) and c / mu, both over k_f / mu.
     pub(super) approach: f64,
     pub(super) drag: f64,
-    // The speed that a current gives before it can end: per ampere, and per ampere squared.
+    // Speed that a current gives before it can end: per ampere, and per ampere squared.
     pub(super) kick: f64,
     pub(super) creep: f64,
     pub(super) natural: f64,
@@ -41,7 +41,7 @@ pub(super) struct Fixed {
     pub(super) emf: f64,
 }
 
-/// What does.
+/// State of a limiter.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     pub(super) report: LimiterReport,
@@ -50,13 +50,13 @@ pub(super) struct Run {
     pub(super) dc: f64,
     pub(super) gain: f64,
     pub(super) mute: f64,
-    // What u does to the coil, and what y does.
+    // The coil under u, and under y.
     pub(super) asked: Plant,
     pub(super) power: f64,
     pub(super) given: Given,
 }
 
-/// The coil and its mover with all that they were given.
+/// The coil under all samples so far.
 #[derive(Clone, Debug)]
 pub(super) struct Given {
     pub(super) plant: Plant,
@@ -68,7 +68,7 @@ pub(super) struct Given {
     pub(super) farthest: f64,
 }
 
-/// A sample that holds to the limits, and which of them it would have passed.
+/// A sample within the limits, and which limits acted.
 pub(super) struct Held {
     pub(super) sample: f64,
     peak: bool,
@@ -83,8 +83,8 @@ impl Given {
         Self { plant, last: 0.0, heat: 0.0, hottest: 0.0, farthest: 0.0 }
     }
 
-    /// The nearest to `want` that may be given now: walls for heat and stroke, then peak and slew, exactly.
-    /// With `meek`, nothing is given where only a drive against `want` would do.
+    /// The nearest sample to `want` that is allowed: walls for heat and stroke, then peak and slew,
+    /// exactly. With `meek`, a drive against `want` becomes 0.
     #[inline(always)]
     pub(super) fn hold<const VOLTAGE: bool>(&self, f: &Fixed, mut want: f64, meek: bool) -> Held {
         let (mut over_peak, mut over_rms, mut over_stroke, mut over_slew) = (false, false, false, false);
@@ -92,16 +92,14 @@ impl Given {
         let [gx, gv, gi] = self.plant.state;
         let current = if VOLTAGE { (want - f.emf * gv) / f.resistance } else { want };
         let mut bounded = current;
-        // The speed there would be once the current that flows had gone down as fast as it may; the same, had
-        // it first lasted for the lag; and had `current` flowed for the lag, which tells whether it turns the
-        // mover around.
+        // Speeds: once the present current has gone down as fast as it may; if it lasted for the lag
+        // first; if `current` flowed for the lag, which tells whether it turns the mover around.
         let ended = gv + f.creep * gi * gi.abs();
         let lasted = ended + f.kick * gi;
         let kicked = ended + f.kick * current;
         let work = larger(current * lasted, current * kicked);
         let square = lasted * lasted;
-        // The damping is counted on at the least of the speeds.
-        // A swing may yet become heat.
+        // The damping counts at the least of the speeds. A swing may still become heat.
         let wall = if VOLTAGE {
             smaller(f.swing_wall, (f.coolness - self.heat) * f.per_warmth)
         } else {
@@ -138,13 +136,13 @@ impl Given {
         Held { sample: want, peak: over_peak, slew: over_slew, rms: over_rms, stroke: over_stroke }
     }
 
-    /// Applies a sample to the coil.
+    /// Gives a sample to the coil.
     #[inline(always)]
     pub(super) fn take<const VOLTAGE: bool>(&mut self, f: &Fixed, y: f64) {
         let gi = self.plant.state[2];
         self.last = y;
         self.plant.advance(y);
-        // Heat by the larger of the currents at both ends of the interval.
+        // Heats by the larger current of both ends of the interval.
         let end = self.plant.state[2];
         self.heat += f.heat * (if VOLTAGE { (end * end).max(gi * gi) } else { end * end } - self.heat);
         self.hottest = self.hottest.max(self.heat);
@@ -156,7 +154,7 @@ impl Given {
         self.plant.state.iter_mut().chain([&mut self.heat]).for_each(end_tail);
     }
 
-    /// Cools a coil that lies still.
+    /// Cools a coil at rest.
     pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
         if self.heat != 0.0 {
             for _ in 0..samples {
@@ -191,7 +189,7 @@ impl Run {
             && [self.gain, self.bearable, self.mute].iter().all(|x| *x == 1.0)
     }
 
-    /// What silence does to it then: the coil cools.
+    /// Advances through silence at rest: the coil cools.
     pub(super) fn rest(&mut self, f: &Fixed, samples: usize) {
         self.report.samples += samples as u64;
         self.given.rest(f, samples);
@@ -221,13 +219,13 @@ impl Run {
         let u = self.good - self.dc;
         let mut want = u * self.gain;
 
-        // What the input so far would do to the coil, and the gain that makes it bearable, for the next sample:
-        // roots and divisions stay off the path from one sample to the next, and the bounds below see to this one.
+        // The input's effect on the coil gives the gain for the next sample. So roots and divisions are
+        // off the critical path. The bounds below protect this sample.
         let (mut over_peak, mut over_rms, mut over_stroke) = (u.abs() > f.peak, false, false);
         self.asked.advance(u);
         let [ax, av, ai] = self.asked.state;
         self.power += f.short * (ai * ai - self.power);
-        // The square of the gain as a fraction, so that whatever limits costs one root.
+        // The squared gain as a fraction, so that one root is enough.
         let (mut over, mut under) = (1.0, 1.0);
         let allowed = f.aim + (f.aim - self.given.heat) * f.budget;
         if self.power > allowed {
@@ -260,7 +258,7 @@ impl Run {
             count.muted += u64::from(self.mute < 1.0);
         }
 
-        // Muting never asks for a voltage of its own to hold the current down.
+        // Muting never applies a voltage of its own to hold the current down.
         let held = self.given.hold::<VOLTAGE>(f, want, self.mute < 1.0);
         count.peak += u64::from(over_peak || held.peak);
         count.rms += u64::from(over_rms || held.rms);
@@ -283,7 +281,7 @@ impl Run {
         given.plant.state(state);
     }
 
-    /// Holds what was restored to what these limits allow, and answers whether that could be done.
+    /// Holds a restored state to the limits. False if that is impossible.
     pub(super) fn hold(&mut self, f: &Fixed) -> bool {
         // NaN is not within.
         let parts = [self.gain, self.bearable, self.mute].iter().all(|x| (0.0..=1.0).contains(x));
@@ -295,7 +293,7 @@ impl Run {
         parts && squares && signals
     }
 
-    /// Ends tails before they become denormal, and bounds what no input has yet been seen to drive far.
+    /// Ends tails before they become denormal. Also bounds values that no known input drives far.
     pub(super) fn settle(&mut self, f: &Fixed) {
         self.dc = self.dc.clamp(-2.0 * f.ceiling, 2.0 * f.ceiling);
         self.given.settle();
@@ -311,8 +309,8 @@ fn end_tail(x: &mut f64) {
     }
 }
 
-/// The largest current in the direction of `current` whose work, at `lasted` and at the speed that the current itself gives
-/// before it can end, is at most `room`, both over k_f / mu.
+/// The largest current towards `current` whose work is at most `room`: at `lasted`, and at the speed it
+/// gives before it can end. Work and room are over k_f / mu.
 #[inline(always)]
 fn held_back(current: f64, ended: f64, lasted: f64, room: f64, kick: f64) -> f64 {
     let along = 1.0f64.copysign(current);
@@ -325,7 +323,7 @@ fn held_back(current: f64, ended: f64, lasted: f64, room: f64, kick: f64) -> f64
     along * most.min(current.abs())
 }
 
-// One instruction each, as neither is to be right for NaN.
+// One instruction each. Neither has to be right for NaN.
 #[inline(always)]
 fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }

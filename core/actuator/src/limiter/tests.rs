@@ -1,5 +1,5 @@
-//! The actuator that judges is integrated by Runge-Kutta from the equations of its two masses, or is the exact
-//! plant where minutes pass; the limiter's own simulations are never asked.
+//! The judge integrates the equations of both masses by Runge-Kutta, or uses the exact plant over
+//! minutes. It never asks the limiter's own simulations.
 
 use std::f64::consts::TAU;
 
@@ -35,7 +35,7 @@ fn run(limiter: &mut Limiter, input: &[f32]) -> Vec<f32> {
 }
 
 #[test]
-fn two_minutes_at_full_scale_on_the_resonance_stay_in_all_limits() {
+fn two_minutes_at_resonance_stay_within_limits() {
     for drive in [Drive::Current, Drive::Voltage] {
         let d = hapcoil(100.0);
         let mut limiter = limiter(drive);
@@ -56,7 +56,7 @@ fn two_minutes_at_full_scale_on_the_resonance_stay_in_all_limits() {
         let rms = hottest.sqrt() / d.rated_current;
         assert!(worst <= d.stroke && worst > 0.8 * d.stroke, "{drive:?} {worst}");
         assert!(rms <= 1.0 && rms > 0.9, "{drive:?} {rms}");
-        // What comes out is a sine still: the gain does the work, not the walls.
+        // The output is still a sine: the gain acts, not the walls.
         let wave: Vec<f64> = last.iter().map(|y| f64::from(*y)).collect();
         let fundamental = lock_in(&wave, 65.0, RATE).norm_sqr() / 2.0;
         let total = wave.iter().map(|y| y * y).sum::<f64>() / wave.len() as f64;
@@ -66,7 +66,7 @@ fn two_minutes_at_full_scale_on_the_resonance_stay_in_all_limits() {
 }
 
 #[test]
-fn what_exceeds_nothing_passes_with_the_dc_removal_alone() {
+fn quiet_signal_passes_with_dc_removal_only() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut limiter = limiter(drive);
         let peak = limiter.limits().peak;
@@ -93,7 +93,7 @@ fn what_exceeds_nothing_passes_with_the_dc_removal_alone() {
 }
 
 #[test]
-fn a_sine_at_97_percent_of_the_rated_current_is_left_alone_and_one_above_is_brought_there() {
+fn sine_above_the_rated_current_is_brought_to_it() {
     let rated = hapcoil(100.0).rated_current * 2f64.sqrt();
     let mut quiet = limiter(Drive::Current);
     for _ in 0..20 {
@@ -108,14 +108,14 @@ fn a_sine_at_97_percent_of_the_rated_current_is_left_alone_and_one_above_is_brou
     let rms = (y.iter().map(|y| f64::from(*y).powi(2)).sum::<f64>() / y.len() as f64).sqrt();
     assert!((rms / hapcoil(100.0).rated_current - 0.98).abs() < 0.02, "{rms}");
     assert!(loud.report().largest_rms_current <= hapcoil(100.0).rated_current);
-    // The first tenth of a second, on a cold coil, was let through.
+    // A cold coil passes the first tenth of a second.
     let mut cold = limiter(Drive::Current);
     run(&mut cold, &sine(2.5 * rated, 250.0, 4800));
     assert_eq!(cold.report().rms, 0);
 }
 
 #[test]
-fn it_recovers_to_the_same_samples_as_if_nothing_had_been() {
+fn limiter_recovers_to_the_same_samples() {
     for bad in [f32::NAN, f32::INFINITY, 1e30, -3.0] {
         let (mut hurt, mut whole) = (limiter(Drive::Current), limiter(Drive::Current));
         let fine = sine(0.1, 130.0, 48_000);
@@ -140,11 +140,11 @@ fn it_recovers_to_the_same_samples_as_if_nothing_had_been() {
 }
 
 #[test]
-fn dc_is_taken_out_and_an_asymmetric_wave_leaves_none() {
+fn dc_is_removed_from_constant_and_asymmetric_input() {
     let mut constant = limiter(Drive::Current);
     let y = run(&mut constant, &vec![0.2; 96_000]);
     assert!(y[95_999].abs() < 1e-6 && (constant.report().dc - 0.2).abs() < 1e-6);
-    // Pulses far over the peak: clipping them cannot make a mean.
+    // Pulses far over the peak: clipping makes no mean.
     let mut pulses = limiter(Drive::Voltage);
     let x: Vec<f32> = (0..480_000).map(|n| if n % 480 < 24 { 40.0 } else { 0.0 }).collect();
     let y = run(&mut pulses, &x);
@@ -153,7 +153,7 @@ fn dc_is_taken_out_and_an_asymmetric_wave_leaves_none() {
 }
 
 #[test]
-fn muting_is_silent_within_20_ms_and_comes_back_as_smoothly() {
+fn muting_is_silent_within_20_ms_and_returns_smoothly() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut limiter = limiter(drive);
         let x = sine(0.4 * limiter.limits().peak, 65.0, 48_000);
@@ -194,11 +194,11 @@ fn blocks_of_any_length_give_the_same_samples() {
 }
 
 #[test]
-fn to_rest_is_to_be_given_silence_to_the_bit() {
+fn rest_equals_silence_to_the_bit() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut long = limiter(drive);
         assert!(long.rests());
-        // Loud enough for every stage to have something to remember.
+        // Loud, so that every stage has a state.
         run(&mut long, &sine(20.0, 80.0, 48_000));
         let mut seconds = 0;
         while !long.rests() {
@@ -223,7 +223,7 @@ fn to_rest_is_to_be_given_silence_to_the_bit() {
 }
 
 #[test]
-fn a_decayed_tail_is_zero_and_never_denormal() {
+fn decayed_tail_is_zero_and_never_denormal() {
     let mut limiter = limiter(Drive::Voltage);
     run(&mut limiter, &sine(1.0, 100.0, 4800));
     for _ in 0..20 {
@@ -234,7 +234,7 @@ fn a_decayed_tail_is_zero_and_never_denormal() {
 }
 
 #[test]
-fn an_actuator_that_cannot_be_guarded_is_refused_and_the_shipped_one_is_not_near() {
+fn actuator_that_cannot_be_guarded_is_refused() {
     let mut strong = hapcoil(100.0);
     strong.stroke = 2e-5;
     let made = Limiter::new(&strong, Drive::Current, RATE, LimiterSettings::default());
@@ -276,9 +276,9 @@ fn hand_over(from: &mut Limiter, to: &mut Limiter) -> bool {
     State::restore(&bytes, |s| to.state(s))
 }
 
-/// A resonant square that is as loud as can be, with silence between, handed on every 50 ms to a limiter that was just made.
+/// A very loud resonant square with silences, handed every 50 ms to a new limiter.
 #[test]
-fn no_promise_is_broken_by_handing_the_coil_from_one_limiter_to_the_next() {
+fn handed_on_coil_stays_within_limits() {
     for drive in [Drive::Current, Drive::Voltage] {
         let d = hapcoil(100.0);
         let mut guard = limiter(drive);
@@ -308,7 +308,7 @@ fn no_promise_is_broken_by_handing_the_coil_from_one_limiter_to_the_next() {
 }
 
 #[test]
-fn a_warm_coil_stays_warm_and_a_smaller_peak_holds_at_once() {
+fn handed_on_coil_stays_warm_and_new_peak_holds() {
     let mut old = limiter(Drive::Current);
     let loud = sine(100.0, 200.0, 240_000);
     let last = run(&mut old, &loud)[239_970];
@@ -331,7 +331,7 @@ fn a_warm_coil_stays_warm_and_a_smaller_peak_holds_at_once() {
 }
 
 #[test]
-fn what_a_limiter_cannot_have_come_to_changes_nothing() {
+fn impossible_state_is_refused_and_changes_nothing() {
     let mut guard = limiter(Drive::Current);
     let input = sine(1.0, 65.0, 4800);
     run(&mut guard, &input);

@@ -1,4 +1,4 @@
-//! Several axes of acceleration as one signal.
+//! Joins several axes of acceleration into one signal.
 
 use asperity_dsp::plans;
 use asperity_numbers::Elementary as _;
@@ -6,13 +6,13 @@ use std::f64::consts::PI;
 
 use asperity_diagnostics::Diagnostic;
 
-/// Frames a second, without their overlap by half.
+/// Frames a second, not counting their overlap by half.
 const FRAMES_HZ: f64 = 10.0;
-/// A power of which no ratio is too large for a number.
+/// Least power to divide by.
 const NOTHING: f64 = 1e-200;
 
-/// One signal whose spectrum in each frame has the power of all axes together, and the phases of the one that is loudest in all. One axis stays as it is. Axes are
-/// of one length.
+/// One signal. In each frame its spectrum has the power of all axes together and the phases of the axis
+/// that is loudest overall. A single axis stays as it is. Axes have one length.
 pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, Diagnostic> {
     let power = |axis: &[f64]| axis.iter().map(|x| x * x).sum::<f64>();
     let loudest = (0..axes.len()).max_by(|a, b| power(&axes[*a]).total_cmp(&power(&axes[*b])));
@@ -32,7 +32,7 @@ pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, 
     let mut out = vec![0.0; samples];
     let mut frame = vec![0.0; len];
     let mut spectra = vec![forward.make_output_vec(); axes.len()];
-    // The first frame begins half of its length before the first sample.
+    // The first frame begins half a frame before the first sample.
     for start in (0..samples + hop).step_by(hop) {
         for (axis, spectrum) in axes.iter().zip(&mut spectra) {
             for (i, (to, w)) in frame.iter_mut().zip(&window).enumerate() {
@@ -44,7 +44,7 @@ pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, 
         let Some((first, others)) = spectra.split_first_mut() else { break };
         for (bin, x) in first.iter_mut().enumerate() {
             let (own, more) = (x.norm_sqr(), others.iter().map(|o| o[bin].norm_sqr()).sum::<f64>());
-            // Where there is no phase, any will do.
+            // Without a phase any will do.
             if own > NOTHING { *x *= (1.0 + more / own).sqrt() } else { *x = more.sqrt().into() }
         }
         inverse.process(first, &mut frame).map_err(fail)?;
@@ -72,11 +72,11 @@ mod tests {
     }
 
     #[test]
-    fn axes_that_move_as_one_are_one_in_whatever_direction() {
+    fn axes_that_move_together_join_in_any_direction() {
         for rate_hz in [1000.0, 1024.0, 9999.0] {
             let one = noise(1, 5432, 1.0);
             let along = |by: f64| one.iter().map(|x| by * x).collect::<Vec<f64>>();
-            // 2-3-6-7; axes of opposite sign do not cancel.
+            // 2-3-6-7. Axes of opposite sign do not cancel.
             for factors in [[2.0, 3.0, 6.0], [6.0, -3.0, 2.0], [-6.0, 2.0, 3.0]] {
                 let found = joined(factors.map(along).to_vec(), rate_hz).unwrap();
                 let loudest = if factors[0].abs() > 5.0 { factors[0] } else { factors[2] };
@@ -94,16 +94,17 @@ mod tests {
         assert_eq!(joined(vec![vec![0.0; 99], vec![0.0; 99]], 1000.0).unwrap(), vec![0.0; 99]);
     }
 
-    /// Axes of their own noise each: a tenth of the power is no longer in step from frame to frame, which takes at most 0.2 dB.
+    /// Each axis has its own noise. A tenth of the power falls out of step between frames, which takes
+    /// at most 0.2 dB.
     #[test]
-    fn powers_of_axes_that_differ_add_up_and_stay_where_they_are() {
+    fn powers_of_different_axes_add_up_in_place() {
         let mut axes: Vec<Vec<f64>> =
             (0..3).map(|seed| noise(seed, 40_000, f64::from(seed as u32 + 1))).collect();
         for axis in &mut axes {
             axis[20_000..].iter_mut().for_each(|x| *x *= 1e-2);
         }
         let found = joined(axes, 1000.0).unwrap();
-        // 1 + 4 + 9; 40 dB less in the second half, but for a frame after the step.
+        // 1 + 4 + 9; 40 dB less in the second half, except for a frame after the step.
         for (part, want) in [(100..19_900, 14.0), (20_100..39_900, 14e-4)] {
             let db = 10.0 * (power(&found[part]) / want).log10();
             assert!(db.abs() < 0.3, "{db} dB of {want}");

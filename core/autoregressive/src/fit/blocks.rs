@@ -1,43 +1,45 @@
-//! The recording in blocks of 10 ms, and which of them are of no use.
+//! The recording in blocks of 10 ms, and which of them are unusable.
 
 use std::ops::Range;
 
 use asperity_diagnostics::Diagnostic;
 
+use super::super::triangles::range;
 use super::burg::Fitted;
 use super::report::{Dropped, Segment, Why};
 use super::{Recording, Settings, prepared};
 
 /// Blocks a second.
 const BLOCKS_HZ: f64 = 100.0;
-/// Blocks whose mean decides about contact and speed.
+/// Blocks in the mean that decides about contact and speed.
 const SMOOTH: usize = 5;
-/// For how long samples stand still where there is no signal, in s.
+/// Time without any change that means no signal, in s.
 const STILL_S: f64 = 0.02;
-/// And at the limit of the sensor; three samples at least.
+/// Time at the sensor's limit in s; at least three samples.
 const CLIPPED_S: f64 = 0.001;
-/// Blocks before and behind such a place that go with it: what is as loud.
+/// Blocks before and behind a clipped place that go too: they are as loud.
 const GUARD: usize = 3;
-/// How far around a block its neighbours count, in blocks.
+/// Neighbours of a block to each side, in blocks.
 const AROUND: usize = 50;
-/// How much louder than the median of its neighbours a click is, as a ratio of powers.
+/// Power of a click over the median of its neighbours.
 const LOUD: f64 = 100.0;
-/// Most blocks of clicks among the neighbours: more are the texture.
+/// Most loud blocks among the neighbours. More are the texture.
 const RARE: usize = 5;
 
-/// Blocks from one to another.
+/// A range of blocks.
 pub(super) type Span = Range<usize>;
 
-/// Samples at the models' rate, and what else is known by blocks of them.
+/// Samples at the models' rate, and quantities by blocks of them.
 pub(super) struct Blocks {
-    rate_hz: f64,
-    /// Samples of a block.
-    len: usize,
-    signal: Vec<f64>,
+    pub(super) rate_hz: f64,
+    /// Samples in a block.
+    pub(super) len: usize,
+    /// Samples of all blocks.
+    pub(super) signal: Vec<f64>,
     /// Mean speed in mm/s and force in N.
     means: Vec<[f64; 2]>,
-    /// The same, over some blocks around.
-    smooth: Vec<[f64; 2]>,
+    /// Means over some blocks around.
+    pub(super) smooth: Vec<[f64; 2]>,
     why: Vec<Option<Why>>,
 }
 
@@ -49,7 +51,7 @@ impl Blocks {
         let mut axes: Vec<Vec<f64>> = recording.acceleration_m_s2.iter().map(|axis| axis.to_vec()).collect();
         let samples = recording.force_n.len();
         let count = (samples as f64 / rate_of_recording * rate_hz) as usize / len;
-        // Samples of the recording in a block of the signal.
+        // Samples of the recording in a block.
         let each = len as f64 / rate_hz * rate_of_recording;
         let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples);
         let spans: Vec<Range<usize>> = (0..count).map(|b| sample(b)..sample(b + 1)).collect();
@@ -82,7 +84,7 @@ impl Blocks {
         }
     }
 
-    /// Marks where all axes stand still, and where one is at its limit.
+    /// Marks blocks where all axes stand still or one is at its limit.
     fn mark_stuck(&mut self, axes: &[Vec<f64>], rate_hz: f64, block: &dyn Fn(usize) -> usize) {
         let mut still = vec![0; self.why.len()];
         let mut clipped = Vec::new();
@@ -113,7 +115,7 @@ impl Blocks {
         }
     }
 
-    /// Marks clicks, and draws a line through them.
+    /// Marks clicks and replaces each by a line.
     fn mark_clicks(&mut self, axes: &mut [Vec<f64>], spans: &[Range<usize>]) {
         let power = |span: &Range<usize>| {
             let parts = axes.iter().filter_map(|a| a.get(span.start.saturating_sub(1)..span.end));
@@ -149,7 +151,8 @@ impl Blocks {
         (blocks * self.len) as f64 / self.rate_hz
     }
 
-    /// What is dropped, in order of time: the blocks of no use, and these; neighbours for one reason are one.
+    /// Everything dropped, in order of time: unusable blocks and `others`. Neighbours with one reason
+    /// are joined.
     pub(super) fn dropped(&self, others: Vec<(Span, Why)>) -> Vec<Dropped> {
         let mut all = others;
         all.extend(self.spans().into_iter().filter_map(|(span, why)| why.map(|why| (span, why))));
@@ -169,7 +172,7 @@ impl Blocks {
         joined.iter().map(dropped).collect()
     }
 
-    /// What was not.
+    /// Runs of usable blocks.
     pub(super) fn runs(&self) -> Vec<Span> {
         self.spans().into_iter().filter(|(_, why)| why.is_none()).map(|(span, _)| span).collect()
     }
@@ -186,11 +189,7 @@ impl Blocks {
             .collect()
     }
 
-    pub(super) fn rate_hz(&self) -> f64 {
-        self.rate_hz
-    }
-
-    /// Blocks that are as long as this at least.
+    /// Least number of blocks that last this long.
     pub(super) fn count(&self, seconds: f64) -> usize {
         ((seconds * self.rate_hz / self.len as f64 - 1e-9).ceil() as usize).max(1)
     }
@@ -199,43 +198,23 @@ impl Blocks {
         self.seconds(self.why.len())
     }
 
-    /// Samples of all blocks.
-    pub(super) fn samples(&self) -> usize {
-        self.signal.len()
-    }
-
-    /// Samples of a block.
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-
-    /// Speeds and forces of some blocks, smoothed.
-    pub(super) fn smooth(&self, span: &Span) -> &[[f64; 2]] {
+    /// Smoothed speeds and forces of some blocks.
+    pub(super) fn smooth_of(&self, span: &Span) -> &[[f64; 2]] {
         self.smooth.get(span.clone()).unwrap_or_default()
     }
 
     /// Samples of some blocks.
-    pub(super) fn signal(&self, span: &Span) -> &[f64] {
+    pub(super) fn signal_of(&self, span: &Span) -> &[f64] {
         self.signal.get(span.start * self.len..span.end * self.len).unwrap_or_default()
     }
 
-    /// Speed and force of all blocks, smoothed, one after the other.
-    pub(super) fn course(&self) -> &[[f64; 2]] {
-        &self.smooth
-    }
-
-    /// Which blocks a segment is.
+    /// Blocks of a segment.
     pub(super) fn span(&self, segment: &Segment) -> Span {
         let block = |seconds: f64| (seconds * self.rate_hz / self.len as f64).round() as usize;
         block(segment.start_s)..block(segment.start_s + segment.length_s)
     }
 
-    /// Some samples.
-    pub(super) fn samples_at(&self, range: Range<usize>) -> &[f64] {
-        self.signal.get(range).unwrap_or_default()
-    }
-
-    /// Mean speed and force over some blocks.
+    /// Mean speed and force of some blocks.
     pub(super) fn mean(&self, span: &Span) -> [f64; 2] {
         average(self.means.get(span.clone()).unwrap_or_default())
     }
@@ -263,7 +242,7 @@ fn average(means: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|axis| means.iter().map(|m| m[axis]).sum::<f64>() / means.len().max(1) as f64)
 }
 
-/// A straight line between the samples before `start` and at `end`.
+/// Draws a straight line from the sample before `start` to the one at `end`.
 fn line(samples: &mut [f64], start: usize, end: usize) {
     let before = start.checked_sub(1).and_then(|i| samples.get(i)).or(samples.get(end)).copied();
     let behind = samples.get(end).copied().or(before).unwrap_or(0.0);
@@ -273,22 +252,21 @@ fn line(samples: &mut [f64], start: usize, end: usize) {
     }
 }
 
-/// Where samples stand still: at the highest or lowest value, or for long.
+/// Runs of equal samples: at the highest or lowest value, or long ones.
 fn stuck(samples: &[f64], rate_hz: f64) -> Vec<(Range<usize>, Why)> {
-    let highest = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let lowest = samples.iter().copied().fold(f64::INFINITY, f64::min);
+    let [lowest, highest] = range(samples.iter().copied());
     let clipped = ((CLIPPED_S * rate_hz).ceil() as usize).max(3);
     let still = (STILL_S * rate_hz).ceil() as usize;
     let mut start = 0;
     let mut found = Vec::new();
     for run in samples.chunk_by(|a, b| a == b) {
-        let range = start..start + run.len();
-        start = range.end;
+        let place = start..start + run.len();
+        start = place.end;
         let at_limit = highest > lowest && (run[0] == highest || run[0] == lowest);
         if at_limit && run.len() >= clipped {
-            found.push((range, Why::Clipped));
+            found.push((place, Why::Clipped));
         } else if run.len() >= still {
-            found.push((range, Why::Still));
+            found.push((place, Why::Still));
         }
     }
     found

@@ -1,19 +1,19 @@
 //! The triangles between models, without slivers along the border.
 
+use super::super::triangles::range;
 use super::super::{Model, Triangles};
 
-/// How thin a triangle on the border is that goes: its height over its longest side.
+/// Border triangles thinner than this are removed: height over longest side.
 const THIN: f64 = 0.01;
-/// Most of the hull's area that goes.
+/// Largest part of the hull's area to remove.
 const AREA: f64 = 0.005;
 
-/// Delaunay's triangles, corners by number, less those on the border that are all but a line.
+/// Delaunay's triangles, corners by number, without those on the border that are nearly a line.
 pub(super) fn triangles(models: &[Model]) -> Vec<[usize; 3]> {
-    let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+    let points: Vec<[f64; 2]> = models.iter().map(Model::place).collect();
     let extent = [0, 1].map(|axis| {
-        let of = points.iter().map(|p| p[axis]);
-        let range = of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min);
-        if range > 0.0 { range } else { 1.0 }
+        let [low, high] = range(points.iter().map(|p| p[axis]));
+        if high > low { high - low } else { 1.0 }
     });
     let between = |a: usize, b: usize| [0, 1].map(|axis| (points[b][axis] - points[a][axis]) / extent[axis]);
     let area = |&[a, b, c]: &[usize; 3]| {
@@ -22,7 +22,7 @@ pub(super) fn triangles(models: &[Model]) -> Vec<[usize; 3]> {
     };
     let mut kept = Triangles::delaunay(&points).corners().to_vec();
     let mut may_go = AREA * kept.iter().map(area).sum::<f64>();
-    // A triangle whose longest side is on the border, and its height over that.
+    // Thinness of a triangle whose longest side is on the border.
     let thin = |kept: &[[usize; 3]], triangle: &[usize; 3]| {
         let [a, b, c] = *triangle;
         let length = |&(i, j): &(usize, usize)| between(i, j).into_iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -31,7 +31,7 @@ pub(super) fn triangles(models: &[Model]) -> Vec<[usize; 3]> {
         let thinness = 2.0 * area(triangle) / length(&longest).powi(2);
         (with == 1 && thinness < THIN).then_some(thinness)
     };
-    // What goes opens the border to what is behind it.
+    // Each removal opens the border to the triangle behind.
     loop {
         let thinnest = (0..kept.len())
             .filter_map(|i| Some((thin(&kept, &kept[i])?, i)))
@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn a_model_a_hair_within_the_border_still_answers_beyond_it() {
+    fn model_just_within_the_border_counts_beyond_it() {
         let models = vec![
             model(50.0, 0.6),
             model(120.0, 0.603),
@@ -68,25 +68,25 @@ mod tests {
         };
         let kept = triangles(&models);
         assert_eq!(kept.len(), 3);
-        // The weights of its neighbours are 180 and 70 parts of 250; variances are the speeds.
+        // The neighbours' weights are 180 and 70 parts of 250; variances are the speeds.
         assert!((variance(Some(&kept)) - 120.0).abs() < 1.0);
         let other = Texture::new(1000.0, models.clone(), None).unwrap();
         assert_eq!(other.triangles().corners().len(), 4);
     }
 
     #[test]
-    fn what_is_not_thin_or_not_on_the_border_stays() {
+    fn triangle_not_thin_or_not_on_the_border_stays() {
         let square = [(0.0, 0.0), (100.0, 0.0), (100.0, 1.0), (0.0, 1.0)].map(|(v, f)| model(v, f));
         assert_eq!(triangles(&square).len(), 2);
         assert_eq!(triangles(&square[..3]).len(), 1);
-        // All but on a line: one triangle is left.
+        // Nearly on a line: one triangle is left.
         let line = [(0.0, 0.0), (50.0, 0.5001), (100.0, 1.0)].map(|(v, f)| model(v, f));
         assert_eq!(triangles(&line).len(), 1);
         assert!(triangles(&line[..2]).is_empty() && triangles(&line[..1]).is_empty());
-        // Thin, and within.
+        // Thin, but within.
         let mut within = square.to_vec();
         within.extend([model(45.0, 0.5), model(55.0, 0.5), model(50.0, 0.50001)]);
-        let points: Vec<[f64; 2]> = within.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+        let points: Vec<[f64; 2]> = within.iter().map(Model::place).collect();
         assert_eq!(triangles(&within).len(), Triangles::delaunay(&points).corners().len());
     }
 }

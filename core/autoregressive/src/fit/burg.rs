@@ -1,4 +1,4 @@
-//! Models of pieces, and the order for all of them.
+//! Models of pieces, and one order for all.
 
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
@@ -11,51 +11,49 @@ use super::blocks::{Blocks, Span};
 use super::{Criterion, Order, Settings, filter};
 use asperity_numbers::Random;
 
-/// Of the noise that stands for what is missing.
+/// Seed of the noise that is put back.
 const SEED: u64 = 6;
 
-/// A residual variance below this part of the mean square is rounding, of which no model is made.
+/// Least residual variance as a part of the mean square: below it is rounding.
 const NOTHING: f64 = 1e-10;
-/// Largest reflection coefficient: that of a signal without noise comes out as 1.
+/// Largest reflection coefficient. A signal without noise would give 1.
 const REFLECTION: f64 = 1.0 - 1e-12;
 
-/// How often the density below the high-pass is looked for; the first is from a signal without any there.
+/// Rounds to find the density below the high-pass. The first has no signal there.
 const ROUNDS: usize = 2;
-/// Most that is put back, as a part of the mean square of what there is: beside a tone the density is none.
+/// Largest part of the mean square to put back: beside a tone the density means nothing.
 const MOST_PUT_BACK: f64 = 0.5;
 
-/// What was fitted to a piece.
+/// The fit of a piece.
 pub(super) struct Fitted {
     /// `a_1 .. a_p`, stable.
     pub(super) ar: Vec<f64>,
     /// Residual variance in (m/s^2)^2.
     pub(super) residual: f64,
-    /// Mean square in (m/s^2)^2 of what was fitted.
+    /// Mean square in (m/s^2)^2 of the fitted signal.
     pub(super) mean_square: f64,
 }
 
-/// Models of all pieces.
+/// The fits of all pieces.
 pub(super) struct Fits {
     pub(super) order: usize,
-    /// The criterion by order, less its least.
+    /// The criterion by order, minus its least value.
     pub(super) criterion: Vec<(usize, f64)>,
-    /// A model of the order for each piece.
+    /// A model for each piece.
     pub(super) pieces: Vec<Fitted>,
 }
 
 /// Fits a model to each piece, all of one order.
 pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Result<Fits, Diagnostic> {
-    let most = match settings.order {
-        Order::Given(order) | Order::Best { most: order, .. } => order,
-    };
+    let most = settings.order.most();
     let missing = missing(blocks, settings)?;
     let lattices: Vec<Lattice> = pieces
         .iter()
         .map(|piece| {
-            let signal = blocks.signal(piece);
-            let start = piece.start * blocks.len();
+            let signal = blocks.signal_of(piece);
+            let start = piece.start * blocks.len;
             let missing = missing.get(start..start + signal.len()).unwrap_or_default();
-            whole(signal, missing, TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz(), most)
+            whole(signal, missing, TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz, most)
         })
         .collect();
     let (order, curve) = match settings.order {
@@ -76,19 +74,21 @@ pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Resu
     Ok(Fits { order, criterion: curve, pieces: fitted.collect() })
 }
 
-/// Noise of power 1 a sample through the low-pass that lets through the power that the high-pass does not: `|L|^2 + |H|^2 = 1` of Butterworth's
-/// filters of one corner, by the same transform. Empty where there is no high-pass.
+/// Noise of power 1 a sample through the low-pass that passes exactly the power that the high-pass does
+/// not: `|L|^2 + |H|^2 = 1` for Butterworth filters of one corner, by the same transform. Empty without
+/// a high-pass.
 fn missing(blocks: &Blocks, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     if settings.high_pass_hz == 0.0 {
         return Ok(Vec::new());
     }
     let mut random = Random::new(SEED);
-    let mut noise: Vec<f64> = (0..blocks.samples()).map(|_| random.normal()).collect();
-    filter(&mut noise, Section::low_pass, blocks.rate_hz(), settings.high_pass_hz)?;
+    let mut noise: Vec<f64> = (0..blocks.signal.len()).map(|_| random.normal()).collect();
+    filter(&mut noise, Section::low_pass, blocks.rate_hz, settings.high_pass_hz)?;
     Ok(noise)
 }
 
-/// The lattice of a signal with what the high-pass took of it; `w` is where the spectrum counts for what is missing, in radians a sample.
+/// The lattice of a signal with the missing part put back. `w` is where the spectrum gives its density,
+/// in radians a sample.
 fn whole(signal: &[f64], missing: &[f64], w: f64, most: usize) -> Lattice {
     let mut lattice = Lattice::new(signal, most);
     if missing.is_empty() {
@@ -109,8 +109,9 @@ fn whole(signal: &[f64], missing: &[f64], w: f64, most: usize) -> Lattice {
     lattice
 }
 
-/// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975): each makes the mean of the squares that
-/// the predictors forwards and backwards leave as small as it can be. None exceeds 1, so that every order is stable.
+/// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975).
+/// Each minimises the mean square error of the forward and the backward predictor. None exceeds 1, so
+/// every order is stable.
 pub(super) struct Lattice {
     samples: f64,
     reflections: Vec<f64>,
@@ -126,7 +127,7 @@ impl Lattice {
         let (mut reflections, mut residuals) = (Vec::with_capacity(most), vec![mean_square]);
         let mut variance = mean_square;
         for order in 1..=most.min(signal.len().saturating_sub(1)) {
-            // The error forwards at n with that backwards at n - 1.
+            // The forward error at n with the backward error at n - 1.
             let (mut both, mut squares) = (0.0, 0.0);
             for (f, b) in forward[order..].iter().zip(&backward[order - 1..]) {
                 both += f * b;
@@ -146,7 +147,7 @@ impl Lattice {
         Self { samples, reflections, residuals }
     }
 
-    /// The residual variance of an order; of order 0 it is the mean square.
+    /// Residual variance of an order; of order 0 it is the mean square.
     pub(super) fn residual(&self, order: usize) -> f64 {
         self.residuals.get(order).or(self.residuals.last()).copied().unwrap_or(0.0)
     }
@@ -180,14 +181,15 @@ mod tests {
     use asperity_numbers::Random;
 
     #[test]
-    fn each_reflection_is_the_one_that_leaves_least() {
+    fn each_reflection_minimises_burgs_error() {
         let mut random = Random::new(6);
         let mut signal = vec![0.0; 200];
         for n in 2..200 {
             signal[n] = 1.4 * signal[n - 1] - 0.8 * signal[n - 2] + random.normal();
         }
         let lattice = Lattice::new(&signal, 6);
-        // What predictors forwards and backwards leave, from the coefficients: Burg's criterion by its definition.
+        // Errors of the forward and backward predictors from the coefficients: Burg's criterion by
+        // definition.
         let left = |a: &[f64]| -> f64 {
             let p = a.len();
             (p..signal.len())

@@ -1,4 +1,4 @@
-//! How a texture sounds beside what it was fitted to.
+//! Compares a texture with the recording that it was fitted to.
 
 use asperity_dsp::plans;
 use asperity_numbers::Elementary as _;
@@ -13,37 +13,38 @@ use super::super::{Synthesis, Texture};
 use super::blocks::Blocks;
 use super::{PASSBAND, Recording, Report, Settings, filter};
 
-/// Bands of thirds of an octave by number: 25 Hz to 400 Hz.
+/// Third-octave bands by number: 25 Hz to 400 Hz.
 const BANDS: std::ops::RangeInclusive<i32> = 14..=26;
-/// A band that holds less than this part of the power is not what a texture is felt by.
+/// A band counts if it holds at least this part of the power.
 const HELD: f64 = 1e-3;
-/// How long a texture is rendered in all, in s, so that chance in it is less than that in the recording; ..
+/// Length of the rendering in all, in s: chance in it is then less than in the recording.
 const RENDERED_S: f64 = 240.0;
-/// .. in how many passes at most.
+/// Most passes of the rendering.
 const MOST_PASSES: usize = 64;
 /// Seed of the noise.
 const SEED: u64 = 1;
 
-/// A band of a third of an octave.
+/// A third-octave band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
-    /// Its middle in Hz: a power of ten in tenths.
+    /// Centre in Hz: a tenth of a power of ten.
     pub centre_hz: f64,
-    /// Root mean square of what was recorded, in m/s^2.
+    /// Root mean square of the recording in m/s^2.
     pub recorded_m_s2: f64,
-    /// Root mean square of what is rendered, in m/s^2.
+    /// Root mean square of the rendering in m/s^2.
     pub rendered_m_s2: f64,
 }
 
 impl Band {
-    /// How much louder it is rendered than it was recorded, in dB.
+    /// Level of the rendering over the recording in dB.
     pub fn off_db(&self) -> f64 {
         decibels(self.rendered_m_s2.powi(2), self.recorded_m_s2.powi(2))
     }
 
-    /// How far the level of noise in it that lasts so long is off by chance, in dB: a standard deviation.
+    /// Standard deviation in dB of the band's level in noise of this length.
     pub fn chance_db(&self, seconds: f64) -> f64 {
-        // Of the power it is one by the root of the number of independent samples, the band's width times the time.
+        // Relative to the power it is one over the root of the number of independent samples: bandwidth
+        // times time.
         let width_hz = self.centre_hz * (10f64.power(0.05) - 10f64.power(-0.05));
         10.0 / std::f64::consts::LN_10 / (width_hz * seconds).sqrt()
     }
@@ -53,29 +54,30 @@ fn decibels(rendered: f64, recorded: f64) -> f64 {
     if rendered == recorded { 0.0 } else { 10.0 * (rendered / recorded).log_10() }
 }
 
-/// Some segments as they were recorded and as they are rendered.
+/// Some segments as recorded and as rendered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// How long they are together, in s.
+    /// Length of the segments in s.
     pub seconds: f64,
-    /// From 25 Hz to 400 Hz, as far as the models' rate goes.
+    /// Bands from 25 Hz to 400 Hz, as far as the models' rate allows.
     pub bands: Vec<Band>,
-    /// Power density of what was recorded, in (m/s^2)^2 / Hz, at 0 Hz, [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ), ..: a mean over frames of 0.2 s; empty where all segments are
-    /// shorter.
+    /// Power density of the recording in (m/s^2)^2 / Hz, at 0 Hz,
+    /// [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ), .., as a mean over frames of 0.2 s. Empty where all
+    /// segments are shorter.
     pub density: Vec<f64>,
 }
 
 impl Compared {
-    /// From one density to the next, in Hz.
+    /// Step between densities in Hz.
     pub const DENSITY_STEP_HZ: f64 = 5.0;
 
-    /// How much louder all bands together are rendered than they were recorded, in dB.
+    /// Level of all bands rendered over recorded, in dB.
     pub fn level_off_db(&self) -> f64 {
         let sum = |of: fn(&Band) -> f64| self.bands.iter().map(|b| of(b).powi(2)).sum::<f64>();
         decibels(sum(|b| b.rendered_m_s2), sum(|b| b.recorded_m_s2))
     }
 
-    /// The band that is off by most, of those that hold a thousandth of what was recorded.
+    /// The band that is off most, of those with at least a thousandth of the recorded power.
     pub fn worst(&self) -> Option<&Band> {
         let whole: f64 = self.bands.iter().map(|b| b.recorded_m_s2.powi(2)).sum();
         let held = self.bands.iter().filter(|b| b.recorded_m_s2.powi(2) > HELD * whole);
@@ -83,18 +85,18 @@ impl Compared {
     }
 }
 
-/// What was recorded beside what a texture renders at the same speeds and forces.
+/// A recording compared with a texture's rendering at the same speeds and forces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// All segments.
     pub all: Compared,
-    /// Those of each model.
+    /// The segments of each model.
     pub models: Vec<Compared>,
 }
 
 impl Recording<'_> {
-    /// Renders a texture with the speeds and forces of the recording, and compares the segments that it was fitted to with what comes of them, after the same
-    /// high-pass and at the models' rate.
+    /// Renders a texture with the recording's speeds and forces and compares the fitted segments, after
+    /// the same high-pass and at the models' rate.
     ///
     /// # Errors
     /// Those of [`fit`](Self::fit) with these settings.
@@ -109,8 +111,8 @@ impl Recording<'_> {
         let blocks = Blocks::new(self, settings)?;
         let passes = ((RENDERED_S / blocks.duration_s().max(1e-3)).ceil() as usize).clamp(1, MOST_PASSES);
         let mut synthesis = Synthesis::new(texture.clone(), SEED);
-        let mut meter = Meter::new(blocks.rate_hz());
-        let samples = blocks.samples();
+        let mut meter = Meter::new(blocks.rate_hz);
+        let samples = blocks.signal.len();
         let count = texture.models().len();
         let mut sums = vec![Sums::new(&meter); count];
         let parts: Vec<(usize, Range<usize>)> = report
@@ -119,30 +121,27 @@ impl Recording<'_> {
             .filter(|segment| segment.model < count)
             .map(|segment| {
                 let span = blocks.span(segment);
-                (
-                    segment.model,
-                    (span.start * blocks.len()).min(samples)..(span.end * blocks.len()).min(samples),
-                )
+                (segment.model, (span.start * blocks.len).min(samples)..(span.end * blocks.len).min(samples))
             })
             .collect();
         for (model, part) in &parts {
             let sums = &mut sums[*model];
-            sums.seconds += part.len() as f64 / blocks.rate_hz();
-            let signal = blocks.samples_at(part.clone());
+            sums.seconds += part.len() as f64 / blocks.rate_hz;
+            let signal = &blocks.signal[part.clone()];
             meter.add(signal, 1.0, &mut sums.recorded);
             meter.add_density(signal, sums);
         }
         let mut signal = vec![0.0f32; samples];
         for pass in 0..passes {
             for (b, ([speed, force], out)) in
-                blocks.course().iter().zip(signal.chunks_exact_mut(blocks.len())).enumerate()
+                blocks.smooth.iter().zip(signal.chunks_exact_mut(blocks.len)).enumerate()
             {
                 synthesis.touch(*speed, *force);
-                synthesis.process((pass * samples + b * blocks.len()) as u64, out);
+                synthesis.process((pass * samples + b * blocks.len) as u64, out);
             }
             let mut rendered: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
             if settings.high_pass_hz > 0.0 {
-                filter(&mut rendered, Section::high_pass, blocks.rate_hz(), settings.high_pass_hz)?;
+                filter(&mut rendered, Section::high_pass, blocks.rate_hz, settings.high_pass_hz)?;
             }
             for (model, part) in &parts {
                 let part = rendered.get(part.clone()).unwrap_or_default();
@@ -171,20 +170,21 @@ impl Meter {
         Self { rate_hz, centres_hz }
     }
 
-    /// The mean square of a signal by bins of its transform, whose distance comes with it, in Hz.
+    /// Power of a signal by bins of its transform, and the distance of bins in Hz.
     fn squares(&mut self, signal: &[f64]) -> (Vec<f64>, f64) {
         let len = signal.len();
         let window = hann::<f64>(len);
         let mut windowed: Vec<f64> = signal.iter().zip(&window).map(|(x, w)| x * w).collect();
         let transform = plans::forward::<f64>(len);
         let mut spectrum = transform.make_output_vec();
-        // Of these lengths nothing can fail.
+        // The lengths fit, so it cannot fail.
         let _ = transform.process(&mut windowed, &mut spectrum);
         let scale = 2.0 / (len as f64 * window.iter().map(|w| w * w).sum::<f64>());
         (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
     }
 
-    /// Adds the power of a part by bands, times its length and a weight: a mean over frames of a second that overlap by half or more, so that every sample counts.
+    /// Adds the power of a part by bands, times its length and a weight: a mean over frames of a
+    /// second. They overlap by half or more, so that every sample counts.
     fn add(&mut self, signal: &[f64], weight: f64, bands: &mut [f64]) {
         let len = signal.len().min(self.rate_hz.round() as usize);
         if len < 2 {
@@ -199,7 +199,7 @@ impl Meter {
             let (squares, step_hz) = self.squares(signal.get(start..start + len).unwrap_or_default());
             for (centre, sum) in self.centres_hz.iter().zip(bands.iter_mut()) {
                 let edge = |by: f64| centre * 10f64.power(by) / step_hz;
-                // A bin holds what is half of a step to either side.
+                // A bin reaches half a step to either side.
                 let (low, high) = (edge(-0.05), edge(0.05));
                 for bin in (low - 0.5).max(0.0) as usize..=(high + 0.5) as usize {
                     let (from, to) = (low.max(bin as f64 - 0.5), high.min(bin as f64 + 0.5));
@@ -225,7 +225,7 @@ impl Meter {
     }
 }
 
-/// Powers by bands of all parts, times their lengths.
+/// Power by bands of all parts, each times its length.
 #[derive(Clone)]
 struct Sums {
     seconds: f64,
@@ -273,9 +273,9 @@ mod tests {
     use super::*;
     use asperity_numbers::Random;
 
-    /// A window over all of six seconds would leave 1.03 dB to chance in the band of 25 Hz.
+    /// One window over all six seconds would leave 1.03 dB to chance in the band of 25 Hz.
     #[test]
-    fn a_level_is_known_as_well_as_its_time_and_width_allow() {
+    fn level_deviates_as_time_and_width_say() {
         let mut random = Random::new(3);
         let mut meter = Meter::new(1000.0);
         let (seconds, draws) = (6, 300);
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sample_counts_and_the_power_of_a_tone_is_that_of_the_tone() {
+    fn meter_counts_every_sample_and_measures_a_tone() {
         let mut meter = Meter::new(1000.0);
         for len in [2, 150, 999, 1000, 1001, 1499, 2750] {
             let mut bands = vec![0.0; meter.centres_hz.len()];
@@ -316,7 +316,7 @@ mod tests {
                 assert!(off.abs() < 0.01, "{len}: {off}");
             }
         }
-        // What comes at the very end is heard.
+        // The very end counts.
         for at in [40, 1500, 2700] {
             let mut click = vec![0.0; 2750];
             click[at] = 1.0;

@@ -10,14 +10,15 @@ use super::burg::Fitted;
 
 /// Least bandwidth of a resonance in Hz.
 const BANDWIDTH_HZ: f64 = 0.3;
-/// What has less than this part of the samples of a neighbour's longest piece is the way to it or from it, ..
+/// A piece with less than this part of the samples of a neighbour's longest piece is a way to or from
+/// it.
 const WAY: f64 = 0.1;
-/// .. up to so many tolerances from it.
+/// Largest distance of a way, in tolerances.
 const WAY_TOLERANCES: f64 = 3.0;
-/// How much the tolerance grows while there are too many models.
+/// Growth of the tolerance while there are too many models.
 const WIDER: f64 = 1.25;
 
-/// One piece, or several that became one, of which place, mean square and lines are means.
+/// A piece, or several merged ones with the means of place, mean square and lines.
 #[derive(Clone)]
 struct Corner {
     samples: f64,
@@ -31,12 +32,12 @@ struct Corner {
 }
 
 impl Corner {
-    /// Whether it is so short beside another that it tells nothing of a spectrum that the other does not tell better.
+    /// Whether it is so short beside another that the other tells its spectrum better.
     fn is_way_to(&self, other: &Self) -> bool {
         self.samples < WAY * other.longest
     }
 
-    /// Takes in another. A way to it counts for nothing.
+    /// Merges another. A way does not count.
     fn absorb(&mut self, other: &Self) {
         self.pieces.extend(&other.pieces);
         if other.is_way_to(self) {
@@ -54,15 +55,13 @@ impl Corner {
     fn model(&self) -> Model {
         let mut ar = vec![0.0; self.lines.len()];
         line_spectrum::to_polynomial(&self.lines, &mut ar);
-        let mut of_unit_noise = [0.0];
-        Filter::new(&ar, &[], 1.0).autocovariance(&mut of_unit_noise);
-        let variance = self.mean_square / of_unit_noise[0];
+        let variance = self.mean_square / Filter::new(&ar, &[], 1.0).variance();
         let [speed_mm_s, force_n] = self.place;
         Model { ar, ma: Vec::new(), variance, gain: 1.0, speed_mm_s, force_n }
     }
 }
 
-/// The models by speed, then force, and the number of that which each piece is part of.
+/// The models by speed, then force, and the number of each piece's model.
 pub(super) fn merge(
     blocks: &Blocks,
     pieces: &[Span],
@@ -74,11 +73,11 @@ pub(super) fn merge(
         .zip(fitted)
         .enumerate()
         .map(|(i, (piece, fitted))| Corner {
-            samples: (piece.len() * blocks.len()) as f64,
-            longest: (piece.len() * blocks.len()) as f64,
+            samples: (piece.len() * blocks.len) as f64,
+            longest: (piece.len() * blocks.len) as f64,
             place: blocks.mean(piece),
             mean_square: fitted.mean_square,
-            lines: lines(&fitted.ar, blocks.rate_hz()),
+            lines: lines(&fitted.ar, blocks.rate_hz),
             pieces: vec![i],
         })
         .collect();
@@ -104,10 +103,11 @@ pub(super) fn merge(
     (corners.iter().map(Corner::model).collect(), owners)
 }
 
-/// Each, the longest first, goes to the nearest of those before it that is within tolerance, or stays by itself; a way goes further.
+/// Merges each corner, the longest first, into the nearest earlier one within tolerance, or keeps it. A
+/// way reaches further.
 fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corner> {
     corners.sort_by(|a, b| b.samples.total_cmp(&a.samples));
-    // The places by which others are judged stay while they come.
+    // Places to compare with stay fixed during a round.
     let mut kept: Vec<([f64; 2], Corner)> = Vec::new();
     for corner in corners {
         let away = |place: [f64; 2]| {
@@ -128,10 +128,10 @@ fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corn
     kept.into_iter().map(|(_, corner)| corner).collect()
 }
 
-/// Line spectral frequencies, with resonances widened where they are too narrow or cannot be told apart.
+/// Line spectral frequencies. Resonances are widened where they are too narrow or cannot be separated.
 fn lines(ar: &[f64], rate_hz: f64) -> Vec<f64> {
     let radius = (-PI * BANDWIDTH_HZ / rate_hz).exp_e();
-    // The polynomial whose roots are those of `a` times `by`.
+    // The polynomial with the roots of `a` times `by`.
     let moved = |a: &[f64], by: f64| -> Vec<f64> {
         let mut power = 1.0;
         let next = |c: &f64| {
@@ -150,10 +150,10 @@ fn lines(ar: &[f64], rate_hz: f64) -> Vec<f64> {
         }
         a = moved(&a, radius);
     }
-    // Those of a polynomial without resonances.
+    // A polynomial without resonances.
     let order = ar.len();
     (1..=order).map(|k| k as f64 * PI / (order + 1) as f64).collect()
 }
 
-/// Resonances end up 30 Hz wide at most.
+/// Limits the width of resonances to 30 Hz.
 const MOST_WIDENINGS: usize = 100;

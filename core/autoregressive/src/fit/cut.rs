@@ -1,23 +1,25 @@
-//! Stretches of nearly constant speed and force, and pieces of them that have one spectrum.
+//! Finds stretches of nearly constant speed and force, and pieces of them with one spectrum.
 
+use super::super::triangles::range;
 use super::blocks::{Blocks, Span};
 use super::burg::Lattice;
 use super::report::Why;
 use super::{Settings, Tolerance};
 use asperity_numbers::Elementary as _;
 
-/// Order of the models by which spectra are told apart.
+/// Order of the models that compare spectra.
 const ORDER: usize = 8;
-/// What a cut costs, in logarithms of the number of samples: the parameters of a model more (coefficients and variance), and its place.
+/// Cost of a cut in logarithms of the number of samples: the parameters of one more model (coefficients
+/// and variance) and a place.
 const COST: f64 = (ORDER + 2) as f64;
-/// Places that are tried at first; then those around the best.
+/// Places to try first; then those around the best.
 const PLACES: usize = 256;
-/// A residual variance below this part of the mean square is as good as none: no texture can be told so well from its past.
+/// Least residual variance as a part of the mean square. No texture is more predictable.
 const NOTHING: f64 = 1e-4;
-/// Least blocks that are cut off where speed or force change.
+/// Least blocks to cut off where speed or force change.
 const MARGIN: usize = 2;
 
-/// The parts of a run in which speed and force are nearly constant, in order of time; the rest is dropped.
+/// The parts of a run with nearly constant speed and force, in order of time. The rest is dropped.
 pub(super) fn steady(
     blocks: &Blocks,
     run: Span,
@@ -29,12 +31,12 @@ pub(super) fn steady(
         dropped.push((run, Why::Short));
         return Vec::new();
     }
-    let sums = Sums::new(blocks.smooth(&run));
+    let sums = Sums::new(blocks.smooth_of(&run));
     let mut left = vec![Span { start: 0, end: run.len() }];
     let mut found = Vec::new();
     while let Some(part) = left.pop() {
         let place = run.start + part.start..run.start + part.end;
-        let values = blocks.smooth(&place);
+        let values = blocks.smooth_of(&place);
         if part.len() < shortest {
             dropped.push((place, Why::Unsteady));
         } else if let Some(scale) = leaves(values, &settings.tolerance) {
@@ -48,17 +50,14 @@ pub(super) fn steady(
     found
 }
 
-/// The tolerances around the middles of the ranges, where either range is more than twice its own.
+/// The tolerances around the middles of the ranges, if either range exceeds twice its own.
 fn leaves(values: &[[f64; 2]], tolerance: &Tolerance) -> Option<[f64; 2]> {
-    let range = [0, 1].map(|axis| {
-        let of = values.iter().map(|v| v[axis]);
-        [of.clone().fold(f64::INFINITY, f64::min), of.fold(f64::NEG_INFINITY, f64::max)]
-    });
-    let scale = tolerance.of(range.map(|[low, high]| 0.5 * (low + high)));
-    range.iter().zip(scale).any(|([low, high], t)| high - low > 2.0 * t).then_some(scale)
+    let ranges = [0, 1].map(|axis| range(values.iter().map(|v| v[axis])));
+    let scale = tolerance.of(ranges.map(|[low, high]| 0.5 * (low + high)));
+    ranges.iter().zip(scale).any(|([low, high], t)| high - low > 2.0 * t).then_some(scale)
 }
 
-/// Sums of values and of their squares up to each block.
+/// Running sums of values and squares, by block.
 struct Sums(Vec<[[f64; 2]; 2]>);
 
 impl Sums {
@@ -75,7 +74,7 @@ impl Sums {
         Self(sums)
     }
 
-    /// Sum of squares around the mean, in units of `scale`.
+    /// Sum of squares around the mean in units of `scale`.
     fn scatter(&self, from: usize, to: usize, scale: [f64; 2]) -> f64 {
         let n = (to - from) as f64;
         (0..2)
@@ -86,7 +85,7 @@ impl Sums {
             .sum()
     }
 
-    /// Where to cut so that both sides scatter least.
+    /// The cut with the least scatter on both sides.
     fn best_cut(&self, part: &Span, scale: [f64; 2]) -> usize {
         let margin = MARGIN.min(part.len() / 2);
         let cost = |cut: usize| self.scatter(part.start, cut, scale) + self.scatter(cut, part.end, scale);
@@ -97,9 +96,9 @@ impl Sums {
     }
 }
 
-/// Cuts a stretch where its spectrum changes; the pieces come in order of time.
+/// Cuts a stretch where its spectrum changes. Pieces are in order of time.
 pub(super) fn stationary(blocks: &Blocks, stretch: Span, settings: &Settings, pieces: &mut Vec<Span>) {
-    let products = Products::new(blocks.signal(&stretch), blocks.len());
+    let products = Products::new(blocks.signal_of(&stretch), blocks.len);
     let shortest = blocks.count(settings.shortest_s);
     let mut left = vec![Span { start: 0, end: stretch.len() }];
     while let Some(part) = left.pop() {
@@ -113,7 +112,8 @@ pub(super) fn stationary(blocks: &Blocks, stretch: Span, settings: &Settings, pi
     }
 }
 
-/// Products of samples with those before them, summed up to each block, from which the autocorrelation of any blocks follows.
+/// Running sums by block of products of samples with earlier ones. They give the autocorrelation of any
+/// blocks.
 struct Products<'a> {
     signal: &'a [f64],
     len: usize,
@@ -151,8 +151,9 @@ impl<'a> Products<'a> {
         n * residual(&r).max(self.floor).log_e()
     }
 
-    /// Where some blocks change most, if they do. The place is found by autocorrelations, which are at hand for any blocks; whether it
-    /// is a change is judged by Burg's method, since what is nearly a tone looks different to the former by where in a period it ends.
+    /// The place where some blocks change most, if they change. Autocorrelations find the place: they
+    /// are at hand for any blocks. Burg's method decides whether it is a change: the autocorrelation of
+    /// a near tone depends on where in a period it ends.
     fn change(&self, part: &Span, shortest: usize) -> Option<usize> {
         let places = part.start + shortest..(part.end + 1).saturating_sub(shortest);
         let cost = |cut: usize| self.cost(part.start, cut) + self.cost(cut, part.end);
@@ -175,7 +176,7 @@ impl<'a> Products<'a> {
     }
 }
 
-/// Residual variance of the predictor of an autocorrelation, by Levinson's and Durbin's recursion.
+/// Residual variance of the predictor of an autocorrelation (Levinson-Durbin recursion).
 fn residual(r: &[f64; ORDER + 1]) -> f64 {
     let mut a = [0.0; ORDER];
     let mut variance = r[0];
@@ -200,7 +201,7 @@ mod tests {
     use super::*;
     use asperity_numbers::Random;
 
-    /// `n ln s^2` from the samples alone: the normal equations, solved by elimination.
+    /// `n ln s^2` from the samples alone: normal equations, solved by elimination.
     fn brute(signal: &[f64]) -> f64 {
         let n = signal.len();
         let r = |lag: usize| (lag..n).map(|i| signal[i] * signal[i - lag]).sum::<f64>() / n as f64;
@@ -220,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_of_any_blocks_is_that_of_their_samples_alone() {
+    fn cost_of_blocks_depends_on_their_samples_alone() {
         let mut random = Random::new(6);
         let mut signal = vec![0.0; 300];
         for n in 2..300 {
@@ -237,9 +238,10 @@ mod tests {
         }
     }
 
-    /// Halves of 4 s that differ by a ratio `r` of powers alone are told apart where `8000 (ln (1 + r) / 2 - ln(r) / 2)` is above `10 ln 8000 = 90`: 163 for 1.5, 9 for 1.1.
+    /// Halves of 4 s whose powers differ by a ratio `r` are separated where `8000 (ln (1 + r) / 2 -
+    /// ln(r) / 2)` is above `10 ln 8000 = 90`: it is 163 for 1.5, 9 for 1.1.
     #[test]
-    fn the_least_change_that_counts_is_the_one_of_the_criterion() {
+    fn least_change_is_that_of_the_criterion() {
         for (ratio, told) in [(1.5f64, true), (1.1, false)] {
             for seed in 0..5 {
                 let mut random = Random::new(seed);
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_cut_is_the_best_of_all() {
+    fn best_cut_is_the_best_of_all() {
         let mut random = Random::new(2);
         let values: Vec<[f64; 2]> =
             (0..80).map(|i| [random.range(10.0, 20.0) + f64::from(i / 30) * 20.0, random.unit()]).collect();

@@ -1,45 +1,60 @@
-//! A texture from a recording of force, speed and acceleration, as Culbertson, Unwin and Kuchenbecker 2014 make theirs ("Modeling and rendering
-//! realistic textures from unconstrained tool-surface interactions"): cut it where it changes, fit each piece, let pieces at one speed and
-//! force be one model, join the models by triangles.
+//! Fits a texture to a recording of force, speed and acceleration, as in Culbertson, Unwin and
+//! Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface
+//! interactions"): cut where it changes, fit each piece, merge pieces at one speed and force into a
+//! model, join the models by triangles.
 //!
 //! # What is done
 //!
-//! 1. In blocks of 10 ms is dropped, in this order: where samples of all axes stand still for 20 ms (the sensor gave nothing) or those of one for 1 ms at its
-//!    highest or lowest value (it was at its limit), with three blocks before and behind; where the force, then where the speed, is too low, each as the mean of five blocks;
-//!    clicks, which are at most 50 ms within a second in which the power of the signal's differences is 20 dB above that second's median, with a
-//!    block before and behind. A straight line takes the place of a click, so that no filter rings from it.
-//! 2. The acceleration goes through a high-pass of fourth order (Butterworth), 10 Hz unless said otherwise: what is slower is the hand's motion and
-//!    gravity. Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations
-//!    for haptic rendering"): each bin has the size that those of all axes have together. Unlike there the phase is that of the loudest axis and not of the sum, in which
-//!    axes may cancel, and it is done in frames of 0.1 s, so that what is loud is not spread over the quiet rest. The signal is then brought to the models' rate, 1 kHz
-//!    unless said otherwise, by [`asperity_dsp::resample`].
-//! 3. What is left is cut into stretches of nearly constant speed and force: as long as either leaves its tolerance around the middle of
-//!    its range, a stretch is cut in two where that leaves the least sum of squares (binary segmentation, Vostrikova 1981).
-//! 4. Each is cut where its spectrum changes, by the generalised likelihood ratio of autoregressive models (Appel and Brandt 1983, "Adaptive sequential
-//!    segmentation of piecewise stationary time series"), again by binary segmentation: with `s0^2` the residual variance of a model
-//!    of order 8 over all `n` samples, `s1^2` and `s2^2` of those over the `n1` and `n2` on either side,
+//! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis
+//!    changes for 20 ms (the sensor gave nothing). Clipped: one axis stays at its highest or lowest
+//!    value for 1 ms; three blocks before and behind go too. No contact, then slow: the mean of five
+//!    blocks of the force, then of the speed, is too low. Clicks: at most 50 ms within a second in
+//!    which the power of the signal's differences is 20 dB above that second's median; a block before
+//!    and behind goes too. A straight line replaces a click, so that no filter rings from it.
+//! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz:
+//!    slower parts are the hand's motion and gravity. Several axes become one signal after DFT321
+//!    (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency
+//!    accelerations for haptic rendering"): each bin has the size of all axes together. Unlike there,
+//!    the phase is that of the loudest axis and not of the sum, in which axes may cancel. It works in
+//!    frames of 0.1 s, so that loud parts do not spread over quiet ones. [`asperity_dsp::resample`]
+//!    then brings the signal to the models' rate, by default 1 kHz.
+//! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its
+//!    tolerance around the middle of its range, the stretch is cut where the sum of squares gets least
+//!    (binary segmentation, Vostrikova 1981).
+//! 4. Each stretch is cut where its spectrum changes, by the generalised likelihood ratio of
+//!    autoregressive models (Appel and Brandt 1983, "Adaptive sequential segmentation of piecewise
+//!    stationary time series"), again by binary segmentation. With `s0^2` the residual variance of a
+//!    model of order 8 over all `n` samples, and `s1^2`, `s2^2` those over the `n1` and `n2` on either
+//!    side, it is cut where
 //!
 //!    ```text
 //!    n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n
 //!    ```
 //!
-//!    at the place where the left side is greatest: the criterion of Schwarz (BIC) for nine parameters and a place more. A residual 40 dB below
-//!    the signal counts as that. No piece gets shorter than the shortest.
-//! 5. What the high-pass took of a piece is put back as noise through a low-pass of the same corner, whose power is what is missing: as if the spectrum were
-//!    level below twice the corner. Its density is that of a model of the highest order there, found twice over. Else the
-//!    high-pass would be fitted with the texture, and no order would be high enough.
-//! 6. Models of each order are fitted to each piece by Burg's method (1975), which makes stable ones. One order serves all pieces: that of the least
-//!    sum over them of the [criterion](Criterion).
-//! 7. Resonances narrower than 0.3 Hz, of which seconds of recording say nothing, are widened to that. So a pure tone has a model too.
-//! 8. Pieces that differ by less than the tolerances in speed and force become one, the longest first: line spectral frequencies, speed, force and mean
-//!    square are means, weighted by length. The variance is then that with which the model's signal has this mean square; the gain is 1. A piece that is not a tenth as long as
-//!    one within three tolerances is the way to it or from it: it is of that model and counts for nothing, since some tenths of a second tell little of a spectrum.
-//! 9. Delaunay's triangulation joins them, less triangles along the border that are thinner than a hundredth of their length: three models whose forces
-//!    are nearly one are meant to be on a line, and what is beyond is to get the nearest of them and not a mixture of the first and the third.
+//! at the place where the left side is greatest: Schwarz's criterion (BIC) for nine more parameters and
+//! a place. A residual more than 40 dB below the signal counts as 40 dB below. No piece gets shorter
+//! than the shortest.
+//! 5. The power that the high-pass took is put back as noise through a low-pass of the same corner, as
+//!    if the spectrum were level below twice the corner. Its density there is that of a model of the
+//!    highest order, found in two rounds. Otherwise the high-pass would be fitted too, and no order
+//!    would be high enough.
+//! 6. Burg's method (1975) fits stable models of each order to each piece. One order serves all pieces: that
+//!    with the least sum of the [criterion](Criterion).
+//! 7. Resonances narrower than 0.3 Hz are widened to that, since seconds of recording say nothing about
+//!    them. So a pure tone has a model too.
+//! 8. Pieces that differ by less than the tolerances in speed and force are merged, the longest first.
+//!    Line spectral frequencies, speed, force and mean square become means, weighted by length. The
+//!    variance gives the model's signal this mean square; the gain is 1. A piece less than a tenth as
+//!    long as one within three tolerances is the way to or from it: it joins that model but does not
+//!    count, since some tenths of a second tell little about a spectrum.
+//! 9. Delaunay's triangulation joins the models, without border triangles thinner than a hundredth of
+//!    their length. Three models whose forces are nearly equal are meant to be on a line: beyond them
+//!    the nearest counts, not a mixture of the first and the third.
 //!
-//! The moving-average part stays empty: models of order q = 0. A texture of the Penn toolkit with such a part is read and rendered all the same.
+//! Fitted models have no moving-average part (q = 0). Textures of the Penn toolkit that have one are
+//! read and rendered.
 //!
-//! How well it went is told by [`Recording::compare`].
+//! [`Recording::compare`] tells how good a fit is.
 //!
 //! On a virtual AMD EPYC core a minute of recording takes 25 ms at 1 kHz and 60 ms at 10 kHz.
 
@@ -69,92 +84,105 @@ pub use report::{Dropped, Report, Segment, Why};
 const RATES_HZ: std::ops::RangeInclusive<f64> = 1000.0..=10_000.0;
 /// Largest acceleration in m/s^2, either sign.
 const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
-/// What the resampler keeps, as a part of the models' rate: as much as it can.
+/// Passband of the resampler as a part of the models' rate: the most it can.
 const PASSBAND: f64 = 0.48;
 /// Least samples of a piece for each coefficient.
 const SAMPLES_A_COEFFICIENT: f64 = 4.0;
 
-/// What was recorded: channels of one length and one rate.
+/// A recording: channels of one length and one rate.
 #[derive(Clone, Debug)]
 pub struct Recording<'a> {
-    /// Samples a second, 1 to 10 kHz; the nearest whole number is taken.
+    /// Samples a second, 1 to 10 kHz, rounded to a whole number.
     pub rate_hz: f64,
-    /// Normal force in N; below 0 is no contact.
+    /// Normal force in N; negative is no contact.
     pub force_n: &'a [f64],
-    /// Speed along the surface in mm/s; its sign does not count.
+    /// Speed along the surface in mm/s; the sign does not count.
     pub speed_mm_s: &'a [f64],
-    /// Acceleration of the tool in m/s^2: one signal, or those of two or three axes.
+    /// Acceleration of the tool in m/s^2: one signal, or two or three axes.
     pub acceleration_m_s2: Vec<&'a [f64]>,
 }
 
-/// By what orders are compared, summed over all pieces. `s^2` is the residual variance of a piece of `n` samples, `k = p + 1` the number of
-/// parameters.
+/// Criterion to compare orders, summed over all pieces. `s^2` is the residual variance of a piece of
+/// `n` samples, `k = p + 1` the number of parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Criterion {
-    /// `n ln s^2 + 2 k n / (n - k - 1)` (Hurvich and Tsai 1989): what predicts best. It takes rather too high an order than one too low.
+    /// `n ln s^2 + 2 k n / (n - k - 1)` (Hurvich and Tsai 1989): best for prediction. It prefers too
+    /// high an order over one too low.
     #[default]
     Aicc,
-    /// `n ln s^2 + k ln n` (Schwarz 1978): what is right, if any order is.
+    /// `n ln s^2 + k ln n` (Schwarz 1978): finds the right order, if there is one.
     Bic,
 }
 
 /// The models' order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// This one, 1 to [`MAX_ORDER`].
+    /// A fixed order, 1 to [`MAX_ORDER`].
     Given(usize),
     /// The best of 1 to `most`, at most [`MAX_ORDER`].
     Best {
-        /// Highest that is tried.
+        /// Highest order to try.
         most: usize,
-        /// What is best.
+        /// Criterion for the best.
         by: Criterion,
     },
 }
 
-/// How far speed and force may be from the middle of their range and count as constant, and how near they count as equal: by this much or by this part
-/// of themselves, whichever is more.
+impl Order {
+    /// Highest order to fit.
+    fn most(self) -> usize {
+        match self {
+            Self::Given(order) | Self::Best { most: order, .. } => order,
+        }
+    }
+}
+
+/// Largest distance from the middle of the range for a constant speed or force, and largest difference
+/// between equal ones. The absolute and the relative limit both apply; the larger counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Speed in mm/s.
     pub speed_mm_s: f64,
     /// Force in N.
     pub force_n: f64,
-    /// Part of either, 0 to 1.
+    /// Relative limit for both, 0 to 1.
     pub part: f64,
 }
 
 impl Tolerance {
-    /// Of a speed in mm/s and a force in N.
+    /// Limits at a speed in mm/s and a force in N.
     fn of(&self, [speed, force]: [f64; 2]) -> [f64; 2] {
         [self.speed_mm_s.max(self.part * speed), self.force_n.max(self.part * force)]
     }
 }
 
-/// How a recording is fitted.
+/// Settings of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Rate of the models in Hz, 500 Hz to that of the recording.
+    /// Rate of the models in Hz, from 500 Hz to the recording's rate.
     pub model_hz: u32,
-    /// Corner of the high-pass in Hz, to a tenth of the models' rate; 0 for none, where slow motion is gone already.
+    /// Corner of the high-pass in Hz, at most a tenth of the models' rate. 0 is none, for recordings
+    /// without slow motion.
     pub high_pass_hz: f64,
     /// The order.
     pub order: Order,
-    /// Shortest piece that is fitted in s, 0.05 to 10.
+    /// Shortest piece to fit in s, 0.05 to 10.
     pub shortest_s: f64,
-    /// Slower than this is no stroke, in mm/s.
+    /// Least speed of a stroke in mm/s.
     pub least_speed_mm_s: f64,
-    /// Less than this is no contact, in N.
+    /// Least force of a contact in N.
     pub least_force_n: f64,
-    /// What is constant, and what is equal.
+    /// Tolerance for constant and for equal speeds and forces.
     pub tolerance: Tolerance,
-    /// Most models, 1 to [`MAX_MODELS`](super::MAX_MODELS). Where there would be more, more pieces become one: the tolerance of the merge grows.
+    /// Most models, 1 to [`MAX_MODELS`](super::MAX_MODELS). If there are more, the tolerance of the
+    /// merge grows.
     pub most_models: usize,
 }
 
 impl Default for Settings {
-    /// Models at 1 kHz of the best order of 1 to 24 by AICc; pieces of 0.2 s and more at 5 mm/s and 0.05 N and more; within 10 mm/s, 0.1 N
-    /// or a fifth, whichever is more; 64 models.
+    /// Models at 1 kHz, of the best order from 1 to 24 by AICc. Pieces last 0.2 s or more, at 5 mm/s
+    /// and 0.05 N or more. Tolerances are 10 mm/s, 0.1 N or a fifth, whichever is more. At most 64
+    /// models.
     fn default() -> Self {
         Self {
             model_hz: 1000,
@@ -170,11 +198,12 @@ impl Default for Settings {
 }
 
 impl Recording<'_> {
-    /// Fits a texture to it. The same recording and settings give the same bits.
+    /// Fits a texture. The same recording and settings give the same bits.
     ///
     /// # Errors
-    /// Settings out of range; channels of different lengths; a rate that is not 1 to 10 kHz; a sample that is not finite or out of range, by channel and
-    /// number; less than the shortest piece; and where no piece is left, what was dropped and why.
+    /// Settings out of range; channels of different lengths; a rate outside 1 to 10 kHz; a sample that
+    /// is not finite or out of range, with channel and number; a recording shorter than the shortest
+    /// piece; no piece left, with what was dropped and why.
     pub fn fit(&self, settings: &Settings) -> Result<(Texture, Report), Diagnostic> {
         settings.check()?;
         self.check(settings)?;
@@ -243,7 +272,7 @@ impl Recording<'_> {
                 .help("channels of one rate and one length"));
         }
         for (name, samples, limit, unit) in channels {
-            // Of a number that is not one, no comparison holds.
+            // NaN fails every comparison.
             let bad = |x: &f64| !matches!(x.abs().partial_cmp(&limit), Some(o) if o.is_le());
             if let Some(at) = samples.iter().position(bad) {
                 let (x, t) = (samples[at], at as f64 / self.rate_hz);
@@ -263,9 +292,7 @@ impl Recording<'_> {
 impl Settings {
     fn check(&self) -> Result<(), Diagnostic> {
         let rate = f64::from(self.model_hz);
-        let most = match self.order {
-            Order::Given(order) | Order::Best { most: order, .. } => order,
-        };
+        let most = self.order.most();
         let t = &self.tolerance;
         let limits = [
             ("a rate of models", rate, 500.0, *RATES_HZ.end(), "Hz"),
@@ -297,17 +324,16 @@ impl Settings {
     }
 }
 
-/// Why nothing could be fitted.
+/// The error where no piece is left.
 fn nothing(blocks: &blocks::Blocks, dropped: &[Dropped], settings: &Settings) -> Diagnostic {
-    let of = |why: Why| dropped.iter().filter(|d| d.why == why).map(|d| d.length_s).sum::<f64>();
     let parts: Vec<String> = Why::ALL
         .iter()
-        .map(|&why| (why, of(why)))
+        .map(|&why| (why, report::dropped_s(dropped, why)))
         .filter(|(_, seconds)| *seconds > 0.0)
         .map(|(why, seconds)| format!("{seconds:.2} s {why}"))
         .collect();
     let [speed, force] = blocks.greatest();
-    let help = if of(Why::Still) > 0.9 * blocks.duration_s() {
+    let help = if report::dropped_s(dropped, Why::Still) > 0.9 * blocks.duration_s() {
         "the acceleration never changes: is it the right channel?".to_owned()
     } else if force < settings.least_force_n {
         format!("the force is {force:.4} N at most: is it in N, and counted positive into the surface?")
@@ -320,7 +346,7 @@ fn nothing(blocks: &blocks::Blocks, dropped: &[Dropped], settings: &Settings) ->
         .help(help)
 }
 
-/// A Butterworth filter of fourth order, from second-order sections by corner in Hz and damping.
+/// A Butterworth filter of fourth order from two second-order sections.
 fn filter(
     signal: &mut [f64],
     section: fn(f64, f64) -> Section,
@@ -336,10 +362,10 @@ fn filter(
     Ok(())
 }
 
-/// A signal without slow motion.
+/// Removes slow motion.
 fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     if settings.high_pass_hz > 0.0 {
-        // Nothing comes before the first sample.
+        // Start at rest.
         let first = signal.first().copied().unwrap_or(0.0);
         signal.iter_mut().for_each(|x| *x -= first);
         filter(&mut signal, Section::high_pass, rate_hz, settings.high_pass_hz)?;
@@ -347,11 +373,11 @@ fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Resul
     Ok(signal)
 }
 
-/// The acceleration as one signal, from a rate that is a whole number, without slow motion and at the models' rate.
+/// The acceleration as one signal at the models' rate without slow motion. `rate` is a whole number.
 fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
     let mut signal = axes::joined(axes, rate)?;
-    // In range, as was checked.
+    // In range: checked before.
     let in_hz = rate as u32;
     let out_hz = settings.model_hz;
     if in_hz == out_hz {
@@ -369,7 +395,7 @@ fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f
     let (num, den) = resampler.latency();
     let late = num as f64 / den as f64;
     let len = (signal.len() as f64 / rate * f64::from(out_hz)) as usize;
-    // Its output comes late; silence behind the recording pushes the last of it out.
+    // The output is late. Silence behind the recording pushes the last of it out.
     let skip = (late * f64::from(out_hz)).round() as usize;
     signal.resize(signal.len() + ((late + 1.0) * rate).ceil() as usize, 0.0);
     let mut out = vec![0.0; skip + len];
@@ -378,11 +404,5 @@ fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f
     Ok(out)
 }
 
-#[cfg(test)]
-mod axes_tests;
-#[cfg(test)]
-mod compare_tests;
-#[cfg(test)]
-mod corners_tests;
 #[cfg(test)]
 mod tests;

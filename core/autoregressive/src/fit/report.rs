@@ -1,32 +1,32 @@
-//! What a fit did.
+//! Report of a fit.
 
 use std::fmt;
 
-/// A piece that was fitted.
+/// A fitted piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
-    /// Where it begins, in s from the recording's beginning.
+    /// Start in s from the recording's beginning.
     pub start_s: f64,
-    /// How long it is, in s.
+    /// Length in s.
     pub length_s: f64,
     /// Its mean speed in mm/s.
     pub speed_mm_s: f64,
     /// Its mean force in N.
     pub force_n: f64,
-    /// Variance in (m/s^2)^2 of what its own model, of the order that was chosen, leaves unexplained.
+    /// Variance in (m/s^2)^2 that its own model of the chosen order leaves unexplained.
     pub residual_variance: f64,
-    /// Its mean square in (m/s^2)^2, with what the high-pass took put back.
+    /// Mean square in (m/s^2)^2, with the power that the high-pass took.
     pub mean_square: f64,
-    /// The model that it is part of, by number, from 0.
+    /// Number of its model, from 0.
     pub model: usize,
 }
 
-/// Why something was dropped.
+/// Reason for dropping a stretch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// The samples of acceleration do not change.
+    /// The acceleration does not change.
     Still,
-    /// They stand at the highest or lowest value that there is.
+    /// The acceleration stays at its highest or lowest value.
     Clipped,
     /// Too little force.
     NoContact,
@@ -60,21 +60,21 @@ impl fmt::Display for Why {
     }
 }
 
-/// A stretch that was not fitted.
+/// A dropped stretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dropped {
-    /// Where it begins, in s from the recording's beginning.
+    /// Start in s from the recording's beginning.
     pub start_s: f64,
-    /// How long it is, in s.
+    /// Length in s.
     pub length_s: f64,
-    /// Why.
+    /// Reason.
     pub why: Why,
 }
 
-/// What a fit did. Each 10 ms of the recording is in one of the segments or of what was dropped.
+/// Report of a fit. Each 10 ms of the recording belong to a segment or a dropped stretch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// How much of the recording was looked at, in s: whole blocks of 10 ms.
+    /// Length of the recording in whole blocks of 10 ms, in s.
     pub duration_s: f64,
     /// Rate of the models in Hz.
     pub model_hz: f64,
@@ -82,17 +82,21 @@ pub struct Report {
     pub high_pass_hz: f64,
     /// The models' order.
     pub order: usize,
-    /// Orders and their criterion, less a constant so that the least is 0; empty where the order was given.
+    /// Orders and their criterion, shifted so that the least is 0. Empty where the order was given.
     pub criterion: Vec<(usize, f64)>,
-    /// What was fitted, in order of time.
+    /// Fitted pieces, in order of time.
     pub segments: Vec<Segment>,
-    /// What was not, in order of time.
+    /// Dropped stretches, in order of time.
     pub dropped: Vec<Dropped>,
 }
 
 impl Report {
-    /// How much was dropped for a reason, in s.
+    /// Time dropped for a reason, in s.
     pub fn dropped_s(&self, why: Why) -> f64 {
-        self.dropped.iter().filter(|d| d.why == why).map(|d| d.length_s).sum()
+        dropped_s(&self.dropped, why)
     }
+}
+
+pub(super) fn dropped_s(dropped: &[Dropped], why: Why) -> f64 {
+    dropped.iter().filter(|d| d.why == why).map(|d| d.length_s).sum()
 }

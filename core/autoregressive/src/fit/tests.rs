@@ -1,15 +1,16 @@
-//! Signals of known models come back, and what is no texture is dropped or refused.
+//! Signals of known models come back. Recordings without a texture are refused.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use proptest::prelude::*;
 
-use super::super::{Filter, is_stable};
+use super::super::{Filter, Model, TextureFile, is_stable};
 use super::*;
 use asperity_numbers::Random;
 
 /// Poles at frequencies in Hz with bandwidths in Hz.
-pub(super) fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
+fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
     let mut a = vec![1.0];
     for [hz, bandwidth_hz] in resonances {
         let radius = (-PI * bandwidth_hz / rate_hz).exp();
@@ -25,28 +26,28 @@ pub(super) fn poles(resonances: &[[f64; 2]], rate_hz: f64) -> Vec<f64> {
     a.split_off(1)
 }
 
-/// A stretch at one speed in mm/s and force in N, and what sounds there: a filter and a level as its deviation.
-pub(super) struct Stay {
+/// A stretch at one speed in mm/s and force in N, with its filter.
+struct Stay {
     speed: f64,
     force: f64,
     seconds: f64,
     filter: Filter,
 }
 
-pub(super) fn stay(speed: f64, force: f64, seconds: f64, ar: &[f64], deviation: f64) -> Stay {
+fn stay(speed: f64, force: f64, seconds: f64, ar: &[f64], deviation: f64) -> Stay {
     Stay { speed, force, seconds, filter: Filter::new(ar, &[], deviation) }
 }
 
-pub(super) struct Recorded {
-    pub(super) rate_hz: f64,
-    pub(super) force: Vec<f64>,
-    pub(super) speed: Vec<f64>,
-    pub(super) acceleration: Vec<f64>,
+struct Recorded {
+    rate_hz: f64,
+    force: Vec<f64>,
+    speed: Vec<f64>,
+    acceleration: Vec<f64>,
 }
 
 impl Recorded {
-    /// Stays one after the other, with `ramp_s` from each to the next; the history of the signal is kept.
-    pub(super) fn new(rate_hz: f64, stays: &[Stay], ramp_s: f64, seed: u64) -> Self {
+    /// Stays one after the other, with `ramp_s` from each to the next. The signal's history goes on.
+    fn new(rate_hz: f64, stays: &[Stay], ramp_s: f64, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let mut it = Self { rate_hz, force: vec![], speed: vec![], acceleration: vec![] };
         let mut history = vec![0.0; 64];
@@ -67,7 +68,7 @@ impl Recorded {
         it
     }
 
-    pub(super) fn recording(&self) -> Recording<'_> {
+    fn recording(&self) -> Recording<'_> {
         Recording {
             rate_hz: self.rate_hz,
             force_n: &self.force,
@@ -76,7 +77,7 @@ impl Recorded {
         }
     }
 
-    pub(super) fn fit(&self, settings: &Settings) -> (Texture, Report) {
+    fn fit(&self, settings: &Settings) -> (Texture, Report) {
         let (texture, report) = self.recording().fit(settings).unwrap();
         accounts(&report);
         (texture, report)
@@ -87,8 +88,8 @@ impl Recorded {
     }
 }
 
-/// Every block is in one stretch, fitted or not.
-pub(super) fn accounts(report: &Report) {
+/// Every block is in one stretch, fitted or dropped.
+fn accounts(report: &Report) {
     let mut all: Vec<[f64; 2]> = report.segments.iter().map(|s| [s.start_s, s.length_s]).collect();
     assert!(all.is_sorted_by(|a, b| a[0] < b[0]));
     all.extend(report.dropped.iter().map(|d| [d.start_s, d.length_s]));
@@ -105,8 +106,8 @@ fn without_high_pass(by: Criterion) -> Settings {
     Settings { high_pass_hz: 0.0, order: Order::Best { most: 24, by }, ..Settings::default() }
 }
 
-/// The largest difference in dB in third-octave bands from 25 to 400 Hz; spectra a Hz.
-pub(super) fn bands_off(found: &Filter, found_hz: f64, truth: &Filter, truth_hz: f64) -> f64 {
+/// The largest difference in dB in third-octave bands from 25 to 400 Hz, with spectra a Hz.
+fn bands_off(found: &Filter, found_hz: f64, truth: &Filter, truth_hz: f64) -> f64 {
     let mut worst: f64 = 0.0;
     for band in 14..=26 {
         let centre = 10f64.powf(f64::from(band) / 10.0);
@@ -122,7 +123,7 @@ pub(super) fn bands_off(found: &Filter, found_hz: f64, truth: &Filter, truth_hz:
 }
 
 #[test]
-fn one_known_model_comes_back_with_its_order() {
+fn known_model_comes_back_with_its_order() {
     for (resonances, order) in
         [(vec![[120.0, 30.0], [310.0, 50.0]], 4), (vec![[60.0, 40.0], [180.0, 20.0], [400.0, 60.0]], 6)]
     {
@@ -132,13 +133,14 @@ fn one_known_model_comes_back_with_its_order() {
         assert_eq!((report.order, texture.models().len(), report.segments.len()), (order, 1, 1));
         assert_eq!(report.criterion.len(), 24);
         assert_eq!(report.criterion[order - 1], (order, 0.0));
-        // An order too few explains far less, one too many hardly more: the logarithm of 30000 samples is 10.3.
+        // A lower order explains far less, a higher one hardly more: the logarithm of 30000 samples is
+        // 10.3.
         assert!(report.criterion[order - 2].1 > 1000.0 && report.criterion[order].1 < 10.4);
         let model = &texture.models()[0];
         let off = model.ar.iter().zip(&ar).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         assert!(off < 0.03, "{off}");
         assert!((model.speed_mm_s - 100.0).abs() < 1e-9 && (model.force_n - 1.0).abs() < 1e-9);
-        // Of 30000 independent samples the deviation of the variance is 0.8 %.
+        // The variance of 30000 independent samples has a deviation of 0.8 %.
         assert!((report.segments[0].residual_variance / 0.09 - 1.0).abs() < 0.03);
         let off = bands_off(&model.filter(), 1000.0, &Filter::new(&ar, &[], 0.3), 1000.0);
         assert!(off.abs() < 0.5, "{off} dB");
@@ -151,7 +153,7 @@ fn one_known_model_comes_back_with_its_order() {
 }
 
 #[test]
-fn the_high_pass_takes_slow_motion_and_leaves_the_texture() {
+fn high_pass_removes_slow_motion_only() {
     let ar = poles(&[[120.0, 30.0], [310.0, 50.0]], 1000.0);
     let mut recorded = Recorded::new(1000.0, &[stay(100.0, 1.0, 30.0, &ar, 0.3)], 0.0, 5);
     for (n, x) in recorded.acceleration.iter_mut().enumerate() {
@@ -174,14 +176,14 @@ fn four() -> [Stay; 4] {
 }
 
 #[test]
-fn stays_at_several_speeds_and_forces_become_the_corners() {
+fn stays_become_the_corners() {
     let order: Vec<Stay> = four().into_iter().chain(four()).collect();
     let recorded = Recorded::new(1000.0, &order, 0.3, 17);
     let (texture, report) = recorded.fit(&Settings::default());
     assert_eq!(texture.models().len(), 4, "{report:#?}");
     assert_eq!(texture.triangles().corners().len(), 2);
     for truth in four() {
-        let near = |m: &&super::super::Model| {
+        let near = |m: &&Model| {
             (m.speed_mm_s - truth.speed).abs() < 0.05 * truth.speed
                 && (m.force_n - truth.force).abs() < 0.05 * truth.force
         };
@@ -212,13 +214,9 @@ fn borders_are_where_speed_or_force_jump() {
 fn borders_are_where_the_spectrum_changes() {
     let (one, other) =
         (poles(&[[100.0, 30.0], [250.0, 50.0]], 1000.0), poles(&[[160.0, 30.0], [330.0, 50.0]], 1000.0));
-    let level = |ar: &[f64]| {
-        let mut r = [0.0];
-        Filter::new(ar, &[], 1.0).autocovariance(&mut r);
-        0.5 / r[0].sqrt()
-    };
+    let level = |ar: &[f64]| 0.5 / Filter::new(ar, &[], 1.0).variance().sqrt();
     for seed in 0..6 {
-        // The same speed, force and level: the shape alone tells.
+        // Same speed, force and level: only the shape differs.
         let stays = [
             stay(80.0, 1.0, 3.0, &one, level(&one)),
             stay(80.0, 1.0, 2.0, &other, level(&other)),
@@ -229,11 +227,10 @@ fn borders_are_where_the_spectrum_changes() {
         let starts: Vec<f64> = report.segments.iter().map(|s| s.start_s).collect();
         assert_eq!(starts.len(), 3, "{starts:?}");
         assert!((starts[1] - 3.0).abs() < 0.051 && (starts[2] - 5.0).abs() < 0.051, "{starts:?}");
-        // They are at one speed and force, and so one model, of their mean level.
+        // One speed and force, so one model with their mean level.
         assert_eq!(texture.models().len(), 1);
-        let mut r = [0.0];
-        texture.models()[0].filter().autocovariance(&mut r);
-        assert!((r[0] / 0.25 - 1.0).abs() < 0.15, "{}", r[0]);
+        let variance = texture.models()[0].filter().variance();
+        assert!((variance / 0.25 - 1.0).abs() < 0.15, "{variance}");
     }
     // One spectrum throughout is one piece.
     for seed in 0..10 {
@@ -243,9 +240,9 @@ fn borders_are_where_the_spectrum_changes() {
 }
 
 #[test]
-fn faster_recordings_are_brought_to_the_models_rate() {
+fn fast_recordings_are_resampled_to_the_models_rate() {
     for rate_hz in [2500.0, 5000.0, 9999.0] {
-        // With as much above what a model of 1 kHz can hold as below.
+        // As much above the band of a 1 kHz model as below.
         let ar = poles(&[[120.0, 40.0], [310.0, 60.0], [800.0, 60.0]], rate_hz);
         let stays = [stay(100.0, 1.0, 12.0, &ar, 0.3), stay(30.0, 1.0, 12.0, &ar, 0.1)];
         let recorded = Recorded::new(rate_hz, &stays, 0.0, 9);
@@ -257,7 +254,7 @@ fn faster_recordings_are_brought_to_the_models_rate() {
             let off = bands_off(&model.filter(), 1000.0, &truth, rate_hz);
             assert!(off.abs() < 1.2, "{rate_hz} Hz: {off} dB");
         }
-        // The border lies where it lay: the filter's delay is taken out.
+        // The border keeps its place: the filter's delay is removed.
         assert!((report.segments[1].start_s - 12.0).abs() < 0.0351, "{report:#?}");
     }
     let recorded = Recorded::new(5000.0, &[stay(50.0, 1.0, 5.0, &[-0.5], 0.3)], 0.0, 9);
@@ -265,12 +262,12 @@ fn faster_recordings_are_brought_to_the_models_rate() {
     assert_eq!(recorded.fit(&settings).0.rate_hz(), 5000.0);
 }
 
-pub(super) fn noise(seconds: f64) -> Recorded {
+fn noise(seconds: f64) -> Recorded {
     Recorded::new(1000.0, &[stay(50.0, 1.0, seconds, &[-0.5, 0.2], 0.3)], 0.0, 1)
 }
 
 #[test]
-fn what_cannot_be_fitted_is_refused_in_words_that_help() {
+fn bad_recordings_and_settings_are_refused_with_help() {
     let with = |change: fn(&mut Recorded)| {
         let mut recorded = noise(3.0);
         change(&mut recorded);
@@ -328,7 +325,7 @@ fn what_cannot_be_fitted_is_refused_in_words_that_help() {
 }
 
 #[test]
-fn a_pure_tone_has_a_model_of_its_frequency_and_level() {
+fn pure_tone_has_a_model_of_its_frequency_and_level() {
     let mut recorded = noise(4.0);
     for (n, x) in recorded.acceleration.iter_mut().enumerate() {
         *x = 2.0 * (TAU * 137.0 * n as f64 / 1000.0).sin();
@@ -340,9 +337,8 @@ fn a_pure_tone_has_a_model_of_its_frequency_and_level() {
         power(a).total_cmp(&power(b))
     });
     assert_eq!(peak, Some(137));
-    let mut r = [0.0];
-    filter.autocovariance(&mut r);
-    assert!((r[0] / 2.0 - 1.0).abs() < 0.02, "a sine of 2 has a mean square of 2, not {}", r[0]);
+    let variance = filter.variance();
+    assert!((variance / 2.0 - 1.0).abs() < 0.02, "a sine of 2 has a mean square of 2, not {variance}");
     assert!(is_stable(filter.ar()));
 }
 
@@ -356,7 +352,7 @@ fn clicks_and_limits_are_dropped_and_change_little() {
     clicks.acceleration[7007] -= 150.0;
     let (texture, report) = clicks.fit(&Settings::default());
     let click = report.dropped_s(Why::Click);
-    // The block of each, one before and one behind.
+    // The block of each click, one before and one behind.
     assert!((click - 0.06).abs() < 1e-9, "{click} s");
     assert_eq!(report.segments.len(), 3, "{report:#?}");
     let off = bands_off(&texture.models()[0].filter(), 1000.0, &truth, 1000.0);
@@ -373,7 +369,7 @@ fn clicks_and_limits_are_dropped_and_change_little() {
     assert!(off.abs() < 1.0, "{off} dB");
     assert!(report.segments.iter().all(|s| s.mean_square < 2.0 * report.segments[0].mean_square));
 
-    // Bumps that come again and again are the texture.
+    // Bumps that repeat are the texture.
     let mut bumps = clean();
     bumps.acceleration.iter_mut().step_by(100).for_each(|x| *x += 60.0);
     assert_eq!(bumps.fit(&Settings::default()).1.dropped_s(Why::Click), 0.0);
@@ -386,7 +382,7 @@ fn contact_and_motion_bound_what_is_fitted() {
     recorded.speed[4000..5000].fill(2.0);
     recorded.speed[7000..7100].fill(2.0);
     recorded.speed[7200..7300].fill(2.0);
-    // The mean of five blocks decides: at each border to what is fast it takes two blocks off what is slow.
+    // The mean of five blocks decides. Each border to fast motion takes two blocks off a slow stretch.
     let (_, report) = recorded.fit(&Settings::default());
     for (why, seconds) in [(Why::NoContact, 2.0), (Why::Slow, 1.08)] {
         assert!((report.dropped_s(why) - seconds).abs() < 0.06, "{why}: {report:#?}");
@@ -395,7 +391,7 @@ fn contact_and_motion_bound_what_is_fitted() {
 }
 
 #[test]
-fn a_recording_that_ends_within_a_block_is_fitted_up_to_there() {
+fn recording_ending_within_a_block_is_fitted_to_there() {
     for (seconds, whole) in [(4.024_402, 4.02), (2.509_423, 2.5), (1.0, 1.0)] {
         let (_, report) = noise(seconds).fit(&Settings::default());
         assert!((report.duration_s - whole).abs() < 1e-9 && report.segments.len() == 1, "{report:#?}");
@@ -406,7 +402,7 @@ fn a_recording_that_ends_within_a_block_is_fitted_up_to_there() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
-    fn whatever_was_recorded_gives_a_texture_or_an_error(
+    fn any_recording_gives_a_texture_or_an_error(
         seed: u64, seconds in 0.3..6.0f64, jumps in 0..30usize, size in -9.0..2.0f64, quantum in 0..3usize,
     ) {
         let mut random = Random::new(seed);
@@ -436,10 +432,264 @@ proptest! {
                     prop_assert!(m.check().is_ok());
                 }
                 let (description, origin) = (String::new(), String::new());
-                let file = super::super::TextureFile { description, origin, texture };
+                let file = TextureFile { description, origin, texture };
                 prop_assert!(file.to_ron().is_ok());
             }
             Err(e) => prop_assert!(e.message.starts_with("no stretch of 0.2 s to fit: "), "{e}"),
         }
     }
+}
+
+// Merging of pieces into models.
+
+#[test]
+fn no_more_models_than_asked_for() {
+    let stays: Vec<Stay> = (0..20)
+        .map(|i| stay(20.0 * 1.3f64.powi(i % 10), 0.4 + f64::from(i / 10), 1.0, &[-0.5], 0.3))
+        .collect();
+    let recorded = Recorded::new(1000.0, &stays, 0.0, 2);
+    let count = |most_models| {
+        let settings = Settings { most_models, ..Settings::default() };
+        let (texture, report) = recorded.fit(&settings);
+        assert!(report.segments.iter().all(|s| s.model < texture.models().len()));
+        texture.models().len()
+    };
+    let free = count(64);
+    assert!((12..=20).contains(&free), "{free}");
+    assert!((3..=6).contains(&count(6)));
+    assert_eq!(count(1), 1);
+}
+
+/// 84 and 118 mm/s are within a fifth of 100, but not of each other. So the order decides: the longest
+/// is first, whenever it was.
+#[test]
+fn shorter_pieces_go_to_the_longest_near_them() {
+    let pieces = [(84.0, 1.0), (100.0, 4.0), (118.0, 1.0)];
+    for order in [[0, 1, 2], [1, 0, 2], [2, 0, 1]] {
+        let stays: Vec<Stay> = order
+            .iter()
+            .flat_map(|&i| {
+                let (speed, seconds) = pieces[i];
+                [(1.0, seconds), (0.0, 0.5)].map(|(force, s)| stay(speed, force, s, &[-0.5], 0.3))
+            })
+            .collect();
+        let (texture, report) = Recorded::new(1000.0, &stays, 0.0, 4).fit(&Settings::default());
+        assert_eq!((texture.models().len(), report.segments.len()), (1, 3), "{order:?}: {report:#?}");
+        let mean = texture.models()[0].speed_mm_s;
+        assert!((mean - 602.0 / 6.0).abs() < 0.5, "{order:?}: {mean} mm/s");
+    }
+}
+
+/// The way is ten times as loud and has a tenth of the power of the stays. If it counted, it would make
+/// 0.8 dB or more.
+#[test]
+fn short_way_between_long_stays_has_no_model() {
+    let fitted = |way: Stay| {
+        let stays = [stay(60.0, 1.0, 6.0, &[-0.5], 0.3), way, stay(60.0, 3.0, 6.0, &[-0.5], 0.3)];
+        Recorded::new(1000.0, &stays, 0.0, 4).fit(&Settings::default())
+    };
+    let levels = |texture: &Texture| -> Vec<f64> {
+        let level = |m: &Model| 10.0 * (m.filter().variance() / (0.09 / 0.75)).log10();
+        texture.models().iter().map(level).collect()
+    };
+    let (texture, report) = fitted(stay(60.0, 1.4, 0.3, &[-0.5], 3.0));
+    assert_eq!(texture.models().len(), 2, "{report:#?}");
+    assert!(report.segments.iter().any(|s| (s.force_n - 1.4).abs() < 0.1 && s.model == 0), "{report:#?}");
+    assert!(levels(&texture).iter().all(|db| db.abs() < 0.3), "{:?}", levels(&texture));
+    // Longer than a tenth, or far away, it has a model of its own.
+    for way in [stay(60.0, 1.4, 1.0, &[-0.5], 3.0), stay(200.0, 1.4, 0.3, &[-0.5], 3.0)] {
+        let (texture, report) = fitted(way);
+        assert_eq!(texture.models().len(), 3, "{report:#?}");
+        assert!(levels(&texture).iter().any(|db| *db > 15.0), "{:?}", levels(&texture));
+    }
+}
+
+// Recordings of several axes.
+
+/// Three axes with a resonance each, loud at one speed and 30 dB quieter at another. One has gravity.
+fn three() -> ([Recorded; 3], Vec<Vec<f64>>) {
+    let of = [[90.0, 30.0], [180.0, 40.0], [330.0, 60.0]].map(|resonance| poles(&[resonance], 1000.0));
+    let recorded = std::array::from_fn(|i| {
+        let stays = [stay(150.0, 1.0, 20.0, &of[i], 1.0), stay(40.0, 1.0, 20.0, &of[i], 0.0316)];
+        let mut axis = Recorded::new(1000.0, &stays, 0.0, 40 + i as u64);
+        axis.acceleration.iter_mut().for_each(|x| *x += if i == 1 { 9.81 } else { 0.0 });
+        axis
+    });
+    (recorded, of.to_vec())
+}
+
+#[test]
+fn powers_of_three_axes_add_up_and_quiet_stays_quiet() {
+    let (axes, polynomials) = three();
+    let acceleration_m_s2 = axes.iter().map(|a| a.acceleration.as_slice()).collect();
+    let recording = Recording { acceleration_m_s2, ..axes[0].recording() };
+    let (texture, report) = recording.fit(&Settings::default()).unwrap();
+    accounts(&report);
+    assert_eq!(texture.models().len(), 2, "{report:#?}");
+    for (model, deviation) in texture.models().iter().zip([0.0316, 1.0]) {
+        let power = |hz: f64| -> f64 {
+            let of = |a: &Vec<f64>| Filter::new(a, &[], deviation).power(TAU * hz / 1000.0);
+            polynomials.iter().map(of).sum()
+        };
+        for band in 14..=26 {
+            let centre = 10f64.powf(f64::from(band) / 10.0);
+            let sum = |of: &dyn Fn(f64) -> f64| -> f64 {
+                (-50..=50).map(|i| of(centre * 10f64.powf(f64::from(i) / 1000.0))).sum()
+            };
+            let found = sum(&|hz| model.filter().power(TAU * hz / 1000.0));
+            let off = 10.0 * (found / sum(&power)).log10();
+            assert!(off.abs() < 1.5, "{} mm/s, {centre:.0} Hz: {off} dB", model.speed_mm_s);
+        }
+    }
+}
+
+#[test]
+fn silent_axis_changes_nothing() {
+    let one = noise(6.0);
+    let (dead, constant) = (vec![0.0; 6000], vec![-9.81; 6000]);
+    let alone = one.recording().fit(&Settings::default()).unwrap();
+    for others in [vec![&dead], vec![&constant, &dead]] {
+        let mut axes: Vec<&[f64]> = others.iter().map(|a| a.as_slice()).collect();
+        axes.push(&one.acceleration);
+        let recording = Recording { acceleration_m_s2: axes, ..one.recording() };
+        let (texture, report) = recording.fit(&Settings::default()).unwrap();
+        assert_eq!(report.segments.len(), alone.1.segments.len());
+        let off = bands_off(&texture.models()[0].filter(), 1000.0, &alone.0.models()[0].filter(), 1000.0);
+        assert!(off.abs() < 1e-6, "{off} dB");
+    }
+}
+
+#[test]
+fn one_bad_axis_is_seen_and_one_still_axis_is_not_still() {
+    let one = noise(6.0);
+    let mut other = noise(6.0).acceleration;
+    let fit = |other: &[f64]| {
+        let recording = Recording { acceleration_m_s2: vec![&one.acceleration, other], ..one.recording() };
+        recording.fit(&Settings::default()).map(|(_, report)| report)
+    };
+    // At its limit for 30 ms, plus three blocks before and behind.
+    other[2000..2030].fill(50.0);
+    let clipped = fit(&other).unwrap().dropped_s(Why::Clipped);
+    assert!((clipped - 0.09).abs() < 1e-9, "{clipped}");
+    // A click on one axis.
+    let mut other = noise(6.0).acceleration;
+    other[4005] = 200.0;
+    let click = fit(&other).unwrap().dropped_s(Why::Click);
+    assert!((click - 0.03).abs() < 1e-9, "{click}");
+    // One axis drops out: the others remain. Both drop out: nothing remains.
+    let mut other = noise(6.0).acceleration;
+    other[3000..3500].fill(0.25);
+    assert_eq!(fit(&other).unwrap().dropped_s(Why::Still), 0.0);
+    let mut both = noise(6.0);
+    both.acceleration[3000..3500].fill(0.25);
+    let recording = Recording { acceleration_m_s2: vec![&both.acceleration, &other], ..both.recording() };
+    let still = recording.fit(&Settings::default()).unwrap().1.dropped_s(Why::Still);
+    assert!((still - 0.5).abs() < 1e-9, "{still}");
+    other[17] = f64::NAN;
+    assert!(fit(&other).unwrap_err().message.starts_with("the acceleration is NaN at sample 17"));
+    assert!(fit(&other[..9]).unwrap_err().message.contains("and 9 of acceleration"));
+    let axes = |count: usize| {
+        let acceleration_m_s2 = vec![one.acceleration.as_slice(); count];
+        let recording = Recording { acceleration_m_s2, ..one.recording() };
+        recording.fit(&Settings::default()).map_err(|e| e.message)
+    };
+    assert!(axes(3).is_ok());
+    assert_eq!(
+        (axes(0).unwrap_err(), axes(4).unwrap_err()),
+        ("0 axes of acceleration".into(), "4 axes of acceleration".into())
+    );
+}
+
+// Comparison of a texture with the recording that it was fitted to.
+
+/// Root mean square of a third-octave band at 1 kHz, from the closed form.
+fn closed(filter: &Filter, centre_hz: f64) -> f64 {
+    let (low, high) = (centre_hz * 10f64.powf(-0.05), centre_hz * 10f64.powf(0.05));
+    let at = |i: i32| low + (high - low) * (f64::from(i) + 0.5) / 200.0;
+    let mean = (0..200).map(|i| filter.power(TAU * at(i) / 1000.0)).sum::<f64>() / 200.0;
+    // One-sided: twice the density times the width.
+    (2.0 * mean / 1000.0 * (high - low)).sqrt()
+}
+
+fn two() -> (Recorded, [Filter; 2]) {
+    let of = [[[90.0, 30.0], [310.0, 50.0]], [[60.0, 40.0], [180.0, 40.0]]].map(|p| poles(&p, 1000.0));
+    let stays = [stay(40.0, 1.0, 40.0, &of[0], 0.1), stay(150.0, 1.0, 40.0, &of[1], 0.3)];
+    (Recorded::new(1000.0, &stays, 0.0, 5), [Filter::new(&of[0], &[], 0.1), Filter::new(&of[1], &[], 0.3)])
+}
+
+#[test]
+fn compared_bands_match_the_closed_form() {
+    let (recorded, truth) = two();
+    let (texture, report) = recorded.fit(&Settings::default());
+    let texture = Arc::new(texture);
+    let found = recorded.recording().compare(&Settings::default(), &texture, &report).unwrap();
+    assert_eq!(found.models.len(), 2);
+    assert!((found.all.seconds - 80.0).abs() < 0.2 && (found.models[0].seconds - 40.0).abs() < 0.2);
+    for (model, truth) in found.models.iter().zip(&truth) {
+        assert_eq!(model.bands.len(), 13);
+        let own = texture.models()[usize::from(truth.deviation > 0.2)].filter();
+        for band in &model.bands {
+            let db = |x: f64, y: f64| 20.0 * (x / y).log10();
+            // 40 s of a band of 5.8 Hz have a deviation of 0.29 dB.
+            let off = db(band.recorded_m_s2, closed(truth, band.centre_hz));
+            assert!(off.abs() < 1.0, "{band:?}: {off} dB");
+            let off = db(band.rendered_m_s2, closed(&own, band.centre_hz));
+            assert!(off.abs() < 0.6, "{band:?}: {off} dB");
+            assert!((band.off_db() - db(band.rendered_m_s2, band.recorded_m_s2)).abs() < 1e-9);
+        }
+        assert!(model.level_off_db().abs() < 0.4, "{} dB", model.level_off_db());
+        let worst = model.worst().unwrap();
+        assert!(worst.off_db().abs() < 1.5, "{worst:?}");
+        // A mean square is the density's integral.
+        let sum = Compared::DENSITY_STEP_HZ * model.density.iter().sum::<f64>();
+        assert!((sum / truth.variance() - 1.0).abs() < 0.08, "{sum}, not {}", truth.variance());
+        for hz in [60.0, 90.0, 180.0, 310.0] {
+            let want = 2.0 * truth.power(TAU * hz / 1000.0) / 1000.0;
+            let off = 10.0 * (model.density[(hz / 5.0) as usize] / want).log10();
+            assert!(off.abs() < 1.5, "{hz} Hz: {off} dB");
+        }
+    }
+    let again = recorded.recording().compare(&Settings::default(), &texture, &report).unwrap();
+    assert_eq!(again, found);
+}
+
+#[test]
+fn comparison_shows_wrong_levels_and_bands() {
+    let (recorded, _) = two();
+    let (texture, report) = recorded.fit(&Settings::default());
+    let compare = |models: Vec<Model>| {
+        let texture = Arc::new(Texture::new(1000.0, models, None).unwrap());
+        recorded.recording().compare(&Settings::default(), &texture, &report).unwrap()
+    };
+    let plain = compare(texture.models().to_vec());
+    let louder = texture.models().iter().map(|m| Model { gain: 2.0 * m.gain, ..m.clone() });
+    let louder = compare(louder.collect());
+    for (a, b) in plain.models.iter().zip(&louder.models) {
+        assert!((b.level_off_db() - a.level_off_db() - 6.02).abs() < 0.01);
+    }
+    let elsewhere =
+        texture.models().iter().map(|m| Model { ar: poles(&[[250.0, 20.0]], 1000.0), ..m.clone() });
+    let elsewhere = compare(elsewhere.collect());
+    assert!(elsewhere.models.iter().all(|m| m.worst().unwrap().off_db().abs() > 6.0));
+}
+
+#[test]
+fn slow_models_have_fewer_bands_short_pieces_no_density() {
+    let recorded = noise(8.0);
+    let settings = Settings { model_hz: 500, ..Settings::default() };
+    let (texture, report) = recorded.fit(&settings);
+    let found = recorded.recording().compare(&settings, &Arc::new(texture), &report).unwrap();
+    let highest = found.all.bands.last().unwrap().centre_hz;
+    assert!((highest - 199.5).abs() < 0.1, "{highest}");
+    assert!(found.all.worst().unwrap().off_db().abs() < 2.5, "{:?}", found.all.worst());
+
+    let mut short = noise(3.0);
+    for (n, speed) in short.speed.iter_mut().enumerate() {
+        *speed = if n / 120 % 2 == 0 { 50.0 } else { 150.0 };
+    }
+    let settings = Settings { shortest_s: 0.1, order: Order::Given(2), ..Settings::default() };
+    let (texture, report) = short.fit(&settings);
+    let found = short.recording().compare(&settings, &Arc::new(texture), &report).unwrap();
+    assert!(report.segments.iter().all(|s| s.length_s < 0.2) && found.all.density.is_empty());
+    assert!(found.all.bands.iter().skip(6).all(|b| b.off_db().abs() < 3.0), "{:?}", found.all.bands);
 }

@@ -1,5 +1,6 @@
-//! A texture from a file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One hundred data-driven haptic texture models
-//! and open-source methods for rendering on 3D objects").
+//! Reads a texture from a file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado,
+//! Kuchenbecker 2014, "One hundred data-driven haptic texture models and open-source methods for
+//! rendering on 3D objects").
 //!
 //! XML with a `modelSet`:
 //!
@@ -7,19 +8,23 @@
 //! |---|---|
 //! | `SampleRate` | rate of the models in Hz |
 //! | `numMod` | how many models there are; may be missing |
-//! | `speedList`, `forceList` | speeds in mm/s and forces in N, one for each model, where the models do not say theirs |
-//! | `tri` | corners of triangles, counted from 1, by rows or by columns; where they do not tile the hull of the models, or are missing, Delaunay's triangulation is made |
+//! | `speedList`, `forceList` | speeds in mm/s and forces in N of models without their own |
+//! | `tri` | corners of triangles, from 1, by rows or by columns; else Delaunay's triangulation |
 //!
 //! | of a model | |
 //! |---|---|
-//! | `ARcoeff`, `ARlsf` | `A = 1 + a_1 z^-1 + ..`, with or without the 1 in front, and its line spectral frequencies in radians; one of the two will do |
-//! | `MAcoeff`, `MAlsf` | the same of `B`; both may be missing, `B` then is 1 |
-//! | `var`, `gain` | variance of the noise in (m/s^2)^2, and what the noise is multiplied by; without a gain that is 1 |
+//! | `ARcoeff`, `ARlsf` | `A = 1 + a_1 z^-1 + ..`, with or without the 1; its line spectral frequencies |
+//! | `MAcoeff`, `MAlsf` | the same of `B`; without both `B` is 1 |
+//! | `var`, `gain` | variance of the noise in (m/s^2)^2, and a factor on the noise, by default 1 |
 //! | `speedMod`, `forceMod` | speed in mm/s and force in N |
 //!
-//! Which sign a file gives coefficients is seen from the frequencies: of `1 + ..` and `1 - ..` that is meant which has them. Without frequencies
-//! it is `1 + ..`. A model is any element that holds `ARcoeff` or `ARlsf`. Names are read in any case; what they name may be an attribute,
-//! an element with numbers as text, separated by spaces or commas, or an element of elements, one for each number or row.
+//! Frequencies are in radians. One of coefficients and frequencies is enough.
+//! `tri` counts where its triangles tile the hull of the models.
+//!
+//! Line spectral frequencies tell which sign a file gives its coefficients: `1 + ..` or `1 - ..`.
+//! Without frequencies it is `1 + ..`. A model is any element that holds `ARcoeff` or `ARlsf`. Case
+//! does not matter. A value may be an attribute, an element with numbers separated by spaces or commas,
+//! or an element with one child for each number or row.
 
 mod xml;
 
@@ -31,19 +36,21 @@ use roxmltree::Node;
 use super::{MAX_MODELS, Model, Texture, Triangles, line_spectrum};
 use xml::Numbers;
 
-/// How far coefficients may be from those of their frequencies, in parts of the largest: files are rounded.
+/// Largest difference between coefficients and those of their frequencies, in parts of the largest.
+/// Files are rounded.
 const ROUNDED: f64 = 0.1;
 
-/// Reads a model set; see the [module](super) for what it may look like.
+/// Reads a model set in the form that the [module](super) describes.
 ///
 /// # Errors
-/// Each points at the element: text that is not XML, no `modelSet`, a value that is missing, not a number or out of range, coefficients and
-/// frequencies that are not of one filter, a model that is not stable, models of different orders, fewer or more models than `numMod`, more than [`MAX_MODELS`],
-/// a corner of a triangle that is no model.
+/// Each with the place of its element: text that is not XML; no `modelSet`; a value that is missing,
+/// not a number or out of range; coefficients and frequencies of different filters; a model that is not
+/// stable; models of different orders; a number of models other than `numMod`; more than
+/// [`MAX_MODELS`]; a triangle's corner that is no model.
 pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
     let document = xml::document(source)?;
     let mut elements = document.descendants().filter(Node::is_element);
-    let Some(set) = elements.find(|n| xml::is_named(n.tag_name().name(), "modelSet")) else {
+    let Some(set) = elements.find(|n| n.tag_name().name().eq_ignore_ascii_case("modelSet")) else {
         return Err(Diagnostic::new("no `modelSet` in this file").at(source, Span::at(0)));
     };
     let rate_hz = one(source, set, "SampleRate")?.ok_or_else(|| missing(source, set, "SampleRate"))?;
@@ -75,7 +82,7 @@ pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
     Texture::new(rate_hz, models, triangles.as_deref()).map_err(|e| e.at(source, xml::tag(set)))
 }
 
-/// Most that a model's noise may come to: no tool is shaken more.
+/// Largest deviation of a model's noise in m/s^2. No tool is shaken more.
 const LOUDEST_M_S2: f64 = 1e4;
 
 fn model(
@@ -104,7 +111,7 @@ fn model(
     Ok(model)
 }
 
-/// The number of a name, where there is one.
+/// The single number under a name, if there is one.
 fn one(source: &Arc<Source>, node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Diagnostic> {
     let Some(numbers) = xml::numbers(source, node, name)? else { return Ok(None) };
     match numbers.values.as_slice() {
@@ -120,7 +127,7 @@ fn missing(source: &Arc<Source>, node: Node<'_, '_>, name: &str) -> Diagnostic {
         .label(format!("no `{name}` in here"))
 }
 
-/// `c_1 ..` of `1 + c_1 z^-1 + ..` from coefficients, line spectral frequencies, or both.
+/// `c_1 ..` of `1 + c_1 z^-1 + ..`, from coefficients, line spectral frequencies, or both.
 fn polynomial(
     source: &Arc<Source>,
     node: Node<'_, '_>,
@@ -168,7 +175,7 @@ fn polynomial(
     Ok(given.iter().map(|c| sign * c).collect())
 }
 
-/// The file's triangles, corners from 0; none where there are none or they do not tile the hull.
+/// The file's triangles with corners from 0. None where there are none or they do not tile the hull.
 fn triangles(
     source: &Arc<Source>,
     set: Node<'_, '_>,
@@ -186,7 +193,7 @@ fn triangles(
     if corners.len() % 3 != 0 {
         return fail(format!("`tri` holds {} corners, which is not a multiple of 3", corners.len()));
     }
-    let points: Vec<[f64; 2]> = models.iter().map(|m| [m.speed_mm_s, m.force_n]).collect();
+    let points: Vec<[f64; 2]> = models.iter().map(Model::place).collect();
     let count = corners.len() / 3;
     let by_rows: Vec<[usize; 3]> = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
     let by_columns: Vec<[usize; 3]> =

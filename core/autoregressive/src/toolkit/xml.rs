@@ -1,4 +1,4 @@
-//! Numbers in an XML file, whichever way they are put there, and where they stand.
+//! Numbers in an XML file, however they are written, with their places.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,17 +9,19 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// Most elements, attributes and texts of a file.
 const MAX_NODES: u32 = 4_000_000;
 
-/// Most attributes of one element: the parser compares each with all others. A toolkit file has a handful.
+/// Most attributes of one element. The parser compares each with all others. A toolkit file has a
+/// handful.
 const MAX_ATTRIBUTES: usize = 1000;
 
-/// Most bytes that the parser takes for each `<` or `=`: two nodes, or an attribute, in lists that double.
+/// Most bytes that the parser takes for each `<` or `=`: two nodes or an attribute, in lists that
+/// double.
 const NODE_BYTES: u64 = 400;
 
-/// Numbers and where they stand.
+/// Numbers with their place.
 #[derive(Clone, Debug)]
 pub(super) struct Numbers {
     pub(super) values: Vec<f64>,
-    /// Of the first element or attribute that holds them.
+    /// Place of the first element or attribute that holds them.
     pub(super) span: Span,
 }
 
@@ -39,11 +41,11 @@ pub(super) fn document(source: &Arc<Source>) -> Result<Document<'_>, Diagnostic>
     })
 }
 
-/// Refuses an element of more attributes than [`MAX_ATTRIBUTES`].
+/// Refuses an element with more than [`MAX_ATTRIBUTES`] attributes.
 fn few_attributes(source: &Arc<Source>) -> Result<(), Diagnostic> {
     let text = source.text();
     let mut start = 0;
-    // No attribute holds a `<`, so that those of an element stand before the next one.
+    // No attribute holds a `<`, so an element's attributes stand before the next one.
     for part in text.split_inclusive('<') {
         let quoted = |(at, _): &(usize, &str)| part[at + 1..].trim_start().starts_with(['"', '\'']);
         if let Some((at, _)) = part.match_indices('=').filter(quoted).nth(MAX_ATTRIBUTES) {
@@ -56,7 +58,7 @@ fn few_attributes(source: &Arc<Source>) -> Result<(), Diagnostic> {
     Ok(())
 }
 
-/// Refuses entities of the file's own: a short text could stand for gigabytes.
+/// Refuses a file's own entities: a short text could stand for gigabytes.
 fn no_entities(source: &Arc<Source>) -> Result<(), Diagnostic> {
     match source.text().find("<!ENTITY") {
         None => Ok(()),
@@ -66,24 +68,20 @@ fn no_entities(source: &Arc<Source>) -> Result<(), Diagnostic> {
     }
 }
 
-/// Whether an element or attribute has a name, in any case.
-pub(super) fn is_named(found: &str, name: &str) -> bool {
-    found.eq_ignore_ascii_case(name)
-}
-
-/// Where an element begins: its tag without what is in it.
+/// Place of an element's tag.
 pub(super) fn tag(node: Node<'_, '_>) -> Span {
     let start = node.range().start;
     Span { start, end: start + 1 + node.tag_name().name().len() }
 }
 
-/// Whether an element holds something of a name, as an attribute or an element right in it.
+/// Whether an element holds this name, as an attribute or a child element.
 pub(super) fn holds(node: Node<'_, '_>, name: &str) -> bool {
-    node.attributes().any(|a| is_named(a.name(), name))
-        || node.children().any(|c| c.is_element() && is_named(c.tag_name().name(), name))
+    node.attributes().any(|a| a.name().eq_ignore_ascii_case(name))
+        || node.children().any(|c| c.is_element() && c.tag_name().name().eq_ignore_ascii_case(name))
 }
 
-/// The numbers of a name in an element: of an attribute of it, or of all elements of that name right in it. None where there is none.
+/// Numbers under a name in an element: of its attribute, or of all child elements of that name. None if
+/// there are none.
 pub(super) fn numbers(
     source: &Arc<Source>,
     node: Node<'_, '_>,
@@ -94,17 +92,18 @@ pub(super) fn numbers(
         Some(numbers) => numbers.values.extend(values),
         None => found = Some(Numbers { values, span }),
     };
-    if let Some(attribute) = node.attributes().find(|a| is_named(a.name(), name)) {
+    if let Some(attribute) = node.attributes().find(|a| a.name().eq_ignore_ascii_case(name)) {
         let range = attribute.range_value();
         add(Span { start: range.start, end: range.end }, list(source, name, range)?);
     }
-    for child in node.children().filter(|c| c.is_element() && is_named(c.tag_name().name(), name)) {
+    for child in node.children().filter(|c| c.is_element() && c.tag_name().name().eq_ignore_ascii_case(name))
+    {
         add(tag(child), within(source, name, child)?);
     }
     Ok(found)
 }
 
-/// The numbers in an element: those of all texts in it, or where it has none those of attributes called `value`.
+/// Numbers of all texts in an element. Without texts, those of attributes called `value`.
 fn within(source: &Arc<Source>, name: &str, node: Node<'_, '_>) -> Result<Vec<f64>, Diagnostic> {
     let mut values = Vec::new();
     for text in node.descendants().filter(Node::is_text) {
@@ -112,7 +111,7 @@ fn within(source: &Arc<Source>, name: &str, node: Node<'_, '_>) -> Result<Vec<f6
     }
     if values.is_empty() {
         for element in node.descendants().filter(Node::is_element) {
-            for attribute in element.attributes().filter(|a| is_named(a.name(), "value")) {
+            for attribute in element.attributes().filter(|a| a.name().eq_ignore_ascii_case("value")) {
                 values.extend(list(source, name, attribute.range_value())?);
             }
         }

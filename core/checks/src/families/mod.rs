@@ -1,7 +1,7 @@
-//! All cases: one file a family.
+//! All cases, family by family.
 
 mod actuator;
-mod autoregressive;
+pub mod autoregressive;
 mod filters_and_rates;
 mod friction;
 mod graphs;
@@ -15,7 +15,7 @@ pub use graphs::{Became, Drawn, drawn};
 
 use crate::case::Case;
 
-/// All cases, family by family.
+/// Cases over graphs and over all kinds, family by family.
 pub fn cases() -> Vec<&'static Case> {
     let all = [
         stiff_walls::CASES,
@@ -29,4 +29,9 @@ pub fn cases() -> Vec<&'static Case> {
         graphs::CASES,
     ];
     all.into_iter().flatten().collect()
+}
+
+/// Cases over one kind of node, in the order in which they run.
+pub fn node_cases() -> &'static [Case] {
+    crate::node::CASES
 }

@@ -1,26 +1,26 @@
-//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as
-//! autoregressive models, and photographs of them (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
+//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures
+//! as autoregressive models, with photographs (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
 //! hundred data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its
 //! licence forbids passing the files on; none are in this project.
 //!
 //! # What is looked for
 //!
-//! XML files with a `modelSet`, anywhere in the folder. One file is one material, and is read as
-//! [`toolkit`](asperity_autoregressive::toolkit) says.
+//! XML files with a `modelSet`, anywhere in the folder. Each file is one material, read as in
+//! [`toolkit`](asperity_autoregressive::toolkit).
 //!
-//! A picture belongs to the material with whose file's name its own begins, the longest such; letters and
-//! digits alone count, and `models`, `model`, `images` and `image` in front do not.
+//! A picture belongs to the material whose file name its own name begins with; the longest counts. Only
+//! letters and digits are compared, and `models`, `model`, `images` and `image` in front are ignored.
 //!
 //! # What examples are
 //!
-//! Strokes are [drawn](crate::History::draw), and magnitudes are not those of a signal but the root mean
+//! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean
 //! square of all signals, from the models' [closed form](asperity_autoregressive): targets without
-//! noise. The 20 ms before a frame are weighted with 1, 2, .. 10, the newest most: a contact that began 6
-//! ms ago counts for what it is. Speeds and forces beyond those of the recordings have the nearest recorded
-//! one's.
+//! noise. The 20 ms before a frame have weights 1, 2, .. 10, the newest most, so that a contact that
+//! began 6 ms ago counts for what it is. Speeds and forces outside the recordings count as the nearest
+//! recorded ones.
 //!
-//! A model of 1000 Hz says nothing above 500 Hz. There magnitudes are 0, as what the toolkit itself renders
-//! with that model has nothing there; a network that is trained on them learns to be silent there too.
+//! A model of 1000 Hz says nothing above 500 Hz. Its magnitudes there are 0, as in the toolkit's own
+//! rendering. A network trained on them is silent there too.
 
 use std::path::{Path, PathBuf};
 
@@ -36,12 +36,12 @@ use crate::example::{Example, Parts, Subject, Truth};
 use crate::folder;
 use crate::history::History;
 
-/// How much is drawn.
+/// Amount to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Examples of each material to train on, and to judge by.
+    /// Examples of each material: to train on, and to judge by.
     pub examples: [usize; 2],
-    /// Another seed is other strokes.
+    /// Seed of the strokes.
     pub seed: u64,
 }
 
@@ -52,7 +52,7 @@ impl Default for Settings {
     }
 }
 
-/// Words in front of a file's name that are not of the material's.
+/// Words in front of a file's name that are not the material's.
 const PREFIXES: [&str; 4] = ["models", "model", "images", "image"];
 
 /// A material's file.
@@ -63,11 +63,11 @@ struct Found {
     pictures: Vec<PathBuf>,
 }
 
-/// Reads a folder. Materials are in the order of their files' names; the same files and settings give the
+/// Reads a folder. Materials are in the order of their file names. The same files and settings give the
 /// same bits.
 ///
 /// # Errors
-/// A folder that cannot be read, or without a model set; two model sets of one name (such as of two sample
+/// A folder that cannot be read or has no model set; two model sets of one name (such as of two sample
 /// rates); a material without a picture; all of [`parse`] and of [`asperity_texture::picture::read`].
 pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnostic> {
     let files = folder::tree(folder)?;
@@ -117,7 +117,7 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
     Ok(found)
 }
 
-/// What of a file's name counts.
+/// The part of a file's name that counts.
 fn key(path: &Path) -> String {
     let plain: String =
         folder::stem(path).chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
@@ -125,7 +125,7 @@ fn key(path: &Path) -> String {
     rest.map_or(plain.clone(), str::to_owned)
 }
 
-/// A file's name as a person would say it.
+/// A file's name for people.
 fn title(path: &Path) -> String {
     let stem = folder::stem(path);
     let lower = stem.to_ascii_lowercase();
@@ -178,10 +178,12 @@ fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
     }
 }
 
-/// Weight of sample `i` of a history of `n`, oldest first; the weights sum to 1.
+/// Weight of sample `i` of a history of `n`, oldest first. The weights sum to 1.
 fn weight(i: usize, n: usize) -> f64 {
     2.0 * (i + 1) as f64 / (n * (n + 1)) as f64
 }
 
+#[cfg(test)]
+mod facts_tests;
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,10 @@
-//! Model sets, all invented here, in every shape that is read.
+//! Invented model sets in every form.
 
 use super::*;
 use crate::folder_testing::picture;
 use asperity_autoregressive::line_spectrum;
 
-/// A model of a set: its part as text.
+/// Writes a model of a set.
 type Part = fn(&[f64; 2], f64, f64) -> String;
 
 const AR: [[f64; 2]; 4] = [[-1.2, 0.81], [-0.9, 0.7], [-0.4, 0.6], [0.1, 0.5]];
@@ -38,7 +38,7 @@ fn error(text: &str) -> String {
 }
 
 #[test]
-fn more_models_than_a_tick_can_look_through_are_refused() {
+fn more_models_than_a_tick_can_search_are_refused() {
     let set = |models: usize| {
         let all: String = (0..models).map(|n| plain(&AR[n % 4], n as f64, 0.5)).collect();
         format!("<modelSet><SampleRate>1000</SampleRate>{all}</modelSet>")
@@ -54,8 +54,9 @@ fn every_shape_of_a_set_gives_the_same_models() {
     assert_eq!(want.models()[1].ar, AR[1]);
     let elements: Part = |ar, v, f| {
         format!(
-            "<model1><ARCOEFF><value>{}</value>\n<value>{}</value></ARCOEFF><arlsf> <value>{}</value> <value>{}</value> </arlsf>\
-             <MAcoeff/><var><value>0.04</value></var><gain>1.5</gain><speedMod>{v}</speedMod><forceMod> {f} </forceMod></model1>",
+            "<model1><ARCOEFF><value>{}</value>\n<value>{}</value></ARCOEFF>\
+             <arlsf> <value>{}</value> <value>{}</value> </arlsf><MAcoeff/><var><value>0.04</value></var>\
+             <gain>1.5</gain><speedMod>{v}</speedMod><forceMod> {f} </forceMod></model1>",
             ar[0],
             ar[1],
             lsf(ar)[0],
@@ -64,7 +65,8 @@ fn every_shape_of_a_set_gives_the_same_models() {
     };
     let attributes: Part = |ar, v, f| {
         format!(
-            "<Model ARcoeff=\"1, {}, {}\" ARlsf='{} {}' Var='0.04' gain='1.5' speedMod='{v}' forceMod='{f}'/>",
+            "<Model ARcoeff=\"1, {}, {}\" ARlsf='{} {}' Var='0.04' gain='1.5' speedMod='{v}' \
+             forceMod='{f}'/>",
             ar[0],
             ar[1],
             lsf(ar)[0],
@@ -78,11 +80,11 @@ fn every_shape_of_a_set_gives_the_same_models() {
             ar[0], ar[1]
         )
     };
-    // The other sign, which the frequencies tell.
+    // The other sign; the frequencies tell.
     let turned: Part = |ar, v, f| {
         format!(
-            "<m><ARcoeff>{};{}</ARcoeff><ARlsf>{} {}</ARlsf><var>0.04</var><gain>1.5</gain><speedMod>{v}</speedMod>\
-             <forceMod>{f}</forceMod></m>",
+            "<m><ARcoeff>{};{}</ARcoeff><ARlsf>{} {}</ARlsf><var>0.04</var><gain>1.5</gain>\
+             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>",
             -ar[0],
             -ar[1],
             lsf(ar)[0],
@@ -103,8 +105,8 @@ fn every_shape_of_a_set_gives_the_same_models() {
 fn frequencies_alone_and_moving_averages_are_read() {
     let part: Part = |ar, v, f| {
         format!(
-            "<m><ARlsf>{} {}</ARlsf><MAcoeff>1 0.5</MAcoeff><MAlsf>{}</MAlsf><var>0.04</var><speedMod>{v}</speedMod>\
-             <forceMod>{f}</forceMod></m>",
+            "<m><ARlsf>{} {}</ARlsf><MAcoeff>1 0.5</MAcoeff><MAlsf>{}</MAlsf><var>0.04</var>\
+             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>",
             lsf(ar)[0],
             lsf(ar)[1],
             lsf(&[0.5])[0]
@@ -125,7 +127,7 @@ fn triangles_are_read_by_rows_and_by_columns_and_else_made() {
         all.sort_unstable();
         all
     };
-    // Cut along the diagonal from the second to the third model, then along the other.
+    // Cut along one diagonal, then the other.
     let (one, other) = (vec![[0, 1, 2], [1, 2, 3]], vec![[0, 1, 3], [0, 2, 3]]);
     assert_eq!(corners("<tri><value>1 2 3</value><value>2 4 3</value></tri>"), one);
     assert_eq!(corners("<tri>1 2 4, 1 4 3</tri>"), other);
@@ -185,7 +187,7 @@ fn white(ar: &[f64; 2], speed: f64, force: f64) -> String {
 }
 
 #[test]
-fn a_folder_gives_the_closed_form_and_each_material_its_own_pictures() {
+fn folder_gives_closed_form_and_own_pictures_per_material() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     std::fs::create_dir_all(at("photographs")).unwrap();
@@ -207,12 +209,12 @@ fn a_folder_gives_the_closed_form_and_each_material_its_own_pictures() {
         };
         (of(&s.images.train), of(&s.images.held))
     };
-    // `Image_Paper 2` stands before `Paper 1`.
+    // `Image_Paper 2` sorts before `Paper 1`.
     assert_eq!(greys(&subjects[0]), (vec![80], vec![40]));
     assert_eq!(greys(&subjects[1]), (vec![120], vec![]));
     let (train, held) = (&subjects[0].examples.train, &subjects[0].examples.held);
     assert_eq!((train.len(), held.len(), subjects[0].truth), (300, 60, Truth::Rms));
-    // Only of those that touch nothing there may be two of a kind.
+    // Only examples without any touch may be equal.
     assert!(held.iter().filter(|h| h.force != [0.0; 10]).all(|h| !train.contains(h)));
 
     let full = (6.0f32 / 100.0 * 0.04 * 1.5 * 1.5).sqrt();
@@ -220,7 +222,7 @@ fn a_folder_gives_the_closed_form_and_each_material_its_own_pictures() {
     for e in train {
         assert!(e.magnitudes[50..].iter().all(|m| *m == 0.0), "nothing above half the rate");
         assert!(e.magnitudes[..50].iter().all(|m| (m - e.magnitudes[0]).abs() < 1e-6 && *m < full + 1e-6));
-        // Where each moment is plainly one of touch or of none, what the weights of the moments leave of the whole power is known.
+        // If each moment clearly touches or not, the weights tell the remaining part of the power.
         let moves = |i: usize| e.velocity[i].hypot(e.velocity[i + 10]) > 5.0;
         if (0..10).all(|i| e.force[i] == 0.0 || moves(i)) {
             let part: f32 = (0..10).filter(|i| e.force[*i] > 0.0).map(|i| 2.0 * (i + 1) as f32 / 110.0).sum();

@@ -8,8 +8,8 @@ use super::{GRID, Settings};
 use crate::example::{Example, Expectation};
 use crate::frames::Spectrometer;
 
-/// What strokes that were never trained on feel like, at many places of the pieces that are held apart:
-/// each of `strokes` is made at `places` places of each piece. The strokes are the same for all surfaces.
+/// Statistics of strokes that were never trained on, over the pieces that are held apart: each of
+/// `strokes` is made at `places` places of each piece. All surfaces get the same strokes.
 pub fn expectations(
     surface: &MadeSurface,
     settings: &Settings,
@@ -70,7 +70,7 @@ impl Sum {
 
     fn expectation(self) -> Expectation {
         let mean = self.powers.iter().sum::<f64>() / self.count;
-        // Without bias: one place says nothing of a variance.
+        // Unbiased: one place has no variance.
         let variance = (self.square / self.count - mean * mean) * self.count / (self.count - 1.0);
         let known = self.count > 1.0 && mean > 0.0;
         Expectation {
@@ -97,7 +97,7 @@ mod tests {
         };
         let mut sum = Sum::new(example(1.0));
         sum.add(&example(3.0));
-        // The mean is 2, and the squared distances from it sum up to 2 over one degree of freedom.
+        // The mean is 2. The squared distances from it sum to 2 over one degree of freedom.
         let variance = sum.expectation().variance.unwrap();
         assert!((variance - 0.5).abs() < 1e-5, "{variance}");
         assert_eq!(Sum::new(example(1.0)).expectation().variance, None);

@@ -7,10 +7,10 @@ use super::GRID;
 use super::strokes::along;
 use crate::felt::{Felt, Hand};
 
-/// The [made surface](made_surfaces) of a name.
+/// The [made surface](made_surfaces) with a name.
 ///
 /// # Errors
-/// A name that none has, with the nearest that one has.
+/// An unknown name; the error says the nearest one.
 pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     let all = made_surfaces();
     match all.iter().position(|s| s.name == name) {
@@ -20,21 +20,21 @@ pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     }
 }
 
-/// Distance in mm, along x, of the ridges of a grating's pieces; none of other surfaces.
+/// Pitch of a grating's ridges in mm, along x. None for other surfaces.
 pub fn pitch_mm(surface: &MadeSurface) -> Option<f64> {
     surface.pitch_mm(GRID)
 }
 
-/// A piece is at most so many times as wide as those trained on.
+/// Largest width of a piece, in widths of those trained on.
 const MOST_TIMES: usize = 8;
 
-/// A piece of a made surface, as the pen of the [simulation](asperity_surfaces::stylus) meets it: a square that
-/// repeats, of 20.48 mm unless it is [wide](Ground::wide).
+/// A piece of a made surface as the pen of the [simulation](asperity_surfaces::stylus) meets it: a
+/// square that repeats, of 20.48 mm unless it is [wide](Ground::wide).
 ///
-/// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: of thirteen surfaces
-/// and 8 s, in a build for tests, on a virtual AMD EPYC core of two that were shared with other builds, so
-/// that these are upper bounds. What is felt is what the model was trained on: it is to answer, as one
-/// signal, the power of all three axes ([`Spectrometer`](crate::Spectrometer)).
+/// Making one takes 0.3 to 0.9 s, a stroke over it 7 to 10 ms for each of its seconds: measured on
+/// thirteen surfaces and 8 s, in a test build, on one of two shared virtual AMD EPYC cores, so these
+/// are upper bounds. The model was trained on such signals. As one signal it should have the power of
+/// all three axes ([`Spectrometer`](crate::Spectrometer)).
 #[derive(Clone, Debug)]
 pub struct Ground {
     envelope: HeightField,
@@ -42,15 +42,15 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// A piece of a surface; another seed is another piece, as [`MadeSurface::patch`] says, and none that
-    /// was trained on but by the odds of 64 bits.
+    /// A piece of a surface. Each seed gives another piece, as in [`MadeSurface::patch`]; none was
+    /// trained on, but for the odds of 64 bits.
     pub fn new(surface: &MadeSurface, seed: u64) -> Self {
         Self::wide(surface, seed, 0.0)
     }
 
-    /// The same of a piece that is at least so many millimetres long and wide, 163.84 at most. A piece
-    /// repeats after its length: a straight stroke should not meet the repeat while repetition is looked for.
-    /// A piece of 82 mm takes some seconds.
+    /// A piece that is at least `least_mm` long and wide, at most 163.84 mm. A piece repeats after its
+    /// length, so a straight stroke should be shorter where repetition is measured. A piece of 82 mm
+    /// takes some seconds.
     pub fn wide(surface: &MadeSurface, seed: u64, least_mm: f64) -> Self {
         let narrow_mm = GRID.0 as f64 * GRID.1;
         let times = (least_mm / narrow_mm).ceil().clamp(1.0, MOST_TIMES as f64) as usize;
@@ -59,12 +59,12 @@ impl Ground {
         Self { envelope: Tool::PEN.track(&piece, &surface.contact), contact: surface.contact }
     }
 
-    /// What the pen feels of a stroke: acceleration along the normal and along the surface at
-    /// [`SAMPLE_HZ`]. Another seed is another place of the piece. Where the hand does not press nothing is
-    /// felt. The same bits for the same seeds.
+    /// Acceleration that the pen feels along a stroke, along the normal and the surface, at
+    /// [`SAMPLE_HZ`]. Each seed starts at another place of the piece. Where the hand does not press,
+    /// nothing is felt. The same seeds give the same bits.
     ///
-    /// Strokes may be longer and faster than those trained on; above 3.5 N or 300 mm/s the model has seen
-    /// nothing like it.
+    /// Strokes may be longer and faster than those trained on. The model has seen nothing above 3.5 N
+    /// or 300 mm/s.
     pub fn felt(&self, hand: &Hand, seed: u64) -> Felt {
         let random = &mut Random::new(seed ^ 0x91ac_e000);
         let length = self.envelope.length_mm();

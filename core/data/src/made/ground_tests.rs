@@ -26,13 +26,13 @@ fn seen(felt: &Felt) -> Spectrogram {
 }
 
 #[test]
-fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
+fn two_seeds_agree_in_spectrum_and_differ_in_waveform() {
     let hand = hand(100.0, 1.0, 8.0);
     for name in ["canvas", "sandpaper P120"] {
         let surface = surface(name).unwrap();
         let ground = Ground::new(&surface, 3);
         let [one, other] = [1, 2].map(|seed| ground.felt(&hand, seed));
-        // Draws of a noise of 8 s differ by 0.5 dB (asperity-accuracy); these pass over the same 20 mm
+        // Draws of a noise of 8 s differ by 0.5 dB (asperity-accuracy). These pass over the same 20 mm
         // twelve times.
         let place = compare(&seen(&other), &[seen(&one)]).unwrap();
         assert!(place.level_db.abs() < 0.5 && (0.4..1.3).contains(&place.spectrum_db), "{name}: {place:?}");
@@ -45,7 +45,7 @@ fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
         // Pieces differ by 3 % in pitch and 8 % in height.
         let piece = compare(&seen(&Ground::new(&surface, 4).felt(&hand, 1)), &[seen(&one)]).unwrap();
         assert!(piece.level_db.abs() < 1.5 && piece.spectrum_db < 2.0 && piece.perceptual > 0.9, "{piece:?}");
-        // Another surface is another thing.
+        // Another surface differs.
         let other = super::surface("float glass").unwrap();
         let far = compare(&seen(&Ground::new(&other, 3).felt(&hand, 1)), &[seen(&one)]).unwrap();
         assert!(far.level_db < -20.0 && far.perceptual < 0.2, "{name}: {far:?}");
@@ -53,7 +53,7 @@ fn two_seeds_agree_in_spectrum_as_draws_do_and_not_in_their_waveforms() {
 }
 
 #[test]
-fn a_recorded_stroke_feels_as_it_did_before_the_sensor_rounded_it() {
+fn recorded_stroke_feels_as_before_sensor_rounding() {
     use asperity_motion::{Stroke, Trajectory};
     let params =
         StrokeParams { duration_s: 4.0, mean_speed_mm_s: 80.0, quantum_mm: 0.055, ..StrokeParams::default() };
@@ -88,8 +88,8 @@ fn levels_are_those_of_the_expectations_over_many_places() {
         [x, y, z]
     })
     .unwrap();
-    // Every 20 ms an expectation of the frame that begins there: bins of 10 to 1000 Hz, of which the first
-    // is not ours. A sine's amplitude A is A^2 / 3 of power.
+    // Every 20 ms an expectation of the frame that begins there, with bins of 10 to 1000 Hz. The first
+    // bin is left out. A sine's amplitude A has a power of A^2 / 3.
     let want: f64 = expected.iter().flat_map(|e| &e.rms[1..]).map(|m| f64::from(m * m) / 3.0).sum::<f64>()
         / expected.len() as f64;
     let levels: Vec<f64> = (0..6)
@@ -138,7 +138,7 @@ fn seeds_make_bits_and_air_is_silent() {
 }
 
 #[test]
-fn a_name_that_no_surface_has_is_told_with_the_nearest() {
+fn unknown_surface_name_is_an_error_with_nearest_name() {
     assert_eq!(surface("canvas").unwrap().name, "canvas");
     let told = surface("canvass").unwrap_err().to_string();
     assert!(told.contains("canvass"), "{told}");

@@ -5,10 +5,11 @@ use asperity_surfaces::tactile::{Camera, Press, indentation};
 use asperity_surfaces::topography::HeightField;
 use asperity_texture::picture::Image;
 
-/// How deep the gel goes in, in millimetres.
+/// Depth of the gel's press in mm.
 const DEPTH_MM: (f64, f64) = (0.2, 0.6);
 
-/// Presses a gel onto a piece `count` times, anywhere and turned any way, each time seen by another camera.
+/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another
+/// camera.
 pub(super) fn add(piece: &HeightField, count: usize, random: &mut Random, images: &mut Vec<Image>) {
     for _ in 0..count {
         let camera = Camera::another(random);

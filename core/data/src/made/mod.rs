@@ -1,12 +1,12 @@
 //! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a
 //! simulated pen.
 //!
-//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge
-//! by, so that no place and no stroke that is judged by was ever seen. Some surfaces, two of each family,
-//! are not to be trained on at all.
+//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to
+//! judge by. So no place and no stroke to judge by was ever seen. Two surfaces of each family are never
+//! trained on.
 //!
-//! A stroke is a line, a zigzag or a circle, turned any way, of up to 300 mm/s and 3.5 N; its force swings.
-//! Where there is no force the pen is in the air, and nothing is felt.
+//! A stroke is a line, a zigzag or a circle in any direction, of up to 300 mm/s and 3.5 N, with a
+//! swinging force. Without force the pen is in the air and feels nothing.
 
 mod expectations;
 mod ground;
@@ -28,19 +28,19 @@ pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};
 
-/// A piece: points along an edge, and their distance in millimetres.
+/// A piece: points along an edge, and their distance in mm.
 const GRID: (usize, f64) = (1024, 0.02);
-/// Every so-manieth surface is one that is not to be trained on.
+/// One surface in this many is not trained on.
 const UNSEEN_EVERY: usize = 7;
-/// Which of those.
+/// Its place among them.
 const UNSEEN_AT: usize = 3;
 
-/// How much is made.
+/// Amount to make.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Another seed is other pieces, presses and strokes of the same surfaces.
+    /// Seed of pieces, presses and strokes.
     pub seed: u64,
-    /// Pieces of each surface to train on, and to judge by.
+    /// Pieces of each surface: to train on, and to judge by.
     pub pieces: [usize; 2],
     /// Images of each piece.
     pub images: usize,
@@ -58,22 +58,22 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The seed of a piece. Those to train on come first.
+    /// Seed of a piece. Those to train on come first.
     fn piece(&self, number: usize) -> u64 {
         Random::new(self.seed ^ ((number as u64) << 32) ^ 0x91ec_e000).bits()
     }
 }
 
-/// Whether a surface, by its number among [`made_surfaces`], is not to be trained on. With fourteen
-/// surfaces a family it is two of each.
+/// Whether a surface, by its number among [`made_surfaces`], is not trained on. With fourteen surfaces
+/// in a family it is two of each.
 fn unseen(number: usize) -> bool {
     number % UNSEEN_EVERY == UNSEEN_AT
 }
 
-/// The images and the examples of one surface. The same settings give the same bits.
+/// Images and examples of one surface. The same settings give the same bits.
 ///
 /// # Errors
-/// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
+/// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.
 fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
     let mut images = Parts::default();
     let mut examples = Parts::default();
@@ -86,7 +86,7 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
         } else {
             (&mut images.held, &mut examples.held)
         };
-        // no two surfaces are pressed or stroked alike
+        // No two surfaces are pressed or stroked alike.
         let own = |salt: u64| Random::new(seed ^ surface.seed() ^ salt);
         images::add(&piece, settings.images, &mut own(0x5eed), to_images);
         let random = &mut own(0x5704);
@@ -103,18 +103,18 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
     })
 }
 
-/// Every so-manieth of the [made surfaces](made_surfaces): those to train on, and those that are not.
+/// One in `every` of the [made surfaces](made_surfaces): those to train on, and the others.
 pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
     let all = made_surfaces().into_iter().enumerate();
     let (apart, seen): (Vec<_>, Vec<_>) = all.partition(|(number, _)| unseen(*number));
     [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
 }
 
-/// The subjects of two lists of surfaces, made on all cores; `done` is called after each with how many are
+/// Subjects of two lists of surfaces, made on all cores. `done` is called after each with the number
 /// done.
 ///
 /// # Errors
-/// A stroke that cannot be, by a [length](Settings::stroke_s) of under a second or over 1e6.
+/// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.
 pub fn subjects(
     surfaces: &[Vec<MadeSurface>; 2],
     settings: &Settings,
@@ -139,7 +139,7 @@ mod tests {
     const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
 
     #[test]
-    fn a_surface_is_the_same_by_the_same_settings_and_its_parts_share_nothing() {
+    fn same_settings_give_same_surface_with_independent_parts() {
         let surface = &made_surfaces()[60];
         let made = subject(surface, &SMALL).unwrap();
         assert_eq!(made, subject(surface, &SMALL).unwrap());
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn louder_is_what_is_pressed_and_moved_and_nothing_is_felt_in_the_air() {
+    fn vibration_grows_with_force_and_speed_and_is_zero_in_air() {
         let made = subject(&made_surfaces()[4], &Settings { strokes: 4, ..SMALL }).unwrap();
         let level = |e: &Example| e.magnitudes.iter().map(|m| m * m).sum::<f32>().sqrt();
         let (mut loud, mut still) = (0, 0);
@@ -186,7 +186,7 @@ mod tests {
             let product = e.magnitudes.iter().zip(other).map(|(a, b)| f64::from(a * b)).sum::<f64>();
             (here, there, both) = (here + power(&e.magnitudes), there + power(&other), both + product);
         }
-        // One touch, two draws: as loud, and alike as two of Rayleigh's law are: pi / 4.
+        // One touch, two draws: equally loud, and alike as two of Rayleigh's law are: pi / 4.
         let (level, alike) = (here / there, both / (here * there).sqrt());
         assert!((0.7..1.4).contains(&level) && (0.6..0.92).contains(&alike), "{level} {alike}");
     }
@@ -205,8 +205,8 @@ mod tests {
             mean += 2.0 * power(&e.mean);
         }
         assert!((one / rms - 1.0).abs() < 0.3, "{}", one / rms);
-        // a mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a
-        // Gaussian signal
+        // A mean of magnitudes has less power than the magnitudes, by 1.05 dB at most for one axis of a
+        // Gaussian signal.
         let less = 10.0 * (rms / mean).log10();
         assert!((0.2..1.2).contains(&less), "{less} dB");
     }

@@ -14,56 +14,56 @@ use crate::history::{MAX_FORCE_N, MAX_SPEED_MM_S, RATE_HZ, Recorder, STIFFNESS_N
 
 /// Ticks of 2 ms between two examples.
 const EVERY: usize = 20;
-/// The same of examples of a hand that goes on: no two share their 0.1 s anyway.
+/// Ticks between examples of a hand that goes on: they share no 0.1 s anyway.
 const ALONE_EVERY: usize = 40;
-/// Samples of the simulation a tick.
+/// Simulation samples in a tick.
 const SAMPLES: usize = (SAMPLE_HZ as f64 / RATE_HZ) as usize;
 /// Samples of a frame.
 const FRAME: usize = (SAMPLE_HZ as f64 * WINDOW_S) as usize;
-/// Slowest stroke in mm/s, by its mean.
+/// Slowest mean speed of a stroke in mm/s.
 const SLOWEST_MM_S: f64 = 8.0;
-/// Peak speed of a movement of minimum jerk over its mean.
+/// Peak speed of a minimum-jerk movement over its mean.
 const PEAK: f64 = 1.875;
 /// Mean forces of strokes [N].
 const FORCES_N: [f64; 2] = [0.1, 2.2];
-/// Most of a stroke's tremor in mm.
+/// Largest tremor of a stroke in mm.
 const TREMOR_MM: f64 = 0.08;
-/// Part of its mean force by which a stroke's force swings at most.
+/// Largest swing of a stroke's force, as a part of its mean.
 const SWING: f64 = 0.55;
-/// The mean force of a stroke [beyond](Drawn::beyond) the range, over the largest of the range, at most.
+/// Largest mean force of a stroke [beyond](Drawn::beyond) the range, over the range's largest.
 const HARDER: f64 = 1.2;
-/// Fastest of strokes beyond the range [mm/s]; tremor comes on top.
+/// Fastest strokes beyond the range [mm/s], plus tremor.
 pub const BEYOND_SPEED_MM_S: f64 = 1.5 * MAX_SPEED_MM_S;
-/// Largest force of strokes beyond the range [N]; tremor comes on top.
+/// Largest force of strokes beyond the range [N], plus tremor.
 pub const BEYOND_FORCE_N: f64 = HARDER * MAX_FORCE_N * (1.0 + SWING);
 
-/// A stroke of some kind, speed, force and direction: what the sensor reads, and what the hand does.
+/// A stroke of some kind, speed, force and direction: the sensor's readings and the hand's motion.
 pub struct Drawn {
     measured: Stroke,
     /// Without the sensor's step.
     pub(super) exact: Stroke,
-    /// How it is turned: sine and cosine.
+    /// Sine and cosine of its direction.
     turn: (f64, f64),
 }
 
 impl Drawn {
-    /// Draws one of `duration_s` seconds, with the tremor of a hand unless it is a circle.
+    /// Draws one of `duration_s` seconds, with a hand's tremor unless it is a circle.
     ///
     /// # Errors
-    /// A duration out of a [stroke's](StrokeParams) range.
+    /// A duration outside a [stroke's](StrokeParams) range.
     pub fn new(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
         Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, TREMOR_MM, duration_s, random)
     }
 
     /// Draws one without tremor.
     ///
-    /// The last 20 ms do not tell what a tremor adds in the next 0.1 s. A network that has never met one
-    /// follows it as it comes; one that has answers what a tremor makes of a speed on average.
+    /// The last 20 ms do not tell what a tremor adds in the next 0.1 s. A network that never met tremor
+    /// follows it as it comes. One that did answers the average effect of tremor at a speed.
     fn smooth(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
         Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, 0.0, duration_s, random)
     }
 
-    /// Draws one that goes beyond what others do, by half: at more than 300 mm/s, 3.5 N or both.
+    /// Draws one beyond the range by half: above 300 mm/s, 3.5 N or both.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -84,11 +84,11 @@ impl Drawn {
         duration_s: f64,
         random: &mut Random,
     ) -> Result<Self, Diagnostic> {
-        // Half of them are circles: a hand that goes on steadily is a case of its own.
+        // Half are circles: a steady hand is a case of its own.
         let shape = [Shape::Line, Shape::Zigzag, Shape::Circle, Shape::Circle][random.below(4)];
         let steady = shape == Shape::Circle;
         let fastest = fastest / if steady { 1.0 } else { PEAK };
-        // Of others, which also slow down, most are fast.
+        // Others also slow down, so most of them are fast.
         let part = if steady { random.unit() } else { random.unit().sqrt() };
         let params = StrokeParams {
             shape,
@@ -109,15 +109,15 @@ impl Drawn {
         Ok(Self { measured: Stroke::new(params)?, exact, turn: (TAU * random.unit()).sin_cos() })
     }
 
-    /// Where the sensor or the hand is: along the surface, and over it, in mm.
+    /// Place of the sensor or the hand: along the surface, and over it, in mm.
     pub(super) fn at(&self, stroke: &Stroke, t: f64) -> ([f64; 2], f64) {
         let ([x, y, z], (sin, cos)) = (stroke.sample(t).position, self.turn);
         ([x * cos - y * sin, x * sin + y * cos], z)
     }
 }
 
-/// What a pen on its [track](Tool::track) over a piece feels of a stroke that begins at a place in mm:
-/// acceleration in m/s^2 along the normal and along the surface, at [`SAMPLE_HZ`].
+/// Acceleration in m/s^2 along the normal and the surface, at [`SAMPLE_HZ`], of a pen on its
+/// [track](Tool::track) over a piece, for a stroke that begins at a place in mm.
 pub(super) fn accelerations(
     envelope: &HeightField,
     contact: Contact,
@@ -129,7 +129,8 @@ pub(super) fn accelerations(
     along(envelope, contact, samples, at, place_mm)
 }
 
-/// The same along any way, told as places in mm and heights in mm at each sample from 0 to `samples`.
+/// Like [`accelerations`] for any path: place in mm and height in mm at each sample from 0 to
+/// `samples`.
 pub(super) fn along(
     envelope: &HeightField,
     contact: Contact,
@@ -150,18 +151,18 @@ pub(super) fn along(
     felt
 }
 
-/// Acceleration that is felt on a sample's way; none in the air.
+/// Acceleration felt during a sample; none in the air.
 fn moved(stylus: &mut Stylus<'_>, velocity_mm_s: [f64; 2], force_n: f64) -> [f64; 3] {
     let touches = f64::from(u8::from(force_n > 0.0));
     stylus.next(&Moment { velocity_mm_s, force_n }).axes().map(|a| touches * a)
 }
 
-/// An example every 80 ms of a stroke that begins at a place in mm. Its magnitudes are those of the next
-/// 0.1 s of a hand that goes on as it goes there.
+/// An example every 80 ms of a stroke that begins at a place in mm. Its magnitudes are those of the
+/// next 0.1 s if the hand goes on as it does there.
 ///
-/// The last 20 ms do not tell how a hand will turn. A network that is asked what comes all the same answers
-/// a mean over all turns: where a spectrum is steep and level grows with speed, that is 2 to 5 dB too loud
-/// for a hand that goes on.
+/// The last 20 ms do not tell how a hand will turn. A network trained on real continuations answers a
+/// mean over all turns. Where a spectrum is steep and level grows with speed, that is 2 to 5 dB too
+/// loud for a hand that goes on.
 fn going_on(
     envelope: &HeightField,
     contact: Contact,
@@ -200,7 +201,7 @@ fn going_on(
     examples
 }
 
-/// An example every 40 ms of a stroke, as long as there are 0.1 s to come, of what comes.
+/// An example every 40 ms of a stroke, while 0.1 s follow, with what follows.
 pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut Spectrometer) -> Vec<Example> {
     let mut examples = Vec::new();
     let mut recorder = Recorder::default();
@@ -218,7 +219,7 @@ pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut S
     examples
 }
 
-/// Strokes over a piece, as many as the settings say.
+/// Adds the examples of as many strokes over a piece as the settings say.
 ///
 /// # Errors
 /// As [`Drawn::new`].
@@ -268,8 +269,8 @@ mod tests {
     }
 
     #[test]
-    fn strokes_fill_the_range_and_those_beyond_go_as_far_beyond_as_they_say() {
-        // At the turns of a zigzag both directions are fast at once, and tremor comes on top.
+    fn strokes_fill_the_range_and_exceed_it_only_as_asked() {
+        // At the turns of a zigzag both directions are fast at once, and tremor adds.
         let near = |found: f64, most: f64, above: f64| (0.9..=above).contains(&(found / most));
         let (force_n, speed_mm_s) = reach(|random| Drawn::new(3.0, random));
         assert!(

@@ -8,26 +8,28 @@ use realfft::num_complex::Complex64;
 const BAND_HZ: (f64, f64) = (30.0, 1000.0);
 /// Band of the modulation in Hz.
 const MODULATION_HZ: (f64, f64) = (15.0, 25.0);
-/// Slowest ripple of the envelope that may repeat, in Hz, and the lags in s at which it is looked for.
+/// Slowest ripple of the envelope that may repeat, in Hz; and lags of a repetition in s.
 const RIPPLE_HZ: f64 = 5.0;
 const LAGS_S: (f64, f64) = (0.02, 0.2);
 
-/// How a wave of 30 to 1000 Hz is spread over time.
+/// Statistics of a wave of 30 to 1000 Hz over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// `mean x^4 / (mean x^2)^2`: 3 for Gaussian noise, more for single bumps.
     pub kurtosis: f64,
-    /// Root mean square of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size
-    /// of the analytic signal.
+    /// Rms of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the
+    /// analytic signal.
     pub modulation: f64,
-    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without what is slower than 5 Hz.
+    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without ripples slower than 5
+    /// Hz.
     pub repetition: f64,
-    /// The same of the wave.
+    /// The same for the wave.
     pub wave_repetition: f64,
 }
 
 impl Figures {
-    /// Of samples at [`RATE_HZ`]; none of silence, nor of no samples. The signal counts as periodic.
+    /// Figures of samples at [`RATE_HZ`]. None for silence or fewer than two samples. The signal counts
+    /// as periodic.
     pub fn of(samples: &[f64]) -> Option<Self> {
         if samples.len() < 2 {
             return None;
@@ -59,7 +61,7 @@ impl Figures {
     }
 }
 
-/// Largest autocorrelation at the lags of a repetition, of half a spectrum of so many samples.
+/// Largest autocorrelation at the lags of a repetition, from half a spectrum of `length` samples.
 fn repetition(bins: &[Complex64], length: usize) -> f64 {
     let powers: Vec<Complex64> = bins.iter().map(|bin| Complex64::new(bin.norm_sqr(), 0.0)).collect();
     let correlation = wave(&powers, length);
@@ -72,7 +74,7 @@ fn repetition(bins: &[Complex64], length: usize) -> f64 {
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
     let plan = RealFftPlanner::new().plan_fft_forward(samples.len());
     let (mut room, mut bins) = (samples.to_vec(), plan.make_output_vec());
-    // The buffers are of the plan's own length.
+    // The buffers have the plan's length.
     let done = plan.process(&mut room, &mut bins);
     debug_assert!(done.is_ok());
     bins
@@ -91,7 +93,7 @@ pub(super) fn wave(bins: &[Complex64], length: usize) -> Vec<f64> {
     samples
 }
 
-/// Silences what lies outside a band.
+/// Silences everything outside a band.
 pub(super) fn keep(bins: &mut [Complex64], length: usize, (first_hz, end_hz): (f64, f64)) {
     let seconds = length as f64 / RATE_HZ;
     for (k, bin) in bins.iter_mut().enumerate() {

@@ -1,4 +1,5 @@
-//! Search by playing: how much of the waves repeats, and the bumps with which the kernel is like the strokes.
+//! Search by playing: how much of the waves repeats, and the bumps that make the kernel like the
+//! strokes.
 
 use std::ops::Range;
 
@@ -7,9 +8,9 @@ use super::rendered;
 use super::stroke::Passage;
 use asperity_texture::{Events, Pattern, Wave};
 
-/// Passages whose speeds differ by less than this factor are taken together.
+/// Passages whose speeds differ by less than this factor form a class.
 const CLASS: f64 = 1.5;
-/// Seconds of each class that are rendered: by the rough search, by the fine one, and to judge what is found.
+/// Seconds of each class to render: for the rough search, the fine one, and to judge.
 const ROUGH_S: f64 = 12.0;
 const FINE_S: f64 = 24.0;
 const JUDGED_S: f64 = 72.0;
@@ -17,36 +18,36 @@ const JUDGED_S: f64 = 72.0;
 const STEADY: f64 = 0.03;
 /// Errors of ln(modulation), ln(kurtosis) and repetition that count as one.
 const SCALES: [f64; 3] = [0.25, 0.15, 0.1];
-/// Error of how ln(kurtosis) changes with direction that counts as one.
+/// Error of the change of ln(kurtosis) with direction that counts as one.
 const GRAIN_SCALE: f64 = 0.25;
-/// F ratio from which on the strokes have a grain: chance exceeds it once in 3000 materials without one.
+/// F ratio from which the strokes have a grain: chance exceeds it once in 3000 materials without one.
 const GRAIN_F: f64 = 8.0;
-/// Mean over classes of the sum of fourth powers of their errors, up to which plain noise will do.
+/// Mean over classes of the summed fourth powers of their errors, up to which plain noise will do.
 const ENOUGH: f64 = 0.02;
-/// Bumps must leave less than this part of what plain noise has.
+/// Bumps must leave less than this part of plain noise's error.
 const BETTER: f64 = 0.4;
 
 /// Points of the rough search from which the fine one begins.
 const STARTS: usize = 5;
 
-/// Factors of the waves' shares that are tried, as logarithms.
+/// Logarithms of factors on the waves' shares to try.
 const FACTORS: [f64; 11] = [-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
-/// How alike the shares of a wave's harmonics are made, from 0, as they are found, to 1, as the fundamental's.
-/// A ridge that is met a little early or late keeps its shape, and its high harmonics seem not to repeat.
+/// Equalisation of a wave's harmonic shares: 0 as found, 1 like the fundamental's. A ridge
+/// met a little early or late keeps its shape, but its high harmonics seem not to repeat.
 const ALIKE: [f64; 3] = [0.0, 0.5, 1.0];
-/// Rounds of the fine search, and the factor by which each makes the steps smaller.
+/// Rounds of the fine search, and the factor of the step from round to round.
 const ROUNDS: i32 = 5;
 const FINER: f64 = 0.6;
-/// The best points that are searched at last, and the rounds of this search.
+/// Best points for the last search, and its rounds.
 const LAST_STARTS: usize = 2;
 const LAST_ROUNDS: Range<i32> = 1..5;
-/// Draws that judge what is found.
+/// Draws for the judgement.
 const DRAWS: [u64; 3] = [1, 2, 3];
 
-/// Longest anisotropy that is looked for.
+/// Longest anisotropy.
 const MOST_ANISOTROPY: f64 = 0.97;
 
-/// A number that is varied: least and largest, and the first step of the fine search.
+/// A number to vary: range, and first step of the fine search.
 #[derive(Clone, Copy)]
 struct Varied {
     range: (f64, f64),
@@ -57,10 +58,11 @@ const fn varied(least: f64, most: f64, step: f64) -> Varied {
     Varied { range: (least, most), step }
 }
 
-/// Of waves: the logarithm of the factor of their shares, and how alike these are made.
+/// For waves: logarithm of the factor on their shares, and how equal they are made.
 const WAVED: [Varied; 2] = [varied(-1.0, 1.5, 0.2), varied(0.0, 1.0, 0.25)];
-/// Of bumps with a spacing: the logarithm in mm of the spacing at which bumps that are alike have their
-/// kurtosis, its exponent, its anisotropy, deviations of intervals and heights; and what is varied of waves.
+/// For bumps with a spacing: logarithm in mm of the spacing at which equal bumps have the same
+/// kurtosis; its exponent; its anisotropy; deviations of intervals and heights; then the numbers for
+/// waves.
 const SPACED: [Varied; 8] = [
     varied(-3.5, 4.2, 0.25),
     varied(-2.0, 1.0, 0.4),
@@ -71,16 +73,16 @@ const SPACED: [Varied; 8] = [
     WAVED[0],
     WAVED[1],
 ];
-/// Of bumps at ridges: deviations of places and heights, and the same of waves.
+/// For bumps at ridges: deviations of places and heights; then the numbers for waves.
 const AT_RIDGES: [Varied; 4] = [varied(0.0, 0.3, 0.05), varied(0.0, 1.5, 0.25), WAVED[0], WAVED[1]];
 
-/// Passages of about one speed, in the order of the strokes, and the [logs] of each.
+/// Passages of about one speed, in the order of the strokes, with the [logs] of each.
 struct Class<'p> {
     all: Vec<(&'p Passage, [f64; 3])>,
 }
 
 impl<'p> Class<'p> {
-    /// The first so many seconds.
+    /// The first `most_s` seconds.
     fn first(&self, most_s: f64) -> impl Iterator<Item = (&'p Passage, [f64; 3])> {
         let mut seconds = 0.0;
         let few = move |(p, _): &(&Passage, [f64; 3])| {
@@ -93,15 +95,15 @@ impl<'p> Class<'p> {
 
 /// Logarithms of modulation and kurtosis, and repetition.
 fn logs(figures: &Figures, waves: bool) -> [f64; 3] {
-    // How narrow the spectrum is decides how alone a wave repeats: bumps do not change that.
+    // The width of the spectrum decides how much a wave repeats by itself. Bumps do not change that.
     let least = if waves { figures.wave_repetition } else { 0.0 };
     [figures.modulation.max(STEADY).ln(), figures.kurtosis.ln(), figures.repetition.max(least)]
 }
 
-/// How far what is found is off from the truth of a class, by modulation, kurtosis and repetition.
+/// Error of modulation, kurtosis and repetition against the truth of a class.
 ///
-/// Bumps are chance: means over passages are compared. They may repeat too much. What they repeat too little is for
-/// waves.
+/// Bumps are chance, so means over passages are compared. They may not repeat too much; too little
+/// repetition is left to waves.
 fn off_by_chance(found: &[(&Passage, [f64; 3])], truth: &[(&Passage, [f64; 3])]) -> [f64; 3] {
     let means = |of: &[(&Passage, [f64; 3])]| -> [f64; 3] {
         std::array::from_fn(|figure| of.iter().map(|(_, x)| x[figure]).sum::<f64>() / of.len().max(1) as f64)
@@ -110,8 +112,8 @@ fn off_by_chance(found: &[(&Passage, [f64; 3])], truth: &[(&Passage, [f64; 3])])
     [found[0] - truth[0], found[1] - truth[1], (found[2] - truth[2]).max(0.0)]
 }
 
-/// The same beside waves: these are other in each direction, and so each passage is compared with its own truth. Sizes
-/// are averaged, so that one direction does not count alone.
+/// The same beside waves. Waves differ in each direction, so each passage is compared with its own
+/// truth. Sizes are averaged, so that no direction counts alone.
 fn off_by_direction(found: &[(&Passage, [f64; 3])], truth: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|figure| {
         let off = found.iter().zip(truth).map(|((_, found), truth)| (found[figure] - truth[figure]).abs());
@@ -119,9 +121,9 @@ fn off_by_direction(found: &[(&Passage, [f64; 3])], truth: &[[f64; 3]]) -> [f64;
     })
 }
 
-/// Mean fourth power of the heights of bumps over the square of their mean square: bumps that are so many
-/// times closer than bumps that are alike have the same kurtosis. Heights are lognormal, and grow with the root
-/// of the way from the bump before.
+/// Mean fourth power of the heights of bumps over the square of their mean square. Bumps this many
+/// times closer than equal bumps have the same kurtosis. Heights are lognormal and grow with the root
+/// of the way from the last bump.
 fn height_kurtosis(interval_cv: f64, height_cv: f64) -> f64 {
     (1.0 + interval_cv * interval_cv) * (1.0 + height_cv * height_cv).powi(4)
 }
@@ -141,9 +143,9 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
     classes
 }
 
-/// How ln(kurtosis) changes with direction: its parts with cos 2t and sin 2t of the angle t to x, by least
-/// squares beside a mean for each class, and their F ratio: the variance that they explain over what is left,
-/// each by its degrees of freedom. None where directions are too few.
+/// Change of ln(kurtosis) with direction: its parts with cos 2t and sin 2t of the angle t to x, by
+/// least squares beside a mean for each class. And their F ratio: explained over remaining variance,
+/// each by its degrees of freedom. None if there are too few directions.
 fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<([f64; 2], f64)> {
     let (mut cc, mut cs, mut ss, mut ck, mut sk, mut kk) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut free = -2.0;
@@ -168,11 +170,11 @@ fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Op
     Some(([a, b], 0.5 * explained * free / left))
 }
 
-/// The waves with shares that repeat as the strokes do, and bumps beside them; none where plain noise does
-/// as well. Without `spaced` bumps are at ridges alone.
+/// The waves with shares that repeat like the strokes, and bumps beside them. Without bumps if plain
+/// noise is as good. Without `spaced` only bumps at ridges are tried.
 pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Pattern {
     let classes = classes(passages, !waves.is_empty());
-    // Beside waves it is they that have a direction.
+    // Beside waves only the waves have a direction.
     let grain = grain(classes.iter().map(|class| &class.all[..]));
     let grain = grain.filter(|(_, f)| waves.is_empty() && *f > GRAIN_F).map(|(grain, _)| grain);
     let fit = Fit { waves, classes, grain };
@@ -190,23 +192,23 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool) -> Patte
     best.map_or_else(|| fit.pattern(shares[0], shares[1], None), |best| best.1)
 }
 
-/// Waves and classes of passages that a search is for.
+/// Waves and classes of passages for a search.
 struct Fit<'p> {
     waves: &'p [Wave],
     classes: Vec<Class<'p>>,
-    /// How the strokes' kurtosis changes with direction, where it is sure that it does.
+    /// Change of the strokes' kurtosis with direction, if certain.
     grain: Option<[f64; 2]>,
 }
 
 impl Fit<'_> {
-    /// Waves whose shares are changed by so much, and bumps.
+    /// Waves with changed shares, and bumps.
     fn pattern(&self, factor: f64, alike: f64, events: Option<Events>) -> Pattern {
         Pattern { waves: louder(&evened(self.waves, alike), factor), events }
     }
 
-    /// Mean over classes of the sum of fourth powers of errors, if the first seconds of each are rendered, and
-    /// the error of how they change with direction. A draw is another of all that is random. Beyond the bound the
-    /// error need not be known exactly.
+    /// Mean over classes of the summed fourth powers of errors, from rendering the first seconds of
+    /// each, plus the error of the change with direction. `draw` seeds all that is random. Above
+    /// `bound` the error need not be exact.
     fn error(&self, pattern: &Pattern, draw: u64, seconds: f64, bound: f64) -> f64 {
         let waves = !self.waves.is_empty();
         let mut sum = 0.0;
@@ -238,8 +240,7 @@ impl Fit<'_> {
         sum + off.iter().map(|off| (off / GRAIN_SCALE).powi(4)).sum::<f64>()
     }
 
-    /// The error of plain noise beside the waves, and the factor and likeness of their shares with which it
-    /// does best.
+    /// Error of plain noise beside the waves, and the best factor and equality of their shares.
     fn plain(&self) -> (f64, [f64; 2]) {
         if self.waves.is_empty() {
             return (self.error(&self.pattern(0.0, 0.0, None), 0, JUDGED_S, f64::INFINITY), [0.0; 2]);
@@ -249,10 +250,10 @@ impl Fit<'_> {
         found.map_or((f64::INFINITY, [0.0; 2]), |(error, p)| (error, [p[0], p[1]]))
     }
 
-    /// The best bumps that have a spacing.
+    /// The best bumps with a spacing.
     fn spaced(&self, shares: [f64; 2]) -> Option<(f64, Pattern)> {
         let (least, most) = SPACED[0].range;
-        // Beside waves the grain is not varied, without them the shares are not.
+        // Beside waves the grain is fixed; without them the shares are.
         let varied: [Varied; 8] = std::array::from_fn(|axis| match (axis, self.grain, self.waves) {
             (2 | 3, None, _) | (6 | 7, _, []) => varied(SPACED[axis].range.0, SPACED[axis].range.1, 0.0),
             _ => SPACED[axis],
@@ -302,14 +303,14 @@ impl Fit<'_> {
         self.search(rough, &AT_RIDGES, &make).map(|(error, point)| (error, make(&point)))
     }
 
-    /// The best point near one of some, and the error of its pattern.
+    /// The best point near one of `rough`, and the error of its pattern.
     fn search(
         &self,
         rough: Vec<Vec<f64>>,
         varied: &[Varied],
         make: &dyn Fn(&[f64]) -> Pattern,
     ) -> Option<(f64, Vec<f64>)> {
-        // Roughly: the best of each value on the first axis, or all would be near one.
+        // Rough: the best for each value on the first axis; otherwise all would be near one.
         let mut starts: Vec<(f64, Vec<f64>)> = Vec::new();
         for point in rough {
             let same = starts.iter().position(|(_, other)| other[0] == point[0]);
@@ -322,10 +323,10 @@ impl Fit<'_> {
         }
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         starts.truncate(STARTS);
-        // Then finely from the best of these.
+        // Fine, from the best of these.
         let first = |pattern: &Pattern, bound: f64| self.error(pattern, 0, FINE_S, bound);
         let fine = starts.into_iter().map(|(_, point)| descend(point, varied, 0..ROUNDS, make, &first).1);
-        // What fits one draw may be its chance, the more so the rarer high bumps are: others judge.
+        // A fit to one draw may be chance, more so for rare high bumps. Other draws judge.
         let judge = |pattern: &Pattern, bound: f64| {
             let most = bound * DRAWS.len() as f64;
             let add = |sum: f64, draw: u64| {
@@ -342,7 +343,7 @@ impl Fit<'_> {
     }
 }
 
-/// The best point that steps along the axes lead to, and its error. Steps of later rounds are smaller.
+/// The best point that steps along the axes reach, and its error. Later rounds have smaller steps.
 fn descend(
     point: Vec<f64>,
     varied: &[Varied],
@@ -370,7 +371,7 @@ fn descend(
     here
 }
 
-/// Each of the first with each of the second and so on.
+/// All combinations of one value from each axis.
 fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
     axes.iter().fold(vec![Vec::new()], |points, axis| {
         let with =
@@ -379,8 +380,8 @@ fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
     })
 }
 
-/// The anisotropy of bumps whose logarithm of the spacing changes with direction as a kurtosis does: of the
-/// length `e` it has the first harmonic `(1 - sqrt(1 - e^2)) / e`.
+/// Anisotropy of bumps whose log spacing changes with direction like a kurtosis. The length `e` has the
+/// first harmonic `(1 - sqrt(1 - e^2)) / e`.
 fn ellipse(grain: [f64; 2]) -> [f64; 2] {
     let h = grain[0].hypot(grain[1]).min(1.0);
     if h > 0.0 {
@@ -390,13 +391,13 @@ fn ellipse(grain: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// An anisotropy that is not too long.
+/// Limits an anisotropy's length.
 fn within(anisotropy: [f64; 2]) -> [f64; 2] {
     let shorter = (MOST_ANISOTROPY / anisotropy[0].hypot(anisotropy[1])).min(1.0);
     anisotropy.map(|x| x * shorter)
 }
 
-/// Waves whose shares are more alike, by 0 to 1.
+/// Waves with more equal shares, by 0 to 1.
 fn evened(waves: &[Wave], alike: f64) -> Vec<Wave> {
     let mut waves = waves.to_vec();
     for wave in &mut waves {
@@ -406,7 +407,7 @@ fn evened(waves: &[Wave], alike: f64) -> Vec<Wave> {
     waves
 }
 
-/// Waves whose shares are so many times as large, as a logarithm.
+/// Waves with their shares multiplied by `exp(factor)`.
 fn louder(waves: &[Wave], factor: f64) -> Vec<Wave> {
     let mut waves = waves.to_vec();
     for harmonic in waves.iter_mut().flat_map(|wave| &mut wave.harmonics) {
@@ -415,7 +416,7 @@ fn louder(waves: &[Wave], factor: f64) -> Vec<Wave> {
     waves
 }
 
-/// With as many digits as mean something.
+/// Rounds to significant digits.
 fn rounded(x: f64) -> f64 {
     (x * 100.0).round() / 100.0
 }

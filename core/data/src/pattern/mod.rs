@@ -1,15 +1,14 @@
-//! How a material's vibration is spread over place, found from strokes over it: its [`Pattern`].
+//! Finds a material's [`Pattern`] from strokes: how its vibration is spread over place.
 //!
-//! A network answers expected magnitudes. These do not say whether a texture is noise, single bumps or
-//! ridges. [`find`] says so:
+//! A network answers expected magnitudes. They do not tell noise, single bumps and ridges apart.
+//! [`find`] does:
 //!
 //! 1. [Waves](waves): ridges whose vibration repeats with place.
-//! 2. [What is found by playing](fit): how much of the waves repeats, and bumps, with which the synthesis
-//!    kernel ([`ShapedNoise`]), played along the same strokes, has the kurtosis, the modulation and the
-//!    repetition of the strokes.
+//! 2. [By playing](fit): how much of the waves repeats, and the bumps with which the synthesis kernel
+//!    ([`ShapedNoise`]) has the strokes' kurtosis, modulation and repetition when played along them.
 //!
-//! All of it needs places along the strokes. Speed should be steady for a second or more, and strokes
-//! should go in several directions.
+//! It needs places along the strokes. Speed should be steady for a second or more, and strokes should
+//! go in several directions.
 
 mod figures;
 mod fit;
@@ -25,27 +24,26 @@ pub use stroke::{RATE_HZ, Stroke};
 
 use stroke::{Passage, TICK, TICK_S};
 
-/// Frames of magnitudes the kernel is given a second.
+/// Frames of magnitudes for the kernel per second.
 const FRAMES_HZ: u32 = 10;
-/// Samples of a window of magnitudes.
+/// Samples in a window of magnitudes.
 const WINDOW: usize = (RATE_HZ * 0.1) as usize;
-/// Bins of a frame, from 0 Hz to 1000.
+/// Bins of a frame, from 0 to 1000 Hz.
 pub const BINS: usize = 101;
 
-/// Pieces in which waves are looked for: of more they are hardly told better, and to go through all wave
-/// vectors takes longest.
+/// Pieces to search for waves. More hardly help, and the search over all wave vectors takes longest.
 const WAVE_PIECES: usize = 3;
-/// Beside waves that have more of the power than this there are bumps at ridges alone.
+/// If waves have more of the power than this, only bumps at ridges are tried.
 const MOST_IN_WAVES: f64 = 0.5;
 
-/// Root mean square magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
+/// Rms magnitudes of 0, 10, .. 1000 Hz that a network answers at a velocity in mm/s.
 pub type Network<'n> = dyn Fn([f64; 2]) -> [f64; BINS] + 'n;
 
-/// The pattern of a material from strokes over pieces of it: all strokes of a piece have their places in
-/// one frame of reference.
+/// The pattern of a material from strokes over pieces of it. All strokes of a piece share one frame of
+/// reference.
 ///
-/// With a network it is the pattern that goes with its magnitudes: they are not quite those of the strokes,
-/// and what is played is to be like the strokes all the same. Without a steady passage there is none. The
+/// With a network it is the pattern for its magnitudes, which differ a little from the strokes': the
+/// rendering should be like the strokes all the same. Without a steady passage there is no pattern. The
 /// same strokes give the same bits.
 pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     let mut passages: Vec<Vec<Passage>> =
@@ -58,8 +56,8 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     fit::find(&all, &waves, part < MOST_IN_WAVES)
 }
 
-/// The samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and what is felt there
-/// as root mean square magnitudes of 0 to 1000 Hz.
+/// Samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and rms magnitudes of 0
+/// to 1000 Hz.
 pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed: u64) -> Vec<f64> {
     let Some(mut kernel) = kernel(seed) else { return Vec::new() };
     kernel.set_pattern(shaped_noise::Pattern::read(&pattern.numbers()));
@@ -74,11 +72,11 @@ pub fn rendered(pattern: &Pattern, magnitudes: &[f64], places: &[[f64; 2]], seed
     samples
 }
 
-/// A kernel as a graph has it.
+/// A kernel as in a graph.
 fn kernel(seed: u64) -> Option<ShapedNoise<f32>> {
     let rate_hz = RATE_HZ as u32;
     let framing = Framing { rate_hz, fft_len: WINDOW, bins: BINS, frame_num: FRAMES_HZ, frame_den: 1 };
-    // The layout is fixed, and fine.
+    // The fixed layout is valid.
     ShapedNoise::new(framing, TICK_S, seed).ok()
 }
 

@@ -1,25 +1,25 @@
-//! Strokes, and the steady passages of them.
+//! Strokes and their steady passages.
 
 use super::figures::{Figures, keep, spectrum, wave};
 use super::{BINS, Network, WINDOW};
 use crate::frames::Spectrometer;
 use realfft::num_complex::Complex64;
 
-/// Samples a second of all strokes here.
+/// Sampling rate of all strokes here.
 pub const RATE_HZ: f64 = 2500.0;
-/// Time between two places in s, and samples in it.
+/// Time between places in s, and samples in it.
 pub(super) const TICK_S: f64 = 0.002;
 pub(super) const TICK: usize = (RATE_HZ * TICK_S) as usize;
 
-/// Band in which waves are looked for, in Hz.
+/// Band to search for waves, in Hz.
 const BAND_HZ: (f64, f64) = (5.0, 1000.0);
-/// Ticks over which speed is taken: 50 ms.
+/// Ticks over which speed is measured: 50 ms.
 const SPEED_TICKS: usize = 25;
 /// Slowest passage in mm/s.
 const SLOWEST_MM_S: f64 = 10.0;
-/// Part of its speed at the beginning by which a passage's speed may change.
+/// Largest change of a passage's speed, as a part of its first speed.
 const STEADY: f64 = 0.3;
-/// Parts of a passage of which a network is asked.
+/// Parts of a passage for which a network is asked.
 const LOOKS: usize = 8;
 /// Shortest passage in ticks: 1 s.
 const SHORTEST: usize = 500;
@@ -32,8 +32,8 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// From axes of acceleration in m/s^2 at any rate, and the place along the surface in mm at a time in
-    /// seconds from the first sample on.
+    /// From axes of acceleration in m/s^2 at any rate, and the place along the surface in mm at a time
+    /// in seconds from the first sample.
     pub fn new(rate_hz: f64, axes: &[&[f64]], place_mm: impl Fn(f64) -> [f64; 2]) -> Self {
         let count = axes.iter().map(|axis| axis.len()).min().unwrap_or(0);
         let seconds = count as f64 / rate_hz;
@@ -41,7 +41,7 @@ impl Stroke {
         if ticks < SPEED_TICKS {
             return Self { acceleration_m_s2: Vec::new(), place_mm: Vec::new() };
         }
-        // A whole number of ticks, so that a Fourier transform of another length is the same signal at
+        // A whole number of ticks: then a Fourier transform of another length is the same signal at
         // another rate.
         let used = ((ticks as f64 * TICK_S * rate_hz).round() as usize).min(count);
         let resampled = |axis: &&[f64]| {
@@ -56,7 +56,7 @@ impl Stroke {
         }
     }
 
-    /// Where it goes at a steady speed for a second or more.
+    /// Passages at a steady speed for a second or more.
     pub(super) fn passages(&self) -> Vec<Passage> {
         let speed = |tick: usize| {
             let [from, to] = [tick, tick + SPEED_TICKS].map(|t| self.place_mm[t]);
@@ -69,12 +69,12 @@ impl Stroke {
             let steady = |tick: &usize| (speed(*tick) - first).abs() <= STEADY * first;
             let to = (from..end).take_while(steady).last().unwrap_or(from) + 1;
             if first >= SLOWEST_MM_S && to - from >= SHORTEST {
-                // What is left behind the last speed has it too.
+                // The rest behind the last speed has it too.
                 let to = if to == end { self.place_mm.len() } else { to };
                 passages.extend(self.passage(from, to));
                 from = to;
             } else {
-                // Speeds near a turn are no good beginning: a little on.
+                // Speeds near a turn make bad beginnings: go on a little.
                 from += SPEED_TICKS;
             }
         }
@@ -122,11 +122,11 @@ impl Stroke {
 /// A part of a stroke at a steady speed.
 #[derive(Clone, Debug)]
 pub(super) struct Passage {
-    /// Acceleration along the principal axis, 5 to 1000 Hz.
-    pub(super) samples: Vec<f64>,
     /// Every 2 ms, in mm.
+    pub(super) samples: Vec<f64>,
+    /// Places every 2 ms, in mm.
     pub(super) places: Vec<[f64; 2]>,
-    /// Root mean square magnitudes of 0, 10, .. 1000 Hz, of all axes as one.
+    /// Rms magnitudes of 0, 10, .. 1000 Hz, all axes as one.
     pub(super) magnitudes: [f64; BINS],
     pub(super) figures: Figures,
     pub(super) speed_mm_s: f64,
@@ -136,7 +136,7 @@ pub(super) struct Passage {
 }
 
 impl Passage {
-    /// Root mean square over the passage of what a network answers.
+    /// Rms over the passage of a network's answers.
     pub(super) fn answered(&self, network: &Network<'_>) -> [f64; BINS] {
         let mut squares = [0.0; BINS];
         let ticks = (self.places.len() / LOOKS).max(2);
@@ -154,7 +154,7 @@ impl Passage {
     }
 }
 
-/// The direction of largest variance, within the band.
+/// The signal along the direction of largest variance, within the band.
 fn principal(axes: &[&[f64]]) -> Vec<f64> {
     let length = axes.first().map_or(0, |axis| axis.len());
     let spectra: Vec<Vec<Complex64>> = axes

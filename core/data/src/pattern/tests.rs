@@ -15,18 +15,27 @@ fn places(speed: f64, angle_deg: f64, seconds: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
+/// Bumps 0.8 mm apart.
+const BUMPS: Events = Events {
+    spacing_mm: Some(0.8),
+    spacing_exponent: 0.0,
+    anisotropy: [0.0; 2],
+    interval_cv: 0.3,
+    height_cv: 0.3,
+};
+
 /// Strokes that the kernel makes of a pattern, on one piece.
 fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
     strokes_of(pattern, seconds, 100)
 }
 
-/// The same with noise of a seed.
+/// The same with a seed of the noise.
 fn strokes_of(pattern: &Pattern, seconds: f64, seed: u64) -> Vec<Stroke> {
     let ways = [(40.0, 17.0), (60.0, 40.0), (80.0, -20.0), (100.0, 200.0), (160.0, 75.0), (240.0, 55.0)];
     strokes_along(&ways, pattern, seconds, seed)
 }
 
-/// The same of strokes at some speeds in mm/s and angles in degrees.
+/// The same along some ways: speeds in mm/s and angles in degrees.
 fn strokes_along(ways: &[(f64, f64)], pattern: &Pattern, seconds: f64, seed: u64) -> Vec<Stroke> {
     let stroke = |(number, &(speed, angle)): (usize, &(f64, f64))| {
         let places = places(speed, angle, seconds);
@@ -37,7 +46,7 @@ fn strokes_along(ways: &[(f64, f64)], pattern: &Pattern, seconds: f64, seed: u64
     ways.iter().enumerate().map(stroke).collect()
 }
 
-/// Difference of phases, but for an origin and the sign: the largest over harmonics.
+/// Largest difference of phases over harmonics, apart from origin and sign.
 fn apart(found: &[Harmonic], want: &[Harmonic]) -> f64 {
     let off = |origin: f64, sign: f64| {
         let one = |(h, (a, b)): (usize, (&Harmonic, &Harmonic))| {
@@ -61,7 +70,7 @@ fn wave_of_known_vector_and_harmonics_is_found() {
     let sign = wave.per_mm[0].signum();
     let off = (sign * wave.per_mm[0] - per_mm[0]).hypot(sign * wave.per_mm[1] - per_mm[1]);
     assert!(off < 0.005, "{:?}", wave.per_mm);
-    // Ridges are the same the other way round, with the other sign of each phase.
+    // Ridges are the same backwards, with opposite phases.
     let told: Vec<Harmonic> =
         wave.harmonics.iter().map(|h| Harmonic { phase: sign * h.phase, ..*h }).collect();
     assert!(told[..6].iter().all(|h| (h.share - 0.8).abs() < 0.12), "{told:?}");
@@ -90,7 +99,7 @@ fn isotropic_noise_has_neither_wave_nor_bump() {
     assert_eq!(find(&[], None), Pattern::default());
 }
 
-/// Asserts that a pattern is as bumpy as another at three speeds. Other constants may do as well: rare
+/// Asserts that a pattern is as bumpy as another at three speeds. Other constants may be as good: rare
 /// bumps of one height, or more of several heights.
 fn assert_alike(found: &Pattern, known: &Pattern) {
     for speed in [40.0, 100.0, 240.0] {
@@ -111,14 +120,7 @@ fn assert_alike(found: &Pattern, known: &Pattern) {
 #[test]
 fn found_bumps_pulse_and_peak_like_the_strokes() {
     for spacing_exponent in [0.0, -0.9] {
-        let known = Events {
-            spacing_mm: Some(0.8),
-            spacing_exponent,
-            anisotropy: [0.0; 2],
-            interval_cv: 0.3,
-            height_cv: 0.3,
-        };
-        let known = Pattern { waves: Vec::new(), events: Some(known) };
+        let known = Pattern { waves: Vec::new(), events: Some(Events { spacing_exponent, ..BUMPS }) };
         let found = find(&[strokes(&known, 10.0)], None);
         assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
         assert_alike(&found, &known);
@@ -127,20 +129,15 @@ fn found_bumps_pulse_and_peak_like_the_strokes() {
 
 #[test]
 fn bumps_that_are_rarer_across_the_grain_are_found_so() {
-    let known = Events {
-        spacing_mm: Some(0.8),
-        spacing_exponent: 0.0,
-        anisotropy: [-0.6, -0.3],
-        interval_cv: 0.3,
-        height_cv: 0.3,
-    };
+    let known = Events { anisotropy: [-0.6, -0.3], ..BUMPS };
     let known = Pattern { waves: Vec::new(), events: Some(known) };
     let ways: Vec<(f64, f64)> = [50.0, 150.0]
         .into_iter()
         .flat_map(|speed| [0.0, 45.0, 90.0, 135.0].map(|angle| (speed, angle + 0.1 * speed)))
         .collect();
     let found = find(&[strokes_along(&ways, &known, 6.0, 100)], None);
-    // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by chance.
+    // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by
+    // chance.
     for angle in [13.0, 58.0, 103.0, 148.0] {
         let [found, known] = [(&found, 1), (&known, 2)].map(|(pattern, seed)| {
             let x = rendered(pattern, &magnitudes(), &places(100.0, angle, 40.0), seed);
@@ -151,19 +148,13 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
 }
 
 #[test]
-fn what_does_not_repeat_but_comes_at_ridges_is_found_there() {
+fn irregular_events_are_found_at_their_ridges() {
     let harmonics = vec![Harmonic { weight: 1.0, share: 0.7, phase: 0.0 }; 6];
-    let at_ridges = Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        anisotropy: [0.0; 2],
-        interval_cv: 0.03,
-        height_cv: 0.3,
-    };
+    let at_ridges = Events { spacing_mm: None, interval_cv: 0.03, ..BUMPS };
     let waves = vec![Wave { per_mm: [0.4, 0.1], harmonics }];
     let known = Pattern { waves, events: Some(at_ridges) };
-    // A network answers smooth magnitudes. Those of the strokes have the ridges' lines, and a filter that has
-    // them rings after each bump.
+    // A network answers smooth magnitudes. Those of the strokes have the ridges' lines, and a filter
+    // with them rings after each bump.
     let smooth = |_: [f64; 2]| std::array::from_fn(|k| magnitudes()[k]);
     let found = find(&[strokes(&known, 6.0)], Some(&smooth));
     assert!(found.events.is_some_and(|e| e.spacing_mm.is_none()), "{found:?}");
@@ -210,16 +201,9 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 }
 
 #[test]
-fn pattern_goes_with_the_magnitudes_of_a_network_that_errs() {
-    // The network hears none of the low half; bumps through what is left are to be as bumpy all the same.
-    let known = Events {
-        spacing_mm: Some(0.8),
-        spacing_exponent: 0.0,
-        anisotropy: [0.0; 2],
-        interval_cv: 0.3,
-        height_cv: 0.3,
-    };
-    let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(known) }, 10.0);
+fn pattern_fits_magnitudes_of_an_erring_network() {
+    // The network hears none of the low half. Bumps through the rest should be as bumpy.
+    let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(BUMPS) }, 10.0);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));
         std::array::from_fn(|k| if k < 30 { 0.01 } else { 1.0 })

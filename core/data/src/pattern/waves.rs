@@ -9,14 +9,14 @@ use asperity_dsp::shaped_noise::HARMONICS;
 use asperity_texture::{Harmonic, MAX_HARMONICS, MAX_WAVES, Wave};
 use realfft::num_complex::Complex64;
 
-/// Part of the power that a wave has at least, summed over the pieces in which it is. The best wave vector
-/// that chance makes of noise without a direction has up to 0.1 or so.
+/// Least part of the power of a wave, summed over its pieces. In noise without direction the best wave
+/// vector by chance has up to about 0.1.
 const LEAST_PART: f64 = 0.25;
-/// The same in one piece, where all pieces have the wave and there are at least so many: chance makes another
-/// one in each.
+/// The same in one piece, if all pieces have the wave and there are at least this many: chance differs
+/// from piece to piece.
 const LEAST_IN_A_PIECE: f64 = 0.02;
 const ENOUGH_PIECES: usize = 3;
-/// Waves that are looked for in a piece: some of them are chance.
+/// Waves to find in a piece; some are chance.
 const IN_A_PIECE: usize = 4;
 /// Largest wave number in 1/mm: the finest weave has threads 0.33 mm apart.
 const MOST_PER_MM: f64 = 3.5;
@@ -25,36 +25,36 @@ const STEP_PER_MM: f64 = 0.0125;
 /// Way of a segment of the search in mm, and its least and longest time in s.
 const WAY_MM: f64 = 40.0;
 const SEGMENT_S: (f64, f64) = (0.2, 1.0);
-/// A segment turns by at most this, in parts of its way.
+/// Largest turn of a segment as a part of its way.
 const STRAIGHT: f64 = 0.01;
 /// End of the band in Hz.
 const TOP_HZ: f64 = 1000.0;
-/// Lines closer than so many bins of a segment are one.
+/// Lines closer than this many bins of a segment are one.
 const APART: f64 = 4.0;
-/// Harmonics of the first search.
+/// Harmonics in the first search.
 const FIRST: usize = 4;
-/// Candidates that are looked at closely.
+/// Candidates for a closer look.
 const CANDIDATES: usize = 24;
-/// A harmonic explains most of what its fundamental does, but not all: the largest wave number with this
-/// part of the best.
+/// A harmonic explains nearly as much as its fundamental. The largest wave number with this part of the
+/// best counts.
 const NEARLY: f64 = 0.9;
-/// Wave vectors of two pieces are of one wave where they differ by less than this part.
+/// Wave vectors of two pieces belong to one wave if they differ by less than this part.
 const ALIKE: f64 = 0.12;
-/// Pitches in a segment of which share and phase are taken.
+/// Pitches in a segment for share and phase.
 const PITCHES: f64 = 10.0;
-/// And of which the wave vector is taken in the end: the more, the more exact it is.
+/// Pitches in a segment for the final wave vector: more make it more exact.
 const MANY_PITCHES: f64 = 60.0;
-/// Part of a wave's power in every second, third or so harmonic from which on these are the wave.
+/// If every second, third .. harmonic has this part of a wave's power, these are the wave.
 const MULTIPLES: f64 = 0.8;
 /// Largest weight of a harmonic.
 const MOST_WEIGHT: f64 = 10.0;
-/// Seconds of strokes by which a wave vector is made more exact.
+/// Seconds of strokes to refine a wave vector.
 const REFINED_S: f64 = 20.0;
 
 /// Power over frequency of all straight ways of one velocity.
 struct Seen {
     velocity: [f64; 2],
-    /// Sum over segments of power over their whole power: a sine's power is at its frequency.
+    /// Sum over segments of power over their whole power: a sine's power stands at its frequency.
     power: Vec<f64>,
     bin_hz: f64,
     seconds: f64,
@@ -69,8 +69,8 @@ impl Seen {
         power(k) + place.fract() * (power(k + 1) - power(k))
     }
 
-    /// Part of the power at harmonics of a wave vector, without what is as strong between them. None where
-    /// they are too close to tell apart, or above the band.
+    /// Part of the power at harmonics of a wave vector, minus the power between them. None if they are
+    /// too close to separate, or above the band.
     fn part(&self, k: [f64; 2], harmonics: usize) -> Option<f64> {
         let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
         if pitch_hz * self.seconds < APART || pitch_hz > TOP_HZ {
@@ -86,7 +86,7 @@ impl Seen {
         Some(sum / self.count)
     }
 
-    /// Takes the lines of a wave out.
+    /// Removes the lines of a wave.
     fn without(&mut self, k: [f64; 2]) {
         let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
         if pitch_hz * self.seconds < APART {
@@ -113,7 +113,7 @@ fn window(length: usize) -> Vec<f64> {
 fn seen(passages: &[Passage]) -> Vec<Seen> {
     let mut all: Vec<Seen> = Vec::new();
     for p in passages {
-        // One length a class of speeds, so that their spectra can be added.
+        // One length for each class of speeds, so that their spectra can be added.
         let class = 1.25f64.powf((p.speed_mm_s.ln() / 1.25f64.ln()).round());
         let seconds = (WAY_MM / class).clamp(SEGMENT_S.0, SEGMENT_S.1);
         let ticks = (seconds / TICK_S).round() as usize;
@@ -156,9 +156,9 @@ fn seen(passages: &[Passage]) -> Vec<Seen> {
     all
 }
 
-/// Mean part of the power that a wave vector has; 0 where too few ways can tell.
+/// Mean part of the power at a wave vector; 0 if too few ways can tell.
 ///
-/// Roots are averaged: a wave shows in all directions, lines that meet by chance show in some.
+/// Roots are averaged: a wave shows in all directions, chance lines in some.
 fn part(seen: &[Seen], k: [f64; 2], harmonics: usize) -> f64 {
     let (mut sum, mut told, mut all) = (0.0, 0.0, 0.0);
     for s in seen {
@@ -172,7 +172,7 @@ fn part(seen: &[Seen], k: [f64; 2], harmonics: usize) -> f64 {
     if told < 0.5 * all || told == 0.0 { 0.0 } else { (sum / told).powi(2) }
 }
 
-/// The strongest wave of a piece: its vector, and its part of the power.
+/// The strongest wave of a piece: its vector and part of the power.
 fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
     let n = (MOST_PER_MM / STEP_PER_MM) as i32;
     let width = (2 * n + 1) as usize;
@@ -214,7 +214,7 @@ fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
         .max_by(|a, b| size(a.0).total_cmp(&size(b.0)))
 }
 
-/// The loudest harmonic of a weak wave, and its part of the power: of its others too little is seen.
+/// The loudest harmonic of a weak wave and its part of the power. The others hardly show.
 fn loudest(seen: &[Seen], k: [f64; 2]) -> ([f64; 2], f64) {
     let most = (MOST_PER_MM / k[0].hypot(k[1])) as u32;
     let harmonics = (1..=most).map(|h| k.map(|k| k * f64::from(h)));
@@ -222,7 +222,7 @@ fn loudest(seen: &[Seen], k: [f64; 2]) -> ([f64; 2], f64) {
     climb(best.unwrap_or(k), 0.25 * STEP_PER_MM, 6, |k| part(seen, k, 1))
 }
 
-/// Goes uphill from a wave vector, with steps that get smaller.
+/// Climbs from a wave vector in ever smaller steps.
 fn climb(mut k: [f64; 2], mut step: f64, halvings: u32, height: impl Fn([f64; 2]) -> f64) -> ([f64; 2], f64) {
     let mut here = height(k);
     for _ in 0..halvings {
@@ -246,18 +246,18 @@ fn climb(mut k: [f64; 2], mut step: f64, halvings: u32, height: impl Fn([f64; 2]
 
 /// A segment of a stroke, demodulated by a wave.
 struct Segment {
-    /// How long it is: by that it counts.
+    /// Length, which is its weight.
     seconds: f64,
     pitch_hz: f64,
     backwards: bool,
     /// Complex amplitudes of harmonics.
     lines: Vec<Complex64>,
-    /// Power of each harmonic that repeats, and all power around it; parts of the segment's power.
+    /// Power of each harmonic that repeats, and all power around it, as parts of the segment's power.
     coherent: Vec<f64>,
     around: Vec<f64>,
 }
 
-/// Where a passage goes over enough pitches of a wave: first tick, and turns from tick to tick.
+/// Parts of a passage over enough pitches of a wave: first tick, and turns from tick to tick.
 fn pieces_of(passage: &Passage, k: [f64; 2], pitches: f64) -> Vec<(usize, Vec<f64>)> {
     let turns: Vec<f64> = passage.places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
     let mut pieces = Vec::new();
@@ -280,20 +280,20 @@ fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
     pieces.filter_map(|(from, turns)| segment(passage, &turns, from)).collect()
 }
 
-/// Takes the phases away that the kernel adds to the lines of a passage's segments.
+/// Removes the phases that the kernel adds to the lines of a passage's segments.
 fn without_response(segments: &mut [Segment], passage: &Passage, weights: &[f64; HARMONICS]) {
     let Some(mut kernel) = kernel(0) else { return };
     kernel.push(0, &passage.magnitudes, 1.0);
     for s in segments {
         let mut phases = vec![Complex64::default(); s.lines.len()];
         kernel.ridge_phases(s.pitch_hz, weights, &mut phases);
-        // Of a hand that moves backwards it has the other sign.
+        // The sign is opposite for a hand that moves backwards.
         let away = |phase: Complex64| if s.backwards { phase } else { phase.conj() };
         s.lines.iter_mut().zip(phases).for_each(|(line, phase)| *line *= away(phase));
     }
 }
 
-/// The part of a passage over so many turns, under a window.
+/// A part of a passage over some turns, under a window.
 struct Cut {
     seen: Vec<f64>,
     sum: f64,
@@ -314,12 +314,12 @@ impl Cut {
         (whole > 1e-9).then_some(Self { seen, sum, squares, whole, pitch_hz })
     }
 
-    /// Harmonics in the band, but no more than `most`.
+    /// Harmonics in the band, at most `most`.
     fn count(&self, most: usize) -> usize {
         ((TOP_HZ / self.pitch_hz - 0.5) as usize).min(most)
     }
 
-    /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, up to half an order above the last harmonic,
+    /// Complex amplitudes of orders 1/2, 1, 3/2 and so on, to half an order above the last harmonic,
     /// over the root of the whole power.
     fn orders(&self, turns: &[f64], harmonics: usize) -> Vec<Complex64> {
         let mut amplitudes = vec![Complex64::default(); 2 * harmonics + 1];
@@ -339,7 +339,7 @@ impl Cut {
     }
 }
 
-/// Power of harmonics, without what is as strong between them.
+/// Power of harmonics minus the power between them.
 fn coherent(orders: &[Complex64]) -> Vec<f64> {
     let power = |order: usize| 0.5 * orders[order - 1].norm_sqr();
     let harmonic = |h: usize| power(2 * h) - 0.5 * (power(2 * h - 1) + power(2 * h + 1));
@@ -371,7 +371,7 @@ fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
     })
 }
 
-/// Lines of all segments on top of each other: each is turned to where it fits best, and its sign is free.
+/// Sums the lines of all segments. Each is turned to its best fit, and its sign is free.
 fn template(segments: &[Segment]) -> Vec<Complex64> {
     let size = |s: &Segment| s.seconds * s.coherent.iter().sum::<f64>();
     let Some(first) = segments.iter().max_by(|a, b| size(a).total_cmp(&size(b))) else { return Vec::new() };
@@ -400,7 +400,7 @@ fn template(segments: &[Segment]) -> Vec<Complex64> {
     template
 }
 
-/// Finds the waves of a material, from passages over pieces of it, and the part of the power that they have.
+/// Finds the waves of a material from passages over pieces of it, and their part of the power.
 pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     let mut found: Vec<Vec<([f64; 2], f64)>> = Vec::new();
     for passages in pieces {
@@ -422,10 +422,10 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
     while waves.len() < MAX_WAVES {
         let strongest = found.iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((like, _)) = strongest.copied() else { break };
-        // A vector and its opposite are one wave: the longer part counts up.
+        // A vector and its opposite are one wave. The longer component becomes positive.
         let longer = if like[0].abs() >= like[1].abs() { like[0] } else { like[1] };
         let like = like.map(|k| k * longer.signum());
-        // Its like in each piece.
+        // The same wave in each piece.
         let vectors: Vec<Option<([f64; 2], f64)>> = found
             .iter_mut()
             .map(|here| {
@@ -464,7 +464,7 @@ fn shortest(passages: &[Passage]) -> Vec<&Passage> {
     sorted
 }
 
-/// The fundamental of a wave vector, where nearly all power is in multiples of a harmonic: threads count,
+/// The fundamental of a wave vector if nearly all power is in multiples of a harmonic: threads count,
 /// not the weave's repeat.
 fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let mut powers = [0.0; MAX_HARMONICS];
@@ -481,8 +481,8 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     k.map(|k| m * k)
 }
 
-/// The wave vector with which segments, at their true places, have most power: first short ones, then long
-/// ones. The segments stay the same: else their number would decide.
+/// The wave vector with which segments at their true places have most power: first short ones, then
+/// long ones. The segments stay fixed, else their number would decide.
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let passages = shortest(passages);
     let best = |from: [f64; 2], step: f64, pitches: f64| {
@@ -503,8 +503,8 @@ fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     best(best(k, 0.002, PITCHES), 0.0005, MANY_PITCHES)
 }
 
-/// The turn of the fundamental with which phases differ least from harmonic to harmonic: those above the
-/// last are like the last.
+/// The turn of the fundamental with which phases differ least between harmonics. Harmonics above the
+/// last count as the last.
 fn origin(lines: &[Complex64]) -> f64 {
     let pairs = lines.windows(2).map(|pair| {
         let product = pair[1] * pair[0].conj();
@@ -513,8 +513,8 @@ fn origin(lines: &[Complex64]) -> f64 {
     pairs.sum::<Complex64>().arg()
 }
 
-/// Power around each harmonic over what the kernel makes of the passage's magnitudes without weights; of each
-/// segment both are parts of all its harmonics.
+/// Power around each harmonic over the kernel's power for the passage's magnitudes without weights. For
+/// each segment both are parts of all its harmonics.
 fn weights(found: &[(&Passage, Vec<Segment>)]) -> [f64; HARMONICS] {
     let (mut power, mut plain) = ([0.0; HARMONICS], [0.0; HARMONICS]);
     let Some(mut kernel) = kernel(0) else { return [1.0; HARMONICS] };

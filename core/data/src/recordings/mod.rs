@@ -1,12 +1,12 @@
-//! Anyone's own recordings: a folder with a folder for each material, in it pictures of the material and
-//! strokes over it; or one stroke by itself ([`recorded`]).
+//! A user's own recordings: a folder with one folder for each material, which holds pictures of it and
+//! strokes over it. Or one stroke by itself ([`recorded`]).
 //!
 //! # Strokes
 //!
-//! A stroke is what was measured while a tool was dragged, at 1 to 10 kHz, in one of two forms.
+//! A stroke is a measurement while a tool was dragged, at 1 to 10 kHz, in one of two forms.
 //!
-//! A CSV file: a header that names columns in any order, then a row for each sample of a steady clock.
-//! Lines that start with `#` and blank lines are skipped.
+//! A CSV file has a header that names columns in any order, then a row for each sample of a steady
+//! clock. Lines that start with `#` and blank lines are skipped.
 //!
 //! | column | |
 //! |---|---|
@@ -18,12 +18,10 @@
 //! | `ax_m_s2`, `ay_m_s2`, `az_m_s2` | acceleration of the tool in m/s^2, one axis or more |
 //! | or `acceleration_m_s2` | the same of one axis |
 //!
-//! Where there are several kinds of motion the velocity counts before the place, and the place before the
-//! speed.
+//! Of several kinds of motion the velocity counts before the place, and the place before the speed.
 //!
-//! A WAV file of 16 to 32 bits, whose channels are named in `recording.ron` in the same folder, in order; a
-//! channel of `none` is left out. `full_scale` is the value in the quantity's unit at which the file is
-//! full:
+//! A WAV file has 16 to 32 bits. `recording.ron` in the same folder names its channels in order; a
+//! channel `none` is left out. `full_scale` is the value at full scale in the quantity's unit:
 //!
 //! ```text
 //! Recording(channels: [
@@ -35,23 +33,22 @@
 //!
 //! # What examples are
 //!
-//! An example every 20 ms. Its history is what the chain would have measured at 500 Hz: the mean force of
-//! each 2 ms, and the difference of places 2 ms apart, or else the mean velocity between, through the
-//! chain's velocity filter. Below 0 a force counts as 0. Of a speed alone the direction is not known: each
-//! example has another, a golden angle on from the one before.
+//! There is an example every 20 ms. Its history is what the chain would have measured at 500 Hz: the
+//! mean force of each 2 ms, and the difference of places 2 ms apart, or the mean velocity between,
+//! through the chain's velocity filter. A negative force counts as 0. A speed alone has no direction:
+//! each example gets one, a golden angle from the last.
 //!
-//! Its magnitudes are those of the 0.1 s that follow, at the file's own rate, several axes as one. A
-//! high-pass of 5 Hz and second order goes before: gravity turns with the tool, and of what is constant the
-//! window puts all of its size into the 10 Hz bin. It takes 0.3 dB from that bin. Of a recording at less
-//! than 2 kHz the bins above half its rate are 0: it says nothing there.
+//! Its magnitudes are those of the 0.1 s that follow, at the file's rate, with several axes as one. A
+//! second-order high-pass of 5 Hz comes first: gravity turns with the tool, and the window would put a
+//! constant into the 10 Hz bin. It takes 0.3 dB from that bin. For a recording below 2 kHz the bins
+//! above half its rate are 0.
 //!
-//! The last fifth of each stroke is held apart, or of five or more strokes of a material the last fifth of
-//! them, sorted by name. No sample counts in both.
+//! The last fifth of each stroke is held apart. With five or more strokes of a material it is the last
+//! fifth of them, sorted by name. No sample counts in both parts.
 
 mod channels;
+mod read;
 mod stroke;
-mod table;
-mod wav;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -67,57 +64,54 @@ use crate::pattern;
 
 use stroke::Stroke;
 
-/// One stroke as it was recorded, all channels at one rate and of one length.
+/// A recorded stroke: channels of one rate and one length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
-    /// Samples a second: 1 to 10 kHz, or off by no more than clocks are.
+    /// Sampling rate in Hz: 1 to 10 kHz, within a clock's tolerance.
     pub rate_hz: f64,
     /// Normal force in N.
     pub force_n: Vec<f64>,
     /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
-    /// over 20 ms: of single samples noise would count as speed.
+    /// over 20 ms, so that noise of single samples does not count.
     pub speed_mm_s: Vec<f64>,
     /// Acceleration of the tool in m/s^2 by axes, one to three.
     pub acceleration_m_s2: Vec<Vec<f64>>,
 }
 
 impl Recorded {
-    /// A stroke from columns by name, where a file says no names: `force_n`, `ax_m_s2` and the others of
-    /// the [table](self), but no clock. A column `none` is left out.
+    /// A stroke from named columns, for files without names: `force_n`, `ax_m_s2` and the others of the
+    /// [table](self), but no clock. A column `none` is left out.
     ///
     /// # Errors
-    /// A name that is unknown or there twice, quantities that are missing, columns of different lengths, a
-    /// number out of range, a rate that is not 1 to 10 kHz, less than 0.5 s.
+    /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
+    /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
     pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
         channels::named(columns, channels::rate(rate_hz)?).map(Stroke::recorded)
     }
 }
 
-/// Reads one stroke: a WAV file by its name's ending, with the file that names its channels beside it, else
-/// a table.
+/// Reads one stroke: a WAV file by its extension, with the file that names its channels, else a table.
 ///
 /// # Errors
-/// A file that is not as the [module](self) says, in a CSV or RON file with line and column.
+/// A file that is not as the [module](self) says. CSV and RON errors have line and column.
 pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    stroke(path, folder).map(Stroke::recorded)
+    stroke(path).map(Stroke::recorded)
 }
 
-/// A recorded stroke as a graph can play it, and what the tool felt of it.
+/// A recorded stroke that a graph can play, with what the tool felt.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// x, y, z in mm, every 2 ms from the first sample on, as the chain would have measured them (see the
-    /// [module](self)): z is 2 mm below 0 for each newton, as on a floor of 0.5 N/mm, and 0 where there is
-    /// no force. Of velocities the place begins at 0; of a speed alone the way goes along x.
+    /// x, y, z in mm, every 2 ms from the first sample, as the chain would have measured them (see the
+    /// [module](self)). z is 2 mm below 0 for each newton, as on a floor of 0.5 N/mm, and 0 without
+    /// force. From velocities the place begins at 0; a speed alone goes along x.
     pub position_mm: Vec<[f64; 3]>,
-    /// The acceleration of all axes at the recording's rate, without gravity: a high-pass of 5 Hz and
-    /// second order.
+    /// Acceleration of all axes at the recording's rate, without gravity: behind a second-order
+    /// high-pass of 5 Hz.
     pub felt: Felt,
 }
 
 impl Recording {
-    /// Where it is at a time in s, x, y, z in mm: on the line between two places; before the first and
-    /// behind the last it stays there.
+    /// Place at a time in s: x, y, z in mm, interpolated linearly. The first and the last place hold.
     pub fn place_mm(&self, t_s: f64) -> [f64; 3] {
         let last = self.position_mm.len().saturating_sub(1);
         let at = (t_s * RATE_HZ).clamp(0.0, last as f64);
@@ -126,7 +120,7 @@ impl Recording {
         std::array::from_fn(|axis| a[axis] + at.fract() * (b[axis] - a[axis]))
     }
 
-    /// The stroke as a CSV file of the `trajectory` node, with the column `force_n` beside the places.
+    /// The stroke as a CSV file for the `trajectory` node, with a column `force_n`.
     pub fn csv(&self) -> String {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm,force_n\n");
         for (tick, [x, y, z]) in self.position_mm.iter().enumerate() {
@@ -137,14 +131,12 @@ impl Recording {
     }
 }
 
-/// Reads one stroke to hold what is rendered of it against what the tool felt: a WAV file by its name's
-/// ending, with the file that names its channels beside it, else a table.
+/// Reads one stroke to compare a rendering with what the tool felt. The file is as for [`recorded`].
 ///
 /// # Errors
 /// As [`recorded`].
 pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    stroke(path, folder)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
+    stroke(path)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
 }
 
 /// Reads one stroke from the text of a table.
@@ -152,22 +144,22 @@ pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
 /// # Errors
 /// As [`recorded`] of a CSV file.
 pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
-    table::parse(source).map(Stroke::recorded)
+    read::table(source).map(Stroke::recorded)
 }
 
-/// The file that says what the channels of a WAV file are.
+/// Path of the file that names a WAV file's channels.
 pub fn channels_file(path: &Path) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(CHANNELS_FILE)
 }
 
-/// The name of the file that says what a WAV file's channels are.
+/// Name of the file that names a WAV file's channels.
 const CHANNELS_FILE: &str = "recording.ron";
 
 /// Reads a folder of materials, in the order of their folders' names.
 ///
 /// # Errors
-/// A folder that cannot be read or holds no folder; a material without a picture or a stroke; a file that
-/// is not as the [module](self) says, in a CSV or RON file with line and column; all of
+/// A folder that cannot be read or has no folders; a material without a picture or a stroke; a file
+/// that is not as the [module](self) says, with line and column for CSV and RON; all of
 /// [`asperity_texture::picture::read`].
 pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
     let materials: Vec<PathBuf> = folder::entries(folder)?.into_iter().filter(|p| p.is_dir()).collect();
@@ -182,7 +174,7 @@ pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
 fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let files = folder::entries(folder)?;
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
-    let recordings: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
+    let recordings = of_strokes(&files);
     if pictures.is_empty() {
         return Err(Diagnostic::new("no picture of this material")
             .in_file(folder)
@@ -193,11 +185,11 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
             .in_file(folder)
             .help("a CSV or WAV file, one at least"));
     }
-    let whole = recordings.len() >= 5;
+    let whole = are_divided(recordings.len());
     let seen = recordings.len() - folder::held_of(recordings.len());
     let mut examples = Parts::default();
     for (number, path) in recordings.into_iter().enumerate() {
-        let stroke = stroke(path, folder)?;
+        let stroke = stroke(path)?;
         let made = stroke.examples().map_err(|e| e.in_file(path))?;
         let split_s = match whole {
             true if number < seen => f64::INFINITY,
@@ -205,7 +197,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
             false => stroke.duration_s() * 0.8,
         };
         for mut timed in made {
-            // What is judged by is not trained on.
+            // Data to judge by is not trained on.
             if timed.begin_s() < split_s && timed.end_s() + WINDOW_S > split_s {
                 timed.example.other = None;
             }
@@ -229,19 +221,19 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     })
 }
 
-/// The strokes of a material's folder to find its [pattern](crate::pattern) from: those to train on, as far
-/// as they have places or velocities. All of them are taken as strokes over one piece.
+/// The strokes of a material's folder that have places or velocities, to find its
+/// [pattern](crate::pattern): those to train on. All count as strokes over one piece.
 ///
 /// # Errors
 /// As [`read`], of strokes.
 pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     let files = folder::entries(folder)?;
-    let paths: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
-    let whole = paths.len() >= 5;
+    let paths = of_strokes(&files);
+    let whole = are_divided(paths.len());
     let seen = if whole { paths.len() - folder::held_of(paths.len()) } else { paths.len() };
     let mut strokes = Vec::new();
     for path in paths.into_iter().take(seen) {
-        let stroke = stroke(path, folder)?;
+        let stroke = stroke(path)?;
         if !stroke.has_places() {
             continue;
         }
@@ -258,12 +250,23 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     Ok(strokes)
 }
 
-fn stroke(path: &Path, folder: &Path) -> Result<Stroke, Diagnostic> {
+/// Reads a stroke by the extension of its file.
+fn stroke(path: &Path) -> Result<Stroke, Diagnostic> {
     if folder::ends_with(path, &["wav"]) {
-        wav::read(path, &folder.join(CHANNELS_FILE))
+        read::wav(path, &channels_file(path))
     } else {
-        table::read(path)
+        read::table(&Source::read(path)?)
     }
+}
+
+/// Files of strokes among others.
+fn of_strokes(files: &[PathBuf]) -> Vec<&PathBuf> {
+    files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect()
+}
+
+/// Whether so many strokes are divided as a whole, and not each of them.
+fn are_divided(strokes: usize) -> bool {
+    strokes >= 5
 }
 
 #[cfg(test)]

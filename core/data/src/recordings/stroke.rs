@@ -11,25 +11,25 @@ use crate::felt::Felt;
 use crate::frames::Spectrometer;
 use crate::history::{HISTORY, RATE_HZ, Recorder, STIFFNESS_N_PER_MM};
 
-/// Ticks until the chain's filter has settled: five of its time constants, and the history.
+/// Ticks until the chain's filter has settled: five time constants, plus the history.
 const WARM_UP: usize = 30 + HISTORY;
-/// Ticks from one example to the next: 20 ms.
+/// Ticks between examples: 20 ms.
 const EVERY: usize = 10;
-/// Corner of the filter against gravity, in Hz.
+/// Corner of the high-pass against gravity, in Hz.
 const HIGH_PASS_HZ: f64 = 5.0;
-/// Over how long before and behind a sample the motion's mean is its speed, in seconds.
+/// Time to each side of a sample over which motion is averaged to a speed, in seconds.
 const AROUND_S: f64 = 0.01;
 /// Shortest stroke in seconds.
 const MIN_DURATION_S: f64 = 0.5;
 
-/// How the tool moved along the surface, in mm and mm/s.
+/// Motion of the tool along the surface, in mm and mm/s.
 pub(super) enum Motion {
     Velocity([Vec<f64>; 2]),
     Place([Vec<f64>; 2]),
     Speed(Vec<f64>),
 }
 
-/// A stroke as it was recorded, all channels at one rate and of one length.
+/// A recorded stroke: channels of one rate and one length.
 pub(super) struct Stroke {
     rate_hz: f64,
     force: Vec<f64>,
@@ -37,20 +37,21 @@ pub(super) struct Stroke {
     acceleration: Vec<Vec<f64>>,
 }
 
-/// An example and when it was.
+/// An example and its time.
 pub(super) struct Timed {
     pub(super) example: Example,
-    /// When its newest sample of history was, and its frame began, in seconds from the stroke's beginning.
+    /// Time of its newest history sample and the start of its frame, in seconds from the stroke's
+    /// beginning.
     at_s: f64,
 }
 
 impl Timed {
-    /// When the first of its samples was.
+    /// Time of its first sample.
     pub(super) fn begin_s(&self) -> f64 {
         self.at_s - HISTORY as f64 / RATE_HZ
     }
 
-    /// When its frame ended.
+    /// End of its frame.
     pub(super) fn end_s(&self) -> f64 {
         self.at_s + WINDOW_S
     }
@@ -72,20 +73,20 @@ impl Stroke {
         Ok(stroke)
     }
 
-    /// How long it lasts in seconds.
+    /// Length in seconds.
     pub(super) fn duration_s(&self) -> f64 {
         self.force.len() as f64 / self.rate_hz
     }
 
-    /// Whether it is known where it goes.
+    /// Whether the path is known.
     pub(super) fn has_places(&self) -> bool {
         !matches!(self.motion, Motion::Speed(_))
     }
 
-    /// What it is, with the motion as a speed.
+    /// The stroke with its motion as a speed.
     pub(super) fn recorded(self) -> Recorded {
         let (count, around) = (self.force.len(), (AROUND_S * self.rate_hz).round() as usize);
-        // What is moved between two samples, in mm.
+        // Way between two samples, in mm.
         let length = |moved: &dyn Fn(usize, usize) -> [f64; 2]| -> Vec<f64> {
             let speed = |n: usize| {
                 let (from, to) = (n.saturating_sub(around), (n + around).min(count - 1));
@@ -98,7 +99,7 @@ impl Stroke {
             Motion::Speed(speed) => speed,
             Motion::Place(axes) => length(&|from, to| axes.each_ref().map(|axis| axis[to] - axis[from])),
             Motion::Velocity(axes) => {
-                // Trapezes from the first sample on.
+                // Trapezoidal sums from the first sample.
                 let places = axes.map(|axis| {
                     let mut place = 0.0;
                     let next = |pair: &[f64]| {
@@ -119,7 +120,7 @@ impl Stroke {
         }
     }
 
-    /// What a graph plays of it, and what was felt.
+    /// A path that a graph can play, and what was felt.
     pub(super) fn recording(self) -> Result<Recording, FilterError> {
         let acceleration_m_s2 = self.without_gravity()?;
         let mut position_mm = Vec::new();
@@ -137,7 +138,7 @@ impl Stroke {
         (tick as f64 * self.rate_hz / RATE_HZ) as usize
     }
 
-    /// The mean of a channel over the tick that ends at `tick`, that sample included.
+    /// Mean of a channel over the tick that ends at `tick`, that sample included.
     fn mean(&self, channel: &[f64], tick: usize) -> f64 {
         let first = tick.checked_sub(1).map_or(0, |before| self.sample(before) + 1);
         let part = channel.get(first..=self.sample(tick)).unwrap_or_default();
@@ -167,7 +168,7 @@ impl Stroke {
                 axes.map(|axes| spectrometer.magnitudes(&axes))
             };
             let Some(magnitudes) = frame_at(frame.clone()) else { break };
-            // The frame behind it is another signal of nearly the same touch.
+            // The next frame is another signal of nearly the same touch.
             let other = frame_at(frame.end..2 * frame.end - frame.start);
             let mut velocity = history.velocity;
             if matches!(self.motion, Motion::Speed(_)) {
@@ -179,8 +180,7 @@ impl Stroke {
         Ok(examples)
     }
 
-    /// The place at a tick in mm, from that at the one before: the chain measures places, and takes
-    /// velocity from them.
+    /// Moves a place in mm on by a tick. The chain measures places and derives velocities.
     fn advance(&self, place: &mut [f64; 2], tick: usize) {
         match &self.motion {
             Motion::Place(axes) => {

@@ -1,4 +1,4 @@
-//! Recordings whose magnitudes and histories are known.
+//! Recordings with known magnitudes and histories.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +20,7 @@ fn table(names: &str, rate_hz: f64, duration_s: f64, row: impl Fn(f64) -> Vec<f6
 }
 
 fn examples(text: &str) -> Vec<Example> {
-    let stroke = table::parse(&Source::new("s.csv", text)).unwrap_or_else(|e| panic!("{e}"));
+    let stroke = read::table(&Source::new("s.csv", text)).unwrap_or_else(|e| panic!("{e}"));
     stroke.examples().unwrap().into_iter().map(|t| t.example).collect()
 }
 
@@ -35,7 +35,7 @@ fn three_axes_with_gravity_are_one_amplitude() {
             vec![2.0, 30.0, -40.0, tone(3.0, 120.0, t), tone(4.0, 120.0, t + 0.1), 9.81]
         });
         let found = examples(&text);
-        // From 0.08 s on, every 20 ms, as long as 0.1 s are to come.
+        // From 0.08 s on, every 20 ms, while 0.1 s follow.
         assert_eq!(found.len(), 42);
         for e in &found {
             assert!((e.magnitudes[11] - 5.0).abs() < 0.02, "{}", e.magnitudes[11]);
@@ -51,7 +51,7 @@ fn three_axes_with_gravity_are_one_amplitude() {
 }
 
 #[test]
-fn the_filter_against_gravity_leaves_ten_hertz_nearly_whole() {
+fn gravity_filter_keeps_ten_hertz_nearly_whole() {
     let text = table("time_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 2.0, |t| {
         vec![1.0, 50.0, tone(1.0, 10.0, t) + 9.81 * (TAU * 0.2 * t).cos()]
     });
@@ -75,7 +75,7 @@ fn places_velocities_and_speeds_tell_one_motion() {
     let both = of("y_mm,x_mm,vx_mm_s,vy_mm_s", &|t| vec![0.0, 0.0, 0.6 * swing(t), 0.8 * swing(t)]);
     let speeds = of("speed_mm_s", &|t| vec![swing(t).abs()]);
     assert_eq!(velocity, both);
-    // at a rate of which a tick is no whole number of samples, too
+    // Also at a rate without a whole number of samples in a tick.
     let odd = examples(&table("t_s,force_n,acceleration_m_s2,x_mm,y_mm", 1024.0, 1.5, |t| {
         vec![1.0, 0.0, 100.0 * t, 0.0]
     }));
@@ -91,7 +91,7 @@ fn places_velocities_and_speeds_tell_one_motion() {
 }
 
 #[test]
-fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
+fn one_stroke_is_read_as_recorded_with_speed_of_its_motion() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.csv");
     // A circle of 30 mm at 1.5 turns a second: 283 mm/s all the way.
@@ -104,7 +104,7 @@ fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
         .unwrap();
         recorded(&path).unwrap()
     };
-    // Noise of velocities does not count as speed: here 200 mm/s up and down.
+    // Noise of velocities, here 200 mm/s up and down, is no speed.
     let rattle = |t: f64| if (t * 1000.0).round() as i64 % 2 == 0 { 200.0 } else { -200.0 };
     let places = read("x_mm,y_mm,az_m_s2", &|t| vec![radius * (w * t).cos(), radius * (w * t).sin(), 9.81]);
     let velocities = read("vx_mm_s,vy_mm_s,acceleration_m_s2", &|t| {
@@ -129,7 +129,7 @@ fn one_stroke_is_read_as_it_was_recorded_and_its_speed_is_that_of_its_motion() {
 }
 
 #[test]
-fn columns_without_a_header_are_named_by_whoever_has_them() {
+fn headerless_columns_take_the_callers_names() {
     let column = |x: f64| vec![x; 1000];
     let columns = || {
         vec![
@@ -171,10 +171,10 @@ fn write(folder: &Path, name: &str, text: &str) {
 }
 
 #[test]
-fn no_sample_of_a_stroke_is_both_trained_on_and_judged_by() {
+fn no_sample_is_in_both_training_and_test() {
     let folder = tempfile::tempdir().unwrap();
     let cork = folder.path().join("cork");
-    // The force is the time, so that a history says when it was.
+    // The force is the time, so that a history tells its time.
     let text = table("t_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 4.0, |t| vec![t, 50.0, 0.0]);
     write(&cork, "stroke.csv", &text);
     write(&cork, "notes.txt", "read by nobody");
@@ -212,7 +212,7 @@ fn bad_tables_are_refused_at_the_cell() {
     let h = "t_s,force_n,speed_mm_s,acceleration_m_s2";
     let good = table(h, 1000.0, 1.0, |_| vec![1.0, 2.0, 3.0]);
     let error =
-        |text: &str| table::parse(&Source::new("s.csv", text)).err().map_or("none".into(), |e| e.to_string());
+        |text: &str| read::table(&Source::new("s.csv", text)).err().map_or("none".into(), |e| e.to_string());
     assert_eq!(error(&good), "none");
     let replaced = |what: &str, by: &str| {
         assert!(good.contains(what), "{what}");
@@ -227,7 +227,9 @@ fn bad_tables_are_refused_at_the_cell() {
         (error("t_s,force_n,speed_mm_s,accel\n"), "s.csv:1:24: unknown column `accel`"),
         (
             error("t_s;force_n;speed_mm_s;ax_m_s2\n0;1;50;0,1\n"),
-            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (cells are separated by commas",
+            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the \
+             columns, such \
+             as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
         ),
         (error("t_s,force_n,force_n\n"), "s.csv:1:13: the column `force_n` is there twice"),
         (error("t_s,time_s\n"), "s.csv:1:5: the column `time_s` is there twice"),
@@ -240,7 +242,7 @@ fn bad_tables_are_refused_at_the_cell() {
             "s.csv:1:49: the acceleration of one axis and of several",
         ),
         (error(&format!("{h}\n")), "s.csv:2:1: a stroke of no rows or one"),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, , 3"), "s.csv:13:12: `speed_mm_s` is ``, which is nothing"),
+        (replaced("0.0100, 1, 2, 3", "0.0100, 1, , 3"), "s.csv:13:12: `speed_mm_s` is empty"),
         (
             replaced("0.0100, 1, 2, 3", "0.0100, x, 2, 3"),
             "s.csv:13:9: `force_n` is `x`, which is not a number",
@@ -250,9 +252,15 @@ fn bad_tables_are_refused_at_the_cell() {
             replaced("0.0100, 1, 2, 3", "0.0100, NaN, 2, 3"),
             "s.csv:13:9: `force_n` is `NaN`, which is not finite",
         ),
-        (replaced("0.0100, 1, 2, 3", "0.0100, inf, 2, 3"), "s.csv:13:9: `force_n` is `inf`, out of range"),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, 2"), "s.csv:13:13: a row with fewer cells"),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, 2, 3, 4"), "s.csv:13:18: a row with more cells"),
+        (
+            replaced("0.0100, 1, 2, 3", "0.0100, inf, 2, 3"),
+            "s.csv:13:9: `force_n` is `inf`, which is not finite",
+        ),
+        (replaced("0.0100, 1, 2, 3", "0.0100, 1, 2"), "s.csv:13:13: a row of 3 cells under a header of 4"),
+        (
+            replaced("0.0100, 1, 2, 3", "0.0100, 1, 2, 3, 4"),
+            "s.csv:13:18: a row of 5 cells under a header of 4",
+        ),
         (replaced("0.0100, ", "0.0050, "), "s.csv:13:1: the clock is not steady"),
         (replaced("0.0100, 1, 2, 3\n0.0110, 1, 2, 3\n", ""), "s.csv:13:1: the clock is not steady"),
         (error(&slow), "s.csv:502:1: a rate of 500.0 Hz"),
@@ -280,11 +288,12 @@ fn wav(path: &Path, (format, bits): (hound::SampleFormat, u16), sample_rate: u32
     writer.finalize().unwrap();
 }
 
-const NAMES: &str = "Recording(channels: [\n(quantity: \"force_n\", full_scale: 20.0),\n(quantity: \"none\"),\n\
+const NAMES: &str = "Recording(channels: [\n(quantity: \"force_n\", full_scale: 20.0),\n\
+    (quantity: \"none\"),\n\
     (quantity: \"speed_mm_s\", full_scale: 200.0),\n(quantity: \"acceleration_m_s2\", full_scale: 50.0)])";
 
 #[test]
-fn sound_files_of_every_width_and_rate_are_read_by_their_channels_names() {
+fn wav_of_every_width_and_rate_is_read_by_channel_name() {
     let folder = tempfile::tempdir().unwrap();
     let names = folder.path().join(CHANNELS_FILE);
     std::fs::write(&names, NAMES).unwrap();
@@ -294,7 +303,7 @@ fn sound_files_of_every_width_and_rate_are_read_by_their_channels_names() {
         [((Int, 16), 1000), ((Int, 24), 2000), ((Int, 32), 4096), ((Float, 32), 8192), ((Float, 32), 10_000)]
     {
         wav(&path, format, rate, 1.0);
-        let found = wav::read(&path, &names).unwrap().examples().unwrap();
+        let found = read::wav(&path, &names).unwrap().examples().unwrap();
         assert_eq!(found.len(), 42);
         for timed in found {
             let e = timed.example;
@@ -310,7 +319,7 @@ fn bad_sound_files_and_bad_names_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (names, path) = (folder.path().join(CHANNELS_FILE), folder.path().join("s.wav"));
     let fails = |want: &str| {
-        let found = wav::read(&path, &names).err().map_or("none".into(), |e| e.to_string());
+        let found = read::wav(&path, &names).err().map_or("none".into(), |e| e.to_string());
         assert!(found.contains(want), "{found}\nwanted {want}");
     };
     wav(&path, (hound::SampleFormat::Int, 16), 2000, 1.0);
@@ -360,7 +369,7 @@ fn folders_that_will_not_do_are_refused() {
 }
 
 #[test]
-fn a_recording_is_a_stroke_that_a_graph_can_play_and_what_was_felt() {
+fn recording_is_a_playable_stroke_with_its_acceleration() {
     use asperity_motion::{Trajectory, TrajectoryOptions};
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.csv");
@@ -379,7 +388,7 @@ fn a_recording_is_a_stroke_that_a_graph_can_play_and_what_was_felt() {
     for (tick, [x, y, z]) in found.position_mm.iter().enumerate() {
         let t = tick as f64 * 0.002;
         assert!((x - 80.0 * t).abs() < 1e-9 && (y - 5.0 + 30.0 * t).abs() < 1e-9, "{tick}");
-        // The mean force of the 2 ms before, over 0.5 N/mm; none where the sensor reads below 0.
+        // Mean force of the last 2 ms over 0.5 N/mm; none where the sensor reads below 0.
         assert!((-z - 2.0 * (2.0 * t - 0.5).max(0.0)).abs() < 0.01 && *z <= 0.0, "{tick}: {z}");
     }
     let level = |axis: &[f64]| (axis[500..].iter().map(|a| a * a).sum::<f64>() / 1500.0).sqrt();

@@ -1,9 +1,9 @@
-//! A strict reader for RON that keeps the place of every value.
+//! A strict reader for RON that keeps the position of every value.
 //!
-//! The grammar is the `ron` crate's. On top of it this reader refuses what `ron` lets pass and a person would
-//! not have meant: duplicate keys and fields, numbers that are not finite, extensions. A value is taken apart
-//! with [`Value::record`] (a struct with named fields), [`Value::map`], [`Value::list`] and the scalar
-//! accessors, each of which answers an error with its place when something else stands there.
+//! The grammar is the `ron` crate's. This reader also refuses duplicate keys and fields, numbers that
+//! are not finite, and extensions. A value is read with [`Value::record`] (a struct with named fields),
+//! [`Value::map`], [`Value::list`] and the scalar accessors. Each returns an error with its position if
+//! the kind differs.
 
 #[cfg(feature = "ron")]
 mod read;
@@ -17,11 +17,11 @@ use std::sync::Arc;
 use crate::{Source, Span};
 
 #[cfg(feature = "ron")]
-pub use read::{parse, parse_or_text};
+pub use read::{first_word, parse, parse_or_text};
 pub use value::Record;
 pub use write::quoted;
 
-/// A value and where it stands.
+/// A value with its position.
 #[derive(Clone, Debug)]
 pub struct Value {
     source: Arc<Source>,
@@ -29,7 +29,7 @@ pub struct Value {
     kind: Kind,
 }
 
-/// What kinds of value there are.
+/// Kinds of values.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Kind {
     /// `()`
@@ -48,7 +48,7 @@ pub enum Kind {
     List(Vec<Value>),
     /// `Name(field: value)` or `(field: value)`.
     Record {
-        /// What stands before the parenthesis, if anything.
+        /// The name before the parenthesis, if any.
         name: Option<String>,
         /// Fields in the order of the file.
         fields: Vec<(Key, Value)>,
@@ -68,7 +68,7 @@ impl PartialEq for Value {
 pub struct Key {
     /// The name, without quotes.
     pub name: String,
-    /// Where it stands.
+    /// Its position.
     pub span: Span,
 }
 
@@ -76,33 +76,4 @@ impl PartialEq for Key {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }
-}
-
-/// The word with which a text begins, after comments: what it is meant as, such as `Graph` or `Scene`, whether or not the rest can be
-/// read.
-pub fn first_word(source: &Source) -> Option<&str> {
-    let mut text = source.text().trim_start_matches('\u{feff}').trim_start();
-    loop {
-        text = match (text.strip_prefix("//"), text.strip_prefix("/*")) {
-            (Some(comment), _) => comment.split_once('\n').map_or("", |(_, rest)| rest),
-            (_, Some(comment)) => after_comment(comment),
-            _ => break,
-        }
-        .trim_start();
-    }
-    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
-}
-
-/// The text behind a comment that has begun; comments may stand in comments.
-fn after_comment(text: &str) -> &str {
-    let (mut depth, mut at) = (1, 0);
-    while depth > 0 {
-        let Some(rest) = text.get(at..) else { return "" };
-        match (rest.find("/*"), rest.find("*/")) {
-            (Some(open), Some(close)) if open < close => (depth, at) = (depth + 1, at + open + 2),
-            (_, Some(close)) => (depth, at) = (depth - 1, at + close + 2),
-            _ => return "",
-        }
-    }
-    text.get(at..).unwrap_or("")
 }

@@ -1,4 +1,5 @@
-//! From a text to values: `ron`'s raw values borrow from the text, so that their address is their place.
+//! From a text to values. `ron`'s raw values borrow from the text, so their address gives their
+//! position.
 
 use std::sync::Arc;
 
@@ -11,15 +12,15 @@ use crate::{Diagnostic, Source, Span, budget};
 /// Reads a whole text.
 ///
 /// # Errors
-/// What `ron` cannot parse, a duplicate key, a number that is not finite.
+/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
 pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Reader { source }.whole()
 }
 
-/// Reads a text that came from a command line as a value; a text that is no RON is taken as text.
+/// Reads a value from a command line; a text that is not RON becomes a text value.
 ///
 /// # Errors
-/// A value that parses, and is refused: duplicate keys, numbers that are not finite.
+/// A value that parses but is refused: duplicate keys, numbers that are not finite.
 pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     let text = source.text();
     let whole = Span { start: 0, end: text.len() };
@@ -31,35 +32,42 @@ pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
 }
 
-/// What comes after white space and comments.
+/// First word of a text after comments, such as `Graph` or `Scene`, even if the rest cannot be read.
+pub fn first_word(source: &Source) -> Option<&str> {
+    let text = after_comments(source.text().trim_start_matches('\u{feff}'));
+    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
+}
+
+/// The text after white space and comments.
 fn after_comments(text: &str) -> &str {
     let mut rest = text.trim_start();
     loop {
-        let after = if rest.starts_with("//") {
-            rest.split_once('\n').map(|(_, after)| after)
-        } else if rest.starts_with("/*") {
-            // Comments of this kind nest.
-            let (mut depth, mut at) = (0, 0);
-            loop {
-                let open = rest[at..].starts_with("/*");
-                depth += i32::from(open) - i32::from(rest[at..].starts_with("*/"));
-                at += if open || rest[at..].starts_with("*/") {
-                    2
-                } else {
-                    rest[at..].chars().next().map_or(1, char::len_utf8)
-                };
-                if depth == 0 || at >= rest.len() {
-                    break rest.get(at..);
-                }
-            }
-        } else {
-            return rest;
-        };
-        rest = after.unwrap_or("").trim_start();
+        rest = match (rest.strip_prefix("//"), rest.strip_prefix("/*")) {
+            (Some(comment), _) => comment.split_once('\n').map_or("", |(_, after)| after),
+            (_, Some(comment)) => after_comment(comment),
+            _ => return rest,
+        }
+        .trim_start();
     }
 }
 
-/// Longest name or text, in bytes: as long as the longest path.
+/// The text after a comment whose `/*` has been read. Such comments nest.
+fn after_comment(text: &str) -> &str {
+    let (mut depth, mut rest) = (1, text);
+    while depth > 0 {
+        let close = rest.find("*/");
+        match rest.find("/*").filter(|open| close.is_none_or(|close| *open < close)) {
+            Some(open) => (depth, rest) = (depth + 1, &rest[open + 2..]),
+            None => match close {
+                Some(close) => (depth, rest) = (depth - 1, &rest[close + 2..]),
+                None => return "",
+            },
+        }
+    }
+    rest
+}
+
+/// Longest name or text in bytes: the length of the longest path.
 const MAX_TEXT: usize = 4096;
 
 /// Reads one text.
@@ -70,7 +78,7 @@ pub(super) struct Reader<'s> {
 impl<'s> Reader<'s> {
     pub(super) fn whole(&self) -> Result<Value, Diagnostic> {
         let text = self.source.text();
-        // A value stands behind one of these. Lists grow by doubling, while their raw parts are still there.
+        // A value follows one of these. Lists grow by doubling, while their raw parts are still held.
         let values = text.bytes().filter(|b| matches!(b, b',' | b':' | b'(' | b'[' | b'{')).count() as u64;
         let needs = values * 2 * size_of::<Value>() as u64;
         budget::needs(needs).map_err(|e| e.in_file(self.source.path()))?;
@@ -118,7 +126,7 @@ impl<'s> Reader<'s> {
         let word_len = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
         self.short(&text[..word_len])?;
         let kind = match first {
-            '[' => Kind::List(self.values(&ron::from_str::<Parts>(text).map_err(reparse)?)?),
+            '[' => Kind::List(self.values(&ron::from_str::<Vec<&RawValue>>(text).map_err(reparse)?)?),
             '{' => Kind::Map(self.map_entries(ron::from_str(text).map_err(reparse)?)?),
             '(' => self.parenthesis(None, ron::from_str(text).map_err(reparse)?)?,
             '"' => Kind::Text(ron::from_str(text).map_err(reparse)?),
@@ -150,7 +158,7 @@ impl<'s> Reader<'s> {
         Ok(Value { source: self.source.clone(), span, kind })
     }
 
-    /// Refuses a name or text of more than [`MAX_TEXT`] bytes, before anybody copies it.
+    /// Refuses a name or text of more than [`MAX_TEXT`] bytes, before it is copied.
     fn short(&self, text: &str) -> Result<(), Diagnostic> {
         if text.len() <= MAX_TEXT {
             return Ok(());
@@ -167,24 +175,19 @@ impl<'s> Reader<'s> {
         ron::from_str::<f64>(text).ok().filter(|x| x.is_finite()).map(Kind::Float)
     }
 
-    fn values(&self, parts: &Parts<'s>) -> Result<Vec<Value>, Diagnostic> {
-        match parts {
-            Parts::Unit => Ok(Vec::new()),
-            Parts::Items(items) => items.iter().map(|r| self.value(r)).collect(),
-            Parts::Fields(_) => Ok(Vec::new()),
-        }
+    fn values(&self, items: &[&'s RawValue]) -> Result<Vec<Value>, Diagnostic> {
+        items.iter().map(|r| self.value(r)).collect()
     }
 
     fn parenthesis(&self, name: Option<String>, parts: Parts<'s>) -> Result<Kind, Diagnostic> {
         match parts {
             Parts::Unit if name.is_none() => Ok(Kind::Unit),
             Parts::Unit => Ok(Kind::Record { name, fields: Vec::new() }),
-            Parts::Items(items) => {
-                Ok(Kind::List(items.iter().map(|r| self.value(r)).collect::<Result<_, _>>()?))
-            }
+            Parts::Items(items) => Ok(Kind::List(self.values(&items)?)),
             Parts::Fields(fields) => {
                 fields.iter().try_for_each(|(k, _)| self.short(k))?;
-                let keyed = fields.into_iter().map(|(k, v)| (self.key(k.to_owned(), self.span(k)), v));
+                let keyed =
+                    fields.into_iter().map(|(k, v)| (Key { name: k.to_owned(), span: self.span(k) }, v));
                 Ok(Kind::Record { name, fields: self.entries(keyed)? })
             }
         }
@@ -197,13 +200,9 @@ impl<'s> Reader<'s> {
             let Kind::Text(name) = key.kind else {
                 return Err(Diagnostic::new("a key here is a text in quotes").at(self.source, key.span));
             };
-            keyed.push((self.key(name, key.span), v));
+            keyed.push((Key { name, span: key.span }, v));
         }
         self.entries(keyed)
-    }
-
-    fn key(&self, name: String, span: Span) -> Key {
-        Key { name, span }
     }
 
     fn entries(
@@ -263,7 +262,7 @@ impl<'de> Deserialize<'de> for Parts<'de> {
     }
 }
 
-/// A field's name, borrowed from the text so that its place is known.
+/// A field's name, borrowed from the text so that its position is known.
 struct Identifier<'s>(&'s str);
 
 impl<'de> Deserialize<'de> for Identifier<'de> {

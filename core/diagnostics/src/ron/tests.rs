@@ -11,7 +11,7 @@ fn error(text: &str) -> String {
 }
 
 #[test]
-fn every_kind_of_value_is_read_with_its_place() {
+fn every_kind_of_value_is_read_with_its_position() {
     let v =
         read("// c\nGraph(\n  a: 1, /* x */ b: -2.5e1,\n  c: [true, \"t\\n\"], d: {\"k\": (1, 2)}, e: zig,)")
             .unwrap();
@@ -30,7 +30,7 @@ fn every_kind_of_value_is_read_with_its_place() {
 }
 
 #[test]
-fn a_duplicate_key_is_refused_at_the_second() {
+fn duplicate_key_is_refused_at_the_second() {
     assert!(error("{\"a\": 1,\n \"a\": 2}").starts_with("t.ron:2:2: `a` stands here twice"));
     assert!(error("(x: 1,\n x: 2)").starts_with("t.ron:2:2: `x` stands here twice"));
 }
@@ -57,7 +57,7 @@ fn syntax_errors_say_where() {
 }
 
 #[test]
-fn an_unknown_field_names_its_neighbour() {
+fn unknown_field_names_its_neighbour() {
     let v = read("(cutof_hz: 20)").unwrap();
     let mut r = v.record("P").unwrap();
     assert!(r.optional("cutoff_hz").is_none());
@@ -73,7 +73,7 @@ fn out_of_range_says_the_range_and_the_unit() {
 }
 
 #[test]
-fn a_command_line_value_may_be_bare_text() {
+fn command_line_value_may_be_bare_text() {
     let get = |t: &str| parse_or_text(&Source::new("--set", t)).unwrap().kind().clone();
     assert_eq!(get("20.5"), Kind::Float(20.5));
     assert_eq!(get("coarse weave"), Kind::Text("coarse weave".into()));
@@ -92,21 +92,20 @@ fn no_prefix_of_a_good_text_panics() {
 }
 
 #[test]
-fn a_name_with_nothing_in_its_parentheses_is_one_without_fields() {
+fn name_with_empty_parentheses_has_no_fields() {
     let v = read("(a: audio_out(), b: audio_out( /* none */ ), c: audio_out)").unwrap();
     let mut r = v.record("Graph").unwrap();
     for name in ["a", "b"] {
         let field = r.required(name).unwrap();
-        assert!(
-            matches!(field.kind(), Kind::Record { name: Some(n), fields } if n == "audio_out" && fields.is_empty())
-        );
+        let Kind::Record { name: Some(n), fields } = field.kind() else { panic!("{field:?}") };
+        assert!(n == "audio_out" && fields.is_empty());
         assert!(field.record("audio_out").unwrap().finish(&[]).is_ok());
     }
     assert!(matches!(r.required("c").unwrap().kind(), Kind::Word(w) if w == "audio_out"));
 }
 
 #[test]
-fn fields_without_names_in_what_has_a_name_are_refused_and_not_taken_for_a_list() {
+fn unnamed_fields_in_a_named_record_are_refused() {
     let said = error("(a: dahl(0.3))");
     assert!(said.contains("`dahl(...)` has no names"), "{said}");
 }

@@ -1,4 +1,4 @@
-//! Taking values apart.
+//! Access to values.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -9,7 +9,8 @@ use super::{Key, Kind, Value};
 use crate::{Diagnostic, Place, Source, Span, one_of};
 
 impl Value {
-    /// A value that a program made because of what stands at a place: errors point there, and relative paths are relative to that file.
+    /// A value made by a program because of a position in a file. Errors point there, and paths are
+    /// relative to that file.
     pub fn made(kind: Kind, place: &Place) -> Self {
         Self { source: place.source.clone(), span: place.span, kind }
     }
@@ -32,17 +33,17 @@ impl Value {
         Self { source, span, kind }
     }
 
-    /// Where this value stands, with its text.
+    /// Position of this value, with its text.
     pub fn place(&self) -> Place {
         Place { source: self.source.clone(), span: self.span }
     }
 
-    /// The text this value stands in.
+    /// The text that contains this value.
     pub fn source(&self) -> &Arc<Source> {
         &self.source
     }
 
-    /// Where this value stands.
+    /// Position of this value.
     pub fn span(&self) -> Span {
         self.span
     }
@@ -57,7 +58,7 @@ impl Value {
         Diagnostic::new(message).at(&self.source, self.span)
     }
 
-    /// What kind of thing this is, for an error's sentence.
+    /// Describes this value for an error message.
     pub fn describe(&self) -> String {
         match &self.kind {
             Kind::Unit => "nothing `()`".into(),
@@ -212,7 +213,7 @@ impl Value {
         Ok(self.source.path().parent().unwrap_or(Path::new("")).join(text))
     }
 
-    /// A struct with named fields, called `name` or nothing at all.
+    /// A struct with named fields, called `name` or without a name.
     ///
     /// # Errors
     /// Anything else, or a struct of another name.
@@ -230,7 +231,7 @@ impl Value {
     }
 }
 
-/// A struct that is being taken apart; [`finish`](Self::finish) refuses what nobody asked for.
+/// A struct whose fields are being read; [`finish`](Self::finish) refuses unread ones.
 #[derive(Debug)]
 pub struct Record<'v> {
     value: &'v Value,
@@ -239,7 +240,7 @@ pub struct Record<'v> {
 }
 
 impl<'v> Record<'v> {
-    /// A field that may be left out.
+    /// A field that may be missing.
     pub fn optional(&mut self, name: &str) -> Option<&'v Value> {
         let i = self.fields.iter().position(|(k, _)| k.name == name)?;
         self.taken[i] = true;
@@ -260,7 +261,7 @@ impl<'v> Record<'v> {
         })
     }
 
-    /// All fields, in the order of the file; they count as asked for.
+    /// All fields, in the order of the file; they count as read.
     pub fn all(&mut self) -> &'v [(Key, Value)] {
         self.taken.fill(true);
         self.fields
@@ -271,7 +272,7 @@ impl<'v> Record<'v> {
         self.value
     }
 
-    /// Refuses fields that nobody asked for; `known` are the names there are.
+    /// Refuses unread fields; `known` are the names to suggest.
     ///
     /// # Errors
     /// An unknown field, with the nearest known one.

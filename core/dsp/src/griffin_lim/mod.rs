@@ -1,15 +1,16 @@
-//! Phase retrieval of whole signals by iteration: the reference that a causal method is held against.
+//! Phase retrieval of whole signals by iteration: the reference for causal methods.
 //!
-//! A spectrogram with the wanted magnitudes and some phases is turned into a signal and back, and its phases are replaced by those that
-//! come back (D. Griffin, J. Lim, "Signal Estimation from Modified Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984).
-//! The signal is the weighted least-squares one, eq. 6 there, so the distance to the magnitudes never grows. The fast
-//! variant goes on beyond each result by `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast
-//! Griffin-Lim Algorithm", WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the magnitudes
-//! and `P1` consistency. `alpha = 0` is the original.
+//! A spectrogram with the wanted magnitudes and some phases is transformed into a signal and back, and
+//! its phases are replaced by the result's (D. Griffin, J. Lim, "Signal Estimation from Modified
+//! Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted
+//! least-squares one, eq. 6 there, so the distance to the magnitudes never grows. The fast variant
+//! extrapolates each result by `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A
+//! Fast Griffin-Lim Algorithm", WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n -
+//! t_(n-1))`, where `P2` imposes the magnitudes and `P1` consistency. `alpha = 0` is the original.
 //!
-//! Spectral convergence after 100 iterations on the vectors in `tests/data/phase`, in dB ("published" are `gla100` and
-//! `fgla100` of `sc.json` there, one run each). Where it ends is a matter of luck: the range is of zero and four or six random
-//! starts.
+//! Spectral convergence in dB after 100 iterations, on the vectors in `tests/data/phase` ("published"
+//! are `gla100` and `fgla100` of `sc.json` there, one run each). The result depends on the start;
+//! ranges are of zero and four or six random starts.
 //!
 //! | vector | original | published | fast | published |
 //! |---|---|---|---|---|
@@ -23,14 +24,13 @@
 //! | texture_48000 | | | -24.7 to -29.3 | -29.0 |
 //! | amchirp_48000 | | | -28.1 to -35.8 | -32.8 |
 
-use crate::float::unit_circle;
+use crate::float::phasor;
 use crate::magnitude::take;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, FramingError, Stft, plans, random};
-use realfft::ComplexToReal;
-use std::sync::Arc;
+use crate::{Complex, Float, Framing, FramingError, Stft, random};
 
-/// The phases before the first iteration.
+/// Phases before the first iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
     /// Independent and uniform, a function of the seed.
@@ -39,14 +39,14 @@ pub enum Start {
     Zero,
 }
 
-/// How to iterate.
+/// Settings of the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Passes over the whole signal.
     pub iterations: usize,
-    /// How far each step is overshot: 0 is Griffin-Lim, 0.99 fast Griffin-Lim. Values above 1 diverge.
+    /// Extrapolation of each step: 0 is Griffin-Lim, 0.99 fast Griffin-Lim. Values above 1 diverge.
     pub alpha: f64,
-    /// The phases to begin with.
+    /// Phases before the first iteration.
     pub start: Start,
 }
 
@@ -57,24 +57,25 @@ impl Default for Options {
     }
 }
 
-/// A signal that was found for magnitudes.
+/// Signal for given magnitudes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction<T> {
     /// Samples from the first of frame 0 to the last of the last frame.
     pub signal: Vec<T>,
-    /// Magnitudes that were NaN, infinite or negative, and were taken as 0.
+    /// Number of magnitudes that were NaN, infinite or negative, and counted as 0.
     pub bad_magnitudes: usize,
 }
 
-/// Finds a signal whose frames have these magnitudes, as nearly as there is one.
+/// Finds a signal whose frames have these magnitudes, as nearly as possible.
 ///
-/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit of the signal;
-/// bins above are 0, and so are values missing in the last frame. `progress` is told the number of iterations done, after each.
+/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit
+/// of the signal. Bins above are 0, and so are values missing in the last frame. `progress` is called
+/// after each iteration with the number done.
 ///
 /// Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and iteration.
 ///
 /// # Errors
-/// What [`Framing::check`] finds.
+/// The errors of [`Framing::check`].
 pub fn griffin_lim<T: Float>(
     magnitudes: &[T],
     framing: Framing,
@@ -84,7 +85,7 @@ pub fn griffin_lim<T: Float>(
     framing.check()?;
     let frames = magnitudes.len().div_ceil(framing.bins);
     let mut mags = vec![T::zero(); frames * framing.bins];
-    // What these magnitudes can add up to must be finite.
+    // The sum of these magnitudes must be finite.
     let most = T::MAX.f64() / (8.0 * (framing.bins + 1) as f64);
     let bad_magnitudes = take(magnitudes, most, &mut mags);
     let top = mags.iter().fold(T::zero(), |a, &b| if b > a { b } else { a });
@@ -92,7 +93,7 @@ pub fn griffin_lim<T: Float>(
         let signal = vec![T::zero(); length(&framing, frames)];
         return Ok(Reconstruction { signal, bad_magnitudes });
     }
-    // With the largest at 1 no square is out of range, whatever the unit.
+    // With the largest at 1 no square overflows, in any unit.
     for m in &mut mags {
         *m = *m / top;
     }
@@ -103,7 +104,7 @@ pub fn griffin_lim<T: Float>(
     for i in 0..options.iterations {
         plan.synthesise(&bins);
         plan.analyse(|at, found| {
-            // The first step has none before it to go beyond.
+            // The first step has no predecessor.
             let last = before.get(at).copied().unwrap_or(found);
             bins[at] = found + (found - last) * alpha;
             if let Some(last) = before.get_mut(at) {
@@ -124,20 +125,17 @@ fn length(framing: &Framing, frames: usize) -> usize {
     last.map_or(0, |start| usize::try_from(start).unwrap_or(usize::MAX).saturating_add(framing.fft_len))
 }
 
-/// Transforms both ways, and what they need.
+/// Transforms in both directions, with their buffers.
 struct Plan<T> {
     framing: Framing,
     mags: Vec<T>,
     signal: Vec<T>,
     /// One over the sum of squared windows at each sample.
     gain: Vec<T>,
-    /// The synthesis window, with the inverse transform's scale and that of the bins.
+    /// The synthesis window, times the scale of the inverse transform and of the bins.
     window: Vec<T>,
     forward: Stft<T>,
-    inverse: Arc<dyn ComplexToReal<T>>,
-    spectrum: Vec<Complex<T>>,
-    frame: Vec<T>,
-    scratch: Vec<Complex<T>>,
+    inverse: Transform<T>,
 }
 
 impl<T: Float> Plan<T> {
@@ -145,7 +143,6 @@ impl<T: Float> Plan<T> {
         let n = framing.fft_len;
         let frames = mags.len() / framing.bins;
         let len = length(&framing, frames);
-        let inverse = plans::inverse::<T>(n);
         let window = hann::<f64>(n);
         let scale = framing.bin_scale() / n as f64;
         let mut sum = vec![0.0; len];
@@ -154,23 +151,21 @@ impl<T: Float> Plan<T> {
                 *s += w * w;
             }
         }
-        // At both ends, where hardly any window reaches, the signal fades rather than being all rounding error.
+        // At both ends, which few windows cover, the signal fades instead of amplifying rounding
+        // errors.
         let floor = 1e-3 * sum.iter().fold(0.0, |a: f64, &b| a.max(b));
         Self {
             signal: vec![T::zero(); len],
             gain: sum.into_iter().map(|s| T::of(1.0 / s.max(floor))).collect(),
             window: window.into_iter().map(|w| T::of(w * scale)).collect(),
             forward: Stft::new(n),
-            spectrum: inverse.make_input_vec(),
-            frame: inverse.make_output_vec(),
-            scratch: inverse.make_scratch_vec(),
-            inverse,
+            inverse: Transform::new(n),
             framing,
             mags,
         }
     }
 
-    /// The first sample of each frame, which the signal's length was made for.
+    /// First sample of each frame.
     fn starts(&self) -> impl Iterator<Item = usize> + use<T> {
         let framing = self.framing;
         (0..self.mags.len() / framing.bins).map(move |i| framing.start(i as u64) as usize)
@@ -180,39 +175,25 @@ impl<T: Float> Plan<T> {
         let bins = self.framing.bins;
         let point = |at: usize| match start {
             Start::Zero => Complex::new(T::one(), T::zero()),
-            Start::Random(seed) => {
-                let (cos, sin) = unit_circle(random::uniform(seed, (at / bins) as u64, (at % bins) as u64));
-                Complex::new(T::of(cos), T::of(sin))
-            }
+            Start::Random(seed) => phasor(random::uniform(seed, (at / bins) as u64, (at % bins) as u64)),
         };
         (0..self.mags.len()).map(point).collect()
     }
 
-    /// The signal nearest to the wanted magnitudes with the phases of `bins`.
+    /// Computes the signal nearest to the wanted magnitudes with the phases of `bins`.
     fn synthesise(&mut self, bins: &[Complex<T>]) {
         self.signal.fill(T::zero());
         let k = self.framing.bins;
         for ((start, bins), mags) in self.starts().zip(bins.chunks_exact(k)).zip(self.mags.chunks_exact(k)) {
-            self.spectrum.fill(Complex::default());
-            for ((to, &c), &m) in self.spectrum.iter_mut().zip(bins).zip(mags) {
+            self.inverse.bins.fill(Complex::default());
+            for ((to, &c), &m) in self.inverse.bins.iter_mut().zip(bins).zip(mags) {
                 let square = c.re * c.re + c.im * c.im;
-                // What has no phase is given 0.
+                // A bin of 0 gets phase 0.
                 *to = if square > T::zero() { c * (m / square.root()) } else { Complex::new(m, T::zero()) };
             }
-            if let Some(dc) = self.spectrum.first_mut() {
-                dc.im = T::zero();
-            }
-            if self.frame.len().is_multiple_of(2)
-                && let Some(nyquist) = self.spectrum.last_mut()
-            {
-                nyquist.im = T::zero();
-            }
-            // Lengths and the two real bins are as it wants them, so there is nothing it can refuse.
-            let done =
-                self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.scratch);
-            debug_assert!(done.is_ok());
-            let to = &mut self.signal[start..start + self.frame.len()];
-            for ((to, &x), &w) in to.iter_mut().zip(&self.frame).zip(&self.window) {
+            self.inverse.inverse();
+            let to = &mut self.signal[start..start + self.framing.fft_len];
+            for ((to, &x), &w) in to.iter_mut().zip(&self.inverse.time).zip(&self.window) {
                 *to += x * w;
             }
         }
@@ -221,7 +202,7 @@ impl<T: Float> Plan<T> {
         }
     }
 
-    /// The signal's own bins, in order.
+    /// Calls `f` with the signal's own bins, in order.
     fn analyse(&mut self, mut f: impl FnMut(usize, Complex<T>)) {
         let n = self.framing.fft_len;
         let mut at = 0;

@@ -77,7 +77,7 @@ fn naive(mags: &[f64], f: &Framing, iterations: usize, alpha: f64) -> Vec<f64> {
 }
 
 #[test]
-fn griffin_lim_is_what_the_papers_say_at_a_fractional_hop() {
+fn griffin_lim_matches_the_papers_at_a_fractional_hop() {
     let mags = noise(20, 7);
     for alpha in [0.0, 0.99] {
         for iterations in [0, 1, 2, 5] {
@@ -121,7 +121,7 @@ fn griffin_lim_finds_a_signal_that_has_the_magnitudes() {
 }
 
 #[test]
-fn griffin_lim_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn griffin_lim_counts_bad_magnitudes_as_silence() {
     let mut mags = vec![0.5f32; 20 * 7];
     (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
     let mut seen = Vec::new();
@@ -138,7 +138,7 @@ fn griffin_lim_takes_what_is_no_magnitude_for_silence_and_counts_it() {
 }
 
 #[test]
-fn griffin_lim_does_not_care_about_the_unit() {
+fn griffin_lim_is_independent_of_the_unit() {
     let mags: Vec<f32> = noise(20, 7).iter().map(|&m| m as f32).collect();
     let options = Options { iterations: 5, ..Options::default() };
     let x = griffin_lim(&mags, SMALL, options, |_| {}).unwrap().signal;

@@ -1,26 +1,29 @@
-//! Complex transforms of as many frames as there are lanes.
+//! Complex transforms of several frames at once, one in each lane.
 
 use super::{Lane, Simd};
-use crate::{Complex, Float, float::unit_circle};
+use crate::{Complex, Float, float::phasor};
 
-/// What a transform is made of: `len` is a product of these.
+/// Supported factors of a length.
 const RADICES: [usize; 5] = [4, 2, 3, 5, 7];
 
 /// One pass over the data: butterflies of `radix` numbers that lie `groups * stride` apart.
+#[derive(Debug)]
 struct Stage<T> {
     radix: usize,
     groups: usize,
     stride: usize,
-    /// For each group, what its outputs but the first are turned by.
+    /// For each group, the factors of all outputs but the first.
     turns: Vec<Complex<T>>,
 }
 
-/// A plan.
+/// A transform plan.
+#[derive(Debug)]
 pub(crate) struct Fft<T> {
     stages: Vec<Stage<T>>,
 }
 
-/// Two rooms for as many complex numbers as the transform is long: where they are, and where they go next.
+/// Input and output buffers of a transform.
+#[derive(Debug)]
 pub(crate) struct Work<T> {
     pub(crate) re: Vec<Lane<T>>,
     pub(crate) im: Vec<Lane<T>>,
@@ -36,17 +39,14 @@ impl<T: Float> Work<T> {
 }
 
 impl<T: Float> Fft<T> {
-    /// None where the length has a factor that no butterfly is made for.
+    /// Returns none if the length has an unsupported factor.
     pub(crate) fn new(len: usize) -> Option<Self> {
         let mut left = len;
         let mut stages = Vec::new();
         while left > 1 {
             let radix = RADICES.into_iter().find(|r| left.is_multiple_of(*r))?;
             let groups = left / radix;
-            let turn = |p: usize, k: usize| {
-                let (cos, sin) = unit_circle(-((p * k % left) as f64) / left as f64);
-                Complex::new(T::of(cos), T::of(sin))
-            };
+            let turn = |p: usize, k: usize| phasor(-((p * k % left) as f64) / left as f64);
             let turns = (0..groups).flat_map(|p| (1..radix).map(move |k| turn(p, k)));
             stages.push(Stage { radix, groups, stride: len / left, turns: turns.collect() });
             left = groups;
@@ -54,8 +54,8 @@ impl<T: Float> Fft<T> {
         (len > 0).then_some(Self { stages })
     }
 
-    /// `sum x_n e^(-2 pi i n k / len)` of every lane, in place. With real and imaginary parts exchanged it is the inverse, which does not
-    /// divide.
+    /// Computes `sum x_n e^(-2 pi i n k / len)` in every lane, in place. The inverse exchanges real and
+    /// imaginary parts, and is unscaled.
     #[inline(always)]
     pub(crate) fn run<S: Simd<T>>(&self, s: S, work: &mut Work<T>, inverse: bool) {
         let Work { re, im, to_re, to_im } = work;
@@ -74,7 +74,7 @@ impl<T: Float> Fft<T> {
     }
 }
 
-/// A complex number of each frame.
+/// A complex number in each lane.
 type Point<V> = (V, V);
 
 /// Self-sorting, by decimation in frequency (Stockham).
@@ -86,13 +86,13 @@ fn pass<T: Float, S: Simd<T>, const R: usize>(
     to: (&mut [Lane<T>], &mut [Lane<T>]),
 ) {
     let stride = stage.stride;
-    // What a butterfly takes lies this far apart, and what it gives a stride.
+    // Inputs of a butterfly are this far apart, its outputs one stride.
     let apart = stage.groups * stride;
     let turns = stage.turns.chunks_exact(R - 1).enumerate();
     if stride == 1 {
         let (re, im) = (parts::<T, R>(from.0, 0, apart, apart), parts::<T, R>(from.1, 0, apart, apart));
         let out = to.0.as_chunks_mut::<R>().0.iter_mut().zip(to.1.as_chunks_mut::<R>().0);
-        // There are no more groups than that: it is said so that no place within the parts is checked.
+        // There are no more groups than that. Stating it lets the compiler drop bounds checks.
         for ((p, turns), (to_re, to_im)) in turns.zip(out).take(apart) {
             let y = turned_butterfly::<T, S, R>(s, (&re, &im), p, p, turns);
             for (k, y) in y.into_iter().enumerate() {
@@ -116,7 +116,7 @@ fn pass<T: Float, S: Simd<T>, const R: usize>(
     }
 }
 
-/// As many runs of lanes.
+/// `R` runs of lanes.
 type Parts<'a, T, const R: usize> = [&'a [Lane<T>]; R];
 
 /// `R` runs of `len`, the first at `first` and the others `apart` from each other.
@@ -129,7 +129,7 @@ fn parts<T, const R: usize>(all: &[Lane<T>], first: usize, apart: usize, len: us
     parts
 }
 
-/// The butterfly of place `at` in each part, turned as group `p` is: the first is not.
+/// The butterfly at position `at` of each part, with the factors of group `p`; group 0 has none.
 #[inline(always)]
 fn turned_butterfly<T: Float, S: Simd<T>, const R: usize>(
     s: S,
@@ -138,7 +138,7 @@ fn turned_butterfly<T: Float, S: Simd<T>, const R: usize>(
     p: usize,
     turns: &[Complex<T>],
 ) -> [Point<S::Vector>; R] {
-    // Loops: a closure would be a function of its own, compiled for no instruction set.
+    // Loops, because a closure is a function of its own that is not compiled for the instruction set.
     let zero = s.splat(T::zero());
     let mut x = [(zero, zero); R];
     for (j, x) in x.iter_mut().enumerate() {
@@ -196,7 +196,7 @@ fn root(i: usize, r: usize) -> (f64, f64) {
     (cos, sign * sin)
 }
 
-/// The transform of `R` numbers.
+/// Transform of `R` numbers.
 #[inline(always)]
 fn butterfly<T: Float, S: Simd<T>, const R: usize>(s: S, x: [Point<S::Vector>; R]) -> [Point<S::Vector>; R] {
     let mut y = x;
@@ -213,7 +213,7 @@ fn butterfly<T: Float, S: Simd<T>, const R: usize>(s: S, x: [Point<S::Vector>; R
             [y[1], y[3]] = aside(s, b, d);
         }
         _ => {
-            // An odd number of points: sums and differences of those that lie alike on both sides of the first.
+            // An odd number of points: sums and differences of the pairs symmetric about the first.
             let half = R / 2;
             let (mut sums, mut sides) = (x, x);
             for j in 1..=half {

@@ -1,8 +1,8 @@
 //! Several frames at once, one in each lane of a vector.
 //!
-//! A transform of one frame of 250 samples has little that can be done side by side: 125 points are five times five times five.
-//! Of several frames all is done side by side, with no shuffling between lanes. Sums and products are taken in one order and
-//! rounded one by one, so that every instruction set gives the same bits.
+//! A transform of one frame of 250 samples has little parallel work: 125 points are five times five
+//! times five. Several frames are computed in parallel, without shuffling between lanes. Sums and
+//! products have one order and are rounded one by one, so every instruction set gives the same bits.
 
 mod fft;
 mod vector;

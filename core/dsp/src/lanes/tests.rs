@@ -16,7 +16,7 @@ fn work(len: usize) -> Work<f64> {
 }
 
 #[test]
-fn every_lane_gets_the_sum_that_defines_its_transform() {
+fn transform_of_each_lane_matches_its_definition() {
     for len in [1, 2, 3, 4, 5, 6, 7, 8, 12, 20, 25, 36, 49, 105, 125, 128, 441, 500] {
         let fft = Fft::<f64>::new(len).unwrap();
         for inverse in [false, true] {
@@ -40,7 +40,7 @@ fn every_lane_gets_the_sum_that_defines_its_transform() {
 }
 
 #[test]
-fn there_and_back_is_the_length_times_what_was_there() {
+fn forward_and_inverse_scale_by_the_length() {
     for len in [50, 125, 400, 2205, 2400] {
         let fft = Fft::<f64>::new(len).unwrap();
         let (before, mut after) = (work(len), work(len));
@@ -54,6 +54,6 @@ fn there_and_back_is_the_length_times_what_was_there() {
 }
 
 #[test]
-fn a_length_that_no_butterflies_make_up_is_refused() {
+fn length_with_a_large_prime_factor_is_refused() {
     assert!([0, 11, 13 * 4, 26].into_iter().all(|len| Fft::<f32>::new(len).is_none()));
 }

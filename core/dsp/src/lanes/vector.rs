@@ -1,23 +1,23 @@
-//! Vectors of eight lanes, and what instruction sets there are for them.
+//! Vectors of eight lanes for each instruction set.
 
 use crate::Float;
 
-/// Frames side by side: a vector of AVX in single precision.
+/// Lanes of a vector: one AVX register in single precision.
 pub(crate) const LANES: usize = 8;
 
-/// One number of each frame.
+/// One number in each lane.
 pub(crate) type Lane<T> = [T; LANES];
 
-/// An instruction set: a value of such a type is there only where the CPU has it. What is done is done to all lanes alike, and
-/// rounded to the nearest each time.
+/// An instruction set. A value of such a type exists only where the CPU supports it. Every operation
+/// acts on all lanes alike and rounds to nearest.
 pub trait Simd<T>: Copy {
-    /// One number of each frame, in registers.
+    /// One number in each lane, in registers.
     type Vector: Copy;
     /// The same number in all lanes.
     fn splat(self, x: T) -> Self::Vector;
-    /// From memory.
+    /// Reads from memory.
     fn load(self, from: &[T; LANES]) -> Self::Vector;
-    /// To memory.
+    /// Writes to memory.
     fn store(self, x: Self::Vector, to: &mut [T; LANES]);
     /// `a + b`.
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -29,17 +29,26 @@ pub trait Simd<T>: Copy {
     fn div(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Square root.
     fn root(self, a: Self::Vector) -> Self::Vector;
-    /// Rows become columns.
+    /// Transposes rows and columns.
     fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES];
 }
 
-/// Plain code.
+/// Plain code, for every CPU.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
 #[inline(always)]
 fn each<T>(f: impl Fn(usize) -> T) -> Lane<T> {
     [f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7)]
+}
+
+macro_rules! each_lane {
+    ($($name:ident $op:tt),*) => {$(
+        #[inline(always)]
+        fn $name(self, a: Lane<T>, b: Lane<T>) -> Lane<T> {
+            each(|i| a[i] $op b[i])
+        }
+    )*};
 }
 
 impl<T: Float> Simd<T> for Portable {
@@ -56,22 +65,7 @@ impl<T: Float> Simd<T> for Portable {
     fn store(self, x: Lane<T>, to: &mut Lane<T>) {
         *to = x;
     }
-    #[inline(always)]
-    fn add(self, a: Lane<T>, b: Lane<T>) -> Lane<T> {
-        each(|i| a[i] + b[i])
-    }
-    #[inline(always)]
-    fn sub(self, a: Lane<T>, b: Lane<T>) -> Lane<T> {
-        each(|i| a[i] - b[i])
-    }
-    #[inline(always)]
-    fn mul(self, a: Lane<T>, b: Lane<T>) -> Lane<T> {
-        each(|i| a[i] * b[i])
-    }
-    #[inline(always)]
-    fn div(self, a: Lane<T>, b: Lane<T>) -> Lane<T> {
-        each(|i| a[i] / b[i])
-    }
+    each_lane!(add +, sub -, mul *, div /);
     #[inline(always)]
     fn root(self, a: Lane<T>) -> Lane<T> {
         each(|i| a[i].root())
@@ -82,17 +76,17 @@ impl<T: Float> Simd<T> for Portable {
     }
 }
 
-/// A float that there are vectors of.
+/// A float type with vectors.
 #[cfg(target_arch = "x86_64")]
 pub trait Lanes: Sized {
-    /// What works on them where there is AVX.
+    /// Vectors on a CPU with AVX.
     type Avx: Simd<Self>;
     /// # Safety
     /// The CPU has AVX.
     unsafe fn avx() -> Self::Avx;
 }
 
-/// A float that there are vectors of.
+/// A float type with vectors.
 #[cfg(not(target_arch = "x86_64"))]
 pub trait Lanes {}
 
@@ -119,15 +113,31 @@ mod x86 {
 
     lanes!(f32, f64);
 
-    // What is inlined into a function compiled for AVX becomes one instruction.
-    macro_rules! both {
-        ($f:ident, $a:ident $(, $b:ident)?) => {
-            // SAFETY: whoever has an `Avx` found AVX on this CPU.
-            unsafe { ($f($a.0 $(, $b.0)?), $f($a.1 $(, $b.1)?)) }
-        };
+    // Each operation is inlined into a function compiled for AVX, where it is one instruction a register.
+
+    /// Operations on one register of eight `f32`.
+    macro_rules! in_one {
+        ($($name:ident($($x:ident),+) $f:ident),*) => {$(
+            #[inline(always)]
+            fn $name(self, $($x: __m256),+) -> __m256 {
+                // SAFETY: whoever has an `Avx` found AVX on this CPU.
+                unsafe { $f($($x),+) }
+            }
+        )*};
     }
 
-    /// Rows of four become columns.
+    /// Operations on two registers of four `f64`.
+    macro_rules! in_two {
+        ($($name:ident($($x:ident),+) $f:ident),*) => {$(
+            #[inline(always)]
+            fn $name(self, $($x: Self::Vector),+) -> Self::Vector {
+                // SAFETY: whoever has an `Avx` found AVX on this CPU.
+                unsafe { ($f($($x.0),+), $f($($x.1),+)) }
+            }
+        )*};
+    }
+
+    /// Transposes four rows.
     #[inline(always)]
     fn four([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
         // SAFETY: called with vectors that an `Avx` loaded.
@@ -160,31 +170,9 @@ mod x86 {
             // SAFETY: as above.
             unsafe { _mm256_storeu_ps(to.as_mut_ptr(), x) }
         }
-        #[inline(always)]
-        fn add(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: as above.
-            unsafe { _mm256_add_ps(a, b) }
-        }
-        #[inline(always)]
-        fn sub(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: as above.
-            unsafe { _mm256_sub_ps(a, b) }
-        }
-        #[inline(always)]
-        fn mul(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: as above.
-            unsafe { _mm256_mul_ps(a, b) }
-        }
-        #[inline(always)]
-        fn div(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: as above.
-            unsafe { _mm256_div_ps(a, b) }
-        }
-        #[inline(always)]
-        fn root(self, a: __m256) -> __m256 {
-            // SAFETY: as above.
-            unsafe { _mm256_sqrt_ps(a) }
-        }
+        in_one!(add(a, b) _mm256_add_ps, sub(a, b) _mm256_sub_ps, mul(a, b) _mm256_mul_ps,
+            div(a, b) _mm256_div_ps);
+        in_one!(root(a) _mm256_sqrt_ps);
         #[inline(always)]
         fn transpose(self, [a, b, c, d, e, f, g, h]: [__m256; LANES]) -> [__m256; LANES] {
             // In each half of the registers blocks of four by four, then the halves.
@@ -217,8 +205,8 @@ mod x86 {
         #[inline(always)]
         fn splat(self, x: f64) -> Self::Vector {
             // SAFETY: as above.
-            let one = unsafe { _mm256_set1_pd(x) };
-            (one, one)
+            let four = unsafe { _mm256_set1_pd(x) };
+            (four, four)
         }
         #[inline(always)]
         fn load(self, from: &[f64; LANES]) -> Self::Vector {
@@ -233,26 +221,9 @@ mod x86 {
                 _mm256_storeu_pd(to.as_mut_ptr().add(4), x.1);
             }
         }
-        #[inline(always)]
-        fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-            both!(_mm256_add_pd, a, b)
-        }
-        #[inline(always)]
-        fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-            both!(_mm256_sub_pd, a, b)
-        }
-        #[inline(always)]
-        fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-            both!(_mm256_mul_pd, a, b)
-        }
-        #[inline(always)]
-        fn div(self, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-            both!(_mm256_div_pd, a, b)
-        }
-        #[inline(always)]
-        fn root(self, a: Self::Vector) -> Self::Vector {
-            both!(_mm256_sqrt_pd, a)
-        }
+        in_two!(add(a, b) _mm256_add_pd, sub(a, b) _mm256_sub_pd, mul(a, b) _mm256_mul_pd,
+            div(a, b) _mm256_div_pd);
+        in_two!(root(a) _mm256_sqrt_pd);
         #[inline(always)]
         fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES] {
             let [a, b, c, d, e, f, g, h] = rows;

@@ -1,27 +1,33 @@
-//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, with no window in the way.
+//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, without a
+//! window.
 //!
-//! Between two frames every amplitude moves in a straight line, so a change of magnitude is heard within one hop, where
-//! overlap-add needs half a window. Phases are continuous whatever happens: a partial that ends fades out over a hop, one
-//! that begins fades in, and where a frame is missing all fade out. (What a window of analysis has smeared in time stays smeared.)
+//! Between two frames every amplitude changes linearly. So a change of magnitude is heard within one
+//! hop, where overlap-add needs half a window. Phases are always continuous: a partial that ends fades
+//! out over a hop, a new one fades in, and a missing frame fades all out. (The smearing of the analysis
+//! window in time remains.)
 //!
-//! Frame `n` arrives when its first sample is due. At that sample its amplitudes begin to be approached, and they are
-//! reached a hop later; they describe the window's centre. So the output is `N/2` samples less one hop ahead of the frames' time.
+//! Frame `n` arrives when its first sample is due. Its amplitudes are approached from that sample on
+//! and reached a hop later; they describe the window's centre. So the output is `N/2` samples less one
+//! hop ahead of the frames' time.
 //!
-//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri, "Speech Analysis/Synthesis Based on a
-//! Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its place between bins follows from the larger
-//! neighbour, its amplitude from the energy of three bins, which keeps the level of a chirp, whose lobe is wider than the window's. Peaks
-//! of successive frames that are each other's nearest, less than a bin apart, are one partial. A
-//! new one starts with the phase that its bin would have, had the last partial near it run on at the bin's centre frequency.
+//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri,
+//! "Speech Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its
+//! frequency follows from the larger neighbour. Its amplitude follows from the energy of three bins,
+//! which keeps the level of a chirp, whose lobe is wider than the window's. Peaks of successive frames
+//! that are each other's nearest, less than a bin apart, are one partial. A new one starts with the
+//! phase of its bin, as if the last partial near it had continued at the bin's centre frequency.
 //!
-//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Steady oscillators of amplitude `A_k`
-//! would be seen as `3/2 sum A_k^2`, since each is seen in three bins, so amplitudes are scaled by `sqrt(2/3)`. Their phases are those of
-//! [`crate::phase_vocoder`], where magnitudes beat least, and a slow random walk: every fourth bin draws an independent uniform
-//! phase of up to two turns every 2.5 windows (4 Hz for 0.1 s), and all between, in time and in frequency, are interpolated.
-//! Neighbours so keep their phase relations over a window, which holds the magnitudes closer than true noise would,
-//! while over longer times nothing repeats. All of it is a function of seed and sample number.
+//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Steady oscillators of
+//! amplitude `A_k` would be seen as `3/2 sum A_k^2`, since each is seen in three bins, so amplitudes
+//! are scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where magnitudes beat
+//! least, plus a slow random walk. Every fourth bin draws an independent uniform phase of up to two
+//! turns every 2.5 windows (4 Hz for 0.1 s); phases between are interpolated in time and frequency. So
+//! neighbours keep their phase relations over a window, which holds the magnitudes closer than true
+//! noise would, while over longer times nothing repeats. All of it is a function of seed and sample
+//! number.
 //!
-//! Scores on the vectors in `tests/data/phase` in dB: spectral convergence, level, error of the long-term spectrum
-//! ("published" is `ob_tracked` and `ob_bins` of `sc.json` there):
+//! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
+//! `tests/data/phase` ("published" is `ob_tracked` and `ob_bins` of `sc.json` there):
 //!
 //! | vector | `Tracked` | published | `Noise` | published |
 //! |---|---|---|---|---|
@@ -35,9 +41,10 @@
 //! | texture_48000 | -10.7 -0.2 1.0 | -10.3 -1.1 1.5 | -8.6 +0.0 1.0 | -7.4 -0.1 1.0 |
 //! | amchirp_48000 | -13.0 -0.4 2.9 | -12.5 -1.3 2.4 | -8.7 -0.0 3.8 | -6.6 +0.2 3.8 |
 //!
-//! What is left of the pure sine is a matter of luck: its own image at the negative frequency beats with it, and only the true phase,
-//! which magnitudes do not tell, gives the same beat: -75.6 to -91 dB, by the seed. Smooth magnitudes
-//! that are no signal's have few maxima: there `Tracked` is too quiet and tonal, and `Noise` is right.
+//! The result for the pure sine varies with the seed from -75.6 to -91 dB. Its image at the negative
+//! frequency beats with it, and only the true phase, which magnitudes do not contain, gives the same
+//! beat. Smooth magnitudes that belong to no signal have few maxima: there `Tracked` is too quiet and
+//! tonal, and `Noise` is right.
 
 mod noise;
 mod segment;
@@ -52,7 +59,7 @@ use noise::Noise;
 use segment::{Renderer, Voice};
 use tracked::Tracker;
 
-/// What an oscillator stands for.
+/// Meaning of an oscillator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Partials {
     /// A peak of the magnitudes, followed from frame to frame.
@@ -79,25 +86,25 @@ pub struct OscillatorBank<T> {
     peaks: Vec<Peak<T>>,
     /// Samples from one frame to the next, made when the first is due.
     segment: Vec<T>,
-    /// Of these, so many are due, and `used` of them were emitted.
+    /// Number of due samples in the segment, and of those emitted.
     len: usize,
     used: usize,
     /// First sample that is not emitted yet.
     next: u64,
-    /// The frame that comes next, its number and first sample.
+    /// Number and first sample of the next frame.
     pending: Option<(u64, u64)>,
     target: Vec<T>,
-    /// Whether there is anything in the segment.
+    /// Whether the segment sounds.
     loud: bool,
-    /// Whether there is anything to fade out at its end.
+    /// Whether a voice sounds at its end.
     sounding: bool,
 }
 
 impl<T: Float> OscillatorBank<T> {
-    /// For frames of this layout. `seed` settles start phases and noise.
+    /// Makes the bank for a layout. `seed` determines start phases and noise.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, partials: Partials, seed: u64) -> Result<Self, FramingError> {
         framing.check()?;
         let bins = framing.bins;
@@ -108,7 +115,8 @@ impl<T: Float> OscillatorBank<T> {
             Partials::Tracked => Source::Tracked(Box::new(Tracker::new(framing.fft_len, bins, seed))),
             Partials::Noise => Source::Noise(Box::new(Noise::new(framing.fft_len, bins, seed))),
         };
-        // Tracked: a frame has at most a peak every other bin, and as many of the frame before may fade out.
+        // Tracked: a frame has at most a peak every other bin, and as many of the last frame may fade
+        // out.
         let voices = bins + 2;
         Ok(Self {
             framing,
@@ -127,7 +135,7 @@ impl<T: Float> OscillatorBank<T> {
         })
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
@@ -137,8 +145,8 @@ impl<T: Float> OscillatorBank<T> {
         self.next
     }
 
-    /// Forgets all frames; the next sample to be emitted is `start`. What follows depends on the seed, the frames and the
-    /// sample numbers alone.
+    /// Forgets all frames; the next sample to be emitted is `start`. The output then depends only on
+    /// seed, frames and sample numbers.
     pub fn reset(&mut self, start: u64) {
         (self.len, self.used, self.next) = (0, 0, start);
         (self.pending, self.loud, self.sounding) = (None, false, false);
@@ -148,11 +156,13 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin 0.
+    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from
+    /// bin 0.
     ///
-    /// It takes the place of one that came before it and has not begun. One that comes after its first sample is played late,
-    /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative is taken as 0; the number
-    /// of these is returned. Missing bins count as 0, more than `framing.bins` are not used.
+    /// It replaces a pending frame that has not started. A frame after its first sample is played late,
+    /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative
+    /// counts as 0; their number is returned. Missing bins count as 0; those beyond `framing.bins` are
+    /// ignored.
     pub fn add_frame<P: Float>(&mut self, frame: u64, start: u64, magnitudes: &[P]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
             self.begin();
@@ -161,13 +171,14 @@ impl<T: Float> OscillatorBank<T> {
         take(magnitudes, self.most(), &mut self.target)
     }
 
-    /// The largest magnitude: all together stay finite, in single precision.
+    /// Largest allowed magnitude: the sum of all stays finite in single precision.
     fn most(&self) -> f64 {
         f64::from(f32::MAX) / (8 * (self.framing.bins + 1)) as f64
     }
 
-    /// What is remembered: the samples up to the next frame, that frame, and every oscillator. Refused where it is of other
-    /// frames or other partials, or holds what is no amplitude or phase; the bank is then reset.
+    /// Saves or restores the samples up to the next frame, that frame, and every oscillator. A state of
+    /// other frames or partials, or with impossible amplitudes or phases, is refused; the bank is then
+    /// reset.
     pub fn state(&mut self, state: &mut State<'_>) {
         let (mut fft_len, mut tracked) = (self.framing.fft_len, matches!(self.source, Source::Tracked(_)));
         let same = (fft_len, tracked);
@@ -177,24 +188,24 @@ impl<T: Float> OscillatorBank<T> {
         state.keep(&mut self.len).keep(&mut self.used).keep(&mut self.next).keep(&mut self.pending);
         keep_wide(&mut self.target, state);
         state.keep(&mut self.loud).keep(&mut self.sounding);
-        // The amplitude of a peak may be more than its magnitude, by less than 2.
+        // A peak's amplitude is less than twice its magnitude.
         let (most, most_amp) = (T::of(self.most()), 2.0 * self.most());
         match &mut self.source {
             Source::Tracked(tracker) => tracker.state(state, most_amp),
             Source::Noise(noise) => noise.state(state, most_amp),
         }
         state.require(self.used <= self.len && self.len <= self.segment.len());
-        state.require(self.segment.iter().all(|&y| y >= -T::MAX && y <= T::MAX));
+        state.require(self.segment.iter().all(|y| y.finite()));
         state.require(self.target.iter().all(|&m| m >= T::zero() && m <= most));
         if state.failed() && state.restores() {
             self.reset(0);
         }
     }
 
-    /// Puts out the samples `start .. start + out.len()`; `out` may be empty. Answers whether anything sounds in them or
-    /// is still to come; if not, they are exactly 0.
+    /// Writes the samples `start .. start + out.len()`; `out` may be empty. Returns whether anything
+    /// sounds in them or is still to come; otherwise they are exactly 0.
     ///
-    /// Samples are to be taken in order: where `start` is not the one that is due, all frames but the one to come are forgotten.
+    /// Samples are taken in order. Any other `start` forgets all frames but the pending one.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) -> bool {
         if start != self.next {
             let pending = self.pending;
@@ -228,17 +239,18 @@ impl<T: Float> OscillatorBank<T> {
         sounded || self.sounding || self.pending.is_some() || (self.used < self.len && self.loud)
     }
 
-    /// Makes the samples up to the next frame; false where there is silence for now.
+    /// Makes the samples up to the next frame; returns false during silence.
     fn begin(&mut self) -> bool {
         let from = self.next;
         let hop = |frame: u64| {
             self.framing.start(frame.saturating_add(1)).saturating_sub(self.framing.start(frame))
         };
         let end = match self.pending {
-            // While nothing sounds a frame waits for its time; what sounds goes over to it at once if it is due within a hop.
+            // During silence a frame waits for its time. A sounding bank moves to it at once if it is
+            // due within a hop.
             Some((frame, start)) if start <= from || (self.sounding && start - from < hop(frame)) => {
                 self.pending = None;
-                // A ramp is a hop long: where a frame comes late, it and those that follow in step stay as late.
+                // A ramp is a hop long. So a late frame, and those that follow in step, stay late.
                 let due = start.max(from).saturating_add(hop(frame));
                 due.min(from.saturating_add(self.segment.len() as u64))
             }

@@ -1,14 +1,14 @@
-//! One oscillator a bin, whose phase wanders.
+//! One oscillator a bin, with a phase that wanders.
 
 use super::segment::Voice;
 use crate::phase_vocoder::StartPhase;
 use crate::{Float, random};
 use asperity_state::State;
 
-/// Bins from one wandering phase to the next; between them phases are interpolated.
+/// Bins between two random phases; between them phases are interpolated.
 const SPACING: usize = 4;
 
-/// Turns that a wandering phase is drawn from.
+/// Range of a random phase in turns.
 const TURNS: f64 = 2.0;
 
 /// A bank of one oscillator a bin.
@@ -16,15 +16,15 @@ const TURNS: f64 = 2.0;
 pub(super) struct Noise {
     fft_len: usize,
     seed: u64,
-    /// Samples from one drawing of a phase to the next.
+    /// Samples between two draws of a phase.
     interval: u64,
-    /// Where in its interval each wandering phase is at sample 0.
+    /// Offset of each random phase in its interval at sample 0.
     offsets: Vec<u64>,
-    /// Amplitudes that are reached.
+    /// Amplitudes reached so far.
     amps: Vec<f64>,
-    /// Phases of each bin but for its own frequency, in turns.
+    /// Start phase of each bin in turns.
     start: Vec<f64>,
-    /// Wandering phases at a segment's two ends, in turns.
+    /// Random phases at the two ends of a segment, in turns.
     ends: Vec<(f64, f64)>,
 }
 
@@ -49,13 +49,13 @@ impl Noise {
         self.amps.fill(0.0);
     }
 
-    /// Amplitudes; the rest follows from seed and sample number.
+    /// Saves or restores amplitudes; the rest follows from seed and sample number.
     pub(super) fn state(&mut self, state: &mut State<'_>, most: f64) {
         state.keep(&mut self.amps);
         state.require(self.amps.iter().all(|a| (0.0..=most).contains(a)));
     }
 
-    /// The wandering phase number `i` at a sample, in turns.
+    /// Random phase number `i` at a sample, in turns.
     fn wander(&self, i: usize, sample: u64) -> f64 {
         let at = sample.saturating_add(self.offsets[i]);
         let (cell, part) = (at / self.interval, (at % self.interval) as f64 / self.interval as f64);
@@ -64,7 +64,7 @@ impl Noise {
         a + (b - a) * part
     }
 
-    /// The voices from sample `from` on, for `len` samples, until `target` is reached.
+    /// Adds the voices from sample `from` on, for `len` samples, until `target` is reached.
     pub(super) fn run_on<T: Float>(&mut self, target: &[T], from: u64, len: usize, voices: &mut Vec<Voice>) {
         for i in 0..self.ends.len() {
             self.ends[i] = (self.wander(i, from), self.wander(i, from.saturating_add(len as u64)));

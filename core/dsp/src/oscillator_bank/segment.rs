@@ -1,35 +1,36 @@
-//! Many oscillators at once, from one frame to the next.
+//! Rendering of many oscillators from one frame to the next.
 
 use crate::Float;
 use crate::float::unit_circle;
 
-/// Oscillators that run side by side in a register or two.
+/// Oscillators computed in parallel.
 const LANES: usize = 8;
 
-/// Samples that are made by recurrence before phases are computed anew.
+/// Samples made by recurrence before phases are recomputed.
 const BLOCK: usize = 128;
 
-/// An oscillator over a segment: amplitude and frequency move in a straight line from the first value, at the first sample, to the
-/// second, at the sample after the last.
+/// An oscillator over a segment. Amplitude and frequency change linearly, from the first value at the
+/// first sample to the second at the sample after the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Voice {
     /// Phase of the cosine at the first sample, in turns.
     pub(super) turns: f64,
-    /// In bins.
+    /// Frequencies in bins.
     pub(super) freqs: (f64, f64),
     /// Amplitudes of the cosine.
     pub(super) amps: (f64, f64),
 }
 
 impl Voice {
-    /// The phase at the end of a segment of `len` samples, in [0, 1) turns.
+    /// Phase at the end of a segment of `len` samples, in [0, 1) turns.
     pub(super) fn end_turns(&self, len: usize, fft_len: usize) -> f64 {
         let t = self.turns + 0.5 * (self.freqs.0 + self.freqs.1) * len as f64 / fft_len as f64;
         t - t.floor()
     }
 }
 
-/// Phasor, its turn a sample, the turn of that turn, amplitude and its step, of some oscillators.
+/// State of some oscillators: phasor, its rotation per sample, the rotation's own rotation, amplitude
+/// and its slope.
 #[derive(Clone, Copy, Debug)]
 struct Group<T> {
     re: [T; LANES],
@@ -57,7 +58,7 @@ impl<T: Float> Group<T> {
         }
     }
 
-    /// Puts a voice into a lane, as it is `from` samples into a segment of `len`.
+    /// Puts a voice into a lane, in the state `from` samples into a segment of `len`.
     #[inline]
     fn set(&mut self, lane: usize, v: &Voice, from: usize, len: usize, fft_len: usize) {
         let (t, len, n) = (from as f64, len as f64, fft_len as f64);
@@ -84,6 +85,7 @@ impl<T: Float> Group<T> {
         clippy::needless_range_loop,
         reason = "one index over many lanes is what is made one instruction"
     )]
+    /// Adds each lane's samples to `sums`.
     fn run<const BEND: bool>(mut self, sums: &mut [[T; LANES]]) {
         for sum in sums {
             for l in 0..LANES {
@@ -119,8 +121,8 @@ impl<T: Float> Renderer<T> {
 
     /// Adds all voices to a segment of `out.len()` samples.
     ///
-    /// Phases are computed to double precision every [`BLOCK`] samples; between them they are turned in `T`, which loses
-    /// less than 3e-5 of the amplitude.
+    /// Phases are computed in double precision every [`BLOCK`] samples. In between they are rotated in
+    /// `T`, with an error below 3e-5 of the amplitude.
     pub(super) fn add(&mut self, voices: &[Voice], out: &mut [T]) {
         let len = out.len();
         for (i, block) in out.chunks_mut(BLOCK).enumerate() {

@@ -1,4 +1,4 @@
-//! Peaks, followed from frame to frame.
+//! Peaks, tracked from frame to frame.
 
 use super::segment::Voice;
 use crate::spsi::peak::{self, Edges, Peak};
@@ -6,13 +6,13 @@ use crate::window::hann_lobe;
 use crate::{Float, random};
 use asperity_state::{Keep, State};
 
-/// How far a partial may move in a hop, in bins; beyond, it is another.
+/// Most bins that a partial moves in a hop; a farther peak is another partial.
 const REACH: f64 = 1.0;
 
 /// A sinusoid at the end of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 struct Partial {
-    /// In bins.
+    /// Frequency in bins.
     freq: f64,
     amp: f64,
     turns: f64,
@@ -30,10 +30,11 @@ pub(super) struct Tracker {
     fft_len: usize,
     seed: u64,
     edges: Edges,
-    /// By frequency.
+    /// Sorted by frequency.
     partials: Vec<Partial>,
     found: Vec<Partial>,
-    /// Each bin's phase less that of its centre frequency, in turns: what a partial that begins there starts from.
+    /// Each bin's phase less that of its centre frequency, in turns: the start phase of a new partial
+    /// there.
     turns: Vec<f64>,
 }
 
@@ -59,7 +60,7 @@ impl Tracker {
         }
     }
 
-    /// Every partial, and what those to come start from.
+    /// Saves or restores every partial and the start phases.
     pub(super) fn state(&mut self, state: &mut State<'_>, most: f64) {
         state.keep_list(&mut self.partials).keep(&mut self.turns);
         let bins = self.turns.len() as f64;
@@ -69,14 +70,15 @@ impl Tracker {
         state.require(self.partials.iter().all(fits) && self.turns.iter().all(|t| t.abs() <= 1.0));
     }
 
-    /// The phase of a bin's centre frequency at a sample, in [0, 1) turns.
+    /// Phase of a bin's centre frequency at a sample, in [0, 1) turns.
     fn clock(&self, bin: usize, sample: u64) -> f64 {
         let n = self.fft_len as u64;
-        // bin < 2^20 and the rest < N <= 2^20, so the product is exact.
+        // bin < 2^20 and the remainder < N <= 2^20, so the product is exact.
         (bin as u64 * (sample % n) % n) as f64 / n as f64
     }
 
-    /// The voices from sample `from` on, for `len` samples, until `target` is reached. `peaks` is scratch.
+    /// Adds the voices from sample `from` on, for `len` samples, until `target` is reached. `peaks` is
+    /// scratch.
     pub(super) fn run_on<T: Float>(
         &mut self,
         target: &[T],
@@ -93,7 +95,7 @@ impl Tracker {
             self.found.push(Partial { freq, amp: amplitude(target, p, offset), turns: 0.0 });
         }
         self.go_on(peaks, from, len, voices);
-        // What found no peak fades out.
+        // A partial without a peak fades out.
         for p in self.partials.iter().filter(|p| p.amp > 0.0) {
             voices.push(Voice { turns: p.turns, freqs: (p.freq, p.freq), amps: (p.amp, 0.0) });
         }
@@ -101,7 +103,8 @@ impl Tracker {
         std::mem::swap(&mut self.partials, &mut self.found);
     }
 
-    /// The voices of all peaks found: those of partials that go on, whose amplitude is then 0, and new ones.
+    /// Adds the voices of all peaks found. Partials that continue get amplitude 0; the other peaks are
+    /// new.
     fn go_on<T>(&mut self, peaks: &[Peak<T>], from: u64, len: usize, voices: &mut Vec<Voice>) {
         let (mut before, mut back) = (0, 0);
         for i in 0..self.found.len() {
@@ -126,16 +129,16 @@ impl Tracker {
         let Partial { freq, amp, .. } = self.found[i];
         let (bin, real) = peak.map_or((0, true), |p| (p.bin, p.real));
         let turns = self.turns.get(bin).copied().unwrap_or_default() + self.clock(bin, from);
-        // Of a constant only its sign can be heard.
+        // Only the sign of a constant is audible.
         let turns = if real { (2.0 * turns).round() / 2.0 } else { turns };
         Voice { turns, freqs: (freq, freq), amps: (0.0, amp) }
     }
 
-    /// Leaves each partial's phase in the bins of its main lobe.
+    /// Stores each partial's phase in the bins of its main lobe.
     fn remember(&mut self, sample: u64) {
         for i in 0..self.found.len() {
             let p = self.found[i];
-            // Offsets from the bin are within half a bin, so this is the peak's own.
+            // Offsets are within half a bin, so this is the peak's own bin.
             let bin = p.freq.round() as usize;
             for k in bin.saturating_sub(2)..(bin + 3).min(self.turns.len()) {
                 self.turns[k] = p.turns - self.clock(k, sample);
@@ -144,7 +147,7 @@ impl Tracker {
     }
 }
 
-/// Moves `at` on to the partial nearest to `freq`; frequencies are asked for in rising order.
+/// Moves `at` on to the partial nearest to `freq`; calls come in rising order of frequency.
 fn nearest(partials: &[Partial], freq: f64, at: &mut usize) {
     while let Some(next) = partials.get(*at + 1) {
         if (next.freq - freq).abs() >= (partials[*at].freq - freq).abs() {
@@ -154,9 +157,9 @@ fn nearest(partials: &[Partial], freq: f64, at: &mut usize) {
     }
 }
 
-/// From a peak's bin to the sinusoid, in bins: of the two-point interpolated DFT for the Hann window, with the larger neighbour
-/// (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983). A
-/// partial three bins away spoils it less than the three-point formula.
+/// Distance from a peak's bin to the sinusoid in bins: the two-point interpolated DFT for the Hann
+/// window, with the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983). A partial
+/// three bins away disturbs it less than the three-point formula.
 fn offset<T: Float>(mags: &[T], peak: &Peak<T>) -> f64 {
     let at = |k: usize| mags.get(k).map(|m| m.f64());
     let sides = (peak.bin.checked_sub(1).and_then(at), at(peak.bin + 1), at(peak.bin));
@@ -165,12 +168,12 @@ fn offset<T: Float>(mags: &[T], peak: &Peak<T>) -> f64 {
         return 0.0;
     }
     let r = left.max(right) / here;
-    // Less than half of the peak is no lobe of this window.
+    // A neighbour below half of the peak is no lobe of this window.
     let d = ((2.0 * r - 1.0) / (1.0 + r)).clamp(0.0, 0.5);
     if right > left { d } else { -d }
 }
 
-/// The amplitude of a sinusoid `offset` bins from a peak's bin with the energy of the bins around it.
+/// Amplitude of a sinusoid `offset` bins from a peak's bin, with the energy of the bins around it.
 fn amplitude<T: Float>(mags: &[T], peak: &Peak<T>, offset: f64) -> f64 {
     let at = |k: Option<usize>| k.and_then(|k| mags.get(k)).map(|m| m.f64());
     let here = at(Some(peak.bin)).unwrap_or_default();

@@ -41,7 +41,7 @@ fn full(rate_hz: u32, fft_len: usize, frame_num: u32, frame_den: u32) -> Framing
 }
 
 #[test]
-fn a_consistent_stream_is_given_back_at_any_hop() {
+fn consistent_stream_is_restored_at_any_hop() {
     for (f, tick) in [
         (full(2500, 250, 500, 1), 500),
         (full(500, 50, 500, 1), 500),
@@ -62,7 +62,7 @@ fn a_consistent_stream_is_given_back_at_any_hop() {
 }
 
 #[test]
-fn the_start_is_the_window_weighted_fade_in() {
+fn stream_start_is_a_window_weighted_fade_in() {
     let f = full(2500, 250, 500, 1);
     let y = round_trip(f, 60, 500, |_| 1.0);
     let w = hann::<f64>(250);
@@ -74,7 +74,7 @@ fn the_start_is_the_window_weighted_fade_in() {
 }
 
 #[test]
-fn a_frame_of_a_unit_amplitude_is_a_unit_sine_at_any_length() {
+fn frame_of_unit_amplitude_is_a_unit_sine_at_any_length() {
     for n in [50usize, 250, 4800] {
         let rate = n as u32 * 10;
         let f = full(rate, n, 500, 1);
@@ -87,7 +87,7 @@ fn a_frame_of_a_unit_amplitude_is_a_unit_sine_at_any_length() {
 }
 
 #[test]
-fn a_missing_frame_takes_away_its_weight_and_nothing_else() {
+fn missing_frame_removes_only_its_weight() {
     let f = full(2500, 250, 500, 1);
     let mut ola = OverlapAdd::<f64>::new(f).unwrap();
     let mut all = Vec::new();
@@ -108,7 +108,7 @@ fn a_missing_frame_takes_away_its_weight_and_nothing_else() {
 }
 
 #[test]
-fn any_partition_of_the_samples_gives_the_same_bits() {
+fn block_length_changes_no_sample() {
     let f = Framing { bins: 101, ..full(44_100, 4410, 500, 1) };
     let run = |sizes: &[usize]| {
         let mut ola = OverlapAdd::<f32>::new(f).unwrap();
@@ -134,7 +134,7 @@ fn any_partition_of_the_samples_gives_the_same_bits() {
 }
 
 #[test]
-fn frames_out_of_reach_are_refused_and_late_ones_lose_only_what_is_past() {
+fn frame_out_of_reach_is_refused_and_a_late_one_is_cut() {
     let f = full(2500, 250, 500, 1);
     let mut ola = OverlapAdd::<f64>::new(f).unwrap();
     let spectrum = analyse(0, &f, |_| 1.0);
@@ -160,7 +160,7 @@ fn frames_out_of_reach_are_refused_and_late_ones_lose_only_what_is_past() {
 }
 
 #[test]
-fn single_precision_gives_a_stream_back_to_its_rounding() {
+fn single_precision_restores_a_stream_to_rounding() {
     let f = full(48_000, 4800, 500, 1);
     let mut ola = OverlapAdd::<f32>::new(f).unwrap();
     let mut worst = 0.0f64;
@@ -182,7 +182,7 @@ fn single_precision_gives_a_stream_back_to_its_rounding() {
 }
 
 #[test]
-fn the_largest_numbers_stay_finite_and_are_got_over() {
+fn largest_numbers_stay_finite_and_fade() {
     let f = Framing { rate_hz: 2500, fft_len: 250, bins: 126, frame_num: 500, frame_den: 1 };
     let mut add = OverlapAdd::<f32>::new(f).unwrap();
     for n in 0..200 {

@@ -1,13 +1,15 @@
-//! From one sample rate to another, by any ratio of whole numbers, tick by tick.
+//! Conversion between sample rates, by any ratio of whole numbers, tick by tick.
 //!
-//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch. 3): with `L / M` the reduced
-//! ratio, output `m` is one dot product of the newest inputs with row `m M mod L` of a table of taps. The place of every output is
-//! computed in integers from its index, so nothing drifts and any cut into ticks gives the same bits.
+//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch.
+//! 3). With `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M
+//! mod L` of a table of taps. Positions are computed in integers from the index, so nothing drifts, and
+//! the length of ticks changes no bit.
 //!
-//! With the standard pass band of 0.4 of the lower rate there are 28 taps: flat to 0.001 dB (minimum phase: 0.01) up to 0.4, images
-//! below -85 dB from 0.6 of the lower rate on (tests here). Between the two lies the transition, -6 dB at 0.5: what the input holds there is
-//! let through in part, and so is its image. Linear phase delays by 14 input samples, 5.6 ms from 2500 Hz; minimum phase by
-//! 0.96 ms at 250 Hz (from 500 Hz: 28 ms, and 4.79 ms at 50 Hz).
+//! The standard pass band of 0.4 of the lower rate has 28 taps. It is flat to 0.001 dB (minimum phase:
+//! 0.01) up to 0.4; images are below -85 dB from 0.6 of the lower rate on (tests here). The transition
+//! lies between, -6 dB at 0.5: there both input and image pass in part. Linear phase delays by 14 input
+//! samples, 5.6 ms from 2500 Hz (from 500 Hz: 28 ms). Minimum phase delays by 0.96 ms at 250 Hz (from
+//! 500 Hz: 4.79 ms at 50 Hz).
 
 mod prototype;
 
@@ -16,30 +18,31 @@ use crate::float::keep_wide;
 use crate::framing::gcd;
 use asperity_state::State;
 use prototype::Prototype;
+use thiserror::Error;
 
-/// Which of the filters with the wanted magnitude response.
+/// Phase of the filter for its magnitude response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FilterPhase {
-    /// All frequencies are delayed alike, by half the filter's length.
+    /// All frequencies are delayed equally, by half the filter's length.
     Linear,
-    /// The least delay this magnitude response can have; high frequencies come later than low ones.
+    /// The least delay for this magnitude response; high frequencies are delayed more than low ones.
     Minimum,
 }
 
-/// What a [`Resampler`] is to do.
+/// Settings of a [`Resampler`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conversion {
-    /// Samples a second that come.
+    /// Input rate in samples a second.
     pub in_hz: u32,
-    /// Samples a second that go.
+    /// Output rate in samples a second.
     pub out_hz: u32,
     /// Ticks a second, numerator.
     pub tick_num: u32,
     /// Ticks a second, denominator.
     pub tick_den: u32,
-    /// What is kept flat, as a part of the lower rate: 0.05 to 0.48. The delay grows as `1 / (1 - 2 passband)`.
+    /// Flat band as a part of the lower rate: 0.05 to 0.48. The delay grows as `1 / (1 - 2 passband)`.
     pub passband: f64,
-    /// The filter's phase.
+    /// Phase of the filter.
     pub phase: FilterPhase,
 }
 
@@ -48,56 +51,44 @@ impl Conversion {
     pub const PASSBAND: f64 = 0.4;
 }
 
-/// Most taps that are kept: 64 MiB in single precision.
+/// Largest table of taps: 64 MiB in single precision.
 pub const MAX_TAPS: usize = 1 << 24;
 
-/// Why there is no such resampler.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Reason why a resampler cannot be made.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ResampleError {
     /// A rate is 0.
+    #[error("a rate is 0")]
     Zero,
     /// The pass band is not from 0.05 to 0.48 of the lower rate.
+    #[error("the pass band is not from 0.05 to 0.48 of the lower rate")]
     Passband,
-    /// The table would have more than [`MAX_TAPS`] taps: the ratio of the rates, reduced, has too large numbers.
+    /// The table would have more than [`MAX_TAPS`] taps: the reduced ratio of the rates has too large
+    /// numbers.
+    #[error("the ratio of the rates needs more than {} taps", MAX_TAPS)]
     TooLarge,
 }
 
-impl std::fmt::Display for ResampleError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Zero => write!(f, "a rate is 0"),
-            Self::Passband => write!(f, "the pass band is not from 0.05 to 0.48 of the lower rate"),
-            Self::TooLarge => write!(f, "the ratio of the rates needs more than {MAX_TAPS} taps"),
-        }
-    }
-}
-
-impl std::error::Error for ResampleError {}
-
-/// Brings a stream from one rate to another.
+/// Converts a stream from one rate to another.
+#[derive(Debug)]
 pub struct Resampler<T> {
-    /// Rows of `stride` taps, oldest input first; row `p` is for an output `p / up` of an input sample after an input.
+    /// Rows of `stride` taps, oldest input first. Row `p` is for an output `p / up` of an input sample
+    /// after an input.
     rows: Vec<T>,
     stride: usize,
-    /// Rates, reduced.
+    /// Reduced rates.
     up: usize,
     down: usize,
-    /// Input samples that an output waits, so that a tick needs no input of the next one.
+    /// Delay of outputs in input samples, so that a tick needs no input of the next one.
     wait: usize,
     latency: (u64, u64),
-    /// The newest inputs, twice over, so that any `stride` of them lie in one piece: sample `n` at `n mod size` and that plus `size`.
+    /// The newest inputs, stored twice, so that any `stride` of them are contiguous: sample `n` at `n
+    /// mod size` and at that plus `size`.
     ring: Vec<T>,
     size: usize,
     /// Index of the next input; none before the first.
     next: Option<u64>,
-}
-
-impl<T> std::fmt::Debug for Resampler<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { up, down, stride, latency, .. } = self;
-        write!(f, "Resampler({up}/{down}, {stride} taps, latency {}/{} s)", latency.0, latency.1)
-    }
 }
 
 impl<T: Float> Resampler<T> {
@@ -116,19 +107,20 @@ impl<T: Float> Resampler<T> {
         let (up, down) = ((u64::from(c.out_hz) / g) as usize, (u64::from(c.in_hz) / g) as usize);
         let same = up == down;
 
-        // Samples of the lower rate in one of the input.
+        // Samples of the lower rate per input sample.
         let slow = (f64::from(c.out_hz) / f64::from(c.in_hz)).min(1.0);
         let half = (prototype::length(c.passband) as f64 / 2.0 / slow).ceil();
         let taps = if same { 1 } else { 2 * half as usize };
         let stride = taps.next_multiple_of(8);
-        // The ring of inputs is longer than a row by the inputs between two outputs.
+        // Longer than a row by the inputs between two outputs.
         let size = stride + down / up + 4;
         if up.checked_mul(stride).is_none_or(|n| n > MAX_TAPS) || size > MAX_TAPS {
             return Err(ResampleError::TooLarge);
         }
 
-        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so that is below
-        // t in; where t in is no whole number it may be floor(t in), the next tick's first input.
+        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so
+        // that is below t in. Where t in is no whole number it may be floor(t in), the next tick's
+        // first input.
         let whole = (u64::from(c.in_hz) * u64::from(c.tick_den)).is_multiple_of(u64::from(c.tick_num));
         let wait = usize::from(!whole && !same);
         let (rows, latency) = if same {
@@ -153,10 +145,10 @@ impl<T: Float> Resampler<T> {
         Ok(Self { rows, stride, up, down, wait, latency, ring, size, next: None })
     }
 
-    /// How late the output is, in seconds as `(numerator, denominator)`.
+    /// Delay of the output in seconds as `(numerator, denominator)`.
     ///
-    /// Exact for linear phase. For minimum phase it is the group delay at a quarter of the pass band (250 Hz from 2500 Hz), to the
-    /// nanosecond.
+    /// Exact for linear phase. For minimum phase it is the group delay at a quarter of the pass band
+    /// (250 Hz from 2500 Hz), to the nanosecond.
     pub fn latency(&self) -> (u64, u64) {
         self.latency
     }
@@ -167,39 +159,41 @@ impl<T: Float> Resampler<T> {
         self.next = None;
     }
 
-    /// What is remembered: the newest inputs. Refused where it is of a filter of another length, or of a ratio of rates that
-    /// keeps more or fewer of them.
+    /// Saves or restores the newest inputs. State of another filter length, or of rates that keep
+    /// another number of inputs, is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring[..self.size], state);
         state.keep(&mut self.next);
         if state.restores() {
-            state.require(self.ring[..self.size].iter().all(|&x| x >= -T::MAX && x <= T::MAX));
+            state.require(self.ring[..self.size].iter().all(|x| x.finite()));
             self.ring.copy_within(..self.size, self.size);
         }
     }
 
-    /// Takes the inputs `first_in ..` and computes the outputs `first_out ..`; both may be empty.
+    /// Takes the inputs from `first_in` on and computes the outputs from `first_out` on; both may be
+    /// empty.
     ///
-    /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate / tick)` to
-    /// `floor((k + 1) rate / tick)`. Called with whole ticks, or any run of them, an output never needs an input that has not
-    /// come. Inputs that are left out are silence; going back begins anew.
+    /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate
+    /// / tick)` to `floor((k + 1) rate / tick)`. Called with whole ticks, an output never needs a later
+    /// input. Skipped inputs are silence; an earlier index starts anew.
     pub fn process<P: Float>(&mut self, first_in: u64, input: &[P], first_out: u64, out: &mut [P]) {
         self.seek(first_in);
         let mut input = input.iter();
         let place = u128::from(first_out) * self.down as u128;
         let up = self.up as u128;
-        // Below u64 for any index that a stream reaches in a thousand years; saturates after that.
+        // Fits u64 for any index within a thousand years; saturates after that.
         let mut newest = u64::try_from(place / up).unwrap_or(u64::MAX >> 1);
         let mut phase = (place % up) as usize;
         let come = self.next.unwrap_or(0).saturating_add(input.len() as u64);
         if newest > come.saturating_add(self.size as u64) {
-            // Of a time that no input is near to.
+            // Far from any input.
             out.fill(P::zero());
             input.for_each(|x| self.push(x.to()));
             return;
         }
         let (step, step_phase) = (self.down / self.up, self.down % self.up);
-        // The window's first sample, newest - wait - stride + 1, in the ring; size > stride + wait.
+        // Position in the ring of the window's first sample, newest - wait - stride + 1; size > stride
+        // + wait.
         let mut at =
             ((newest % self.size as u64) as usize + 2 * self.size - self.wait + 1 - self.stride) % self.size;
         for y in out {
@@ -259,7 +253,7 @@ fn rows<T: Float>(p: &Prototype, up: usize, taps: usize, stride: usize, slow: f6
     rows
 }
 
-/// Eight sums side by side: two vectors of four at the least that any 64-bit machine has.
+/// Dot product in eight sums: two vectors of four, which every 64-bit CPU has.
 #[inline]
 fn dot<T: Float>(x: &[T], taps: &[T]) -> T {
     let mut sums = [T::zero(); 8];

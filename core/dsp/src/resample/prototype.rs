@@ -1,14 +1,15 @@
-//! The low-pass that a resampler takes its taps from, as a function of continuous time.
+//! The low-pass from which a resampler takes its taps, as a function of continuous time.
 
 use asperity_numbers::{Elementary as _, polar, size as size_of};
 
-use crate::{Complex, plans};
+use crate::Complex;
+use crate::plans::Transform;
 use std::f64::consts::PI;
 
-/// Attenuation that the length is designed for, in dB: at the stop band's edge and beyond.
+/// Attenuation in dB at the stop band's edge and beyond, for which the length is designed.
 const ATTENUATION_DB: f64 = 88.0;
 
-/// Grid points a sample of the lower rate, where a minimum-phase response is computed.
+/// Grid points per sample of the lower rate for a minimum-phase response.
 const GRID: usize = 32;
 
 /// Impulse response of a low-pass with its half-amplitude point at half the lower rate.
@@ -17,12 +18,13 @@ const GRID: usize = 32;
 pub(super) enum Prototype {
     /// `sinc(t)` under a Kaiser window, even about 0: on `[-half, half]`.
     Linear { half: f64 },
-    /// The same magnitude response with all its zeros inside the unit circle: on `[0, len]`, `GRID` points a sample.
+    /// The same magnitude response with all its zeros inside the unit circle: on `[0, len]`, `GRID`
+    /// points a sample.
     Minimum { grid: Vec<f64> },
 }
 
-/// Taps a sample of the lower rate needs, even: J. F. Kaiser's estimate for a transition of `1 - 2 passband` (A. Oppenheim,
-/// R. Schafer, "Discrete-Time Signal Processing", 3rd ed., eq. 7.76).
+/// Number of taps per sample of the lower rate, even: J. F. Kaiser's estimate for a transition of `1 -
+/// 2 passband` (A. Oppenheim, R. Schafer, "Discrete-Time Signal Processing", 3rd ed., eq. 7.76).
 pub(super) fn length(passband: f64) -> usize {
     let width = 1.0 - 2.0 * passband;
     // 14.36 is 2.285 x 2 pi.
@@ -58,26 +60,23 @@ impl Prototype {
         Self::Linear { half: length(passband) as f64 / 2.0 }
     }
 
-    /// By the real cepstrum: Oppenheim and Schafer, section 13.7 (homomorphic); folding it makes the phase minimum.
+    /// Computes the minimum-phase response by the real cepstrum (Oppenheim and Schafer, section 13.7).
     pub(super) fn minimum(passband: f64) -> Self {
         let len = length(passband);
         let count = len * GRID + 1;
-        // The longer, the less the cepstrum wraps around.
+        // The longer the transform, the less the cepstrum wraps around.
         let size = (32 * count).next_power_of_two();
-        let (forward, inverse) = (plans::forward::<f64>(size), plans::inverse::<f64>(size));
-        let mut time = forward.make_input_vec();
-        for (i, h) in time.iter_mut().take(count).enumerate() {
+        let mut transform = Transform::<f64>::new(size);
+        for (i, h) in transform.time.iter_mut().take(count).enumerate() {
             *h = windowed_sinc(i as f64 / GRID as f64 - len as f64 / 2.0, len as f64 / 2.0) / GRID as f64;
         }
-        let mut spectrum = forward.make_output_vec();
-        // Buffers come from the plans and the two real bins are real, so none of these can be refused.
-        let _ = forward.process(&mut time, &mut spectrum);
-        // Nulls in the stop band have no logarithm; a floor under it leaves them as deep as matters.
-        for x in &mut spectrum {
+        transform.forward();
+        // Zeros in the stop band have no logarithm, so there is a floor at -130 dB.
+        for x in &mut transform.bins {
             *x = Complex::new(size_of(*x).max(10f64.power(-130.0 / 20.0)).log_e(), 0.0);
         }
-        let _ = inverse.process(&mut spectrum, &mut time);
-        for (i, c) in time.iter_mut().enumerate() {
+        transform.inverse();
+        for (i, c) in transform.time.iter_mut().enumerate() {
             let fold = if i == 0 || i == size / 2 {
                 1.0
             } else if i < size / 2 {
@@ -87,20 +86,18 @@ impl Prototype {
             };
             *c *= fold / size as f64;
         }
-        let _ = forward.process(&mut time, &mut spectrum);
-        for x in &mut spectrum {
+        transform.forward();
+        for x in &mut transform.bins {
             *x = polar(x.re.exp_e(), x.im);
         }
-        for real in [0, size / 2] {
-            spectrum[real].im = 0.0;
-        }
-        let _ = inverse.process(&mut spectrum, &mut time);
+        transform.inverse();
+        let mut time = transform.time;
         time.truncate(count);
         let sum: f64 = time.iter().sum();
         Self::Minimum { grid: time.into_iter().map(|h| h * GRID as f64 / sum).collect() }
     }
 
-    /// The response at `t` samples of the lower rate.
+    /// Impulse response at `t` samples of the lower rate.
     pub(super) fn at(&self, t: f64) -> f64 {
         match self {
             Self::Linear { half } => windowed_sinc(t, *half),
@@ -109,7 +106,8 @@ impl Prototype {
                 if place < 0.0 || place > (grid.len() - 1) as f64 {
                     return 0.0;
                 }
-                // Lagrange's polynomial through six points: the response's band is a 27th of the grid's.
+                // Lagrange interpolation through six points: the response's band is a 27th of the
+                // grid's.
                 let base = place.floor();
                 let x = place - base;
                 let mut sum = 0.0;
@@ -126,7 +124,7 @@ impl Prototype {
         }
     }
 
-    /// Group delay in samples of the lower rate, at `freq` in cycles a sample.
+    /// Group delay in samples of the lower rate at `freq` in cycles a sample.
     pub(super) fn group_delay(&self, freq: f64) -> f64 {
         match self {
             Self::Linear { .. } => 0.0,

@@ -24,7 +24,8 @@ fn run<T: Float>(c: &Conversion, first: u64, seconds: f64, x: impl Fn(f64) -> f6
     all
 }
 
-/// Amplitude and phase (turns, of a sine) at `f`, by correlation over whole periods of `f` (a whole number) in the last second.
+/// Amplitude and phase (turns, of a sine) at `f`, by correlation over whole periods of `f` (a whole
+/// number) in the last second.
 fn at(y: &[f64], rate: u32, f: f64) -> (f64, f64) {
     let from = y.len() - rate as usize;
     let (mut s, mut c) = (0.0, 0.0);
@@ -49,7 +50,7 @@ const PAIRS: [(u32, u32); 8] = [
 ];
 
 #[test]
-fn the_pass_band_is_flat_and_linear_phase_is_late_by_what_it_says() {
+fn pass_band_is_flat_and_linear_phase_states_its_delay() {
     for (a, b) in PAIRS {
         let c = conversion(a, b, FilterPhase::Linear);
         let (num, den) = Resampler::<f64>::new(&c).unwrap().latency();
@@ -66,7 +67,7 @@ fn the_pass_band_is_flat_and_linear_phase_is_late_by_what_it_says() {
 }
 
 #[test]
-fn minimum_phase_is_as_flat_and_its_delay_is_the_slope_of_its_phase() {
+fn minimum_phase_is_flat_and_states_its_group_delay() {
     for (a, b) in PAIRS {
         let c = conversion(a, b, FilterPhase::Minimum);
         let (num, den) = Resampler::<f64>::new(&c).unwrap().latency();
@@ -114,9 +115,9 @@ fn images_and_aliases_are_below_85_db() {
 }
 
 #[test]
-fn outputs_are_scipys() {
-    // scipy 1.17.1: h = sinc(i / L - 14) kaiser(28 L + 1, 0.1102 * 79.3), x = sin(0.7 n) + 0.5 cos(0.011 n^2), n < 60;
-    // upfirdn(h, x, L, M)[k]
+fn outputs_match_scipy() {
+    // scipy 1.17.1: h = sinc(i / L - 14) kaiser(28 L + 1, 0.1102 * 79.3), x = sin(0.7 n) + 0.5 cos(0.011
+    // n^2), n < 60; upfirdn(h, x, L, M)[k]
     let x: Vec<f64> = (0..60).map(f64::from).map(|n| (0.7 * n).sin() + 0.5 * (0.011 * n * n).cos()).collect();
     let cases = [
         (
@@ -148,7 +149,8 @@ fn outputs_are_scipys() {
             assert!((y[k] - v).abs() < 1e-11, "{out_hz}, {k}: {} is not {v}", y[k]);
         }
     }
-    // The same for 48000 to 2500: h = 5/96 sinc(u) kaiser(u / 14), u = 5/96 (i / 5 - 269), x = sin(0.02 n) + 0.3 cos(0.5 n).
+    // The same for 48000 to 2500: h = 5/96 sinc(u) kaiser(u / 14), u = 5/96 (i / 5 - 269), x = sin(0.02
+    // n) + 0.3 cos(0.5 n).
     let x: Vec<f64> = (0..3000).map(f64::from).map(|n| (0.02 * n).sin() + 0.3 * (0.5 * n).cos()).collect();
     let mut r = Resampler::<f64>::new(&conversion(48_000, 2500, FilterPhase::Linear)).unwrap();
     let mut y = vec![0.0; 156];
@@ -164,7 +166,7 @@ fn outputs_are_scipys() {
 }
 
 #[test]
-fn any_cut_into_ticks_gives_the_same_bits() {
+fn tick_length_changes_no_sample() {
     let x = |t: f64| (TAU * 313.0 * t).sin() + 0.3 * (TAU * 77.0 * t).cos();
     for (a, b) in
         [(2500, 48_000), (2500, 44_100), (48_000, 2500), (500, 44_100), (44_100, 48_000), (2500, 2500)]
@@ -196,7 +198,7 @@ fn any_cut_into_ticks_gives_the_same_bits() {
 }
 
 #[test]
-fn the_place_of_a_sample_is_exact_after_years() {
+fn sample_position_is_exact_after_years() {
     let c = conversion(2500, 44_100, FilterPhase::Linear);
     let tick_by_tick = |seconds: u64| {
         let mut r = Resampler::<f32>::new(&c).unwrap();
@@ -216,7 +218,7 @@ fn the_place_of_a_sample_is_exact_after_years() {
 }
 
 #[test]
-fn gaps_are_silence_and_going_back_begins_anew() {
+fn gap_is_silence_and_an_earlier_index_starts_anew() {
     let c = conversion(2500, 48_000, FilterPhase::Linear);
     let mut r = Resampler::<f64>::new(&c).unwrap();
     let (mut out, ones) = ([0f64; 96], [1.0; 5]);
@@ -243,7 +245,7 @@ fn gaps_are_silence_and_going_back_begins_anew() {
 }
 
 #[test]
-fn absurd_conversions_are_refused() {
+fn impossible_conversion_is_refused() {
     let c = conversion(2500, 48_000, FilterPhase::Linear);
     let refused = |c| Resampler::<f32>::new(&c).err();
     assert_eq!(refused(Conversion { in_hz: 0, ..c }), Some(ResampleError::Zero));
@@ -255,7 +257,7 @@ fn absurd_conversions_are_refused() {
 }
 
 #[test]
-fn equal_rates_pass_through_at_once() {
+fn equal_rates_pass_through_without_delay() {
     let c = Conversion { tick_num: 4000, ..conversion(2500, 2500, FilterPhase::Minimum) };
     assert_eq!(Resampler::<f32>::new(&c).unwrap().latency(), (0, 1));
     let y = run::<f64>(&c, 0, 0.1, |t| t);
@@ -263,7 +265,7 @@ fn equal_rates_pass_through_at_once() {
 }
 
 #[test]
-fn the_delay_of_minimum_phase_is_what_the_docs_say() {
+fn minimum_phase_delay_matches_the_docs() {
     let ms = |in_hz| {
         let r = Resampler::<f32>::new(&conversion(in_hz, 48_000, FilterPhase::Minimum)).unwrap();
         r.latency().0 as f64 / r.latency().1 as f64 * 1e3

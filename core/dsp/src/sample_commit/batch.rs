@@ -1,19 +1,21 @@
-//! The projection of several frames at once.
+//! Projection of several frames at once.
 
 use super::project::{Call, TINY};
 use crate::lanes::{Fft, LANES, Lane, Portable, Simd, Work, turned};
-use crate::{Complex, Float, Isa, float::unit_circle};
+use crate::{Complex, Float, Isa, float::phasor};
 
 /// As many frames as there are lanes, of one even length.
+#[derive(Debug)]
 pub(super) struct Batch<T> {
     job: Job<T>,
     run: Run<T>,
 }
 
-/// A projection, compiled for an instruction set.
+/// The projection, compiled for an instruction set.
 type Run<T> = fn(&mut Job<T>, Call<'_, T>);
 
-/// What all instruction sets work on.
+/// Data of a projection, for every instruction set.
+#[derive(Debug)]
 struct Job<T> {
     fft: Fft<T>,
     /// `e^(-2 pi i k / n)` up to a quarter of the length `n`.
@@ -21,21 +23,18 @@ struct Job<T> {
     hint: Vec<Complex<T>>,
     window: Vec<T>,
     half_window: Vec<T>,
-    /// Samples, those of even places as real parts, and those of odd ones as imaginary parts.
+    /// Samples at even positions as real parts, at odd positions as imaginary parts.
     work: Work<T>,
     /// Wanted magnitudes.
     mags: Vec<Lane<T>>,
 }
 
 impl<T: Float> Batch<T> {
-    /// None where the length is odd or has a large prime factor.
+    /// Returns none if the length is odd or has a large prime factor.
     pub(super) fn new(window: &[T], bins: usize, hint: &[Complex<T>]) -> Option<Self> {
         let fft_len = window.len();
         let half = fft_len.is_multiple_of(2).then_some(fft_len / 2)?;
-        let turn = |k: usize| {
-            let (cos, sin) = unit_circle(-(k as f64) / fft_len as f64);
-            Complex::new(T::of(cos), T::of(sin))
-        };
+        let turn = |k: usize| phasor(-(k as f64) / fft_len as f64);
         let job = Job {
             fft: Fft::new(half)?,
             turns: (0..=half / 2).map(turn).collect(),
@@ -48,7 +47,7 @@ impl<T: Float> Batch<T> {
         Some(Self { job, run: compiled(Isa::best()) })
     }
 
-    /// Projects the frames of a call, all at once.
+    /// Projects all frames of a call at once.
     pub(super) fn project(&mut self, call: Call<'_, T>) {
         for (lane, (_, magnitudes)) in call.frames.iter().enumerate().take(LANES) {
             for (to, &m) in self.job.mags.iter_mut().zip(*magnitudes) {
@@ -63,10 +62,10 @@ fn portable<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
     job.project(Portable, call);
 }
 
-/// The projection, compiled for an instruction set.
+/// Returns the projection compiled for an instruction set.
 #[cfg(target_arch = "x86_64")]
 fn compiled<T: Float>(isa: Isa) -> Run<T> {
-    // With AVX-512 there are twice as many registers for the same vectors.
+    // AVX-512 has twice as many registers for the same vectors.
     #[target_feature(enable = "avx512f,avx512vl")]
     fn avx512<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
         // SAFETY: this function is called only where there is more than AVX.
@@ -102,7 +101,7 @@ impl<T: Float> Job<T> {
         self.add_to(s, call.sum, frames, call.from);
     }
 
-    /// Puts each frame into a lane, windowed and times a half.
+    /// Loads each frame into a lane, times half the window.
     #[inline(always)]
     fn load<S: Simd<T>>(&mut self, s: S, z: &[T], frames: &[(usize, &[T])]) {
         let Work { re, im, .. } = &mut self.work;
@@ -134,7 +133,7 @@ impl<T: Float> Job<T> {
         }
     }
 
-    /// Adds each lane's frame, windowed, to what lies from `from` on.
+    /// Adds each lane's frame, times the window, to the samples from `from` on.
     #[inline(always)]
     fn add_to<S: Simd<T>>(&self, s: S, sum: &mut [T], frames: &[(usize, &[T])], from: usize) {
         let Work { re, im, .. } = &self.work;
@@ -176,11 +175,11 @@ impl<T: Float> Job<T> {
         }
     }
 
-    /// From the transform of pairs of samples to the bins, and from these back.
+    /// Goes from the transform of sample pairs to the bins, imposes the magnitudes, and goes back.
     ///
-    /// With `Z` the transform of `x_2n + i x_2n+1`, `E` and `O` those of even and odd samples, `X_k = E +
-    /// e^(-2 pi i k / n) O`, where `2 E = Z_k + conj Z_(h-k)` and `2 i O = Z_k - conj Z_(h-k)`, `h = n /
-    /// 2`; and the same with `-k`. The halves were put into the window.
+    /// With `Z` the transform of `x_2n + i x_2n+1`, and `E` and `O` those of even and odd samples: `X_k
+    /// = E + e^(-2 pi i k / n) O`, where `2 E = Z_k + conj Z_(h-k)`, `2 i O = Z_k - conj Z_(h-k)` and
+    /// `h = n / 2`. The same holds with `-k`. The factors 1/2 are in the window.
     #[inline(always)]
     fn impose<S: Simd<T>>(&mut self, s: S, turn: Complex<T>) {
         let Self { turns, hint, work: Work { re, im, .. }, mags, .. } = self;
@@ -220,7 +219,7 @@ impl<T: Float> Job<T> {
             s.store(s.add(even_out.0, odd_out.1), &mut re[other]);
             s.store(s.sub(odd_out.0, even_out.1), &mut im[other]);
         }
-        // Of these pairs neither bin is carried.
+        // In the remaining pairs neither bin is carried.
         if let Some(last) = len.checked_sub(mags.len()) {
             for part in [re, im] {
                 part.get_mut(mags.len()..=last).unwrap_or_default().fill([T::zero(); LANES]);
@@ -229,7 +228,7 @@ impl<T: Float> Job<T> {
     }
 }
 
-/// A bin's phase with the magnitude `m`.
+/// Gives a bin the magnitude `m` and keeps its phase.
 #[inline(always)]
 fn give<T: Float, S: Simd<T>>(
     s: S,

@@ -18,7 +18,7 @@ fn scene<T: Float>(f: &Framing) -> (Vec<T>, Vec<(usize, Vec<T>)>) {
     (z.map(T::of).collect(), frames.into_iter().enumerate().map(|(l, at)| (at, mags(l).collect())).collect())
 }
 
-/// What some frames add up to from sample `from` on, `many` at a time.
+/// Sum of some frames from sample `from` on, `many` at a time.
 fn sum<T: Float>(f: &Framing, from: usize, many: usize) -> Vec<T> {
     let (z, frames) = scene::<T>(f);
     let mut projector = Projector::new(f, 3);
@@ -38,7 +38,7 @@ fn apart<T: Float>(a: &[T], b: &[T]) -> f64 {
 }
 
 #[test]
-fn many_frames_at_once_are_projected_as_one_by_one() {
+fn batch_projects_as_single_frames_do() {
     // Where few bins are carried, all but a few, and all; lengths whose half is odd and even.
     for (fft_len, bins) in [(50, 26), (250, 101), (250, 126), (250, 20), (800, 401), (882, 101), (4800, 101)]
     {
@@ -80,7 +80,7 @@ fn every_instruction_set_gives_the_same_bits() {
 }
 
 #[test]
-fn odd_lengths_and_large_factors_are_left_to_single_transforms() {
+fn odd_or_large_prime_length_has_no_batch() {
     for (fft_len, bins) in [(125, 60), (2 * 31, 20)] {
         let f = framing(fft_len, bins);
         assert!(Batch::<f32>::new(&hann(fft_len), bins, &[]).is_none());

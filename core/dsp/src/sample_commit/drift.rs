@@ -1,39 +1,36 @@
-//! The phase that all bins have in common.
+//! Control of the phase that all bins have in common.
 //!
-//! If every bin above 0 is turned by one angle, no magnitude changes but those of the lowest bins, where
-//! positive and negative frequencies meet: the first frames leave this angle to chance, and the frozen
-//! samples hold it. In bursts of 220 Hz it moved by 2 degrees a second. Here the slope of the squared error
-//! over this angle is found from bins 0 and 1, and passes turn all bins a little that way.
+//! If every bin above 0 is rotated by one angle, only the magnitudes of the lowest bins change, where
+//! positive and negative frequencies meet. The first frames leave this angle to chance, and the frozen
+//! samples keep it. In bursts of 220 Hz it moved by 2 degrees a second. Here the slope of the squared
+//! error over this angle is computed from bins 0 and 1, and passes rotate all bins a little in its
+//! direction.
 
-use crate::{Complex, Float, float::unit_circle};
+use crate::{Complex, Float, float::phasor};
 use asperity_state::State;
 
-/// Radians that a pass turns for a slope, divided by the energy; and the most.
+/// Rotation of a pass in rad for a slope over the energy, and its limit.
 const GAIN: f64 = 13.0;
 const MOST: f64 = 2e-3;
 
-/// One frame of so many is looked at.
+/// One of this many frames is evaluated.
 pub(super) const EVERY: u64 = 4;
 
 #[derive(Debug)]
 pub(super) struct Drift<T> {
     /// `e^(-2 pi i j / n)` for each sample.
     wave: Vec<Complex<T>>,
-    /// How much of a new frame is taken into the means: their hops in a window.
+    /// Weight of a new frame in the means.
     part: f64,
-    /// Half the slope, negative, and the energy; means over frames, in the unit of the frames.
+    /// Means over frames of half the negative slope and of the energy, in the unit of the frames.
     slope: f64,
     energy: f64,
 }
 
 impl<T: Float> Drift<T> {
     pub(super) fn new(n: usize, hop: usize) -> Self {
-        let wave = |j: usize| {
-            let (cos, sin) = unit_circle(-(j as f64) / n as f64);
-            Complex::new(T::of(cos), T::of(sin))
-        };
         Self {
-            wave: (0..n).map(wave).collect(),
+            wave: (0..n).map(|j| phasor(-(j as f64) / n as f64)).collect(),
             part: (EVERY as f64 * hop as f64 / n as f64).min(1.0),
             slope: 0.0,
             energy: 0.0,
@@ -44,12 +41,12 @@ impl<T: Float> Drift<T> {
         (self.slope, self.energy) = (0.0, 0.0);
     }
 
-    /// Takes a frame's samples, and the magnitudes it is to have, a quarter of the amplitudes; all divided
+    /// Evaluates a frame's samples and its wanted magnitudes (a quarter of the amplitudes), all divided
     /// by `scale`.
     ///
-    /// With `R` the transform without a window, the Hann window has `2 X_0 = R_0 - Re R_1` and `4 X_1 = 2
-    /// R_1 - R_0 - R_2`. Where `R_1` and `R_2` are turned and `R_0` is not, `2 dX_0 = Im R_1` and `4 d|X_1|
-    /// = R_0 Im X_1 / |X_1|`.
+    /// With `R` the transform without a window, the Hann window has `2 X_0 = R_0 - Re R_1` and `4 X_1 =
+    /// 2 R_1 - R_0 - R_2`. Where `R_1` and `R_2` are rotated and `R_0` is not, `2 dX_0 = Im R_1` and `4
+    /// d|X_1| = R_0 Im X_1 / |X_1|`.
     pub(super) fn hear(&mut self, samples: &[T], magnitudes: &[T], scale: f64) {
         let &[m0, m1, ..] = magnitudes else { return };
         let (mut r0, mut r1, mut r2) = (T::zero(), Complex::<T>::default(), Complex::<T>::default());
@@ -73,7 +70,7 @@ impl<T: Float> Drift<T> {
         self.energy += self.part * (energy * scale * scale - self.energy);
     }
 
-    /// How far a pass is to turn the bins.
+    /// Rotation of the bins by a pass, in turns.
     pub(super) fn turns(&self) -> f64 {
         if self.energy <= 0.0 {
             return 0.0;

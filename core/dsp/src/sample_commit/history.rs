@@ -1,4 +1,4 @@
-//! The frames that are still in use.
+//! The frames still in use.
 
 use super::rescaled;
 use crate::float::keep_wide;
@@ -8,18 +8,18 @@ use asperity_state::State;
 /// One frame of magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slot<T> {
-    /// First sample it covers.
+    /// First sample of the frame.
     pub(super) start: i64,
     /// Largest magnitude; 0 for silence.
     pub(super) peak: T,
 }
 
-/// Frames without a gap, the newest of them and as many before it as there are slots.
+/// Consecutive frames: the newest one and as many before it as there are slots.
 #[derive(Debug)]
 pub(super) struct History<T> {
     framing: Framing,
     slots: Vec<Slot<T>>,
-    /// Magnitudes, slot by slot, on the kernel's own scale.
+    /// Magnitudes, slot by slot, on the kernel's internal scale.
     mags: Vec<T>,
     /// Number of the first frame, and of the one after the newest.
     first: u64,
@@ -42,12 +42,12 @@ impl<T: Float> History<T> {
         (self.first, self.next) = (0, 0);
     }
 
-    /// The number of the frame that would come next; none before the first.
+    /// Number of the next frame; none before the first.
     pub(super) fn expected(&self) -> Option<u64> {
         (self.next > self.first).then_some(self.next)
     }
 
-    /// The frame `age` frames before the newest, if there was one.
+    /// The frame `age` frames before the newest, if there is one.
     pub(super) fn get(&self, age: u64) -> Option<(Slot<T>, &[T])> {
         let known = (self.next - self.first).min(self.slots.len() as u64);
         if age >= known {
@@ -58,7 +58,7 @@ impl<T: Float> History<T> {
         Some((*self.slots.get(at)?, self.mags.get(at * bins..(at + 1) * bins)?))
     }
 
-    /// How many frames, from the newest back, start after `sample`.
+    /// Number of frames, from the newest back, that start after `sample`.
     pub(super) fn starting_after(&self, sample: i64) -> u64 {
         let mut count = 0;
         while self.get(count).is_some_and(|(slot, _)| slot.start > sample) {
@@ -67,16 +67,17 @@ impl<T: Float> History<T> {
         count
     }
 
-    /// Adds silent frames before number `index`: those that never came.
+    /// Adds silent frames before number `index`, for those that are missing.
     pub(super) fn miss_until(&mut self, index: u64) {
-        // More than there are slots would only overwrite each other.
+        // More frames than slots would overwrite each other.
         self.next = self.next.max(index.saturating_sub(self.slots.len() as u64));
         while self.next < index {
             self.add::<T>(&[], T::MAX, T::one());
         }
     }
 
-    /// Adds the frame after the newest, or any after [`clear`](Self::clear), none of it above `most`, times `factor`.
+    /// Adds the frame after the newest, or any frame after [`clear`](Self::clear), limited to `most`,
+    /// times `factor`.
     pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], most: P, factor: T) {
         if self.next == self.first {
             (self.first, self.next) = (index, index);
@@ -114,7 +115,7 @@ impl<T: Float> History<T> {
         self.slots.iter_mut().for_each(|s| s.peak = rescaled(s.peak, factor));
     }
 
-    /// Magnitudes and numbers; starts and peaks follow from them.
+    /// Saves or restores magnitudes and numbers; starts and peaks follow from them.
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.mags, state);
         state.keep(&mut self.first).keep(&mut self.next);
@@ -143,12 +144,12 @@ impl<T: Float> History<T> {
     }
 }
 
-/// The largest of some magnitudes; what is none does not count.
+/// Largest usable magnitude.
 pub(super) fn largest<T: Float>(magnitudes: &[T]) -> T {
     magnitudes.iter().fold(T::zero(), |a, &m| if m > a && usable(m) { m } else { a })
 }
 
-/// Whether it is a magnitude: finite and not negative.
+/// Whether a number is a magnitude: finite and not negative.
 pub(super) fn usable<T: Float>(m: T) -> bool {
     m >= T::zero() && m <= T::MAX
 }

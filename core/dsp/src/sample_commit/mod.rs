@@ -1,164 +1,182 @@
-//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its
+//! own.
 //!
-//! The signal is kept around `t`, the first sample that is not emitted. What lies before `t` was emitted
-//! and is frozen; what lies after it, up to the end of the newest frame, is free, and keeps what earlier
-//! passes left there. When a frame comes, passes are made over the free part. A pass takes some of the
-//! frames that reach beyond `t`, windows the signal at their places, gives each bin of its transform the
-//! magnitude of the frame (bins that are not carried get 0), transforms back, and moves the free samples to
-//! `(sum w y + e z) / (sum w^2 + e)`: the least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP
-//! 32(2), 1984, eq. 6) from the frames `y`, which falls back on the last value `z` where the windows `w`
-//! all but vanish. The next pass starts from a point further on in the direction of this one, as in fast
-//! Griffin-Lim (N. Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013); the free part keeps this momentum
-//! from frame to frame. Then a hop is emitted. A sample that is emitted depends on no later frame.
+//! The signal is kept around `t`, the first sample that is not emitted. Samples before `t` were emitted
+//! and are frozen. Samples from `t` to the end of the newest frame are free, and keep the result of
+//! earlier passes. When a frame comes, passes are made over the free samples, then a hop is emitted. An
+//! emitted sample depends on no later frame. A pass does this:
 //!
-//! Choices, and the figures that decided them:
+//! 1. Take some of the frames that reach beyond `t`, and window the signal at their positions.
+//! 2. Give each bin of the transform the magnitude of the frame; bins that are not carried get 0.
+//! 3. Transform back, and move the free samples to `(sum w y + e z) / (sum w^2 + e)`. This is the
+//!    least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP 32(2), 1984, eq. 6) from the
+//!    frames `y`. It falls back on the last value `z` where the windows `w` almost vanish.
+//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N.
+//!    Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from
+//!    frame to frame.
 //!
-//! * The frames of a pass are the newest one and others spread over all that reach beyond `t`, at places
-//!   that differ from pass to pass. Places that stay the same leave a tone's error at -50 dB instead of
-//!   -80. The newest frames alone diverge for two tones and for smooth magnitudes; spread ones without the
+//! Choices, and the figures behind them:
+//!
+//! * A pass uses the newest frame, and others spread over all that reach beyond `t`, at positions that
+//!   differ from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The
+//!   newest frames alone diverge for two tones and for smooth magnitudes. Spread frames without the
 //!   newest are 6 to 15 dB worse for noise.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
-//! * The newest hop starts from 0: a signal that goes on at the period of the strongest bin is 0.3 dB worse
-//!   for noise at emission 0, and up to 1.6 dB better at -20. Where the signal says nothing yet, phases are
-//!   those of a sweep through the middle half of the window: from random ones two tones may take a second
-//!   to find their beat.
-//! * One angle by which all bins above 0 are turned shows only in the magnitudes of the lowest three or
-//!   four, and is slow to be found. Passes turn the bins by the slope of the error over this angle. 40
-//!   bursts of 220 Hz a second come to -40.1 dB between 1.5 and 2.7 s (median of 12 seeds; -37.9 without),
-//!   and to -50 after 8 s.
-//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for smooth
-//!   magnitudes, and worse at negative emissions.
+//! * The newest hop starts from 0. A signal continued at the period of the strongest bin is 0.3 dB
+//!   worse for noise at emission 0, and up to 1.6 dB better at -20. Where the signal is still silent,
+//!   phases are those of a sweep through the middle half of the window: from random ones two tones may
+//!   take a second to find their beat.
+//! * One angle that rotates all bins above 0 shows only in the magnitudes of the lowest three or four,
+//!   so it converges slowly. Passes rotate the bins by the slope of the error over this angle. 40
+//!   bursts of 220 Hz a second come to -40.1 dB between 1.5 and 2.7 s (median of 12 seeds; -37.9
+//!   without), and to -50 after 8 s.
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for
+//!   smooth magnitudes, and worse at negative emissions.
 //!
-//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those
-//! 20 hops later. An early sample stands under fewer frames, so quality falls, while the output answers
-//! sooner. Spectral convergence in dB (lower is better), mean of three seeds, momentum 0.9, on the vectors
-//! of `tests/data/phase`; gain and rms error of the long-term spectrum, in dB, for smooth magnitudes that
-//! are no signal's (nnsmooth: what a network trained on squared error puts out); milliseconds until a step
-//! from 1 to 2 in the magnitudes of a noise has shown by 10, 50 and 90 %; median time a frame at N = 250
-//! and 4800 in f32 on one AVX-512 core (AMD EPYC) of a busy machine, where up to eight frames are
-//! transformed at once in the lanes of a register:
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20
+//! those 20 hops later. An early sample is covered by fewer frames, so quality falls, while the output
+//! answers sooner.
 //!
-//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
-//! |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
-//! | 5 x 2 | 0 | -87.8 | -68.6 | -28.8 | -55.4 | -29.9 | -26.7 | -16.7 | -0.19, 0.33 | -27.8 | -58.1 | 44, 55, 60 | 3.9, 74 |
-//! | 5 x 3 | 0 | -93.2 | -72.4 | -30.0 | -56.3 | -30.7 | -30.0 | -17.1 | -0.14, 0.30 | -28.2 | -63.8 | 44, 55, 60 | 5.7, 112 |
-//! | 5 x 5 | 0 | -90.0 | -79.0 | -31.1 | -63.0 | -32.6 | -30.7 | -16.9 | -0.13, 0.36 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
-//! | 10 x 5 | 0 | -99.2 | -87.7 | -28.0 | -61.8 | -31.7 | -30.9 | -17.3 | -0.12, 0.48 | -28.4 | -79.1 | 44, 55, 60 | 17.4, 286 |
-//! | 5 x 5 | 10 | -78.7 | -73.6 | -31.8 | -70.9 | -38.6 | -32.8 | -16.6 | -0.07, 0.43 | -31.8 | -66.3 | 63, 74, 80 | 9.4, 186 |
-//! | 5 x 5 | -10 | -86.4 | -69.5 | -28.1 | -43.5 | -27.5 | -30.3 | -17.0 | -0.11, 0.37 | -29.0 | -65.5 | 26, 34, 41 | 9.1, 182 |
-//! | 5 x 5 | -15 | -87.7 | -72.8 | -25.0 | -38.4 | -26.2 | -27.3 | -17.0 | -0.23, 0.46 | -24.6 | -61.9 | 16, 25, 30 | 9.0, 179 |
-//! | 5 x 3 | -20 | -95.8 | -67.2 | -20.5 | -38.4 | -21.3 | -22.9 | -16.8 | -0.37, 0.47 | -23.4 | -54.0 | 11, 16, 22 | 5.6, 107 |
-//! | 5 x 5 | -20 | -91.9 | -71.7 | -22.3 | -36.1 | -23.3 | -24.9 | -16.8 | -0.38, 0.52 | -20.3 | -57.2 | 11, 16, 22 | 9.1, 176 |
-//! | 5 x 3 | -25 | -78.3 | -64.8 | -20.9 | -36.3 | -19.2 | -20.4 | -16.4 | -0.46, 0.49 | -18.1 | -49.3 | 0, 10, 14 | 5.5, 106 |
-//! | 5 x 5 | -25 | -77.1 | -66.9 | -20.5 | -33.7 | -22.0 | -22.8 | -16.6 | -0.46, 0.52 | -18.8 | -50.7 | 0, 10, 14 | 9.0, 178 |
-//! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
-//! | 10 x 5 | -25 | -76.3 | -68.6 | -20.5 | -29.6 | -24.5 | -24.2 | -16.9 | -0.35, 0.45 | -18.5 | -49.3 | 0, 10, 14 | 16.9, 275 |
+//! Spectral convergence in dB (lower is better) on the vectors of `tests/data/phase`, mean of three
+//! seeds, momentum 0.9:
 //!
-//! Seeds of taps differ by 2 dB. Lag and time were measured before phases were turned, which makes a frame
-//! cost 3 to 10 % more; so was 5 x 6.
+//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth |
+//! |---|---|---|---|---|---|---|---|---|
+//! | 5 x 2 | 0 | -87.8 | -68.6 | -28.8 | -55.4 | -29.9 | -26.7 | -16.7 |
+//! | 5 x 3 | 0 | -93.2 | -72.4 | -30.0 | -56.3 | -30.7 | -30.0 | -17.1 |
+//! | 5 x 5 | 0 | -90.0 | -79.0 | -31.1 | -63.0 | -32.6 | -30.7 | -16.9 |
+//! | 10 x 5 | 0 | -99.2 | -87.7 | -28.0 | -61.8 | -31.7 | -30.9 | -17.3 |
+//! | 5 x 5 | 10 | -78.7 | -73.6 | -31.8 | -70.9 | -38.6 | -32.8 | -16.6 |
+//! | 5 x 5 | -10 | -86.4 | -69.5 | -28.1 | -43.5 | -27.5 | -30.3 | -17.0 |
+//! | 5 x 5 | -15 | -87.7 | -72.8 | -25.0 | -38.4 | -26.2 | -27.3 | -17.0 |
+//! | 5 x 3 | -20 | -95.8 | -67.2 | -20.5 | -38.4 | -21.3 | -22.9 | -16.8 |
+//! | 5 x 5 | -20 | -91.9 | -71.7 | -22.3 | -36.1 | -23.3 | -24.9 | -16.8 |
+//! | 5 x 3 | -25 | -78.3 | -64.8 | -20.9 | -36.3 | -19.2 | -20.4 | -16.4 |
+//! | 5 x 5 | -25 | -77.1 | -66.9 | -20.5 | -33.7 | -22.0 | -22.8 | -16.6 |
+//! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 |
+//! | 10 x 5 | -25 | -76.3 | -68.6 | -20.5 | -29.6 | -24.5 | -24.2 | -16.9 |
 //!
-//! For the magnitudes of a network, which are no signal's, fewer do as well, and follow a change sooner: 2
-//! x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N = 250 and 37
-//! at 4800, and gain by plans that all share alone.
+//! The same for two vectors at 48 kHz, and three more figures. Gain and rms error of the long-term
+//! spectrum in dB are for smooth magnitudes that belong to no signal (nnsmooth: the output of a network
+//! trained on squared error). Lag is the time until a step from 1 to 2 in the magnitudes of a noise has
+//! shown by 10, 50 and 90 %. Time is the median a frame at N = 250 and 4800 in f32 on one AVX-512 core
+//! (AMD EPYC) of a busy machine, where up to eight frames are transformed at once in the lanes of a
+//! register:
+//!
+//! | frames x passes | emission | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
+//! |---|---|---|---|---|---|---|
+//! | 5 x 2 | 0 | -0.19, 0.33 | -27.8 | -58.1 | 44, 55, 60 | 3.9, 74 |
+//! | 5 x 3 | 0 | -0.14, 0.30 | -28.2 | -63.8 | 44, 55, 60 | 5.7, 112 |
+//! | 5 x 5 | 0 | -0.13, 0.36 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
+//! | 10 x 5 | 0 | -0.12, 0.48 | -28.4 | -79.1 | 44, 55, 60 | 17.4, 286 |
+//! | 5 x 5 | 10 | -0.07, 0.43 | -31.8 | -66.3 | 63, 74, 80 | 9.4, 186 |
+//! | 5 x 5 | -10 | -0.11, 0.37 | -29.0 | -65.5 | 26, 34, 41 | 9.1, 182 |
+//! | 5 x 5 | -15 | -0.23, 0.46 | -24.6 | -61.9 | 16, 25, 30 | 9.0, 179 |
+//! | 5 x 3 | -20 | -0.37, 0.47 | -23.4 | -54.0 | 11, 16, 22 | 5.6, 107 |
+//! | 5 x 5 | -20 | -0.38, 0.52 | -20.3 | -57.2 | 11, 16, 22 | 9.1, 176 |
+//! | 5 x 3 | -25 | -0.46, 0.49 | -18.1 | -49.3 | 0, 10, 14 | 5.5, 106 |
+//! | 5 x 5 | -25 | -0.46, 0.52 | -18.8 | -50.7 | 0, 10, 14 | 9.0, 178 |
+//! | 5 x 6, momentum 0.85 | -25 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
+//! | 10 x 5 | -25 | -0.35, 0.45 | -18.5 | -49.3 | 0, 10, 14 | 16.9, 275 |
+//!
+//! Seeds of taps differ by 2 dB. Lag and time were measured before phases were rotated, which makes a
+//! frame cost 3 to 10 % more; so was 5 x 6.
+//!
+//! A network's magnitudes belong to no signal. For these, fewer frames do as well and follow a change
+//! sooner: 2 x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N
+//! = 250 and 37 at 4800.
 //!
 //! At -20 a step shows after 16 ms instead of 55, noise is 12 dB better than with `spsi`, and level and
-//! spectrum of smooth magnitudes are within 0.5 and 1 dB: that is the default. At -25 it shows 6 ms sooner,
-//! and the level is 0.46 dB low. There the texture has two answers that last, near -20 and -24 dB, and the
-//! seed says which is found; 5 x 6 with momentum 0.85 is the setting for it. At -30 quality breaks down. 3
-//! passes are as good as 5 for noise; 5 are better for what starts and stops.
+//! spectrum of smooth magnitudes are within 0.5 and 1 dB: that is the default. At -25 it shows 6 ms
+//! sooner, and the level is 0.46 dB low. There the texture has two stable results, near -20 and -24 dB,
+//! depending on the seed; use 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as
+//! good as 5 for noise; 5 are better for signals that start and stop.
 //!
-//! A stream fades in over a tenth of a window (longer where its first frame's window begins), and nothing
-//! is assumed to have been before its first frame. A frame that does not come is silence, so the signal
-//! fades out as the windows do.
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins). Nothing
+//! is assumed before its first frame. A missing frame is silence, so the signal fades out as the
+//! windows do.
 
 mod batch;
 mod drift;
 mod history;
 mod project;
 mod settings;
-mod state;
 
 pub use settings::{MAX_WORK, Settings, SettingsError};
 
-use crate::float::unit_circle;
+use crate::float::{keep_wide, phasor};
 use crate::lanes::LANES;
 use crate::magnitude::largest_of;
 use crate::overlap_add::FrameError;
 use crate::random::uniform;
 use crate::{Complex, Float, Framing};
 use asperity_numbers::Elementary as _;
+use asperity_state::State;
 use drift::Drift;
 use history::{History, largest, usable};
 use project::{Call, Projector};
 
-/// Weight of a sample's last value against the windows' squares, where those are small.
+/// Weight of a sample's last value relative to the squared windows, where those are small.
 const INERTIA: f64 = 3e-3;
 
-/// The same over the first window of a stream, where the frames in use are few and do not agree yet.
+/// The same over the first window of a stream, where the few frames do not agree yet.
 const FIRST_INERTIA: f64 = 0.1;
 
-/// Passes in which each frame comes to be looked at once, on average, up to which momentum may be as large
-/// as is wished. Beyond, it is held to the square of what they are over: 2 frames of 50 a pass can have
-/// 0.36.
+/// Passes within which each frame is used once on average, up to which any momentum is allowed. Beyond,
+/// momentum is limited to the square of their ratio: 2 frames of 50 a pass allow 0.36.
 const ROUND: f64 = 15.0;
 
-/// Samples that were emitted are at most this much on the kernel's own scale, where frames are near 1: the
-/// square of a sum of them has a number in f32.
+/// Limit of emitted samples on the internal scale, where frames are near 1. The square of a sum of them
+/// still fits into f32.
 const LOUD: f64 = (1u64 << 40) as f64;
 
-/// Magnitude frames in, samples out.
+/// Limit of sample positions: millions of years at any rate.
+const FAR: i64 = 1 << 61;
+
+/// Turns a stream of magnitude frames into samples.
+#[derive(Debug)]
 pub struct SampleCommit<T> {
     framing: Framing,
     settings: Settings,
     seed: u64,
-    /// Samples from the content's time to the output's; negative is early.
+    /// Delay of the output in samples; negative is early.
     delay: i64,
     history: History<T>,
     projector: Projector<T>,
     drift: Drift<T>,
-    /// Shortest hop in samples; none is longer by more than one.
+    /// Shortest hop in samples; the longest is at most one longer.
     hop: usize,
     /// Ages of the frames of a pass.
     chosen: Vec<u64>,
-    /// The signal over `[next - fft_len, ..)`, from `head` on: as it is, and run on by momentum.
+    /// The signal over `[next - fft_len, ..)`, from `head` on: itself, and extrapolated by momentum.
     x: Vec<T>,
     z: Vec<T>,
     head: usize,
-    /// Sums over the same, for one pass.
+    /// Sums over the same samples, for one pass.
     sum: Vec<T>,
     weight: Vec<T>,
-    /// The weight that is to be expected there of as many frames as a pass looks at.
+    /// Expected weight there for as many frames as a pass uses.
     expected: Vec<T>,
-    /// Squares of the window from each place on, a hop apart, added up.
+    /// Sum of squared windows a hop apart, from each position on.
     cover: Vec<T>,
-    /// First sample that is not emitted, in the content's time.
+    /// First sample that is not emitted, on the input's time axis.
     next: i64,
-    /// Magnitudes and samples are kept divided by this power of two.
+    /// Magnitudes and samples are stored divided by this power of two.
     scale: f64,
     /// End of the last frame that was not silent.
     sounds_until: i64,
     /// Start of the first frame. Samples from here to `fade_from` were never emitted.
     unheard_from: i64,
-    /// Where the first frame begins to be heard, and how it fades in.
+    /// First audible sample of the stream, and its fade-in.
     fade_from: i64,
     fade: Vec<T>,
-    /// How it fades in besides, from its own start: there its window says too little.
+    /// Additional fade-in from the first frame's start, where its window has little weight.
     rise: Vec<T>,
 }
 
-impl<T> std::fmt::Debug for SampleCommit<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SampleCommit")
-            .field("framing", &self.framing)
-            .field("settings", &self.settings)
-            .field("next", &self.next)
-            .finish_non_exhaustive()
-    }
-}
-
 impl<T: Float> SampleCommit<T> {
-    /// Plans transforms and makes room for the frames in use. What is left to chance is a function of
-    /// `seed` and the frame's number.
+    /// Plans transforms and allocates the frames in use. All random numbers are a function of `seed`
+    /// and the frame number.
     ///
     /// # Errors
     /// Each kind of [`SettingsError`].
@@ -187,7 +205,7 @@ impl<T: Float> SampleCommit<T> {
             cover,
             hop,
             chosen: Vec::with_capacity(slots),
-            // As long again as a window, so that the signal is moved to the front only once a window.
+            // One window longer, so that the signal is moved to the front only once a window.
             x: vec![T::zero(); len + n],
             z: vec![T::zero(); len + n],
             sum: vec![T::zero(); len],
@@ -210,23 +228,23 @@ impl<T: Float> SampleCommit<T> {
         Ok(new)
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
 
-    /// How many samples later a frame's content comes out than an overlap-add would emit it:
-    /// `floor(emission * hop)`, negative where it is early.
+    /// Delay of the output in samples relative to an overlap-add: `floor(emission * hop)`, negative
+    /// where it is early.
     pub fn delay(&self) -> i64 {
         self.delay
     }
 
-    /// How it works.
+    /// The settings.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// Changes how hard it works from the next frame on. The emission stays as it is.
+    /// Changes frames, passes and momentum from the next frame on. The emission stays.
     ///
     /// # Errors
     /// [`SettingsError::Work`] and [`SettingsError::Momentum`]; then nothing changes.
@@ -236,12 +254,12 @@ impl<T: Float> SampleCommit<T> {
         Ok(())
     }
 
-    /// Whether all that comes out until the next frame is zero.
+    /// Whether the output is zero until the next frame.
     pub fn is_silent(&self) -> bool {
         self.next >= self.sounds_until
     }
 
-    /// Whether no frame is remembered: what comes next is as after a [`reset`](Self::reset).
+    /// Whether no frame is held, as after a [`reset`](Self::reset).
     pub fn is_fresh(&self) -> bool {
         self.history.expected().is_none()
     }
@@ -262,13 +280,12 @@ impl<T: Float> SampleCommit<T> {
         i64::try_from(start).unwrap_or(i64::MAX).saturating_sub(self.delay)
     }
 
-    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and works
-    /// on all that is not emitted.
+    /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and
+    /// refines the samples not emitted yet.
     ///
-    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0, more than
-    /// `framing.bins` are not used; one that is NaN, infinite or negative is taken as 0, and the number of
-    /// these is returned. Frames that were left out since the one before are silent. Before the first one
-    /// nothing is known.
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0; those beyond
+    /// `framing.bins` are ignored. A magnitude that is NaN, infinite or negative counts as 0; their
+    /// number is returned. Frames skipped since the last one are silent.
     ///
     /// # Errors
     /// A frame out of reach or out of order is not used; see [`FrameError`].
@@ -283,7 +300,7 @@ impl<T: Float> SampleCommit<T> {
         }
         let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
         let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
-        // Those of all bins together stay finite.
+        // The sum over all bins stays finite.
         let most = P::of(largest_of::<P, T>() / (8 * (self.framing.bins + 1)) as f64);
         let peak = largest(magnitudes);
         let peak = if peak > most { most } else { peak };
@@ -303,15 +320,15 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within reach of single precision whatever the unit: all is divided by a power of two
-    /// near the largest magnitude.
+    /// Keeps squares within single precision in any unit: divides everything by a power of two near the
+    /// largest magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
         if most <= 0.0 || (self.scale * 2f64.powi(-16)..=self.scale * 2f64.powi(16)).contains(&most) {
             return;
         }
-        // The exponent, kept where its inverse is a normal number too.
+        // Limited so that the inverse is a normal number too.
         let exponent = ((most.to_bits() >> 52) as i32 - 1023).clamp(-100, 100);
         let scale = 2f64.powi(exponent);
         let factor = self.scale / scale;
@@ -322,7 +339,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Some passes over what is not emitted.
+    /// Makes the passes over the samples not emitted yet.
     fn refine(&mut self) {
         if self.is_silent() {
             return;
@@ -330,8 +347,8 @@ impl<T: Float> SampleCommit<T> {
         let origin = self.next - self.framing.fft_len as i64;
         let candidates = self.history.starting_after(origin);
         let Some((newest, _)) = self.history.get(0) else { return };
-        // Within the buffers: a frame that starts too early was refused. One that lies behind them has
-        // nothing left to say.
+        // Within the buffers: a frame that starts too early was refused. A frame entirely behind them
+        // has no effect any more.
         let Ok(at) = usize::try_from(newest.start.saturating_sub(origin)) else { return };
         let end = at.saturating_add(self.framing.fft_len);
         if end > self.sum.len() {
@@ -347,7 +364,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// How far a pass is to turn the phases, from what a frame in the middle of those in use says.
+    /// Rotation of the bins in a pass, from a frame in the middle of those in use.
     fn turn(&mut self, candidates: u64, origin: i64) -> Complex<T> {
         let n = self.framing.fft_len as i64;
         let due = self.history.expected().is_some_and(|next| next.is_multiple_of(drift::EVERY));
@@ -358,12 +375,11 @@ impl<T: Float> SampleCommit<T> {
             let at = self.head + (slot.start - origin) as usize;
             self.drift.hear(&self.x[at..at + self.framing.fft_len], mags, self.scale);
         }
-        let (cos, sin) = unit_circle(self.drift.turns());
-        Complex::new(T::of(cos), T::of(sin))
+        phasor(self.drift.turns())
     }
 
-    /// Says what weight the frames of a pass have on average: that of all frames, times the `share` of them
-    /// that a pass looks at. The newest frame starts at `at`.
+    /// Computes the average weight of the frames of a pass: that of all frames, times the `share` that
+    /// a pass uses. The newest frame starts at `at`.
     fn expect(&mut self, candidates: u64, share: f64, at: usize, end: usize) {
         let n = self.framing.fft_len;
         let share = T::of(share);
@@ -380,8 +396,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// The newest frame, and of the others one from each of as many equal spans of time, at a place that
-    /// differs from pass to pass. Where a pass has one frame, it is the newest in every second pass, on
+    /// Chooses the newest frame, and one from each of equal spans of time over the others, at positions
+    /// that differ from pass to pass. A pass of one frame uses the newest in every second pass on
     /// average.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
@@ -402,7 +418,8 @@ impl<T: Float> SampleCommit<T> {
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
 
-    /// Projects the chosen frames, turned by `turn`, and moves the free samples to their weighted mean.
+    /// Projects the chosen frames, rotated by `turn`, and moves the free samples to their weighted
+    /// mean.
     fn pass(&mut self, origin: i64, end: usize, momentum: f64, turn: Complex<T>) {
         let n = self.framing.fft_len;
         let unheard = self.unheard(origin);
@@ -417,7 +434,7 @@ impl<T: Float> SampleCommit<T> {
             for &age in some {
                 let Some((slot, mags)) = self.history.get(age) else { continue };
                 let at = (slot.start - origin) as usize;
-                // What of the frame is free.
+                // Free samples of the frame.
                 let free = from.max(at)..at + n;
                 let skip = free.start - at;
                 add(&mut weight[free], &self.projector.square()[skip..]);
@@ -438,7 +455,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Samples in view that have frames but were not emitted, since the first frame came too late for them.
+    /// Samples in view that have frames but were never emitted, because the first frame came too late
+    /// for them.
     fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
         let n = self.framing.fft_len as i64;
         let place = |sample: i64| sample.saturating_sub(origin).clamp(0, n);
@@ -446,8 +464,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Says that the next sample to be emitted is `start`. Samples that a later one leaves out are dropped;
-    /// an earlier one, or one more than a window later, begins anew there.
+    /// Moves to `start` as the next sample. Samples in between are dropped; an earlier position, or one
+    /// more than a window later, starts anew.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -458,28 +476,20 @@ impl<T: Float> SampleCommit<T> {
 
     /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
     ///
-    /// Samples are to be taken in order (else see [`seek`](Self::seek)), and after the frames that start
-    /// among them: one that did not come is silence.
+    /// Samples are taken in order (else see [`seek`](Self::seek)), after the frames that start among
+    /// them. A missing frame is silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;
         let mut end = start;
-        // A hop at a time: of the frames that are missed, none is then out of reach.
+        // One hop at a time, so that no missing frame is out of reach.
         for block in out.chunks_mut(self.hop + 1) {
             end = end.saturating_add(block.len() as u64);
             self.miss(end);
             let scale = T::of(self.scale);
             let most = T::of(largest_of::<P, T>());
             for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
-                let y = x * scale;
-                let y = if y > most {
-                    most
-                } else if y < -most {
-                    -most
-                } else {
-                    y
-                };
-                *to = (y * self.fade_at(self.next + i as i64)).to();
+                *to = ((x * scale).limited(most) * self.fade_at(self.next + i as i64)).to();
             }
             self.advance(block.len());
         }
@@ -493,7 +503,7 @@ impl<T: Float> SampleCommit<T> {
         gain(self.fade_from, &self.fade) * gain(self.unheard_from, &self.rise)
     }
 
-    /// Takes frames that should have come before sample `end` for silence.
+    /// Treats frames that should have come before sample `end` as silence.
     fn miss(&mut self, end: u64) {
         let Some(expected) = self.history.expected() else { return };
         if self.framing.start(expected) >= end {
@@ -530,10 +540,38 @@ impl<T: Float> SampleCommit<T> {
             self.head = 0;
         }
     }
+
+    /// Saves or restores the frames in use, their samples and positions. A state of another layout or
+    /// emission, or an impossible one, is refused.
+    pub fn state(&mut self, state: &mut State<'_>) {
+        let mut delay = self.delay;
+        self.history.state(state);
+        self.drift.state(state);
+        keep_wide(&mut self.x, state);
+        keep_wide(&mut self.z, state);
+        state.keep(&mut self.head).keep(&mut self.next);
+        state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
+        state.keep(&mut self.fade_from).keep(&mut delay);
+        let len = self.sum.len();
+        let ahead = (len - 2 * self.framing.fft_len) as i64;
+        let places = self.head.checked_add(len).is_some_and(|end| end <= self.x.len())
+            && (-delay.max(0)..FAR).contains(&self.next)
+            && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
+        // Positions to which additions do not overflow.
+        let far = |t: i64| t != i64::MIN && !(-FAR..FAR).contains(&t);
+        let places = places && ![self.sounds_until, self.unheard_from, self.fade_from].into_iter().any(far);
+        let finite = self.x.iter().chain(&self.z).all(|x| x.finite())
+            && (2f64.powi(-100)..=2f64.powi(100)).contains(&self.scale);
+        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+            self.reset(0);
+            state.refuse();
+        }
+    }
 }
 
-/// On another scale. A factor that single precision has no number for is one in double, and what was
-/// emitted long before, and may be far louder than any frame that is known still, is held to [`LOUD`].
+/// Changes the scale. The factor may exceed single precision, so the product is in double precision.
+/// Samples emitted long ago may be far louder than any frame still held, so they are limited to
+/// [`LOUD`].
 fn rescaled<T: Float>(x: T, factor: f64) -> T {
     T::of((x.f64() * factor).clamp(-LOUD, LOUD))
 }
@@ -550,8 +588,9 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// The mean of what frames say, by their weights, and of what was there; then on in the direction taken.
-/// What was there has the weight that frames lack of what is expected of them, and `inertia` at least.
+/// Moves to the weighted mean of the frames and the last value, then extrapolates in the same
+/// direction. The last value has the weight that the frames lack of the expected one, and at least
+/// `inertia`.
 fn step<T: Float>(x: &mut [T], z: &mut [T], [sum, weight, expected]: [&[T]; 3], momentum: T, inertia: T) {
     let frames = sum.iter().zip(weight).zip(expected);
     for ((x, z), ((&sum, &weight), &expected)) in x.iter_mut().zip(z).zip(frames) {

@@ -1,29 +1,27 @@
-//! One frame's projection: the nearest frame that has the wanted magnitudes.
+//! Projection of one frame: the nearest frame with the wanted magnitudes.
 
 use super::batch::Batch;
+use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, float::unit_circle, plans};
-use realfft::{ComplexToReal, RealToComplex};
-use std::sync::Arc;
+use crate::{Complex, Float, Framing, float::unit_circle};
 
-/// How much of a magnitude, relative, has the start phase: it decides only where the signal so far says
-/// nothing.
+/// Relative size of the start phase in a bin. It matters only where the signal so far is silent.
 const HINT: f64 = 1e-6;
 
-/// Below any square that counts, and keeps 0 / 0 from being NaN.
+/// Below any square that counts; avoids 0 / 0.
 pub(super) const TINY: f64 = 1e-36;
 
-/// Fewer frames than this are transformed one by one. A batch takes as long however few are in it, and a plain transform
-/// half as long.
+/// Fewer frames than this are transformed one by one. A batch takes the same time for any number of
+/// frames, a plain transform half of it.
 const FEW: usize = 2;
 
-/// Frames to be projected, and the sum that they are added to.
+/// Frames to project, and the sum to which they are added.
 pub(super) struct Call<'a, T> {
     /// The signal so far.
     pub z: &'a [T],
-    /// Frames by their place in `z`, with the magnitudes that are wanted: as many as there are lanes at most.
+    /// Frames by their position in `z`, with the wanted magnitudes; at most as many as there are lanes.
     pub frames: &'a [(usize, &'a [T])],
-    /// Sample from which on something is added.
+    /// First sample that is changed.
     pub from: usize,
     /// Sum of the projected frames, each windowed; as long as `z`.
     pub sum: &'a mut [T],
@@ -31,50 +29,40 @@ pub(super) struct Call<'a, T> {
     pub turn: Complex<T>,
 }
 
-/// Transforms of one length, their window and buffers.
+/// Transforms of one length, with window and buffers.
+#[derive(Debug)]
 pub(super) struct Projector<T> {
-    forward: Arc<dyn RealToComplex<T>>,
-    inverse: Arc<dyn ComplexToReal<T>>,
+    transform: Transform<T>,
     window: Vec<T>,
     square: Vec<T>,
-    frame: Vec<T>,
-    spectrum: Vec<Complex<T>>,
-    forward_scratch: Vec<Complex<T>>,
-    inverse_scratch: Vec<Complex<T>>,
-    /// A phase for each bin, times [`HINT`] and the transform's length.
+    /// Start phase of each bin, times [`HINT`] and the transform's length.
     hint: Vec<Complex<T>>,
-    /// Many frames at once, where that is faster.
+    /// Transform of many frames at once, where that is faster.
     batch: Option<Batch<T>>,
 }
 
 impl<T: Float> Projector<T> {
     pub(super) fn new(framing: &Framing, seed: u64) -> Self {
         let n = framing.fft_len;
-        let (forward, inverse) = (plans::forward::<T>(n), plans::inverse::<T>(n));
         let window = hann::<f64>(n);
         let hint = hint(framing, seed);
         let plain: Vec<T> = window.iter().map(|&w| T::of(w)).collect();
         Self {
             batch: Batch::new(&plain, framing.bins, &hint),
-            frame: forward.make_input_vec(),
-            spectrum: forward.make_output_vec(),
-            forward_scratch: forward.make_scratch_vec(),
-            inverse_scratch: inverse.make_scratch_vec(),
+            transform: Transform::new(n),
             square: window.iter().map(|w| T::of(w * w)).collect(),
             window: plain,
             hint,
-            forward,
-            inverse,
         }
     }
 
-    /// The window times itself.
+    /// The squared window.
     pub(super) fn square(&self) -> &[T] {
         &self.square
     }
 
-    /// Gives each bin of each frame the magnitude that is wanted and keeps its phase, and adds what that is in
-    /// time to the sum.
+    /// Gives each bin of each frame its wanted magnitude, keeps its phase, and adds the resulting
+    /// samples to the sum.
     pub(super) fn project(&mut self, call: Call<'_, T>) {
         if let Some(batch) = self.batch.as_mut().filter(|_| call.frames.len() >= FEW) {
             return batch.project(call);
@@ -88,29 +76,23 @@ impl<T: Float> Projector<T> {
         }
     }
 
-    /// Windows the samples, gives each bin the magnitude that is wanted and keeps its phase. `magnitudes`
-    /// are a quarter of the amplitudes that a frame has: the inverse transform, which does not divide, then
-    /// gives the windowed signal.
+    /// Projects one frame. `magnitudes` are a quarter of a frame's amplitudes: the unscaled inverse
+    /// transform then gives the windowed signal.
     fn project_one(&mut self, samples: &[T], magnitudes: &[T], turn: Complex<T>) {
-        for ((to, &x), &w) in self.frame.iter_mut().zip(samples).zip(&self.window) {
+        for ((to, &x), &w) in self.transform.time.iter_mut().zip(samples).zip(&self.window) {
             *to = x * w;
         }
-        // Lengths are the plans' own and the two real bins are real, so there is nothing they can refuse.
-        let done =
-            self.forward.process_with_scratch(&mut self.frame, &mut self.spectrum, &mut self.forward_scratch);
-        debug_assert!(done.is_ok());
-        let even = self.frame.len().is_multiple_of(2);
-        impose(&mut self.spectrum, magnitudes, &self.hint);
-        let complex = self.spectrum.len() - usize::from(even);
-        self.spectrum[1.min(complex)..complex].iter_mut().for_each(|x| *x = *x * turn);
-        let done =
-            self.inverse.process_with_scratch(&mut self.spectrum, &mut self.frame, &mut self.inverse_scratch);
-        debug_assert!(done.is_ok());
+        self.transform.forward();
+        let Transform { time, bins, .. } = &mut self.transform;
+        impose(bins, magnitudes, &self.hint);
+        let complex = bins.len() - usize::from(time.len().is_multiple_of(2));
+        bins[1.min(complex)..complex].iter_mut().for_each(|x| *x = *x * turn);
+        self.transform.inverse();
     }
 
-    /// Adds the window times the projected frame, but for its first `skip` samples.
+    /// Adds the window times the projected frame, without its first `skip` samples.
     fn add_to(&self, sum: &mut [T], skip: usize) {
-        for ((to, &y), &w) in sum.iter_mut().zip(&self.frame[skip..]).zip(&self.window[skip..]) {
+        for ((to, &y), &w) in sum.iter_mut().zip(&self.transform.time[skip..]).zip(&self.window[skip..]) {
             *to += y * w;
         }
     }
@@ -130,12 +112,12 @@ fn impose<T: Float>(spectrum: &mut [Complex<T>], magnitudes: &[T], hint: &[Compl
 }
 
 /// Start phases whose group delay sweeps the middle half of the window (M. R. Schroeder, "Synthesis of
-/// low-peak-factor signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory 16(1),
-/// 1970): neighbours agree, as the bins of one sinusoid do, and a flat spectrum is no click.
+/// low-peak-factor signals and binary sequences with low autocorrelation", IEEE Trans. Inf. Theory
+/// 16(1), 1970). Neighbours agree, as the bins of one sinusoid do, and a flat spectrum is no click.
 ///
-/// Bin 0 is real, and the sweep goes on from its phase, a quarter of a turn behind, as a struck resonance
-/// is. Where the phases above bin 0 are at odds with its sign, the frozen samples keep them so for seconds:
-/// 40 bursts of 220 Hz a second stay 8 dB worse.
+/// Bin 0 is real. The sweep starts from its phase, a quarter of a turn behind, as in a struck
+/// resonance. Where the phases above bin 0 disagree with its sign, the frozen samples keep them so for
+/// seconds: 40 bursts of 220 Hz a second stay 8 dB worse.
 fn hint<T: Float>(framing: &Framing, seed: u64) -> Vec<Complex<T>> {
     let (n, bins) = (framing.fft_len, framing.bins);
     let mut turns = if crate::random::uniform(seed, 0, 0) < 0.5 { 0.0 } else { 0.5 };

@@ -1,19 +1,20 @@
-//! What can be chosen.
+//! Settings of [`SampleCommit`](super::SampleCommit).
 
 use crate::{Framing, FramingError};
+use thiserror::Error;
 
-/// How hard, and how early, [`SampleCommit`] works.
+/// Amount of work and time of emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Frames that a pass looks at, 1 or more: the newest, and others spread over those that reach past the last emitted
-    /// sample.
+    /// Frames of a pass, 1 or more: the newest, and others spread over those that reach past the last
+    /// emitted sample.
     pub frames: usize,
-    /// Passes for each frame that comes, 1 or more.
+    /// Passes for each new frame, 1 or more.
     pub passes: usize,
-    /// How far a pass runs on in the direction of the one before, in [0, 1).
+    /// Extrapolation of a pass in the direction of the one before, in [0, 1).
     pub momentum: f64,
-    /// Where samples are emitted, in frames: 0 at the start of the newest frame, negative inside it (half a window before its
-    /// end, at its centre, is -25 at 50 frames a window), positive so many frames before its start.
+    /// Time of emission in frames. 0: at the start of the newest frame. Negative: inside it (-25 is its
+    /// centre at 50 frames a window). Positive: before its start.
     pub emission: i32,
 }
 
@@ -23,46 +24,29 @@ impl Default for Settings {
     }
 }
 
-/// What is wrong with [`Settings`], or with the framing they are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Reason why [`Settings`] or their framing are refused.
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// See [`FramingError`].
-    Framing(FramingError),
+    /// The framing is refused.
+    #[error(transparent)]
+    Framing(#[from] FramingError),
     /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
+    #[error("frames and passes are 1 to {}", MAX_WORK)]
     Work,
     /// The momentum is not in [0, 1).
+    #[error("the momentum is not in [0, 1)")]
     Momentum,
-    /// Emission behind the end of the newest frame, or more than ten windows before its start.
+    /// Emission after the end of the newest frame, or more than ten windows before its start.
+    #[error("samples can be emitted from the end of a window to ten windows before it")]
     Emission,
 }
 
 /// Most frames in a pass, and most passes for a frame.
 pub const MAX_WORK: usize = 100;
 
-impl std::fmt::Display for SettingsError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Framing(e) => e.fmt(f),
-            Self::Work => write!(f, "frames and passes are 1 to {MAX_WORK}"),
-            Self::Momentum => write!(f, "the momentum is not in [0, 1)"),
-            Self::Emission => {
-                write!(f, "samples can be emitted from the end of a window to ten windows before it")
-            }
-        }
-    }
-}
-
-impl std::error::Error for SettingsError {}
-
-impl From<FramingError> for SettingsError {
-    fn from(e: FramingError) -> Self {
-        Self::Framing(e)
-    }
-}
-
 impl Settings {
-    /// Checks what does not depend on the frames.
+    /// Checks the settings that do not depend on the framing.
     pub(super) fn check(&self) -> Result<(), SettingsError> {
         if [self.frames, self.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
             return Err(SettingsError::Work);

@@ -1,9 +1,7 @@
 use super::*;
+use crate::testing::{LOW, saved};
 use crate::{FramingError, Stft};
-use asperity_state::State;
 use std::f64::consts::TAU;
-
-const LOW: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
 
 fn settings(emission: i32) -> Settings {
     Settings { emission, ..Settings::default() }
@@ -100,7 +98,7 @@ fn bursts(seconds: f64) -> Vec<f64> {
 }
 
 #[test]
-fn bursts_settle_within_seconds_whatever_the_seed() {
+fn bursts_settle_within_seconds_for_every_seed() {
     let x = bursts(6.0);
     let frames = analyse(&LOW, 2900, |i| x[i as usize]);
     let mut all = Vec::new();
@@ -129,7 +127,7 @@ fn loudness(frames: &[Vec<f32>], settings: Settings) -> (f64, f64) {
 }
 
 #[test]
-fn no_work_momentum_or_emission_lets_the_level_run_away() {
+fn level_is_bounded_for_all_settings() {
     let smooth: Vec<f32> = (0..101).map(|k| 0.2 / (1.0 + (k as f32 - 12.0).powi(2) / 90.0) + 0.02).collect();
     let x = bursts(0.7);
     let signals = [
@@ -157,7 +155,7 @@ fn no_work_momentum_or_emission_lets_the_level_run_away() {
 }
 
 #[test]
-fn hops_that_alternate_are_counted_by_their_true_starts() {
+fn alternating_hops_use_their_true_starts() {
     let f = Framing { rate_hz: 44_100, fft_len: 4410, ..LOW };
     let frames = analyse(&f, 160, |i| tone(i, 44_100.0, 333.3));
     let mut c = SampleCommit::new(f, settings(0), 1).unwrap();
@@ -166,7 +164,7 @@ fn hops_that_alternate_are_counted_by_their_true_starts() {
 }
 
 #[test]
-fn emission_moves_the_output_by_whole_hops_and_nothing_else() {
+fn emission_shifts_the_output_by_whole_hops() {
     let delay = |rate_hz: u32, emission| {
         let f = Framing { rate_hz, fft_len: rate_hz as usize / 10, bins: 26, ..LOW };
         SampleCommit::<f32>::new(f, settings(emission), 1).unwrap().delay()
@@ -187,7 +185,7 @@ fn emission_moves_the_output_by_whole_hops_and_nothing_else() {
 }
 
 #[test]
-fn what_comes_later_changes_no_sample_emitted_before() {
+fn later_frame_changes_no_emitted_sample() {
     let frames = analyse(&LOW, 200, |i| noise(i, 2500.0, 900.0));
     let other = analyse(&LOW, 200, |i| 3.0 * tone(i, 2500.0, 95.0));
     for emission in [-25, -20, 0, 3] {
@@ -204,7 +202,7 @@ fn what_comes_later_changes_no_sample_emitted_before() {
 }
 
 #[test]
-fn any_partition_of_the_samples_gives_the_same_bits() {
+fn block_length_changes_no_sample() {
     let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
     let whole = run(&mut kernel(-20), &frames, 60);
     let mut c = kernel(-20);
@@ -225,7 +223,7 @@ fn any_partition_of_the_samples_gives_the_same_bits() {
 }
 
 #[test]
-fn ticks_that_are_no_hops_do_no_harm() {
+fn tick_length_other_than_the_hop_works() {
     let frames = analyse(&LOW, 300, |i| tone(i, 2500.0, 153.7));
     for (tick_hz, emission) in [(700, 0), (4000, -20), (600, -20), (1000, 2)] {
         let mut c = kernel(emission);
@@ -250,7 +248,7 @@ fn ticks_that_are_no_hops_do_no_harm() {
 }
 
 #[test]
-fn what_is_no_magnitude_is_taken_for_0_and_counted() {
+fn bad_magnitudes_count_as_0() {
     let clean = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
     let (mut bad, mut zero) = (clean.clone(), clean);
     for (k, value) in [(3, f32::NAN), (60, f32::INFINITY), (61, f32::NEG_INFINITY), (90, -1.0)] {
@@ -268,7 +266,7 @@ fn what_is_no_magnitude_is_taken_for_0_and_counted() {
 }
 
 #[test]
-fn the_unit_changes_nothing_but_the_scale() {
+fn unit_changes_only_the_scale() {
     let frames = analyse(&LOW, 120, |i| noise(i, 2500.0, 900.0));
     let scaled = |factor: f64| -> Vec<f64> {
         let frames: Vec<Vec<f32>> =
@@ -288,7 +286,7 @@ fn the_unit_changes_nothing_but_the_scale() {
 }
 
 #[test]
-fn a_level_that_rises_and_falls_a_billionfold_stays_in_reach() {
+fn billionfold_change_of_level_is_followed() {
     let frames = analyse(&LOW, 600, |i| noise(i, 2500.0, 900.0));
     let level = |n: usize| if (200..400).contains(&n) { 1e9f32 } else { 1.0 };
     let moved: Vec<Vec<f32>> =
@@ -301,7 +299,7 @@ fn a_level_that_rises_and_falls_a_billionfold_stays_in_reach() {
 }
 
 #[test]
-fn the_largest_numbers_stay_finite() {
+fn largest_numbers_stay_finite() {
     let mut c = kernel(0);
     for n in 0..60 {
         assert_eq!(c.push(n, &[f32::MAX; 101]), Ok(0));
@@ -320,7 +318,7 @@ fn the_largest_numbers_stay_finite() {
 }
 
 #[test]
-fn a_soft_tone_after_one_near_the_largest_number_is_heard() {
+fn soft_tone_after_a_huge_one_is_heard() {
     let tone = |scale: f32, count: usize| vec![tone_frame().map(|m| m * scale).to_vec(); count];
     let rms = |y: &[f32]| (y.iter().map(|&y| f64::from(y).powi(2)).sum::<f64>() / y.len() as f64).sqrt();
     for emission in [0, -20, -25] {
@@ -368,7 +366,7 @@ fn odd_spectra_keep_their_level() {
 }
 
 #[test]
-fn silence_is_exact_and_an_onset_after_it_is_no_click() {
+fn silence_is_exact_and_an_onset_does_not_click() {
     let gate = |i: u64| 0.5 - 0.5 * (TAU * ((i as f64 - 500.0) / 100.0).clamp(0.0, 0.5)).cos();
     let frames = analyse(&LOW, 400, |i| gate(i) * tone(i, 2500.0, 120.0));
     for emission in [0, -20] {
@@ -385,7 +383,7 @@ fn silence_is_exact_and_an_onset_after_it_is_no_click() {
 }
 
 #[test]
-fn a_stream_fades_in_at_its_start_and_out_after_its_last_frame() {
+fn stream_fades_in_and_out() {
     let slope = (TAU * 120.0 / 2500.0) as f32;
     let frames = analyse(&LOW, 200, |i| tone(i, 2500.0, 120.0));
     for emission in [0, -10, -20, -25, 5] {
@@ -407,7 +405,7 @@ fn a_stream_fades_in_at_its_start_and_out_after_its_last_frame() {
 }
 
 #[test]
-fn frames_that_never_came_are_silence() {
+fn missing_frames_are_silence() {
     let frames = analyse(&LOW, 200, |i| noise(i, 2500.0, 900.0));
     let (mut gappy, mut silent) = (kernel(0), kernel(0));
     let (mut a, mut b) = ([0.0f32; 5], [0.0f32; 5]);
@@ -424,7 +422,7 @@ fn frames_that_never_came_are_silence() {
 }
 
 #[test]
-fn reset_is_as_fresh_and_so_is_a_stream_after_a_long_gap() {
+fn reset_or_long_gap_starts_afresh() {
     let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
     let mut c = kernel(-20);
     let first = run(&mut c, &frames, 0);
@@ -460,7 +458,7 @@ fn frames_out_of_reach_or_out_of_order_are_refused() {
 }
 
 #[test]
-fn the_level_stays_over_a_million_frames() {
+fn level_stays_over_a_million_frames() {
     let f = Framing { rate_hz: 500, fft_len: 50, bins: 26, ..LOW };
     let s = Settings { frames: 3, passes: 1, emission: 0, ..Settings::default() };
     let mut c = SampleCommit::<f32>::new(f, s, 1).unwrap();
@@ -485,7 +483,7 @@ fn the_level_stays_over_a_million_frames() {
 }
 
 #[test]
-fn it_is_a_function_of_the_frames_and_the_seed() {
+fn output_depends_on_frames_and_seed_alone() {
     let frames = analyse(&LOW, 100, |i| noise(i, 2500.0, 900.0));
     let make = |seed| run(&mut SampleCommit::new(LOW, settings(0), seed).unwrap(), &frames, 0);
     assert!(make(1) == make(1));
@@ -493,12 +491,12 @@ fn it_is_a_function_of_the_frames_and_the_seed() {
 }
 
 #[test]
-fn a_saved_state_goes_on_where_it_was_and_another_layouts_is_refused() {
+fn saved_state_continues_and_other_layouts_are_refused() {
     let frames = analyse(&LOW, 150, |i| noise(i, 2500.0, 900.0));
     let mut old = kernel(-20);
     run(&mut old, &frames[..77], 0);
-    let mut bytes = vec![0; State::measure(|s| old.state(s))];
-    assert_eq!(State::save(&mut bytes, |s| old.state(s)), Some(bytes.len()));
+    let bytes = saved(|s| old.state(s));
+    assert_eq!(bytes.len(), State::measure(|s| old.state(s)));
     let mut new = kernel(-20);
     assert!(State::restore(&bytes, |s| new.state(s)));
     for n in 77..150u64 {

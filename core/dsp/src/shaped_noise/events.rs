@@ -1,4 +1,4 @@
-//! Bumps that a tool meets one after the other: pulses whose spectrum is white.
+//! Bumps that a tool meets one after another: pulses whose spectrum is white.
 
 use super::pattern::Events;
 use crate::Float;
@@ -6,30 +6,30 @@ use crate::random::{normal, uniform};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-/// Beyond so many bumps a sample they are white noise.
+/// More bumps per sample than this are replaced by white noise.
 const MOST_A_SAMPLE: f64 = 4.0;
-/// Numbers from that of a bump with which sample n begins to that of sample n + 1: no stroke has so many.
+/// Bump numbers reserved for each sample at which a stroke may start. No stroke has so many bumps.
 const A_SAMPLE: u64 = 1 << 24;
-/// Bumps a second from which on they have all of the power. Of rarer ones each is as high as of these, and
-/// noise has the rest of the power: the next bump would strike a hand that hardly moves.
+/// Bump rate from which on bumps have all of the power. Rarer bumps keep this rate's height, and noise
+/// has the rest of the power: else the next bump would strike a hand that hardly moves.
 const LEAST_HZ: f64 = 4.0;
-/// Ridges a second from which on there is a part of their bumps, and all of it.
+/// Ridge rates between which the share of bumps at ridges rises from none to all.
 const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
-/// Bumps along a way: which is next, and how far it is to it.
+/// Bumps along a way: the next one, and the distance to it.
 ///
-/// A sample has the mean square 1: the rarer bumps are, the higher they stand. Their signs are drawn, so
-/// that the spectrum is white however regularly they come (power spectrum of a marked point process whose
-/// marks have the mean 0; D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point
-/// Processes", 2003). Distances and heights follow lognormal laws. The height grows with the root of the way
-/// from the bump before: into a wide gap a tip falls far. So the power does not swing with the distances.
+/// A sample has mean square 1: the rarer the bumps, the higher they are. Their signs are random, so the
+/// spectrum is white at any regularity (power spectrum of a marked point process with marks of mean 0;
+/// D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point Processes", 2003). Distances
+/// and heights are lognormal. The height grows with the root of the distance from the previous bump, as
+/// a tip falls far into a wide gap. So the power does not vary with the distances.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
-    /// Number of the next bump; none before the first. It begins with the number of the sample: a stroke that
-    /// begins anew has not the bumps of the one before.
+    /// Number of the next bump; none before the first. A stroke starts with a number derived from its
+    /// first sample, so that it does not repeat the bumps of the stroke before.
     number: Option<u64>,
-    /// Way to the next bump in spacings.
+    /// Distance to the next bump in spacings.
     next: f64,
 }
 
@@ -38,20 +38,14 @@ impl Bumps {
         Self { seed, number: None, next: 0.0 }
     }
 
-    /// Begins to count anew.
+    /// Forgets the bumps; the next sample starts a new stroke.
     pub(super) fn reset(&mut self) {
         (self.number, self.next) = (None, 0.0);
     }
 
-    /// The bumps of a way, in spacings, from sample `start` on: tells each its number and where it is, and
-    /// goes over them.
-    fn pass(
-        &mut self,
-        start: u64,
-        way: f64,
-        intervals: &Intervals<impl Fn(f64) -> f64>,
-        mut met: impl FnMut(u64, f64),
-    ) {
+    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with the number and position
+    /// of each bump.
+    fn pass(&mut self, start: u64, way: f64, intervals: &Intervals, mut met: impl FnMut(u64, f64)) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);
             self.next = uniform(self.seed, first, 11);
@@ -65,8 +59,8 @@ impl Bumps {
         (self.number, self.next) = (Some(number), self.next - way);
     }
 
-    /// The pulses of a way, in spacings, that is gone in so many samples from `start` on, at `rate_hz`;
-    /// noise where they are rare.
+    /// Writes the pulses of a way, in spacings, over the samples from `start` on, at `rate_hz`. Rare
+    /// bumps leave the rest of the power to noise.
     pub(super) fn fill<T: Float>(
         &mut self,
         start: u64,
@@ -103,11 +97,11 @@ impl Bumps {
     }
 }
 
-/// Bumps at the ridges of a way from one place to another, in turns of a wave, that takes so many samples
-/// at `rate_hz`. `out` has noise, which stays where hardly a ridge is met.
+/// Adds bumps at the ridges of a way, in turns of a wave, that takes `out.len()` samples at `rate_hz`.
+/// `out` holds noise, which stays where few ridges are met.
 ///
-/// The part that does not repeat happens at the ridges too: each has a pulse of its own sign, height and
-/// place. They are the ridge's: a hand that comes back meets them again.
+/// Each ridge has a pulse with its own sign, height and position, which is the part of the signal that
+/// does not repeat. They belong to the ridge: a hand that comes back meets them again.
 pub(super) fn at_ridges<T: Float>(
     seed: u64,
     rate_hz: f64,
@@ -118,7 +112,7 @@ pub(super) fn at_ridges<T: Float>(
     let (way, samples) = (to - from, out.len() as f64);
     let pitch_hz = way.abs() / samples * rate_hz;
     let part = ((pitch_hz - RIDGES_HZ.0) / (RIDGES_HZ.1 - RIDGES_HZ.0)).clamp(0.0, 1.0);
-    // Ridges that are closer than samples are noise.
+    // Ridges closer than samples are noise.
     if part <= 0.0 || pitch_hz > rate_hz {
         return;
     }
@@ -137,60 +131,66 @@ pub(super) fn at_ridges<T: Float>(
     }
 }
 
-/// A bump's normal number of a column: 0 says how high it stands, 1 where it is.
+/// Normal number of a bump: column 0 for its height, 1 for its position.
 fn drawn(seed: u64, number: u64, column: u64) -> f64 {
     normal(seed, number.wrapping_mul(3).wrapping_add(column))
 }
 
-/// Ways from bump to bump in spacings, whose mean is 1.
-struct Intervals<L> {
+/// Distances from bump to bump in spacings; their mean is 1.
+struct Intervals {
     seed: u64,
-    law: L,
+    law: Lognormal,
 }
 
-impl Intervals<()> {
-    fn new(seed: u64, events: &Events) -> Intervals<impl Fn(f64) -> f64> {
-        Intervals { seed, law: lognormal(events.interval_cv) }
+impl Intervals {
+    fn new(seed: u64, events: &Events) -> Self {
+        Self { seed, law: Lognormal::new(events.interval_cv) }
     }
-}
 
-impl<L: Fn(f64) -> f64> Intervals<L> {
-    /// From the bump before this one.
+    /// Distance from the previous bump to this one.
     fn before(&self, number: u64) -> f64 {
-        (self.law)(drawn(self.seed, number, 1))
+        self.law.of(drawn(self.seed, number, 1))
     }
 }
 
 /// Heights of bumps, with sign.
-struct Pulse<H> {
+struct Pulse {
     seed: u64,
     high: f64,
-    height: H,
+    law: Lognormal,
 }
 
-impl Pulse<()> {
+impl Pulse {
     /// Bumps whose root mean square height is `rms`.
-    fn new(seed: u64, rms: f64, events: &Events) -> Pulse<impl Fn(f64) -> f64> {
+    fn new(seed: u64, rms: f64, events: &Events) -> Self {
         // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
         let high = rms / (1.0 + events.height_cv * events.height_cv).sqrt();
-        Pulse { seed, high, height: lognormal(events.height_cv) }
+        Self { seed, high, law: Lognormal::new(events.height_cv) }
     }
-}
 
-impl<H: Fn(f64) -> f64> Pulse<H> {
     /// Height of a bump.
     fn of(&self, number: u64) -> f64 {
         let sign = if uniform(self.seed, number, 7) < 0.5 { -self.high } else { self.high };
-        sign * (self.height)(drawn(self.seed, number, 0))
+        sign * self.law.of(drawn(self.seed, number, 0))
     }
 }
 
-/// From a normal number to a lognormal one of mean 1 whose standard deviation is `cv`.
-fn lognormal(cv: f64) -> impl Fn(f64) -> f64 {
-    let square = (1.0 + cv * cv).log_e();
-    let s = square.sqrt();
-    // No bump comes twice at one place, however wide the law.
-    move |z| (s * z - 0.5 * square).exp_e().max(1e-3)
+/// The lognormal distribution of mean 1 and a given standard deviation.
+struct Lognormal {
+    variance: f64,
+    deviation: f64,
+}
+
+impl Lognormal {
+    fn new(cv: f64) -> Self {
+        let variance = (1.0 + cv * cv).log_e();
+        Self { variance, deviation: variance.sqrt() }
+    }
+
+    /// The value for a normal number. It stays above 0.001, so that no two bumps coincide.
+    fn of(&self, normal: f64) -> f64 {
+        (self.deviation * normal - 0.5 * self.variance).exp_e().max(1e-3)
+    }
 }
 
 #[cfg(test)]
@@ -198,13 +198,7 @@ mod tests {
     use super::*;
 
     fn pulses(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Vec<f64> {
-        let events = Events {
-            spacing_mm: Some(spacing_mm),
-            spacing_exponent: 0.0,
-            anisotropy: [0.0; 2],
-            interval_cv,
-            height_cv,
-        };
+        let events = Events::plain(Some(spacing_mm), interval_cv, height_cv);
         let mut bumps = Bumps::new(7);
         let mut all = vec![0.0; 200_000];
         for (tick, out) in all.chunks_exact_mut(5).enumerate() {
@@ -214,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_have_mean_square_1_and_come_as_often_as_said() {
+    fn pulses_have_unit_power_and_the_wanted_rate() {
         for (spacing, interval, height) in
             [(1.0, 0.0, 0.0), (0.5, 0.5, 0.5), (0.1, 1.0, 0.5), (0.02, 0.2, 0.0)]
         {
@@ -227,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn power_does_not_swing_with_the_distances() {
+    fn pulse_power_is_independent_of_the_spacing() {
         let x = pulses(1.0, 0.8, 0.0);
         // Forty distances each. If heights did not follow them it would be 0.8 / sqrt(40) = 0.126.
         let powers: Vec<f64> =
@@ -240,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_samples_do_not_go_together() {
+    fn pulses_are_uncorrelated() {
         for (interval, height) in [(0.0, 0.0), (0.3, 0.5), (1.0, 1.0)] {
             let x = pulses(0.4, interval, height);
             for lag in [1, 2, 25, 50] {
@@ -251,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn rare_bumps_leave_the_rest_of_the_power_to_noise() {
+    fn rare_bumps_leave_the_rest_to_noise() {
         // From ten bumps a second to one in 50 s, and none: a soft sponge under a slow hand was silent.
         for spacing in [10.0, 40.0, 200.0, 5000.0, 1e9] {
             let x = pulses(spacing, 0.3, 0.5);
@@ -263,13 +257,7 @@ mod tests {
     #[test]
     fn hand_at_rest_meets_no_bump() {
         let (mut bumps, mut out) = (Bumps::new(1), [1.0_f32; 5]);
-        let events = Events {
-            spacing_mm: Some(1.0),
-            spacing_exponent: 0.0,
-            anisotropy: [0.0; 2],
-            interval_cv: 0.2,
-            height_cv: 0.2,
-        };
+        let events = Events::plain(Some(1.0), 0.2, 0.2);
         bumps.fill(0, 2500.0, 0.0, &events, &mut out);
         let noise: [f32; 5] = std::array::from_fn(|i| normal(1, i as u64) as f32);
         assert_eq!(out, noise);

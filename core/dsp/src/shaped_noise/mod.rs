@@ -1,25 +1,28 @@
-//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the magnitudes.
+//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the
+//! magnitudes.
 //!
-//! A network answers expected magnitudes, and many signals have them. Phase retrieval finds the one that
-//! agrees with them best, and at constant speed that one repeats. This kernel draws one instead, as speech
-//! is made from an excitation and a filter:
+//! A network answers expected magnitudes, which many signals have. Phase retrieval finds the signal
+//! that fits them best, and at constant speed that signal repeats. This kernel draws a random one
+//! instead, from an excitation and a filter, as speech is synthesised:
 //!
-//! * *Noise*, white and counted by sample, through the filter of minimum phase whose magnitude response is
-//!   the newest frame (as [`Designer`] says). A change of the frame is heard in the samples of its tick.
-//! * *Bumps*, where the texture has some and the hand's place is known: white pulses at places along the
-//!   stroke take the noise's place. How regularly they come decides how the envelope swings, and how far
-//!   apart they are how high they stand.
-//! * *Ridges* that repeat with place: harmonic h of a wave k turns by `2 pi h k . (x, y)`, so that it
-//!   stops, turns and starts again with the hand. The frame's power from half a pitch below a harmonic to
-//!   half a pitch above it is taken, so that the level is kept where lines are closer than bins. How it is
-//!   divided among neighbouring harmonics is the wave's: a network blurs the gaps. The phase is that of the
-//!   response of minimum phase of these powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara,
-//!   I. Masuda-Katsuse, A. de Cheveigne, Speech Communication 27, 1999), and the ridge's own. A hand that
-//!   moves backwards has it with the other sign, since the response does not run backwards. Of two waves the
-//!   one whose ridges come more slowly has less of the power: along its ridges the other is felt alone.
+//! * *Noise*, white and indexed by sample, is filtered at minimum phase with the newest frame as
+//!   magnitude response (see [`Designer`]). A change of the frame is heard in the samples of its tick.
+//! * *Bumps* replace the noise where the texture has some and the hand's position is known: white
+//!   pulses at positions along the stroke. Their regularity decides how the envelope varies, their
+//!   spacing how high they are.
+//! * *Ridges* repeat with position: harmonic h of a wave k has the phase `2 pi h k . (x, y)`, so that
+//!   it stops, turns and starts again with the hand.
 //!
-//! Taps and amplitudes go over from those of one frame to those of another within one tick, and stay for 4
-//! ms at least: what costs most is to find them.
+//! A harmonic takes the frame's power from half a pitch below it to half a pitch above it, so that the
+//! level is kept where lines are closer than bins. The wave's weights divide it among neighbouring
+//! harmonics, because a network blurs the gaps. The phase is that of the minimum-phase response of
+//! these powers (as the vocoder STRAIGHT smooths over a pitch; H. Kawahara, I. Masuda-Katsuse, A. de
+//! Cheveigne, Speech Communication 27, 1999), plus the ridge's own. For a hand that moves backwards the
+//! phase is conjugated, since the response does not run backwards. Of two waves the one with the lower
+//! ridge rate has less of the power: along its ridges only the other is felt.
+//!
+//! Taps and amplitudes change linearly within one tick and then stay for at least 4 ms, because finding
+//! them costs most.
 
 mod events;
 mod pattern;
@@ -43,92 +46,88 @@ use unblurred::Unblurred;
 
 /// Most harmonics of a wave that are played: 8 Hz apart they reach 1000 Hz.
 const MOST_LINES: usize = 128;
-/// Seconds for which taps and lines stay: what lies between frames that come faster is not heard.
+/// Time in seconds for which taps and lines stay. Faster changes are not heard.
 const STAYS_S: f64 = 0.004;
-/// Times taps are found until a wave's phases are found anew, in turns with the other's; sooner where the
-/// pitch changes by more than [`PITCH_CHANGES`].
+/// Taps are updated this many times for one update of a wave's phases; the two waves take turns. A
+/// pitch that changes by more than [`PITCH_CHANGES`] updates them sooner.
 const PHASES_EVERY: u64 = 4;
-/// Part by which a pitch changes before its phases are found anew.
+/// Relative change of a pitch that updates its phases.
 const PITCH_CHANGES: f64 = 0.03;
-/// A pitch below this has no lines \[Hz\]: the hand rests or goes along the ridges, and the slower they come,
-/// the less is heard of what repeats.
+/// Lowest pitch with lines \[Hz\]. Below it the hand rests or moves along the ridges, and the part that
+/// repeats fades out.
 const LEAST_PITCH_HZ: f64 = 2.0;
-/// No frame or sample has a number as large as this.
+/// Upper limit of frame and sample numbers in a restored state.
 const LAST: u64 = 1 << 48;
-/// Samples of lines that are made at once.
+/// Samples of lines computed at once.
 const AT_ONCE: usize = 8;
 /// Lanes of a sum.
 const LANES: usize = 16;
 
-/// Magnitudes in, samples out.
+/// Turns a stream of magnitude frames into samples.
+#[derive(Debug)]
 pub struct ShapedNoise<T> {
     framing: Framing,
     seed: u64,
     designer: Designer<T>,
     /// Root mean square magnitudes of the newest frame.
     magnitudes: Vec<T>,
-    /// Room for those of the next.
+    /// Buffer for the next frame's.
     came: Vec<T>,
     /// Number of the newest frame.
     newest: Option<u64>,
-    /// Whether taps and lines are those of the newest frame.
+    /// Whether taps and lines follow the newest frame.
     followed: bool,
     /// Samples for which taps and lines stay, and the number of the period in which they were found.
     stays: u64,
     found_in: Option<u64>,
     pattern: Pattern,
-    /// Waves that are to be played once the lines of those in `pattern` have faded.
+    /// Waves to play once the lines of those in `pattern` have faded.
     coming: Option<[Option<Wave>; WAVES]>,
     place: Place,
     bumps: Bumps,
-    /// Taps before the tick and after it, newest sample last.
+    /// Taps before and after the tick, newest sample last.
     taps: [Vec<T>; 2],
-    /// The excitation: a window of what was, then what is new; it is moved to the front once a window.
+    /// One window of past excitation, then new samples. It is moved to the front once a window.
     excitation: Vec<T>,
     end: usize,
-    /// Number of the sample after `end`, once there is any.
+    /// Number of the sample after `end`, if there is any.
     next: Option<u64>,
     waves: [Lines; WAVES],
     unblurred: Unblurred,
-    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit over Hz.
+    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit per
+    /// Hz.
     density: Vec<f64>,
-    /// Its integral up to each of these frequencies.
+    /// Integral of the density up to each of these frequencies.
     sums: Vec<f64>,
-    /// The density of what is no line.
+    /// Density of the part without lines.
     squares: Vec<f64>,
-    /// The density of a wave's lines, smooth over a pitch.
+    /// Density of a wave's lines, smoothed over a pitch.
     smooth: Vec<f64>,
     /// Power of each harmonic of a wave, from the fundamental on.
     powers: Vec<f64>,
-    /// Length of the way since samples were last made, and where it began, in mm.
+    /// Length of the way since samples were last made, and its start, in mm.
     way_mm: f64,
     from_mm: [f64; 2],
     silent: bool,
 }
 
-/// A wave's lines.
+/// The lines of a wave.
 #[derive(Clone, Debug)]
 struct Lines {
-    /// Amplitude and phase of each, before the tick and after it.
+    /// Amplitude and phase of each line, before and after the tick.
     at: [Vec<Complex<f64>>; 2],
     count: [usize; 2],
-    /// Phases of minimum phase, and the pitch for which they were found; 0: none were.
+    /// Minimum-phase phases, and the pitch for which they were found; 0 if none were.
     units: Vec<Complex<f64>>,
     units_hz: f64,
 }
 
-impl<T> std::fmt::Debug for ShapedNoise<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ShapedNoise").field("framing", &self.framing).finish_non_exhaustive()
-    }
-}
-
 impl<T: Float> ShapedNoise<T> {
-    /// Makes room and plans transforms; the hand's place comes every `tick_s` seconds. What is left to
-    /// chance is a function of `seed` and the sample's number.
+    /// Allocates buffers and plans transforms. Positions come every `tick_s` seconds. All random
+    /// numbers are a function of `seed` and the sample number.
     ///
     /// # Errors
-    /// What [`Framing::check`] finds.
+    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, tick_s: f64, seed: u64) -> Result<Self, FramingError> {
         framing.check()?;
         let n = framing.fft_len;
@@ -170,22 +169,22 @@ impl<T: Float> ShapedNoise<T> {
         })
     }
 
-    /// The frames' layout.
+    /// Layout of the frames.
     pub fn framing(&self) -> Framing {
         self.framing
     }
 
-    /// Whether nothing sounds until a frame comes.
+    /// Whether the output is silent until a frame comes.
     pub fn is_silent(&self) -> bool {
         self.silent
     }
 
-    /// Whether no frame is remembered.
+    /// Whether no frame is held.
     pub fn is_fresh(&self) -> bool {
         self.newest.is_none()
     }
 
-    /// Forgets all but the pattern.
+    /// Forgets everything but the pattern.
     pub fn reset(&mut self) {
         self.magnitudes.fill(T::zero());
         (self.newest, self.next, self.end, self.followed) = (None, None, 0, false);
@@ -200,14 +199,14 @@ impl<T: Float> ShapedNoise<T> {
         self.begin();
     }
 
-    /// Forgets where the hand is, and how far it is from ridges and bumps.
+    /// Forgets the hand's position and its distance from ridges and bumps.
     fn begin(&mut self) {
         self.place.reset();
         self.bumps.reset();
         (self.way_mm, self.from_mm, self.next) = (0.0, [0.0; 2], None);
     }
 
-    /// How the texture repeats, from now on. Lines that are played fade within a tick, then others begin.
+    /// Sets ridges and bumps. Lines that are playing fade within a tick, then the new ones start.
     pub fn set_pattern(&mut self, pattern: Pattern) {
         self.pattern.events = pattern.events;
         let same = pattern.waves == self.pattern.waves;
@@ -218,7 +217,7 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Goes over to the waves that are to come.
+    /// Starts the coming waves.
     fn change_waves(&mut self) {
         if let Some(waves) = self.coming.take() {
             (self.pattern.waves, self.followed) = (waves, false);
@@ -229,22 +228,22 @@ impl<T: Float> ShapedNoise<T> {
     /// Takes frame number `index`. `magnitudes` are amplitudes: `ratio`, 0.1 to 1, times the root mean
     /// square. Missing bins are 0.
     ///
-    /// A magnitude that is NaN, infinite or negative is taken as 0; the number of these is returned.
+    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
         // Sums over all bins stay finite, and so do sums of squares in double precision.
         let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).min(1e150);
         let bad = take(magnitudes, most, &mut self.came);
         let level = T::of(ratio.clamp(0.1, 1.0).recip());
         self.came.iter_mut().for_each(|m| *m *= level);
-        // A frame like the one before needs no other filter; lines follow the hand.
+        // An equal frame needs no new filter; lines follow the hand in any case.
         let same = self.came == self.magnitudes && self.pattern.waves == [None; WAVES];
         std::mem::swap(&mut self.came, &mut self.magnitudes);
         (self.newest, self.followed) = (Some(index), self.followed && same);
         bad
     }
 
-    /// A tick: the hand is at `place` in mm, if that is known, and the samples of `start` and those after
-    /// it are wanted. Samples beyond two windows and a tick are 0.
+    /// Computes one tick: `place` is the hand's position in mm, if known, and `out` gets the samples
+    /// from `start` on. Samples beyond two windows and a tick are 0.
     pub fn emit<P: Float>(&mut self, start: u64, place: Option<[f64; 2]>, out: &mut [P]) {
         if let Some(place) = place {
             match self.place.step(place) {
@@ -255,7 +254,7 @@ impl<T: Float> ShapedNoise<T> {
         if out.is_empty() {
             return;
         }
-        // A frame that does not come is silence.
+        // A missing frame is silence.
         let late = self.newest.is_some_and(|newest| start > self.framing.start(newest.saturating_add(1)));
         if late {
             self.magnitudes.fill(T::zero());
@@ -269,8 +268,8 @@ impl<T: Float> ShapedNoise<T> {
         }
         if self.silent {
             out.fill(P::zero());
-            // As if it had slept: what comes next must not hang on whether it was called in silence. A hand at
-            // rest on ridges is heard as little, but is not forgotten.
+            // Same result as if the kernel had slept, so that calls during silence change nothing after
+            // it. A hand at rest on ridges is silent too, but is not forgotten.
             if self.magnitudes.iter().all(|m| *m == T::zero()) {
                 self.begin();
             } else {
@@ -306,20 +305,20 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Bumps that have a spacing of their own, and the way in spacings since samples were last made.
+    /// Bumps with a spacing of their own, and the way in spacings since samples were last made.
     fn spacings(&self) -> Option<(Events, f64)> {
         let events = self.pattern.events?;
         Some((events, self.way_mm / events.spacing_at(self.place.velocity())?))
     }
 
-    /// From where to where the hand has come since samples were last made, in turns of a wave.
+    /// Start and end of the hand's way since samples were last made, in turns of wave `w`.
     fn turned(&self, w: usize) -> Option<(f64, f64)> {
         let wave = self.pattern.waves[w]?;
         let turns = |[x, y]: [f64; 2]| wave.per_mm[0] * x + wave.per_mm[1] * y;
         Some((turns(self.from_mm), turns(self.place.at())))
     }
 
-    /// The next tick begins with the taps and lines with which this one ends.
+    /// Starts the next tick with the taps and lines with which this one ends.
     fn settle(&mut self) {
         let [before, after] = &mut self.taps;
         before.copy_from_slice(after);
@@ -335,7 +334,7 @@ impl<T: Float> ShapedNoise<T> {
         self.change_waves();
     }
 
-    /// Finds taps and lines for the newest frame.
+    /// Computes taps and lines for the newest frame.
     fn follow(&mut self, placed: bool) {
         self.spread();
         self.squares.copy_from_slice(&self.density);
@@ -359,16 +358,16 @@ impl<T: Float> ShapedNoise<T> {
         self.silent = !(sounds(&self.taps[0]) || sounds(&self.taps[1]) || lines);
     }
 
-    /// The power density of the newest frame.
+    /// Computes the power density of the newest frame.
     fn spread(&mut self) {
-        // An amplitude stands for this part of its square as power, and that for a bin's width.
+        // Factor from a squared amplitude to a power per bin.
         let bin_hz = f64::from(self.framing.rate_hz) / self.framing.fft_len as f64;
         self.unblurred.find(&self.magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
     }
 
-    /// Phases of minimum phase that ridges get from the newest frame, as complex numbers of size 1: of each
-    /// harmonic of a pitch, from the fundamental on, in a hand that moves forwards; `weights` are a wave's.
-    /// The wave's own phases come on top.
+    /// Minimum-phase phases that ridges get from the newest frame, as complex numbers of size 1: one
+    /// for each harmonic of a pitch, from the fundamental on, for a hand that moves forwards. `weights`
+    /// are a wave's. The wave's own phases are added later.
     pub fn ridge_phases(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS], phases: &mut [Complex<f64>]) {
         phases.fill(Complex::new(1.0, 0.0));
         if pitch_hz >= LEAST_PITCH_HZ {
@@ -382,13 +381,13 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Grid of the density in Hz.
+    /// Frequency step of the density in Hz.
     fn step_hz(&self) -> f64 {
         0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
     }
 
-    /// Powers of the harmonics of a pitch, from the fundamental on, that ridges get from the newest frame if
-    /// all weights are 1.
+    /// Powers that the harmonics of a pitch get from the newest frame if all weights are 1, from the
+    /// fundamental on.
     pub fn ridge_powers(&mut self, pitch_hz: f64, powers: &mut [f64]) {
         powers.fill(0.0);
         if pitch_hz >= LEAST_PITCH_HZ {
@@ -399,9 +398,8 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch: each gets
-    /// its weight of the mean of what is around it and the harmonics beside it, and all together what is
-    /// around all of them.
+    /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch. Each
+    /// gets its weight times the power around it; then all are scaled to the total power around them.
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
         let step_hz = self.step_hz();
         let count = ((self.top_hz() / pitch_hz) as usize).min(MOST_LINES);
@@ -421,8 +419,8 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Finds the response of minimum phase of the powers of a pitch, which are straight from one harmonic
-    /// to the next.
+    /// Computes the minimum-phase response of the powers of a pitch, which are interpolated linearly
+    /// between harmonics.
     fn respond(&mut self, pitch_hz: f64) {
         let step_hz = self.step_hz();
         let last = self.powers.last().copied().unwrap_or(0.0);
@@ -448,8 +446,8 @@ impl<T: Float> ShapedNoise<T> {
         self.step_hz() * 2.0 * (self.framing.bins as f64 - 0.5)
     }
 
-    /// Finds the phases of a wave's lines where it is time to: they hardly change from frame to frame, and
-    /// are what costs most.
+    /// Updates the phases of a wave's lines when they are due. They change little from frame to frame,
+    /// and cost most.
     fn find_phases(&mut self, w: usize, pitch_hz: f64) {
         let turn = self.found_in.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
         let known = self.waves[w].units_hz;
@@ -466,7 +464,7 @@ impl<T: Float> ShapedNoise<T> {
     fn unit_at(&self, hz: f64) -> Complex<f64> {
         let at = (hz / self.step_hz()).min((self.sums.len() - 1) as f64);
         let at = (at + 0.5) as usize;
-        let response = self.designer.response[at];
+        let response = self.designer.response()[at];
         let response = Complex::new(response.re.f64(), response.im.f64());
         if asperity_numbers::size(response) > 0.0 {
             response / asperity_numbers::size(response)
@@ -475,7 +473,7 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// How often the hand comes to a ridge of each wave, in Hz; below 0 backwards.
+    /// Ridge rate of each wave in Hz; negative for a hand that moves backwards.
     fn pitches(&self) -> [f64; WAVES] {
         let velocity = self.place.velocity();
         self.pattern
@@ -483,11 +481,11 @@ impl<T: Float> ShapedNoise<T> {
             .map(|wave| wave.map_or(0.0, |w| w.per_mm[0] * velocity[0] + w.per_mm[1] * velocity[1]))
     }
 
-    /// The part of the power around a wave's harmonic that is the wave's.
+    /// Share of the power around a wave's harmonic that belongs to the wave.
     ///
-    /// Shares are those of a hand that crosses all waves alike. What a wave adds at one frequency is taken to
-    /// grow with the square of its pitch: as its ridges come slower, it is a higher harmonic there, and along
-    /// its ridges the hand feels the other wave alone.
+    /// Shares apply to a hand that crosses all waves at the same rate. A wave's contribution at one
+    /// frequency is taken to grow with the square of its pitch: a wave whose ridges come more slowly is
+    /// a higher harmonic there, and along its ridges only the other wave is felt.
     fn part(&self, w: usize, h: usize, pitches: &[f64; WAVES]) -> f64 {
         let hz = h as f64 * pitches[w].abs();
         let fastest = pitches.iter().fold(0.0, |most: f64, hz| most.max(hz.abs()));
@@ -505,7 +503,8 @@ impl<T: Float> ShapedNoise<T> {
         if own > 0.0 { own / (all + random.max(0.0)) } else { 0.0 }
     }
 
-    /// The lines of a wave at the hand's velocity; their power is taken from `squares`. How many they are.
+    /// Computes the lines of a wave at the hand's velocity, and takes their power from `squares`.
+    /// Returns the number of lines.
     fn ridges(&mut self, w: usize, wave: &Wave) -> usize {
         let pitches = self.pitches();
         let pitch_hz = pitches[w].abs();
@@ -521,7 +520,7 @@ impl<T: Float> ShapedNoise<T> {
         let count = self.powers.len();
         self.find_phases(w, pitch_hz);
         let backwards = pitches[w] < 0.0;
-        // Ridges are no noise: up to half a pitch from each harmonic.
+        // Lines replace noise up to half a pitch from each harmonic.
         let end =
             |h: usize| (((h as f64 + 0.5) * pitch_hz / step_hz).ceil() as usize).min(self.density.len());
         let mut from = end(0);
@@ -539,7 +538,7 @@ impl<T: Float> ShapedNoise<T> {
         count
     }
 
-    /// Appends the excitation of so many samples; where in `excitation` they begin.
+    /// Appends the excitation of `count` samples. Returns their first index in `excitation`.
     fn excite(&mut self, start: u64, placed: bool, count: usize) -> usize {
         let n = self.framing.fft_len;
         let events = self.pattern.events.filter(|_| placed);
@@ -549,7 +548,7 @@ impl<T: Float> ShapedNoise<T> {
         let turned = (0..WAVES).filter_map(|w| self.turned(w));
         let turned = turned.max_by(|a, b| crossed(a).total_cmp(&crossed(b)));
         if self.next != Some(start) {
-            // There was noise before, and no bump.
+            // Before that there was noise, and no bump.
             for (i, x) in self.excitation[..n].iter_mut().enumerate() {
                 let sample = (start + i as u64).checked_sub(n as u64).filter(|_| events.is_none());
                 *x = sample.map_or(T::zero(), |sample| T::of(normal(self.seed, sample)));
@@ -577,7 +576,7 @@ impl<T: Float> ShapedNoise<T> {
         from
     }
 
-    /// Adds the waves' lines.
+    /// Adds the lines of the waves.
     fn play<P: Float>(&mut self, out: &mut [P]) {
         let part = 1.0 / out.len() as f64;
         for w in 0..WAVES {
@@ -591,14 +590,14 @@ impl<T: Float> ShapedNoise<T> {
             for (chunk, out) in out.chunks_mut(AT_ONCE).enumerate() {
                 let reached: [f64; AT_ONCE] =
                     std::array::from_fn(|i| (chunk * AT_ONCE + i + 1) as f64 * part);
-                // As `fract`, without a call: turns are far fewer than an integer holds.
+                // As `fract`, without a call. An `i64` holds far more turns than occur.
                 let first =
                     reached.map(|reached| from + way * reached).map(|turns| turns - turns as i64 as f64);
                 let first = first.map(unit_circle);
                 let (mut turned, mut sums) = (first, [0.0; AT_ONCE]);
                 for (a, b) in before.iter().zip(after).take(count) {
                     let step = b - a;
-                    // All samples at once: each turn waits for the one before.
+                    // All samples at once, since each rotation depends on the one before.
                     for i in 0..AT_ONCE {
                         let (re, im) = (a.re + step.re * reached[i], a.im + step.im * reached[i]);
                         let ((cos, sin), (by_cos, by_sin)) = (turned[i], first[i]);
@@ -611,7 +610,7 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Keeps the newest frame, taps, lines and excitation, the pattern, and where the hand is.
+    /// Saves or restores the newest frame, taps, lines, excitation, pattern and position.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
@@ -643,7 +642,7 @@ impl<T: Float> ShapedNoise<T> {
         self.place.state(state);
         self.bumps.state(state);
         let n = self.framing.fft_len;
-        let finite = |values: &[T]| values.iter().all(|x| *x >= -T::MAX && *x <= T::MAX);
+        let finite = |values: &[T]| values.iter().all(|x| x.finite());
         let lines = self.waves.iter().all(|lines| {
             let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
             lines.units_hz.is_finite()
@@ -669,7 +668,7 @@ impl<T: Float> ShapedNoise<T> {
     }
 }
 
-/// The sum of products, in lanes.
+/// Sum of products, in lanes.
 fn dot<T: Float>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); LANES];
     let (a, b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
@@ -683,7 +682,7 @@ fn dot<T: Float>(a: &[T], b: &[T]) -> T {
     sums.into_iter().fold(rest, |sum, x| sum + x)
 }
 
-/// The integral of a density that is straight between frequencies `step_hz` apart, up to each of them.
+/// Integral of a density that is linear between frequencies `step_hz` apart, up to each of them.
 fn integrate(density: &[f64], step_hz: f64, sums: &mut [f64]) {
     let (mut sum, mut last) = (0.0, None);
     for (to, &density) in sums.iter_mut().zip(density) {
@@ -692,7 +691,7 @@ fn integrate(density: &[f64], step_hz: f64, sums: &mut [f64]) {
     }
 }
 
-/// The same up to any frequency from 0 on.
+/// The same integral up to any frequency from 0 on.
 fn below(density: &[f64], sums: &[f64], step_hz: f64, hz: f64) -> f64 {
     let place = (hz / step_hz).min((sums.len() - 1) as f64);
     let at = (place as usize).min(sums.len() - 2);

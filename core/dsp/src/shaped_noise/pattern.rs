@@ -1,74 +1,83 @@
-//! The ridges and bumps of a texture.
+//! Ridges and bumps of a texture.
 
 use crate::Complex;
-use crate::float::unit_circle;
+use crate::float::phasor;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-/// Most waves.
+/// Most waves of a pattern.
 pub const WAVES: usize = 2;
-/// Harmonics of a wave that are told; those above have the weight 1, and are otherwise like the last.
+/// Harmonics of a wave that are given. Those above have weight 1 and are otherwise like the last.
 pub const HARMONICS: usize = 32;
 /// Numbers of a wave: its vector, then weight, share and phase of each harmonic.
 const WAVE_LEN: usize = 2 + 3 * HARMONICS;
-/// Numbers of bumps.
+/// Numbers of the bumps.
 const EVENTS_LEN: usize = 6;
-/// Numbers of a pattern, as [`Pattern::read`] takes them.
+/// Numbers of a pattern; see [`Pattern::read`].
 pub const PATTERN_LEN: usize = EVENTS_LEN + WAVES * WAVE_LEN;
 
-/// Largest power of speed.
+/// Largest exponent of speed.
 const MOST_EXPONENT: f64 = 2.0;
-/// Longest anisotropy: bumps that are 14 times as long as wide.
+/// Largest anisotropy: bumps 14 times as long as wide.
 const MOST_ANISOTROPY: f64 = 0.99;
-/// Speed at which spacings are told, and beyond which they do not change, in mm/s.
+/// Reference speed of spacings, and the speeds beyond which they stay constant, in mm/s.
 const SPEED_MM_S: f64 = 100.0;
 const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
 
 /// Bumps along a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean way from one to the next in mm, of a hand at 100 mm/s; none: one at each ridge of the wave that
-    /// the hand crosses faster.
+    /// Mean distance between bumps in mm, for a hand at 100 mm/s. None: one bump at each ridge of the
+    /// wave that the hand crosses faster.
     pub spacing_mm: Option<f64>,
-    /// The way grows with this power of speed.
+    /// Exponent with which the distance grows with speed.
     pub spacing_exponent: f64,
-    /// Bumps of a grain are ellipses. How often a hand at the angle t to x meets them goes as their width
-    /// across its way, the root of `1 + a cos 2t + b sin 2t`.
+    /// Bumps of a grain are ellipses. A hand at the angle t to x meets them in proportion to their
+    /// width across its way, the root of `1 + a cos 2t + b sin 2t`.
     pub anisotropy: [f64; 2],
-    /// Standard deviation of that over the mean; of bumps at ridges, of their place over the pitch.
+    /// Standard deviation of the distance over its mean; for bumps at ridges, of the position over the
+    /// pitch.
     pub interval_cv: f64,
-    /// Standard deviation of their heights over the mean.
+    /// Standard deviation of the height over its mean.
     pub height_cv: f64,
 }
 
 impl Events {
-    /// Mean way from one to the next in mm, of a hand at this velocity in mm/s.
+    /// Mean distance between bumps in mm, for a hand at this velocity in mm/s.
     pub fn spacing_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
         let speed = x.hypotenuse(y);
         let over = speed.clamp(SPEEDS_MM_S.0, SPEEDS_MM_S.1) / SPEED_MM_S;
         let [a, b] = self.anisotropy;
-        // cos 2t and sin 2t of the direction; none of a hand at rest.
+        // cos 2t and sin 2t of the direction; both are 0 at rest.
         let square = (speed * speed).max(f64::MIN_POSITIVE);
         let width = 1.0 + a * (x * x - y * y) / square + b * 2.0 * x * y / square;
         self.spacing_mm.map(|mm| mm * over.power(self.spacing_exponent) / width.sqrt())
     }
 }
 
-/// Ridges that repeat with place.
+#[cfg(test)]
+impl Events {
+    /// Bumps that depend neither on speed nor on direction.
+    pub(crate) fn plain(spacing_mm: Option<f64>, interval_cv: f64, height_cv: f64) -> Self {
+        Self { spacing_mm, spacing_exponent: 0.0, anisotropy: [0.0; 2], interval_cv, height_cv }
+    }
+}
+
+/// Ridges that repeat with position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
     /// Wave vector in 1/mm.
     pub per_mm: [f64; 2],
-    /// Power of each harmonic over the mean of what the frame has around it and around the harmonics beside
-    /// it, 0 to 10. All together get what the frame has.
+    /// Power of each harmonic relative to the frame's power around it, 0 to 10. The total stays the
+    /// frame's.
     pub weights: [f64; HARMONICS],
-    /// Parts of the power around each harmonic that repeat, 0 to 1.
+    /// Share of the power around each harmonic that repeats, 0 to 1.
     pub shares: [f64; HARMONICS],
-    /// `e^(j phase)` of each.
+    /// `e^(j phase)` of each harmonic.
     pub turns: [Complex<f64>; HARMONICS],
 }
 
-/// Waves and bumps; without either the texture is noise.
+/// Waves and bumps. Without both the texture is noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pattern {
     /// Waves.
@@ -78,11 +87,13 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Reads [`PATTERN_LEN`] numbers. Of bumps: the way between them in mm (0: no bumps; -1: at the ridges of
-    /// the wave that is crossed faster), the power of speed with which it grows, deviations of that and of
-    /// heights over their means, and the anisotropy. Then of each wave: the vector in 1/mm (0, 0: no wave),
-    /// and of each harmonic weight, share and phase in rad. Numbers that are missing or not finite count as
-    /// 0; others are brought into their range.
+    /// Reads [`PATTERN_LEN`] numbers. Numbers that are missing or not finite count as 0; others are
+    /// limited to their range.
+    ///
+    /// * Bumps: distance in mm (0: no bumps; -1: at the ridges of the wave that is crossed faster),
+    ///   exponent of speed, relative deviations of distance and height, and the anisotropy (2 numbers).
+    /// * Each wave: the vector in 1/mm (0, 0: no wave), then weight, share and phase in rad of each
+    ///   harmonic.
     pub fn read(numbers: &[f64]) -> Self {
         let number = |at: usize, most: f64| {
             numbers.get(at).copied().filter(|x| x.is_finite()).map_or(0.0, |x| x.clamp(-most, most))
@@ -101,10 +112,7 @@ impl Pattern {
         let wave = |w: usize| {
             let from = EVENTS_LEN + w * WAVE_LEN;
             let per_mm = [number(from, 100.0), number(from + 1, 100.0)];
-            let phase = |h: usize| {
-                let (cos, sin) = unit_circle(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
-                Complex::new(cos, sin)
-            };
+            let phase = |h: usize| phasor(number(from + 4 + 3 * h, 1e3) / std::f64::consts::TAU);
             (per_mm[0].hypotenuse(per_mm[1]) >= 1e-3).then(|| Wave {
                 per_mm,
                 weights: std::array::from_fn(|h| number(from + 2 + 3 * h, 10.0).max(0.0)),
@@ -116,7 +124,7 @@ impl Pattern {
         Self { waves, events: events.filter(|e| e.spacing_mm.is_some() || waves[0].is_some()) }
     }
 
-    /// Keeps it.
+    /// Saves or restores the pattern.
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         keep_waves(&mut self.waves, state);
         let events = &mut self.events;
@@ -135,7 +143,7 @@ impl Pattern {
     }
 }
 
-/// Keeps waves.
+/// Saves or restores waves.
 pub(super) fn keep_waves(waves: &mut [Option<Wave>; WAVES], state: &mut State<'_>) {
     for wave in waves {
         let mut kept = wave.unwrap_or(Wave {

@@ -1,17 +1,18 @@
-//! Where the hand is, without the steps of its sensor.
+//! The hand's position without the steps of its sensor.
 
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-/// Corner of the tracking filter in Hz. A sensor's steps of 0.055 mm leave 0.005 mm at 500 places a second.
+/// Corner of the tracking filter in Hz. At 500 positions a second it reduces a sensor's steps of 0.055
+/// mm to 0.005 mm.
 const CORNER_HZ: f64 = 20.0;
-/// A place farther than this from where it is expected is no motion: the stylus was put down elsewhere.
-/// In mm; where ticks are long, the way of a tick at a speed in mm/s.
+/// A position farther from the expected one is no motion: the stylus was put down elsewhere. In mm; for
+/// long ticks, the way of one tick at a speed in mm/s.
 const JUMP_MM: f64 = 5.0;
 const JUMP_MM_S: f64 = 2500.0;
 
-/// Follows a place by position and velocity: an alpha-beta filter, critically damped (P. R. Kalata, IEEE
-/// Trans. AES 20(2), 1984). A steady motion is followed without lag.
+/// Tracks position and velocity: an alpha-beta filter, critically damped (P. R. Kalata, IEEE Trans. AES
+/// 20(2), 1984). It follows a steady motion without lag.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place {
     alpha: f64,
@@ -19,7 +20,7 @@ pub(super) struct Place {
     tick_s: f64,
     at: [f64; 2],
     velocity: [f64; 2],
-    /// Places that came, up to 2.
+    /// Number of positions seen, up to 2.
     known: u8,
 }
 
@@ -33,8 +34,8 @@ impl Place {
         (self.at, self.velocity, self.known) = ([0.0; 2], [0.0; 2], 0);
     }
 
-    /// Takes the place of a tick in mm, and answers the way since the one before; none where there was no
-    /// place before, or the stylus was put down elsewhere.
+    /// Takes the position of a tick in mm and returns the way since the last one. None if there was
+    /// none, or the stylus was put down elsewhere.
     pub(super) fn step(&mut self, place: [f64; 2]) -> Option<[f64; 2]> {
         if !place.iter().all(|x| x.abs() < 1e9) {
             return Some([0.0; 2]);

@@ -1,27 +1,23 @@
-//! The response of minimum phase whose magnitudes are given.
+//! Minimum-phase response for given magnitudes.
 
 use super::LANES;
-use crate::{Complex, Float, plans};
-use realfft::{ComplexToReal, RealToComplex};
-use std::sync::Arc;
+use crate::plans::Transform;
+use crate::{Complex, Float};
 
-/// Squared magnitudes less than this part of the largest count as that part: -70 dB.
+/// Smallest squared magnitude relative to the largest: -70 dB.
 const FLOOR: f64 = 1e-7;
 
-/// Finds responses on a grid twice as fine as the bins of a transform.
+/// Computes responses on a grid twice as fine as the bins of a transform.
 ///
 /// The logarithm's imaginary part is the Hilbert transform of its real part: the cepstrum, folded to
 /// positive times (A. V. Oppenheim and R. W. Schafer, "Discrete-Time Signal Processing", section on
-/// minimum-phase sequences by the real cepstrum). Magnitudes on the grid are kept.
+/// minimum-phase sequences by the real cepstrum). Magnitudes on the grid are exact.
+#[derive(Debug)]
 pub(super) struct Designer<T> {
-    inverse: Arc<dyn ComplexToReal<T>>,
-    forward: Arc<dyn RealToComplex<T>>,
-    /// Of each bin of the grid: the logarithm, then the response.
-    pub(super) response: Vec<Complex<T>>,
-    line: Vec<T>,
-    scratch: Vec<Complex<T>>,
+    /// Its bins are the grid: first the logarithm of the response, then the response.
+    transform: Transform<T>,
     len: usize,
-    /// Sum of squares of the response in time.
+    /// Sum of squares of the impulse response.
     energy: f64,
 }
 
@@ -29,48 +25,44 @@ impl<T: Float> Designer<T> {
     /// For transforms of `fft_len` samples: a grid of `fft_len + 1` frequencies, from 0 to Nyquist's.
     pub(super) fn new(fft_len: usize) -> Self {
         let len = 2 * fft_len;
-        let (inverse, forward) = (plans::inverse::<T>(len), plans::forward::<T>(len));
-        let scratch = inverse.get_scratch_len().max(forward.get_scratch_len());
-        Self {
-            response: inverse.make_input_vec(),
-            line: inverse.make_output_vec(),
-            scratch: vec![Complex::default(); scratch],
-            inverse,
-            forward,
-            len,
-            energy: 0.0,
-        }
+        Self { transform: Transform::new(len), len, energy: 0.0 }
     }
 
-    /// The response whose squared magnitudes are these, of each frequency of the grid; whether there is any.
+    /// The response at each frequency of the grid, after [`design`](Self::design).
+    pub(super) fn response(&self) -> &[Complex<T>] {
+        &self.transform.bins
+    }
+
+    /// Computes the response from squared magnitudes at each frequency of the grid. Returns false if
+    /// all are 0.
     pub(super) fn design(&mut self, squares: &[f64]) -> bool {
         let most = in_lanes(squares, |most, square| if square > most { square } else { most }, f64::max);
         let ends = squares.first().unwrap_or(&0.0) + squares.last().unwrap_or(&0.0);
         let sum = in_lanes(squares, |sum, square| sum + square, |a, b| a + b);
         self.energy = (2.0 * sum - ends) / self.len as f64;
         if most <= 0.0 {
-            self.response.fill(Complex::default());
+            self.transform.bins.fill(Complex::default());
             return false;
         }
         let unit = most.recip().min(f64::MAX);
-        for (to, square) in self.response.iter_mut().zip(squares) {
-            // Of ratios: whatever the unit, they are normal numbers in single precision.
+        for (to, square) in self.transform.bins.iter_mut().zip(squares) {
+            // Relative to the largest, so that they are normal numbers in single precision.
             let log = T::of((square * unit).max(FLOOR)).natural_log();
             *to = Complex::new(log * T::of(0.5), T::zero());
         }
-        self.transform_back();
-        // Positive times get what negative ones have.
+        self.transform.inverse();
+        // Folds negative times onto positive ones.
         let half = self.len / 2;
         let (once, twice) = (T::of(1.0 / self.len as f64), T::of(2.0 / self.len as f64));
-        self.line[0] *= once;
-        self.line[1..half].iter_mut().for_each(|c| *c *= twice);
-        self.line[half] *= once;
-        self.line[half + 1..].fill(T::zero());
-        let done = self.forward.process_with_scratch(&mut self.line, &mut self.response, &mut self.scratch);
-        debug_assert!(done.is_ok());
+        let cepstrum = &mut self.transform.time;
+        cepstrum[0] *= once;
+        cepstrum[1..half].iter_mut().for_each(|c| *c *= twice);
+        cepstrum[half] *= once;
+        cepstrum[half + 1..].fill(T::zero());
+        self.transform.forward();
         let level = T::of(most.sqrt());
-        for (to, square) in self.response.iter_mut().zip(squares) {
-            // The real part is the logarithm that was given.
+        for (to, square) in self.transform.bins.iter_mut().zip(squares) {
+            // The real part is the given logarithm.
             let radius = level * T::of((square * unit).max(FLOOR)).root();
             let (cos, sin) = to.im.cos_sin();
             *to = Complex::new(radius * cos, radius * sin);
@@ -78,14 +70,14 @@ impl<T: Float> Designer<T> {
         true
     }
 
-    /// The first samples of the response in time, newest last: `taps[len - 1 - i]` weighs what came i
-    /// samples ago. They have the energy of all of it: a line that is narrower than they are long is wider,
-    /// and as loud.
+    /// Writes the first samples of the impulse response, newest last: `taps[len - 1 - i]` weighs the
+    /// input i samples ago. They have the energy of the whole response, so a line narrower than the
+    /// taps allow becomes wider at the same level.
     pub(super) fn taps(&mut self, taps: &mut [T]) {
-        self.transform_back();
+        self.transform.inverse();
         let norm = T::of(1.0 / self.len as f64);
-        taps.iter_mut().rev().zip(&self.line).for_each(|(tap, line)| *tap = *line * norm);
-        // What is cut off ends softly.
+        taps.iter_mut().rev().zip(&self.transform.time).for_each(|(tap, x)| *tap = *x * norm);
+        // Fades the cut end.
         let end = taps.len().div_ceil(4);
         for (i, tap) in taps[..end].iter_mut().enumerate() {
             *tap *= T::of((i + 1) as f64 / end as f64);
@@ -96,22 +88,9 @@ impl<T: Float> Designer<T> {
             taps.iter_mut().for_each(|tap| *tap *= louder);
         }
     }
-
-    /// `line` from `response`.
-    fn transform_back(&mut self) {
-        // Of a real line the first and the last bin are real; the transform refuses others.
-        if let Some(first) = self.response.first_mut() {
-            first.im = T::zero();
-        }
-        if let Some(last) = self.response.last_mut() {
-            last.im = T::zero();
-        }
-        let done = self.inverse.process_with_scratch(&mut self.response, &mut self.line, &mut self.scratch);
-        debug_assert!(done.is_ok());
-    }
 }
 
-/// Values taken together, in lanes, from 0 on.
+/// Folds values from 0 on, in lanes.
 fn in_lanes<T: Copy>(values: &[T], with: impl Fn(f64, T) -> f64, both: impl Fn(f64, f64) -> f64) -> f64 {
     let mut lanes = [0.0; LANES];
     let chunks = values.chunks_exact(LANES);
@@ -146,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_response() {
+    fn silence_has_no_response() {
         let mut designer = Designer::<f32>::new(10);
         assert!(!designer.design(&[0.0; 11]));
         let mut taps = [1.0; 10];

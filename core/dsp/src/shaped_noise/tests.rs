@@ -1,13 +1,16 @@
 use super::*;
 use crate::Stft;
+use crate::testing::LOW as FRAMING;
 use std::f64::consts::TAU;
-
-const FRAMING: Framing = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
 
 /// A spectrum as networks answer it: smooth, with a hill.
 fn smooth() -> Vec<f64> {
     let hill = |k: usize| (-((k as f64 - 30.0) / 12.0).powi(2)).exp() + 0.15 * (-(k as f64) / 40.0).exp();
     (0..101).map(|k| if k == 0 { 0.0 } else { hill(k) }).collect()
+}
+
+fn new() -> ShapedNoise<f32> {
+    ShapedNoise::new(FRAMING, 0.002, 3).unwrap()
 }
 
 /// The signal of magnitudes that stand still while a hand moves.
@@ -17,7 +20,7 @@ fn played(
     seconds: f64,
     place: impl Fn(f64) -> Option<[f64; 2]>,
 ) -> Vec<f64> {
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut kernel = new();
     kernel.set_pattern(pattern);
     let mut all = vec![0.0_f64; (2500.0 * seconds) as usize];
     for (tick, out) in all.chunks_exact_mut(5).enumerate() {
@@ -55,16 +58,7 @@ fn repeats(x: &[f64], from: usize, to: usize) -> (f64, usize) {
 }
 
 fn events(spacing_mm: f64, interval_cv: f64, height_cv: f64) -> Pattern {
-    Pattern {
-        events: Some(Events {
-            spacing_mm: Some(spacing_mm),
-            spacing_exponent: 0.0,
-            anisotropy: [0.0; 2],
-            interval_cv,
-            height_cv,
-        }),
-        ..Pattern::default()
-    }
+    Pattern { events: Some(Events::plain(Some(spacing_mm), interval_cv, height_cv)), ..Pattern::default() }
 }
 
 fn ridges(pitch_mm: f64) -> Pattern {
@@ -135,7 +129,7 @@ fn ridges_repeat_at_pitch_over_speed() {
 }
 
 #[test]
-fn fast_hand_meets_fine_ridges_at_long_ticks_too() {
+fn fast_hand_meets_fine_ridges_at_long_ticks() {
     // 4.2 turns a tick were once held to be no motion: lines stood still.
     let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.01, 3).unwrap();
     kernel.set_pattern(ridges(0.6));
@@ -164,7 +158,7 @@ fn ridges_are_silent_along_themselves_and_at_rest() {
 }
 
 #[test]
-fn threads_along_the_stroke_leave_their_power_to_the_others() {
+fn threads_along_the_stroke_yield_to_the_others() {
     // A weave: half of the power is that of threads along y, nearly half that of threads along x.
     let mut pattern = ridges(1.0);
     let mut waves = [pattern.waves[0].unwrap(); 2];
@@ -188,12 +182,12 @@ fn threads_along_the_stroke_leave_their_power_to_the_others() {
 }
 
 #[test]
-fn what_comes_after_silence_does_not_hang_on_whether_it_was_called_in_it() {
+fn call_during_silence_changes_nothing_after_it() {
     // A chain that sleeps is not called while it is silent, and a run without sleep has the same bits.
     let bumpy = events(0.3, 0.2, 0.5).events;
     for pattern in [ridges(2.5), events(0.3, 0.2, 0.5), Pattern { events: bumpy, ..ridges(2.5) }] {
         let played = |from: u64| {
-            let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+            let mut kernel = new();
             kernel.set_pattern(pattern);
             let mut all = Vec::new();
             for tick in from..300 {
@@ -245,7 +239,7 @@ fn ridges_turn_around_with_the_hand() {
 }
 
 #[test]
-fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
+fn bump_spacing_follows_speed_by_the_exponent() {
     let of = |spacing_mm: f64, exponent: f64| {
         let mut pattern = events(spacing_mm, 0.2, 0.3);
         pattern.events.iter_mut().for_each(|events| events.spacing_exponent = exponent);
@@ -258,7 +252,7 @@ fn bumps_of_a_slower_hand_are_further_apart_by_the_exponent() {
 }
 
 #[test]
-fn bumps_across_the_grain_are_further_apart_than_along_it() {
+fn bump_spacing_follows_the_anisotropy() {
     let of = |spacing_mm: f64, anisotropy: [f64; 2]| {
         let mut pattern = events(spacing_mm, 0.2, 0.3);
         pattern.events.iter_mut().for_each(|events| events.anisotropy = anisotropy);
@@ -281,9 +275,9 @@ fn bumps_across_the_grain_are_further_apart_than_along_it() {
 }
 
 #[test]
-fn stroke_that_begins_anew_has_not_the_bumps_of_the_one_before() {
+fn new_stroke_has_new_bumps() {
     // A gate closes where the hand turns, and what it let sleep begins anew: each stroke had the same bumps.
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut kernel = new();
     kernel.set_pattern(events(0.3, 0.2, 0.5));
     let mut strokes = [vec![0.0_f64; 2500], vec![0.0; 2500]];
     for (number, stroke) in strokes.iter_mut().enumerate() {
@@ -301,16 +295,10 @@ fn stroke_that_begins_anew_has_not_the_bumps_of_the_one_before() {
 }
 
 #[test]
-fn bumps_at_ridges_come_where_the_ridges_are() {
+fn bumps_at_ridges_follow_the_ridges() {
     let mut pattern = ridges(2.5);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
-    pattern.events = Some(Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        anisotropy: [0.0; 2],
-        interval_cv: 0.02,
-        height_cv: 0.2,
-    });
+    pattern.events = Some(Events::plain(None, 0.02, 0.2));
     let right = (smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
     for speed in [60.0, 100.0] {
         let x = played(pattern, &smooth(), 20.0, forwards(speed));
@@ -337,14 +325,8 @@ fn ridge_at_the_end_of_a_tick_is_met_once() {
     let pitch_mm = 1.6;
     let mut pattern = ridges(pitch_mm);
     pattern.waves[0].iter_mut().for_each(|wave| wave.shares = [0.0; HARMONICS]);
-    pattern.events = Some(Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        anisotropy: [0.0; 2],
-        interval_cv: 0.0,
-        height_cv: 0.0,
-    });
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    pattern.events = Some(Events::plain(None, 0.0, 0.0));
+    let mut kernel = new();
     kernel.set_pattern(pattern);
     let mut met = Vec::new();
     for tick in 0..5000 {
@@ -361,14 +343,8 @@ fn ridge_at_the_end_of_a_tick_is_met_once() {
 }
 
 #[test]
-fn bump_at_a_ridge_is_met_again_by_a_hand_that_comes_back() {
-    let events = Events {
-        spacing_mm: None,
-        spacing_exponent: 0.0,
-        anisotropy: [0.0; 2],
-        interval_cv: 0.1,
-        height_cv: 0.5,
-    };
+fn returning_hand_meets_the_same_bump_at_a_ridge() {
+    let events = Events::plain(None, 0.1, 0.5);
     let met = |way: (f64, f64)| {
         let mut out = [0.0_f64; 1000];
         events::at_ridges(3, 2500.0, way, &events, &mut out);
@@ -387,7 +363,7 @@ fn bump_at_a_ridge_is_met_again_by_a_hand_that_comes_back() {
 
 #[test]
 fn louder_frame_is_heard_within_4_ms() {
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut kernel = new();
     let mut levels = [0.0; 40];
     // The mean over many changes, each at another place of the noise.
     for change in 0..400_u64 {
@@ -413,8 +389,8 @@ fn louder_frame_is_heard_within_4_ms() {
 }
 
 #[test]
-fn missing_frame_is_silence_and_begins_again() {
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+fn missing_frame_is_silence() {
+    let mut kernel = new();
     let (mut out, mut silent) = ([0.0_f32; 5], Vec::new());
     for tick in 0..60 {
         if !(20..40).contains(&tick) {
@@ -431,9 +407,9 @@ fn missing_frame_is_silence_and_begins_again() {
 }
 
 #[test]
-fn noise_after_a_sleep_is_that_of_a_run_without() {
+fn noise_after_sleep_equals_noise_without() {
     let all = played(Pattern::default(), &smooth(), 1.0, |_| None);
-    let mut kernel = ShapedNoise::<f32>::new(FRAMING, 0.002, 3).unwrap();
+    let mut kernel = new();
     let mut out = [0.0_f64; 5];
     for tick in 300..400 {
         kernel.push(tick, &smooth(), 1.0);
@@ -475,7 +451,7 @@ fn level_is_kept_at_any_rate() {
 }
 
 #[test]
-fn harmonics_that_ridges_leave_out_are_not_played() {
+fn harmonic_of_weight_0_is_not_played() {
     // Every third is missing; the frame says nothing of that.
     let mut pattern = ridges(2.5);
     if let Some(wave) = &mut pattern.waves[0] {
@@ -499,7 +475,7 @@ fn harmonics_that_ridges_leave_out_are_not_played() {
 }
 
 #[test]
-fn lines_of_the_last_material_fade_and_do_not_break_off() {
+fn lines_fade_at_a_change_of_material() {
     // A single line, and then none: the second difference of a line of 40 Hz that fades within 5 samples.
     let mut kernel = ShapedNoise::<f64>::new(FRAMING, 0.002, 3).unwrap();
     let mut magnitudes = vec![0.0; 101];

@@ -1,33 +1,34 @@
-//! The density whose frames have given magnitudes.
+//! Power density whose frames have given magnitudes.
 
 use crate::Float;
 
-/// Power of Hann's window half a bin, a bin and one and a half from its middle, over that in its middle: with
-/// all of them on both sides they sum up to 3.
+/// Power of the Hann window 0.5, 1 and 1.5 bins from its middle, relative to its middle. With all of
+/// them on both sides they sum to 3.
 const BESIDE: [f32; 3] = [0.720_506_2, 0.25, 0.028_820_2];
-/// Times a density is brought nearer to the magnitudes.
+/// Iterations.
 const STEPS: usize = 2;
-/// Magnitudes less than this part of the largest are nothing: their squares would be denormal numbers.
+/// Magnitudes below this part of the largest count as 0: their squares would be denormal.
 const LEAST: f32 = 1e-15;
-/// Room at both ends.
+/// Padding at both ends.
 const END: usize = 2;
 
-/// Finds the power density of noise, on a grid twice as fine as bins, whose frames have the magnitudes that
-/// are given.
+/// Finds the power density of noise, on a grid twice as fine as the bins, whose frames have the given
+/// magnitudes.
 ///
-/// Hann's window spreads a frequency over three bins and more. A filter that follows magnitudes as they are
-/// would spread it again: where a spectrum falls by 20 dB within a few bins, what is below the slope would be
-/// louder. So a density is looked for that has the given powers once it is seen through the window. It begins
-/// as the magnitudes say, and is multiplied by what they ask for over what it has (as in W. H. Richardson, J.
-/// Opt. Soc. Am. 62, 55, 1972, with the quotient of the place itself).
+/// The Hann window spreads a frequency over three bins and more, and a filter that followed magnitudes
+/// directly would spread it again. Where a spectrum falls by 20 dB within a few bins, the part below
+/// the slope would become louder. So a density is sought that has the given powers when seen through
+/// the window. It starts from the magnitudes and is multiplied by the wanted power over the present one
+/// (as in W. H. Richardson, J. Opt. Soc. Am. 62, 55, 1972, with the quotient at the same frequency).
 ///
-/// Powers are relative to the largest, so that single precision is enough.
+/// Powers are relative to the largest, so that single precision suffices.
+#[derive(Debug)]
 pub(super) struct Unblurred {
-    /// Of bins, and half a bin above each; both with room at their ends.
+    /// Density at bins, and half a bin above each; both padded.
     at: Vec<f32>,
     above: Vec<f32>,
     wanted: Vec<f32>,
-    /// Power asked for over power there.
+    /// Wanted power over present power.
     quotients: Vec<f32>,
 }
 
@@ -37,8 +38,8 @@ impl Unblurred {
         Self { at: room(), above: room(), wanted: vec![0.0; bins], quotients: vec![0.0; bins] }
     }
 
-    /// The density in units of `scale`, in which a flat spectrum has the square of its magnitudes. What is
-    /// beyond bins is 0.
+    /// Computes the density in units of `scale`; a flat spectrum gives the square of its magnitudes.
+    /// Beyond the bins it is 0.
     pub(super) fn find<T: Float>(&mut self, magnitudes: &[T], scale: f64, density: &mut [f64]) {
         density.fill(0.0);
         let bins = self.wanted.len();
@@ -51,12 +52,13 @@ impl Unblurred {
         for (wanted, m) in self.wanted.iter_mut().zip(magnitudes) {
             *wanted = relative(m) * relative(m);
         }
-        // Slopes are straight in decibels.
+        // Interpolates linearly in decibels.
         for (above, pair) in self.above[END..END + bins].iter_mut().zip(magnitudes.windows(2)) {
             *above = relative(&pair[0]) * relative(&pair[1]);
         }
         self.at[END..END + bins].copy_from_slice(&self.wanted);
-        // Bin 0 is often 0, and there is no bin beyond the last: beside them it is a mean of powers.
+        // Bin 0 is often 0, and there is no bin beyond the last: next to them the mean of powers is
+        // used.
         if let [first, second, ..] = self.wanted[..] {
             self.above[END] = 0.5 * (first + second);
         }
@@ -73,7 +75,7 @@ impl Unblurred {
 
     fn step(&mut self) {
         let bins = self.wanted.len();
-        // Below 0 Hz there is what is above.
+        // The density is even about 0 Hz.
         (self.at[1], self.above[1], self.above[0]) = (self.at[3], self.above[2], self.above[3]);
         let at = self.at.windows(3).skip(1).map(|at| at[1] + BESIDE[1] * (at[0] + at[2]));
         let above = self.above.windows(4);
@@ -81,7 +83,7 @@ impl Unblurred {
         for ((quotient, wanted), (at, above)) in
             self.quotients.iter_mut().zip(&self.wanted).zip(at.zip(above))
         {
-            // A bin without anything says nothing.
+            // A bin without power gives no information.
             let there = at + above;
             *quotient = if *wanted > 0.0 && there > 0.0 { 3.0 * wanted / there } else { 1.0 };
         }
@@ -159,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_in_nothing_and_one_bin_is_fine() {
+    fn silence_gives_0_and_few_bins_stay_finite() {
         assert!(found(&[0.0; 9]).iter().all(|d| *d == 0.0));
         for bins in 1..5 {
             assert!(found(&vec![1e300; bins]).iter().all(|d| d.is_finite()));

@@ -1,20 +1,26 @@
-//! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without iteration.
+//! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without
+//! iteration.
 //!
-//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015: the peaks of a frame
-//! are taken for sinusoids, each runs on from the phase its bin had one hop ago, and the bins around a peak are locked to it.
-//! What differs from that paper:
+//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015. The
+//! peaks of a frame are taken as sinusoids, each continues the phase of its bin one hop ago, and the
+//! bins around a peak are locked to it. Differences from the paper:
 //!
-//! * A peak's place between bins is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it, which is exact for a
-//!   Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas. 51(2), 2002) where a
-//!   parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi v) / (pi v (1 - v^2))`.
-//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may wander over bins.
-//! * The frequency used over a hop is the mean of its two ends (the trapezoidal rule), which is exact for a chirp.
-//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase that a real signal can have.
-//! * Far from the peak a bin is taken for a side lobe, and gets its sign, only where it is as weak as one.
+//! * A peak's distance from its bin is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around
+//!   it. This is exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum.
+//!   Meas. 51(2), 2002), where a parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi
+//!   v) / (pi v (1 - v^2))`.
+//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may move over
+//!   bins.
+//! * The frequency over a hop is the mean of its two ends (trapezoidal rule), which is exact for a
+//!   chirp.
+//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase possible in
+//!   a real signal.
+//! * Far from the peak a bin is treated as a side lobe, with its sign, only where it is as weak as one.
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
-//! Spectral convergence on the vectors in `tests/data/phase` (dB, lower is better; "published" is the best of three published
-//! or textbook variants for each vector, all of whose figures are in `sc.json` there):
+//! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase` ("published" is
+//! the best of three published or textbook variants for each vector; all figures are in `sc.json`
+//! there):
 //!
 //! | vector | published | this |
 //! |---|---|---|
@@ -28,17 +34,17 @@
 //! | texture_48000 | -11.2 | -11.9 |
 //! | amchirp_48000 | -11.9 | -12.1 |
 //!
-//! What limits the pure sine is its own image at the negative frequency. Smooth magnitudes that are no signal's (nnsmooth, a
-//! mean over phases) are outside what one sinusoid a peak can express.
+//! The pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong
+//! to no signal (nnsmooth, a mean over phases) cannot be expressed as one sinusoid a peak.
 
 pub(crate) mod peak;
 
-use crate::Float;
-use crate::float::unit_circle;
+use crate::float::phasor;
 use crate::magnitude::{largest_of, take};
+use crate::random::uniform_at;
+use crate::{Complex, Float};
 use asperity_state::State;
 use peak::{Edges, Peak};
-use realfft::num_complex::Complex;
 
 /// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length.
 ///
@@ -48,7 +54,7 @@ pub struct Spsi<T> {
     fft_len: usize,
     seed: u64,
     edges: Edges,
-    /// This frame's magnitudes, with what is not a magnitude set to 0.
+    /// This frame's magnitudes; invalid ones are 0.
     mags: Vec<T>,
     /// Phase at the window's centre in turns, in [0, 1).
     turns: Vec<f64>,
@@ -59,7 +65,7 @@ pub struct Spsi<T> {
 }
 
 impl<T: Float> Spsi<T> {
-    /// For frames of `bins` magnitudes, from bin 0, of a transform of `fft_len` samples; `bins` may be fewer than
+    /// For frames of `bins` magnitudes, from bin 0, of a transform of `fft_len` samples; at most
     /// `fft_len / 2 + 1`. The start phase of bin `k` is a function of `seed` and `k` alone.
     pub fn new(fft_len: usize, bins: usize, seed: u64) -> Self {
         let mut new = Self {
@@ -77,22 +83,22 @@ impl<T: Float> Spsi<T> {
         new
     }
 
-    /// Number of bins a frame has.
+    /// Number of bins in a frame.
     pub fn bins(&self) -> usize {
         self.mags.len()
     }
 
-    /// Forgets all frames: the next one starts from the seeded phases.
+    /// Forgets all frames; the next one starts from the seeded phases.
     pub fn reset(&mut self) {
         for (k, t) in self.turns.iter_mut().enumerate() {
-            *t = start_turns(self.seed, k as u64);
+            *t = uniform_at(self.seed, k as u64);
         }
         self.freq.fill(-1.0);
         self.started = false;
     }
 
-    /// What is remembered from frame to frame: phase and frequency of every bin. Refused where it is of frames of another
-    /// length, or holds what is no phase or frequency.
+    /// Saves or restores phase and frequency of every bin. State of frames of another length, or with
+    /// an invalid phase or frequency, is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut fft_len = self.fft_len;
         state.keep(&mut fft_len).keep(&mut self.turns).keep(&mut self.freq).keep(&mut self.started);
@@ -100,13 +106,13 @@ impl<T: Float> Spsi<T> {
         state.require(fft_len == self.fft_len && phases && self.freq.iter().all(|f| f.is_finite()));
     }
 
-    /// Finds phases for one frame; `out[k]` gets the magnitude `magnitudes[k]`, in the same unit, and a phase counted
-    /// from the first sample of the frame.
+    /// Computes phases for one frame. `out[k]` gets `magnitudes[k]` in the same unit and a phase
+    /// counted from the first sample of the frame.
     ///
-    /// `advance` is the number of samples from the start of the frame before to the start of this one; the first frame
-    /// after a reset does not use it. A magnitude that is NaN, infinite or negative is taken as 0; the number of these is
-    /// returned. Bins missing in `magnitudes` count as 0, more than [`bins`](Self::bins) are not used, and
-    /// what is left of `out` is set to 0.
+    /// `advance` is the number of samples from the start of the last frame to the start of this one;
+    /// the first frame after a reset ignores it. A magnitude that is NaN, infinite or negative counts
+    /// as 0; their number is returned. Missing magnitudes count as 0, those beyond [`bins`](Self::bins)
+    /// are ignored, and the rest of `out` is set to 0.
     pub fn process<P: Float>(&mut self, magnitudes: &[P], advance: u32, out: &mut [Complex<P>]) -> usize {
         let bad = take(magnitudes, largest_of::<P, T>(), &mut self.mags);
         let edges = self.edges;
@@ -118,7 +124,7 @@ impl<T: Float> Spsi<T> {
         bad
     }
 
-    /// Each peak's phase, from the one its bin had `advance` samples ago.
+    /// Computes each peak's phase from that of its bin `advance` samples ago.
     fn run_on(&mut self, advance: u32) {
         let hop = f64::from(advance) / self.fft_len as f64;
         for p in &mut self.peaks {
@@ -126,7 +132,7 @@ impl<T: Float> Spsi<T> {
                 continue;
             };
             let freq = p.freq();
-            // Half a bin: what a chirp can move in a hop; beyond that it was another sinusoid.
+            // A chirp moves at most half a bin in a hop; a larger change is another sinusoid.
             let mean =
                 if before >= 0.0 && (before - freq).abs() < 0.5 { 0.5 * (before + freq) } else { freq };
             let t = turns + mean * hop;
@@ -134,8 +140,7 @@ impl<T: Float> Spsi<T> {
             if p.real {
                 p.turns = if (p.turns - 0.5).abs() <= 0.25 { 0.5 } else { 0.0 };
             }
-            let (cos, sin) = unit_circle(p.turns);
-            p.unit = Complex::new(T::of(cos), T::of(sin));
+            p.unit = phasor(p.turns);
         }
     }
 
@@ -150,7 +155,8 @@ impl<T: Float> Spsi<T> {
             for k in first..end {
                 let (Some(&mag), Some(out)) = (self.mags.get(k), out.get_mut(k)) else { break };
                 if mag <= T::zero() {
-                    // Silence keeps its own phase, so that what comes after is not one click of equal phases.
+                    // A silent bin keeps its own phase, so that the next sound is not one click of
+                    // equal phases.
                     self.freq[k] = -1.0;
                     continue;
                 }
@@ -169,14 +175,6 @@ impl<T: Float> Spsi<T> {
             self.freq.fill(-1.0);
         }
     }
-}
-
-/// The start phase of a bin in turns, in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) indexed by bin.
-fn start_turns(seed: u64, bin: u64) -> f64 {
-    let mut z = seed.wrapping_add((bin + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::Float;
 use realfft::num_complex::Complex;
 
-/// What lies beyond the first and last bin.
+/// Meaning of the last bin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edges {
     /// The last bin is at half the sample rate.
@@ -15,23 +15,23 @@ pub(crate) struct Edges {
 pub(crate) struct Peak<T> {
     /// The bin of the maximum.
     pub(crate) bin: usize,
-    /// One past the last bin of its region; the region starts where the one before ends.
+    /// One past the last bin of its region; the region starts where the last one ends.
     pub(super) end: usize,
-    /// From the bin to the sinusoid, in bins, in [-0.5, 0.5].
+    /// Distance from the bin to the sinusoid in bins, in [-0.5, 0.5].
     pub(crate) offset: f64,
-    /// Bin 0 or Nyquist: only a phase of 0 or half a turn can be heard.
+    /// Bin 0 or Nyquist: only a phase of 0 or half a turn is possible.
     pub(crate) real: bool,
     /// Phase at the window's centre, in turns.
     pub(super) turns: f64,
-    /// The same as a point on the unit circle.
+    /// The phase as a point on the unit circle.
     pub(super) unit: Complex<T>,
     mag: T,
     /// The Hann window's lobe at -2, -1, 0, 1, 2 bins from `bin`, relative to 0, signed.
     lobe: [T; 5],
 }
 
-/// The lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid `d` from it: the ratio of
-/// `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
+/// Lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid at distance `d`: the
+/// ratio of `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
 fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
     let v = m - d;
     let r = d * (1.0 - d * d) / (v * (1.0 - v * v));
@@ -39,7 +39,7 @@ fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
 }
 
 impl<T: Float> Peak<T> {
-    /// In bins.
+    /// Frequency in bins.
     pub(crate) fn freq(&self) -> f64 {
         self.bin as f64 + self.offset
     }
@@ -56,24 +56,24 @@ impl<T: Float> Peak<T> {
         Self { bin, end: 0, offset, real, turns: 0.0, unit: Complex::default(), mag, lobe: lobe.map(T::of) }
     }
 
-    /// What this sinusoid puts into bin `k`, with sign, where that is at most two bins from its own.
+    /// Contribution of this sinusoid to bin `k`, with sign, at most two bins from its own.
     #[inline]
     fn near(&self, k: usize) -> Option<T> {
         self.lobe.get((k + 2).wrapping_sub(self.bin)).map(|&r| r * self.mag)
     }
 
-    /// The same further away: a side lobe.
+    /// The same farther away: a side lobe.
     #[inline]
     fn far(&self, k: usize) -> T {
         let m = k as f64 - self.bin as f64;
         self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1))
     }
 
-    /// The phase at the window's centre of bin `k` (not the peak's own) of this peak's region, of magnitude `mag > 0`, as a
-    /// point on the unit circle. `other` is the next peak on the side of `k`.
+    /// Phase at the window's centre of bin `k` of this peak's region (not the peak's own bin), of
+    /// magnitude `mag > 0`, as a point on the unit circle. `other` is the next peak on the side of `k`.
     #[inline]
     pub(super) fn phase_at(&self, k: usize, mag: T, other: Option<&Self>) -> Complex<T> {
-        // How many times a window's own side lobe a bin may be and still be taken for it.
+        // Largest ratio of a bin to the window's own side lobe.
         const SIDE: f64 = 1.5;
         let side = T::of(SIDE);
         let own = match self.near(k) {
@@ -97,13 +97,13 @@ impl<T: Float> Peak<T> {
         let weight = if weight.abs() < most { weight } else { most };
         let sum = mine + other.unit * weight;
         let square = sum.re * sum.re + sum.im * sum.im;
-        // Two lobes that cancel say nothing about the phase.
+        // Two lobes that cancel give no phase.
         if square > T::of(1e-6) { sum * (T::one() / square.root()) } else { mine }
     }
 }
 
-/// Finds all maxima; a run of equal bins that stands above both its sides is one, at its middle. Any frame that is not
-/// all zero has at least one.
+/// Finds all maxima. A run of equal bins above both its sides is one maximum, at its middle. Any frame
+/// that is not all zero has at least one.
 pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
     peaks.clear();
     let mut rising = true;
@@ -157,7 +157,8 @@ fn interpolate<T: Float>(mags: &[T], bin: usize, edges: Edges) -> Peak<T> {
         (_, None) if edges.last_is_nyquist => (0.0, true),
         (Some(a), Some(c)) => (2.0 * (c - a) / (a + 2.0 * b + c), false),
         (Some(a), None) => {
-            // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no lobe of this window.
+            // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no
+            // lobe of this window.
             let r = a / b;
             (if r < 0.2 { 0.0 } else { (1.0 - 2.0 * r) / (1.0 + r) }, false)
         }

@@ -1,11 +1,6 @@
 use super::*;
+use crate::testing::{apart, check_bad_magnitudes, saved, tone, turns};
 use crate::window::hann_lobe;
-use std::f64::consts::TAU;
-
-/// Magnitudes of a sinusoid of amplitude 1 at `freq` bins.
-fn tone(freq: f64, bins: usize) -> Vec<f64> {
-    (0..bins).map(|k| hann_lobe(k as f64 - freq).abs()).collect()
-}
 
 fn run<T: Float>(spsi: &mut Spsi<T>, mags: &[T], advance: u32) -> Vec<Complex<T>> {
     let mut out = vec![Complex::default(); spsi.bins()];
@@ -15,16 +10,6 @@ fn run<T: Float>(spsi: &mut Spsi<T>, mags: &[T], advance: u32) -> Vec<Complex<T>
 
 fn power<T: Float>(out: &[Complex<T>]) -> f64 {
     out.iter().map(|c| c.re.f64().powi(2) + c.im.f64().powi(2)).sum()
-}
-
-/// Phase of a bin in turns.
-fn turns(c: Complex<f64>) -> f64 {
-    c.im.atan2(c.re) / TAU
-}
-
-/// Difference of phases in turns, in [0, 0.5].
-fn apart(a: f64, b: f64) -> f64 {
-    ((a - b) - (a - b).round()).abs()
 }
 
 #[test]
@@ -44,14 +29,15 @@ fn spsi_finds_a_peak_shared_by_two_equal_bins() {
 }
 
 #[test]
-fn spsi_follows_a_sinusoid_at_any_place_between_bins() {
+fn spsi_follows_a_sinusoid_between_bins() {
     for freq in [5.0, 17.0, 40.01, 40.25, 40.49, 40.5, 40.51, 40.99, 77.3] {
         let mut spsi = Spsi::new(250, 101, 3);
         let mags = tone(freq, 101);
         let first = run(&mut spsi, &mags, 0);
         let second = run(&mut spsi, &mags, 5);
         for k in 0..101 {
-            // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from the centre to the start.
+            // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from the
+            // centre to the start.
             if (k as f64 - freq).abs() < 8.0 && mags[k] > 1e-9 {
                 let ideal = hann_lobe(k as f64 - freq).signum() * if k % 2 == 0 { 1.0 } else { -1.0 };
                 let centre =
@@ -72,7 +58,7 @@ fn spsi_follows_a_sinusoid_at_any_place_between_bins() {
 fn spsi_keeps_every_magnitude() {
     let mut spsi = Spsi::new(250, 101, 7);
     for n in 0..50 {
-        let mags: Vec<f64> = (0..101).map(|k| start_turns(n, k)).collect();
+        let mags: Vec<f64> = (0..101).map(|k| uniform_at(n, k)).collect();
         for (c, m) in run(&mut spsi, &mags, 5).iter().zip(&mags) {
             assert!((c.norm() - m).abs() < 1e-12);
         }
@@ -80,7 +66,7 @@ fn spsi_keeps_every_magnitude() {
 }
 
 #[test]
-fn spsi_gives_bin_0_and_nyquist_a_phase_that_a_real_signal_can_have() {
+fn spsi_keeps_bin_0_and_nyquist_real() {
     for seed in 0..8 {
         let mut spsi = Spsi::<f64>::new(50, 26, seed);
         let mut mags = vec![0.0f64; 26];
@@ -120,7 +106,7 @@ fn spsi_finds_a_peak_in_the_last_bin_below_nyquist() {
 }
 
 #[test]
-fn spsi_answers_silence_with_silence_and_wakes_after_it() {
+fn spsi_of_silence_is_silent() {
     let mut spsi = Spsi::new(250, 101, 1);
     let silence = vec![0.0; 101];
     for _ in 0..3 {
@@ -135,7 +121,7 @@ fn spsi_answers_silence_with_silence_and_wakes_after_it() {
 }
 
 #[test]
-fn spsi_takes_a_flat_spectrum_and_a_plateau_for_one_peak() {
+fn spsi_treats_a_plateau_as_one_peak() {
     let mut spsi = Spsi::new(250, 101, 1);
     let flat = vec![1.0; 101];
     let (first, second) = (run(&mut spsi, &flat, 0), run(&mut spsi, &flat, 5));
@@ -150,30 +136,19 @@ fn spsi_takes_a_flat_spectrum_and_a_plateau_for_one_peak() {
 }
 
 #[test]
-fn spsi_takes_what_is_no_magnitude_for_silence_and_counts_it() {
+fn spsi_counts_bad_magnitudes_as_silence() {
     let mut spsi = Spsi::<f32>::new(250, 101, 1);
-    let mut mags: Vec<f32> = tone(30.3, 101).iter().map(|&m| m as f32).collect();
-    let mut out = vec![Complex::default(); 101];
-    (mags[3], mags[60], mags[61], mags[90]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0);
-    assert_eq!(spsi.process(&mags, 5, &mut out), 4);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    assert!([3, 60, 61, 90].iter().all(|&k: &usize| out[k] == Complex::default()));
-    assert!((out[30].norm() - mags[30]).abs() < 1e-6);
-    assert_eq!(spsi.process(&[f32::MAX; 101], 5, &mut out), 0);
-    assert!(out.iter().all(|c| c.re.is_finite() && c.im.is_finite()));
-    let mut short = vec![Complex::new(9.0, 9.0); 200];
-    assert_eq!(spsi.process(&mags[..50], 5, &mut short), 1);
-    assert!(short[101..].iter().all(|&c| c == Complex::default()), "what is left of the output is silent");
-    spsi.process(&mags, 5, &mut short[..10]);
-    Spsi::<f32>::new(0, 0, 0).process(&mags, 5, &mut short);
+    let mags = std::array::from_fn(|k| hann_lobe(k as f64 - 30.3).abs() as f32);
+    check_bad_magnitudes(|_, mags, out| spsi.process(mags, 5, out), &mags, 1.0);
+    Spsi::<f32>::new(0, 0, 0).process(&mags, 5, &mut [Complex::new(9.0, 9.0); 200]);
 }
 
 #[test]
-fn spsi_does_not_care_about_the_unit() {
+fn spsi_is_independent_of_the_unit() {
     for scale in [1e-12, 1e12] {
         let (mut a, mut b) = (Spsi::<f32>::new(250, 101, 5), Spsi::<f32>::new(250, 101, 5));
         for n in 0..200 {
-            let mags: Vec<f32> = (0..101).map(|k| start_turns(n / 4, k) as f32).collect();
+            let mags: Vec<f32> = (0..101).map(|k| uniform_at(n / 4, k) as f32).collect();
             let scaled: Vec<f32> = mags.iter().map(|m| (f64::from(*m) * scale) as f32).collect();
             let (x, y) = (run(&mut a, &mags, 5), run(&mut b, &scaled, 5));
             for (x, y) in x.iter().zip(&y) {
@@ -185,7 +160,7 @@ fn spsi_does_not_care_about_the_unit() {
 }
 
 #[test]
-fn spsi_advances_by_the_true_number_of_samples_between_frames() {
+fn spsi_advances_by_the_true_hop() {
     // 44.1 kHz at 500 frames a second: 88, 88, 88, 88, 89 samples.
     let framing = crate::Framing { rate_hz: 44_100, fft_len: 4410, bins: 101, frame_num: 500, frame_den: 1 };
     let mut spsi = Spsi::<f64>::new(4410, 101, 1);
@@ -225,7 +200,7 @@ fn spsi_does_not_drift_in_a_million_frames() {
 }
 
 #[test]
-fn spsi_is_a_function_of_the_seed() {
+fn spsi_depends_on_frames_and_seed_alone() {
     let mags = tone(20.2, 101);
     let first = |seed| run(&mut Spsi::<f64>::new(250, 101, seed), &mags, 0);
     assert_eq!(first(1), first(1));
@@ -239,10 +214,9 @@ fn spsi_is_a_function_of_the_seed() {
 }
 
 #[test]
-fn spsi_refuses_the_phases_of_another_window_and_what_is_no_phase() {
+fn spsi_refuses_state_of_another_window_and_bad_phases() {
     let mut old = Spsi::<f32>::new(250, 101, 1);
-    let mut bytes = vec![0; State::measure(|s| old.state(s))];
-    State::save(&mut bytes, |s| old.state(s)).unwrap();
+    let mut bytes = saved(|s| old.state(s));
     assert!(State::restore(&bytes, |s| Spsi::<f32>::new(250, 101, 2).state(s)));
     // As many bins, ten times as far apart.
     assert!(!State::restore(&bytes, |s| Spsi::<f32>::new(2500, 101, 1).state(s)));

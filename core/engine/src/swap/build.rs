@@ -1,9 +1,7 @@
-//! Everything the tick thread will need, allocated beforehand.
-
-use std::sync::Arc;
+//! Allocates everything that the tick thread needs for a swap.
 
 use asperity_graph::{BufferEntry, Compiled, Schedule};
-use asperity_node::{Buffer, PortType, Processor, Shape};
+use asperity_node::{Buffer, PortType, Shape};
 
 use super::crossfade::Crossfade;
 use super::plan::{Fate, Place, Plan, Point, live_value};
@@ -12,8 +10,8 @@ use super::takeover::{Rebuilt, Set, Swap};
 use crate::engine::Body;
 use crate::slot::{Guards, Slot};
 
-/// Makes a swap of a plan. `sizes` and `live` are of the old schedule: bytes of each node's state, and what its live
-/// parameters were last set to.
+/// Makes a swap from a plan. `sizes` and `live` belong to the old schedule: bytes of each node's state,
+/// and the last values of its live parameters.
 pub(super) fn build(
     number: u64,
     plan: &Plan,
@@ -22,19 +20,8 @@ pub(super) fn build(
     live: &[Vec<f64>],
     compiled: Compiled,
 ) -> Swap {
-    let Compiled { schedule: new, processors } = compiled;
-    let mut body = Body {
-        buffers: buffers(&new),
-        slots: new
-            .nodes
-            .iter()
-            .zip(processors)
-            .map(|(n, p): (_, Box<dyn Processor>)| Slot::new(n, p))
-            .collect(),
-        steps: plan.steps.clone(),
-        fed_audio: fed_audio(&new),
-        schedule: Arc::new(new),
-    };
+    let mut body = Body::new(compiled);
+    let settled = std::mem::replace(&mut body.steps, plan.steps.clone());
     let new = body.schedule.clone();
     let guards = guards(plan, old, &new, &mut body.slots);
     let own = add_shadows(plan, old, &mut body);
@@ -42,7 +29,7 @@ pub(super) fn build(
     let mut swap = Swap {
         number,
         body,
-        settled: new.steps.iter().map(|s| (*s).into()).collect(),
+        settled,
         fades,
         readers,
         kept: Vec::new(),
@@ -63,7 +50,8 @@ pub(super) fn build(
                 swap.sets.extend(sets(&new, j, &live[i]));
             }
             Fate::Rebuilt { old, adopts, .. } => {
-                // A node that keeps no state but has a past (a latency, a tail) begins anew; one without either has nothing to lose.
+                // A node without saved state but with a latency or tail starts anew; one without either
+                // loses nothing.
                 let (none, node) = (asperity_node::Latency::ZERO, &new.nodes[j]);
                 let has_past = node.latency != none || node.tail != none;
                 let goes_on = adopts && (sizes[old] > 0 || !has_past);
@@ -76,7 +64,7 @@ pub(super) fn build(
     swap
 }
 
-/// The buffers of a schedule.
+/// Makes the buffers of a schedule.
 pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
     let buffer = |entry: &BufferEntry| match entry {
         BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
@@ -86,20 +74,20 @@ pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
     schedule.buffers.iter().map(buffer).collect()
 }
 
-/// The buffers of audio that the host gives.
+/// Audio buffers that the host fills.
 pub(crate) fn fed_audio(schedule: &Schedule) -> Vec<usize> {
     let audio = |e: &BufferEntry| matches!(e, BufferEntry::Fed(PortType { shape: Shape::Audio { .. }, .. }));
     (0..schedule.buffers.len()).filter(|&at| audio(&schedule.buffers[at])).collect()
 }
 
-/// What the host gives, before it has given anything.
+/// Buffer of a fed input before the host has set anything.
 fn fed(port: &PortType, tick_hz: u32) -> Buffer {
     let mut buffer = Buffer::new(port, tick_hz);
     buffer.set_valid(false);
     buffer
 }
 
-/// What the live parameters of a node are worth.
+/// Values of a node's live parameters.
 pub(super) fn live_values(schedule: &Schedule, j: usize) -> Vec<f64> {
     let node = &schedule.nodes[j];
     let value = |l: &asperity_graph::LiveParam| {
@@ -108,7 +96,7 @@ pub(super) fn live_values(schedule: &Schedule, j: usize) -> Vec<f64> {
     node.live.iter().map(value).collect()
 }
 
-/// Live parameters of a kept node that the new graph sets to something else.
+/// Live parameters of a kept node that the new graph changes.
 fn sets(new: &Schedule, j: usize, before: &[f64]) -> Vec<Set> {
     let values = live_values(new, j);
     let changed =
@@ -121,7 +109,7 @@ fn boxed(ways: &Ways) -> Guards {
     ways.iter().map(|way| way.clone().into()).collect()
 }
 
-/// Gives new nodes the guards they have while it fades, and answers those they have afterwards.
+/// Sets the guards of new nodes during the fade, and returns those for afterwards.
 fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, Guards)> {
     let mut after = Vec::new();
     for (j, ways) in plan.shadows.new_ways(old, new).iter().enumerate() {
@@ -132,7 +120,7 @@ fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Ve
     after
 }
 
-/// What the host has given to old nodes, and the new ones in their place go on with: new and old buffer.
+/// Buffers fed by the host with which nodes in the same place continue: new and old buffer.
 fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
     for (fate, node) in plan.fates.iter().zip(&new.nodes) {
@@ -144,15 +132,16 @@ fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// Where an old node that still runs finds what the host gives to the node in its place.
+/// Buffer from which an old node still running reads the host's values: that of the node that replaces
+/// it.
 fn fed_anew(plan: &Plan, old: &Schedule, new: &Schedule, i: usize, input: usize) -> Option<usize> {
     let j = plan.fates.iter().position(|f| matches!(f, Fate::Rebuilt { old, .. } if *old == i))?;
     let (was, is) = (&old.nodes[i].inputs[input], new.nodes[j].inputs.get(input)?);
     (was.fed && is.fed && is.port == was.port).then_some(is.reads.buffer as usize)
 }
 
-/// Places for old nodes behind the new ones. Answers what the host gave to those whose place nobody takes: new and old
-/// buffer.
+/// Adds slots for old nodes after the new ones. Returns the buffers fed by the host to nodes that
+/// nothing replaces: new and old buffer.
 fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usize)> {
     let new = body.schedule.clone();
     let mut own = Vec::new();
@@ -175,7 +164,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
                     body.buffers.push(match old.buffers.get(was) {
                         Some(BufferEntry::Constant { count, value }) => Buffer::constant(*count, *value),
                         Some(BufferEntry::Fed(port)) => {
-                            // It holds what it heard last.
+                            // It holds its last values.
                             own.push((is, was));
                             fed(port, old.tick_hz)
                         }
@@ -196,7 +185,7 @@ fn source(plan: &Plan, body: &Body, (node, output): (usize, usize)) -> Option<us
     Some(body.slots[plan.shadows.slot(node)?].outputs.start + output)
 }
 
-/// A crossfade, and who reads it.
+/// Makes a crossfade, and returns its reader too.
 fn crossfade(
     plan: &Plan,
     new: &Schedule,
@@ -219,7 +208,7 @@ fn crossfade(
     }
 }
 
-/// Ticks between those in which every new node runs; 1 where that is seldom.
+/// Ticks between two ticks in which every new node runs; 1 if such ticks are rarer than once a second.
 fn every(plan: &Plan, new: &Schedule) -> u64 {
     let fresh = plan.fates.iter().zip(&new.nodes).filter(|(fate, _)| **fate == Fate::New);
     let gcd = |mut a: u64, mut b: u64| {

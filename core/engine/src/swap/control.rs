@@ -1,4 +1,4 @@
-//! The control thread's end: what changes, and what came of it.
+//! The control thread's end of an engine.
 
 use std::fmt;
 use std::sync::Arc;
@@ -13,23 +13,23 @@ use super::plan::{Fate, Plan};
 use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
 use super::takeover::{Command, Link, Set, Swap};
 
-/// Swaps that may be under way at once. They are taken over one after the other, each when the one before has faded.
+/// Most swaps in progress. Each is taken over when the one before has faded.
 pub const MAX_SWAPS: usize = 4;
 
-/// Commands that may wait for the next tick.
+/// Most commands waiting for the next tick.
 const MAX_COMMANDS: usize = 256;
 
-/// Changes a running [`Engine`](crate::Engine) from another thread, which neither waits for the other.
+/// Changes a running [`Engine`](crate::Engine) from another thread. Neither waits for the other.
 ///
-/// It knows the graph that the engine will run once it has taken over all that was sent; changes are worked out against
-/// that.
+/// It knows the graph that the engine will run after all sent changes, and computes new changes against
+/// it.
 pub struct Controller {
     commands: HeapProd<Command>,
     retired: HeapCons<Box<Swap>>,
     schedule: Arc<Schedule>,
     /// Bytes of each node's state.
     sizes: Vec<usize>,
-    /// What the live parameters of each node were last set to.
+    /// Last values of each node's live parameters.
     live: Vec<Vec<f64>>,
     sent: u64,
     back: u64,
@@ -63,25 +63,27 @@ impl Controller {
         (it, Link::new(engine_commands, engine_retired))
     }
 
-    /// The graph that the engine will run once it has taken over all that was sent.
+    /// The graph that the engine will run after all sent changes.
     pub fn schedule(&self) -> &Arc<Schedule> {
         &self.schedule
     }
 
-    /// Whether [`swap`](Self::swap) would find room now.
+    /// Whether there is room for a [`swap`](Self::swap) now.
     pub fn ready(&mut self) -> bool {
         self.gather();
         self.sent - self.back < MAX_SWAPS as u64 && self.commands.vacant_len() > 0
     }
 
-    /// Sends a changed graph to the engine. `changed` names nodes whose files changed although their parameters did not.
+    /// Sends a changed graph to the engine. `changed` names nodes whose files changed although their
+    /// parameters did not.
     ///
-    /// Nodes that are as before go on untouched; the others take over the state of the node of the same id and kind. What
-    /// is heard from elsewhere than before is crossfaded in 10 ms. The engine takes over at the start of a tick, after the
-    /// swaps that were sent before have faded.
+    /// Unchanged nodes continue; the others take over the state of the node of the same id and kind.
+    /// Changed sources are crossfaded in 10 ms. The engine takes over at the start of a tick, after
+    /// earlier swaps have faded.
     ///
     /// # Errors
-    /// [`SwapError`] says what to do. Nothing is sent then, and `compiled` is gone: ask [`ready`](Self::ready) first.
+    /// [`SwapError`] says what to do. Then nothing is sent, and `compiled` is dropped: ask
+    /// [`ready`](Self::ready) first.
     pub fn swap(&mut self, mut compiled: Compiled, changed: &[String]) -> Result<SwapReport, SwapError> {
         let (old, new) = (&self.schedule, &compiled.schedule);
         if old.tick_hz != new.tick_hz {
@@ -114,8 +116,8 @@ impl Controller {
         Ok(report)
     }
 
-    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later [`swap`](Self::swap) sets it to
-    /// what the new graph says.
+    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later
+    /// [`swap`](Self::swap) sets it to what the new graph says.
     ///
     /// # Errors
     /// [`ParameterError`] says what to do; nothing is sent then.

@@ -1,8 +1,8 @@
-//! From what was heard to what is heard now, in 10 ms.
+//! Crossfade from the old source to the new one in 10 ms.
 
 use asperity_node::{Buffer, time};
 
-/// How long a crossfade takes, in seconds.
+/// Length of a crossfade in seconds.
 pub const CROSSFADE_S: f64 = 0.01;
 
 /// Ticks of a crossfade: [`CROSSFADE_S`], rounded up to whole ticks.
@@ -10,7 +10,7 @@ pub(super) fn ticks(tick_hz: u32) -> u64 {
     ((CROSSFADE_S * f64::from(tick_hz)).ceil() as u64).max(1)
 }
 
-/// How far a crossfade has come.
+/// Progress of a crossfade.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp {
     /// Its first tick, and the first after it.
@@ -25,15 +25,15 @@ pub(crate) struct Ramp {
 pub(crate) struct Crossfade {
     pub(super) old: Option<usize>,
     pub(super) new: usize,
-    /// Behind both of them; or `None` for one that is written over `new`.
+    /// Buffer after both of them, or `None` for a crossfade written over `new`.
     pub(super) mix: Option<usize>,
     /// Rate of audio; 0 for a control.
     pub(super) rate_hz: u32,
-    /// It is not needed after all: the new signal alone.
+    /// Passes the new signal alone.
     pub(super) through: bool,
 }
 
-/// Smoothstep: no corner where a fade begins or ends. The two gains of a crossfade add up to 1.
+/// Smoothstep, which has no corner at either end. The two gains of a crossfade sum to 1.
 fn smooth(part: f64) -> f64 {
     let g = part.clamp(0.0, 1.0);
     g * g * (3.0 - 2.0 * g)
@@ -46,7 +46,7 @@ impl Ramp {
         smooth((self.tick + 1).saturating_sub(self.begun) as f64 / ticks)
     }
 
-    /// The same for every sample of this tick.
+    /// Gain of the new signal for every sample of this tick.
     fn gains(&self, rate_hz: u32) -> impl Iterator<Item = f32> + use<> {
         let first = |tick| time::first_sample(tick, rate_hz, self.tick_hz);
         let (begun, end, now) = (first(self.begun), first(self.end), first(self.tick));
@@ -57,7 +57,7 @@ impl Ramp {
 }
 
 impl Crossfade {
-    /// This tick of it.
+    /// Runs this tick of the crossfade.
     pub(crate) fn run(&self, buffers: &mut [Buffer], mut ramp: Ramp) {
         if self.through {
             ramp.tick = ramp.end;
@@ -114,7 +114,7 @@ impl Crossfade {
     }
 }
 
-/// What is faded out, and whether it is silent; silence where there is none.
+/// Samples of the old source, and whether they are silent; silence if there is none.
 fn audio(old: Option<&Buffer>) -> (impl Iterator<Item = f32>, bool) {
     let (samples, silent) = match old {
         Some(Buffer::Audio { samples, len, silent, .. }) => (&samples[..*len], *silent),

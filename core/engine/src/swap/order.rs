@@ -1,8 +1,8 @@
-//! The steps of a tick in which new nodes, shadows of old ones and crossfades run together.
+//! Order of the steps of a tick during a crossfade: new nodes, shadows of old ones, and crossfades.
 
 use std::collections::BTreeSet;
 
-use asperity_graph::{Schedule, ScheduledNode, Step};
+use asperity_graph::{Schedule, ScheduledNode, Step, topological_order};
 
 use super::plan::{Place, Point};
 use super::shadow::{Shadows, Ways};
@@ -26,8 +26,8 @@ impl From<Step> for Run {
     }
 }
 
-/// What comes before what. Steps are numbered: `wants` and `process` of every slot, the crossfades, every
-/// `absorb`.
+/// Dependencies of the steps. Steps are numbered: `wants` and `process` of every slot, the crossfades,
+/// every `absorb`.
 struct Steps<'a> {
     points: &'a [Point],
     slots: usize,
@@ -35,19 +35,19 @@ struct Steps<'a> {
     exists: Vec<bool>,
 }
 
-/// The steps while it fades, each after all that it hears.
+/// Orders the steps during a crossfade, each after its sources.
 ///
-/// There is such an order: old and new nodes meet in kept ones only, and no kept node is both after a
+/// Such an order exists: old and new nodes meet only in kept ones, and no kept node is both after a
 /// crossfade and before one.
 pub(super) fn order(old: &Schedule, new: &Schedule, points: &[Point], shadows: &Shadows) -> Vec<Run> {
-    // Should gates wait for each other, nobody waits for them: their answers are those of the tick before.
+    // If gates wait for each other, nothing waits for them: their answers are those of the tick before.
     let found = [true, false].into_iter().find_map(|waits| sorted(old, new, points, shadows, waits));
     debug_assert!(found.is_some(), "steps wait for each other");
     found.unwrap_or_default()
 }
 
-/// The same; `None` where steps wait for each other. `waits` is whether nodes wait for the gates that say
-/// whether they are wanted.
+/// Orders the steps; `None` if they wait for each other. `waits` says whether nodes wait for their
+/// gates.
 fn sorted(
     old: &Schedule,
     new: &Schedule,
@@ -102,7 +102,7 @@ fn steps_fade(slots: usize, point: usize) -> usize {
     2 * slots + point
 }
 
-/// The step after which an output of a new node is there.
+/// Step after which an output of a new node is ready.
 fn new_source(points: &[Point], slots: usize, from: (usize, usize)) -> usize {
     let there = |p: &Point| p.new == from && matches!(p.place, Place::Output(_));
     points.iter().position(there).map_or(process(from.0), |p| steps_fade(slots, p))
@@ -113,8 +113,8 @@ impl Steps<'_> {
         2 * self.slots + self.points.len() + slot
     }
 
-    /// The steps of one node. `gates` are slots that say whether it is wanted, `source` is the step that an
-    /// input waits for.
+    /// Adds the steps of one node. `gates` are the slots that decide whether it is wanted; `source`
+    /// gives the step that an input waits for.
     fn node(
         &mut self,
         x: usize,
@@ -156,26 +156,8 @@ impl Steps<'_> {
     }
 
     fn sort(&self) -> Option<Vec<Run>> {
-        let all = || (0..self.exists.len()).filter(|&s| self.exists[s]);
-        let mut missing: Vec<usize> =
-            self.before.iter().map(|b| b.iter().filter(|&&s| self.exists[s]).count()).collect();
-        let mut after: Vec<Vec<usize>> = vec![Vec::new(); self.exists.len()];
-        for s in all() {
-            for &b in &self.before[s] {
-                after[b].push(s);
-            }
-        }
-        let mut ready: BTreeSet<usize> = all().filter(|&s| missing[s] == 0).collect();
-        let mut out = Vec::new();
-        while let Some(s) = ready.pop_first() {
-            out.push(self.run(s));
-            for &next in &after[s] {
-                missing[next] -= 1;
-                if missing[next] == 0 {
-                    ready.insert(next);
-                }
-            }
-        }
-        (out.len() == all().count()).then_some(out)
+        let order = topological_order(&self.before, |step| self.exists[step]);
+        let complete = order.len() == self.exists.iter().filter(|exists| **exists).count();
+        complete.then(|| order.into_iter().map(|step| self.run(step)).collect())
     }
 }

@@ -1,4 +1,4 @@
-//! Which nodes of a new graph are the old ones, and where the two graphs are crossfaded.
+//! Decides which nodes of a new graph are old ones, and where the two graphs are crossfaded.
 
 use std::collections::BTreeSet;
 
@@ -8,28 +8,28 @@ use asperity_node::{Latency, ParamKind, ParamValue, Shape};
 use super::order::{self, Run};
 use super::shadow::Shadows;
 
-/// Where a node of the new graph comes from.
+/// Origin of a node of the new graph.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Fate {
-    /// It is this old node and goes on untouched.
+    /// It is this old node and continues unchanged.
     Kept(usize),
-    /// It takes the place of this old node, and its state where it `adopts`.
+    /// It replaces this old node, and takes over its state if it `adopts`.
     Rebuilt { old: usize, adopts: bool, why: String },
     /// There was no such node.
     New,
 }
 
 impl Fate {
-    /// The old node that it is.
+    /// The old node that is kept.
     pub(super) fn kept(&self) -> Option<usize> {
         if let Fate::Kept(old) = self { Some(*old) } else { None }
     }
 }
 
-/// Where the output of an old node is crossfaded to that of a new one.
+/// A crossfade from the output of an old node to that of a new one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
-    /// The new node that hears it.
+    /// The new node that reads it.
     pub(super) node: usize,
     pub(super) place: Place,
     /// Old node and output; `None` fades in from silence.
@@ -44,28 +44,28 @@ impl Point {
     }
 }
 
-/// At which port of its node a crossfade is.
+/// Port of a crossfade.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
-    /// Before an input: of a kept node, or of one that answers later.
+    /// Before an input: of a kept node, or of one with latency or tail.
     Input(usize),
     /// On an output of a sink that is not kept, for its host.
     Output(usize),
 }
 
-/// What a swap does, by index in the two schedules.
+/// Plan of a swap, by index in the two schedules.
 #[derive(Debug)]
 pub(super) struct Plan {
-    /// For every new node.
+    /// Origin of every new node.
     pub(super) fates: Vec<Fate>,
     pub(super) points: Vec<Point>,
     pub(super) shadows: Shadows,
-    /// The steps of a tick while it fades.
+    /// Steps of a tick during the crossfade.
     pub(super) steps: Vec<Run>,
 }
 
 impl Plan {
-    /// Keeps as many nodes as can be.
+    /// Keeps as many nodes as possible.
     pub(super) fn new(old: &Schedule, new: &Schedule, changed: &[String]) -> Self {
         let mut between = BTreeSet::new();
         loop {
@@ -84,9 +84,10 @@ impl Plan {
     }
 }
 
-/// Kept nodes behind one crossfade and before another. They would be heard with the old input behind the new output, and
-/// the other way round: a factor of 100 that moves from one gain to another would be loud, or gone, for as long as it
-/// fades. So an old and a new one of them run, and what is heard is a mix of the old graph and the new, and no third.
+/// Kept nodes after one crossfade and before another. They would combine the old input with the new
+/// output, and the reverse. A factor of 100 that moves from one gain to another would then be loud, or
+/// missing, during the fade. So an old and a new copy of them run, and the output is a mix of the old
+/// graph and the new one only.
 fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Vec<usize> {
     let before = |node: usize, i: usize| {
         // A node that closes a cycle is before its own source.
@@ -98,7 +99,7 @@ fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) ->
     behind.into_iter().filter(|&j| fates[j].kept().is_some_and(|i| before(j, i))).collect()
 }
 
-/// The given nodes and all that they hear in the same tick.
+/// The given nodes and all nodes that they read from in the same tick.
 fn upstream(schedule: &Schedule, of: impl Iterator<Item = usize>) -> Vec<bool> {
     let mut heard = vec![false; schedule.nodes.len()];
     of.for_each(|i| heard[i] = true);
@@ -110,7 +111,7 @@ fn upstream(schedule: &Schedule, of: impl Iterator<Item = usize>) -> Vec<bool> {
     heard
 }
 
-/// `between` are nodes that cannot be kept since they are between two changes.
+/// `between` are nodes that cannot be kept because they are between two changes.
 fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<usize>) -> Vec<Fate> {
     let mut fates: Vec<Fate> = new
         .nodes
@@ -138,7 +139,7 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
             }
         })
         .collect();
-    // Frames are not crossfaded: who reads those of a node that is not kept is rebuilt with it.
+    // Frames are not crossfaded, so a reader of frames from a rebuilt node is rebuilt too.
     while let Some((j, why)) =
         (0..new.nodes.len()).find_map(|j| Some((j, other_frames(old, new, &fates, j)?)))
     {
@@ -149,8 +150,8 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
     fates
 }
 
-/// The limiter that fed the same channel of the device and is gone: coil and mover belong to the channel,
-/// whatever the node before it is called.
+/// The removed limiter of the same device channel: coil and mover belong to the channel, independent of
+/// the node's name.
 fn same_channel(old: &Schedule, new: &Schedule, j: usize) -> Option<usize> {
     let node = &new.nodes[j];
     let channel = limiters(new).iter().position(|(_, limiter)| *limiter == Some(j))?;
@@ -218,8 +219,8 @@ fn same_ports(old: &ScheduledNode, new: &ScheduledNode) -> bool {
         && old.outputs.iter().map(|o| &o.port).eq(new.outputs.iter().map(|o| &o.port))
 }
 
-/// The first parameter that is not the same and cannot be set while the node runs. A node may ask whether a graph sets
-/// a value, and next to which file it stands, so these count too.
+/// The first parameter that differs and cannot be set while the node runs. A node may ask whether a
+/// graph sets a value, and in which file, so these count too.
 fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     let path = |node: &ScheduledNode, name: &str| node.params.place(name).map(|p| p.source.path().to_owned());
     let same = |name: &str| {
@@ -236,7 +237,7 @@ fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     names.find(|name| !same(name)).map(str::to_owned)
 }
 
-/// What a live parameter is worth to [`Node::set_parameter`](asperity_node::Node::set_parameter).
+/// Value of a live parameter as [`Node::set_parameter`](asperity_node::Node::set_parameter) takes it.
 pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
     match (kind, value) {
         (ParamKind::Number(_), ParamValue::Number(x)) => Some(*x),
@@ -249,8 +250,8 @@ pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
     }
 }
 
-/// Every audio and control input of a kept node that hears another source; the audio of sinks that are not kept; and
-/// what enters others that answer later.
+/// Crossfades before every audio and control input of a kept node whose source changed, on the audio of
+/// sinks that are not kept, and before nodes with latency or tail that are not kept.
 fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = on_sinks(old, new, fates);
     for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
@@ -274,8 +275,9 @@ fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     points
 }
 
-/// Crossfades before a node that is not kept and answers later: a step in what enters it would be heard when the rest has
-/// faded. Where it adopts a state, that goes on from what its old self heard; else it begins in silence.
+/// Crossfades before a node with latency or tail that is not kept: a step at its input would be heard
+/// after the fade. A node that adopts a state continues from the old node's input; another one starts
+/// in silence.
 fn before_memory(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Vec<Point> {
     let before = if let Fate::Rebuilt { old: i, .. } = &fates[j] { &old.nodes[*i].inputs[..] } else { &[] };
     let audio = new.nodes[j]
@@ -296,7 +298,7 @@ fn before_memory(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Ve
     audio.filter_map(point).collect()
 }
 
-/// The audio of sinks that are not kept.
+/// Crossfades on the audio of sinks that are not kept.
 fn on_sinks(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = Vec::new();
     let mut removed: BTreeSet<usize> = (0..old.nodes.len()).collect();
@@ -309,7 +311,7 @@ fn on_sinks(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
         let before = match fate {
             Fate::Kept(_) => continue,
             Fate::Rebuilt { old, .. } => Some(*old),
-            // A device that goes by another name goes on playing.
+            // A device under another name goes on playing.
             Fate::New => removed.iter().copied().find(|&i| drives_same(&old.nodes[i], node)),
         };
         if let Some(i) = before {

@@ -1,46 +1,47 @@
-//! What a swap does, in words and numbers.
+//! Reports and errors of a swap.
 
 use std::fmt;
+use thiserror::Error;
 
-/// What a swap that was sent will do.
+/// Effects of a swap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SwapReport {
-    /// Counts the swaps of this controller, from 1.
+    /// Number of the swap of this controller, from 1.
     pub number: u64,
-    /// Every node of the new graph in the order they run, then those of the old one that are removed.
+    /// Every node of the new graph in run order, then the removed nodes of the old one.
     pub nodes: Vec<NodeChange>,
-    /// Live parameters that are set while their node runs on.
+    /// Live parameters that are set on kept nodes.
     pub parameters: Vec<ParameterChange>,
-    /// How many signals are crossfaded.
+    /// Number of crossfaded signals.
     pub crossfades: usize,
 }
 
-/// What becomes of a node.
+/// Change of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeChange {
-    /// Its name in the graph.
+    /// Name in the graph.
     pub id: String,
     /// Its kind.
     pub kind: String,
-    /// What becomes of it.
+    /// The change.
     pub change: Change,
 }
 
-/// What becomes of a node.
+/// Change of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// It goes on untouched.
+    /// The node continues unchanged.
     Kept,
-    /// Another instance takes its place.
+    /// Another instance replaces it.
     Rebuilt {
-        /// What is not as before.
+        /// Reason.
         why: String,
-        /// Whether it is handed the state of the one before. [`Finished::anew`] says whether it could use it.
+        /// Whether it gets the old node's state. [`Finished::anew`] says whether it could use it.
         adopts: bool,
     },
     /// There was no node of this id and kind.
     New,
-    /// It is gone.
+    /// The node is removed.
     Removed,
 }
 
@@ -98,10 +99,11 @@ pub struct Finished {
 }
 
 /// Why a graph was not sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SwapError {
     /// The tick rate cannot change while the engine runs: start a new engine.
+    #[error("runs at {running} ticks a second and cannot go on at {asked}: start anew")]
     TickRate {
         /// Ticks a second now.
         running: u32,
@@ -109,6 +111,7 @@ pub enum SwapError {
         asked: u32,
     },
     /// The audio rate cannot change while the engine runs: start a new engine.
+    #[error("runs at an audio rate of {running} Hz and cannot go on at {asked} Hz: start anew")]
     AudioRate {
         /// Samples a second now.
         running: u32,
@@ -116,35 +119,22 @@ pub enum SwapError {
         asked: u32,
     },
     /// Earlier swaps are still under way: let the engine tick, and try again.
+    #[error("earlier changes are still under way: try again")]
     Busy,
     /// There is no engine any more.
+    #[error("the engine is gone")]
     Stopped,
 }
 
-impl fmt::Display for SwapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            SwapError::TickRate { running, asked } => {
-                write!(f, "runs at {running} ticks a second and cannot go on at {asked}: start anew")
-            }
-            SwapError::AudioRate { running, asked } => {
-                write!(f, "runs at an audio rate of {running} Hz and cannot go on at {asked} Hz: start anew")
-            }
-            SwapError::Busy => f.write_str("earlier changes are still under way: try again"),
-            SwapError::Stopped => f.write_str("the engine is gone"),
-        }
-    }
-}
-
-impl std::error::Error for SwapError {}
-
 /// Why a parameter was not set.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ParameterError {
     /// No node has this id.
+    #[error("there is no node `{0}`")]
     NoNode(String),
     /// The node has no such parameter that may change while it runs: change the graph instead.
+    #[error("`{node}.{param}` cannot change while the node runs{}", others(live))]
     NotLive {
         /// The node.
         node: String,
@@ -154,37 +144,24 @@ pub enum ParameterError {
         live: Vec<String>,
     },
     /// The parameter does not take this value.
+    #[error("`{param}` cannot be {value}: it takes {takes}")]
     OutOfRange {
         /// The parameter.
         param: String,
-        /// What was asked.
+        /// Requested value.
         value: f64,
-        /// What it takes, in words.
+        /// Allowed values, in words.
         takes: String,
     },
     /// Too much waits for the next tick: try again.
+    #[error("too much waits for the next tick: try again")]
     Busy,
     /// There is no engine any more.
+    #[error("the engine is gone")]
     Stopped,
 }
 
-impl fmt::Display for ParameterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ParameterError::NoNode(node) => write!(f, "there is no node `{node}`"),
-            ParameterError::NotLive { node, param, live } if live.is_empty() => {
-                write!(f, "`{node}.{param}` cannot change while the node runs")
-            }
-            ParameterError::NotLive { node, param, live } => {
-                write!(f, "`{node}.{param}` cannot change while the node runs; what can: {}", live.join(", "))
-            }
-            ParameterError::OutOfRange { param, value, takes } => {
-                write!(f, "`{param}` cannot be {value}: it takes {takes}")
-            }
-            ParameterError::Busy => f.write_str("too much waits for the next tick: try again"),
-            ParameterError::Stopped => f.write_str("the engine is gone"),
-        }
-    }
+/// The parameters that may change, for an error.
+fn others(live: &[String]) -> String {
+    if live.is_empty() { String::new() } else { format!("; what can: {}", live.join(", ")) }
 }
-
-impl std::error::Error for ParameterError {}

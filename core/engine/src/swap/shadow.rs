@@ -1,4 +1,4 @@
-//! Which old nodes run on beside the new ones until the crossfade is over.
+//! Old nodes that run beside the new ones until the crossfade ends.
 
 use std::collections::BTreeSet;
 
@@ -6,18 +6,19 @@ use asperity_graph::Schedule;
 
 use super::plan::{Fate, Place, Point};
 
-/// Ways in which a node is wanted: sets of gates; no set at all for a node that always runs.
+/// Sets of gates: a node is wanted while all gates of one set are open. No set at all for a node that
+/// always runs.
 pub(super) type Ways = Vec<Vec<usize>>;
 
-/// A node with more ways than this always runs while it fades.
+/// A node with more sets than this always runs during the fade.
 const MOST_WAYS: usize = 64;
 
-/// A node's guards as ways: one that asks for nothing, if it always runs.
+/// A node's guards as sets; one empty set if it always runs.
 fn as_ways(guards: &Ways) -> Ways {
     if guards.is_empty() { vec![Vec::new()] } else { guards.clone() }
 }
 
-/// Adds a way, unless another asks for less; those that ask for more are not needed any longer.
+/// Adds a set, unless a subset of it is there; removes supersets of it.
 fn add(ways: &mut Ways, way: Vec<usize>) {
     let within = |a: &[usize], b: &[usize]| a.iter().all(|gate| b.contains(gate));
     if !ways.iter().any(|known| within(known, &way)) {
@@ -29,24 +30,24 @@ fn add(ways: &mut Ways, way: Vec<usize>) {
     }
 }
 
-/// Old nodes beside the new ones. Among all slots they come after the new nodes.
+/// Old nodes beside the new ones. Their slots come after those of the new nodes.
 #[derive(Debug)]
 pub(super) struct Shadows {
-    /// Old nodes: first those that run, then gates that keep the answer they last gave.
+    /// Old nodes: first those that run, then gates that keep their last answer.
     pub(super) nodes: Vec<usize>,
-    /// How many of them run.
+    /// Number of those that run.
     pub(super) running: usize,
-    /// The slot of each old node that is still there.
+    /// Slot of each old node that is still there.
     slots: Vec<Option<usize>>,
-    /// New and old index of kept nodes that old nodes or a crossfade still hear.
+    /// New and old index of kept nodes that old nodes or a crossfade still read.
     heard: Vec<(usize, usize)>,
-    /// The ways in which new nodes want each old one, by a crossfade: sets of slots. They are not those in
-    /// which the old graph wants it.
+    /// For each old node, when new nodes want it through a crossfade: sets of slots, in addition to
+    /// those of the old graph.
     faded: Vec<Ways>,
 }
 
 impl Shadows {
-    /// Everything that the old side of a crossfade needs and that is not kept.
+    /// Finds all nodes that the old side of a crossfade needs and that are not kept.
     pub(super) fn find(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Self {
         let mut slots = vec![None; old.nodes.len()];
         for (j, fate) in fates.iter().enumerate() {
@@ -81,7 +82,7 @@ impl Shadows {
         shadows
     }
 
-    /// See the field.
+    /// Computes the field `faded`.
     fn faded(&self, old: &Schedule, new: &Schedule, points: &[Point]) -> Vec<Ways> {
         let mut ways: Vec<Ways> = vec![Vec::new(); old.nodes.len()];
         for point in points {
@@ -95,7 +96,7 @@ impl Shadows {
                 add(&mut ways[i], way);
             }
         }
-        // From the sinks up: who is wanted wants what it reads.
+        // From the sinks up: a wanted node wants its sources.
         for i in (0..ways.len()).rev() {
             for way in ways[i].clone() {
                 for (input, port) in old.nodes[i].inputs.iter().enumerate() {
@@ -111,13 +112,13 @@ impl Shadows {
         ways
     }
 
-    /// The slot of an old node, among new nodes and shadows.
+    /// Slot of an old node, among new nodes and shadows.
     pub(super) fn slot(&self, old: usize) -> Option<usize> {
         self.slots.get(old).copied().flatten()
     }
 
-    /// The ways in which an old node is wanted while it fades, by slot: those of the old graph, and those of
-    /// new nodes that still hear it.
+    /// When an old node is wanted during the fade, by slot: as in the old graph, and as the source of
+    /// new nodes.
     pub(super) fn old_ways(&self, old: &Schedule, i: usize) -> Ways {
         let mut ways: Ways = Vec::new();
         for way in as_ways(&old.nodes[i].guards) {
@@ -127,7 +128,7 @@ impl Shadows {
         if ways.iter().any(Vec::is_empty) { Vec::new() } else { ways }
     }
 
-    /// The ways in which each new node is wanted while old ones still hear it, or something behind it.
+    /// When each new node is wanted while old ones read it, directly or indirectly.
     pub(super) fn new_ways(&self, old: &Schedule, new: &Schedule) -> Vec<Ways> {
         let mut ways: Vec<Ways> = new.nodes.iter().map(|n| n.guards.clone()).collect();
         let mut more: Vec<Ways> = vec![Vec::new(); ways.len()];
@@ -135,7 +136,7 @@ impl Shadows {
             let was = self.old_ways(old, i);
             more[j] = if was.is_empty() { vec![Vec::new()] } else { was };
         }
-        // From the sinks up: who is wanted wants what it reads.
+        // From the sinks up: a wanted node wants its sources.
         for j in (0..ways.len()).rev() {
             let mut wanted = Ways::new();
             std::mem::take(&mut more[j]).into_iter().for_each(|way| add(&mut wanted, way));

@@ -1,14 +1,16 @@
-//! What the tick thread does with a swap: nothing here allocates, frees, locks or waits.
+//! The tick thread's part of a swap. Nothing here allocates, frees, locks or waits.
 
-use asperity_node::Buffer;
+use asperity_graph::ScheduledNode;
+use asperity_node::{Buffer, Fault, Processor, Status, Tick};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
 use super::crossfade::{self, Crossfade, Ramp};
+use super::order::Run;
 use crate::engine::Body;
 use crate::slot::{Guards, Now, Slot};
 
-/// What a controller asks of its engine.
+/// A request of the controller.
 pub(crate) enum Command {
     Swap(Box<Swap>),
     Set(Set),
@@ -22,13 +24,13 @@ pub(crate) struct Set {
     pub(super) value: f64,
 }
 
-/// A graph on its way into an engine; afterwards what the engine no longer needs.
+/// A graph on its way into an engine; afterwards the parts that the engine no longer needs.
 pub(crate) struct Swap {
     pub(super) number: u64,
-    /// The new graph with its shadows, as it runs while it fades; from the takeover on, the old graph.
+    /// The new graph with its shadows, as it runs during the fade. From the takeover on, the old graph.
     pub(super) body: Body,
-    /// The steps of the new graph, for when it has faded.
-    pub(super) settled: Vec<super::order::Run>,
+    /// Steps of the new graph after the fade.
+    pub(super) settled: Vec<Run>,
     pub(super) fades: Vec<Crossfade>,
     /// New node and input that read each crossfade; `None` for one on an output.
     pub(super) readers: Vec<Option<(usize, usize)>>,
@@ -40,21 +42,21 @@ pub(crate) struct Swap {
     /// Old nodes that are not kept.
     pub(super) gone: Vec<usize>,
     pub(super) sets: Vec<Set>,
-    /// Guards of the new graph for slots that have others while it fades.
+    /// Guards after the fade, for slots with other guards during the fade.
     pub(super) guards: Vec<(usize, Guards)>,
-    /// What the host has given to old nodes, and others go on with: new and old buffer.
+    /// Buffers fed by the host that other nodes continue with: new and old buffer.
     pub(super) fed: Vec<(usize, usize)>,
-    /// It is taken over in a tick that this divides, in which every node runs that is new.
+    /// The takeover happens in a tick that this divides, in which every new node runs.
     pub(super) every: u64,
-    /// The tick of the takeover.
+    /// Tick of the takeover.
     pub(super) begun: u64,
 }
 
-/// A node in the place of another.
+/// A node that replaces another.
 pub(super) struct Rebuilt {
     pub(super) new: usize,
     pub(super) old: usize,
-    /// Room for the state; `None` where it means nothing to the new node.
+    /// Memory for the state; `None` if the new node cannot use it.
     pub(super) state: Option<Box<[u8]>>,
     pub(super) adopted: bool,
 }
@@ -63,14 +65,14 @@ pub(super) struct Rebuilt {
 pub(crate) struct Link {
     pub(super) commands: HeapCons<Command>,
     pub(super) retired: HeapProd<Box<Swap>>,
-    /// Taken from the ring and not yet its turn.
+    /// Taken from the ring, but not due yet.
     pub(super) next: Option<Command>,
     pub(super) fading: Option<(Box<Swap>, Ramp)>,
-    /// Over, and not yet given back.
+    /// Finished, but not given back yet.
     pub(super) over: Option<Box<Swap>>,
-    /// Swaps that were taken over.
+    /// Number of swaps taken over.
     taken: u64,
-    /// Faults of nodes that are gone.
+    /// Faults of removed nodes.
     faults: u64,
 }
 
@@ -100,7 +102,7 @@ impl Link {
         self.fading.is_some()
     }
 
-    /// What there is to do before a tick.
+    /// Runs due commands before a tick.
     pub(crate) fn listen(&mut self, body: &mut Body, now: Now) {
         if let Some((_, ramp)) = &mut self.fading {
             ramp.tick = now.tick;
@@ -151,13 +153,13 @@ impl Link {
                 continue;
             };
             if it.adopted {
-                // It goes on from what it heard, and hears it still.
+                // It continues from what it read before, and still reads it.
                 fade.through = fade.old.is_none();
             } else {
                 fade.old = None;
             }
         }
-        // So that a control that goes on as it was has not changed.
+        // So that an unchanged control does not count as changed.
         for fade in &swap.fades {
             if let (Some(mix), Some(old)) = (fade.mix, fade.old)
                 && let Some((sources, mix)) = body.buffers.split_at_mut_checked(mix)
@@ -177,7 +179,8 @@ impl Link {
         }
     }
 
-    /// Ends a crossfade: readers turn to the new sources, and what the old graph alone needed goes back.
+    /// Ends a crossfade: readers get their new sources, and the parts that only the old graph needed go
+    /// back.
     pub(crate) fn settle(&mut self, body: &mut Body) {
         let Some((mut swap, _)) = self.fading.take() else { return };
         for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
@@ -196,7 +199,8 @@ impl Link {
         self.over = Some(swap);
     }
 
-    /// A control from elsewhere is news even for a node that no control wakes: it is called once with the final value.
+    /// Wakes readers of a control with a new source, even those that no control wakes: each is called
+    /// once with the final value.
     fn wake_readers(&self, swap: &Swap, body: &mut Body) {
         for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
             if let (0, Some((node, _))) = (fade.rate_hz, *reader) {
@@ -214,7 +218,7 @@ impl Body {
     }
 }
 
-/// Controls hold their values until they are written, also from one graph to the next.
+/// Copies controls, which hold their values until they are written, from one graph to the next.
 fn carry_controls(to: &mut [Buffer], from: &[Buffer]) {
     for pair in to.iter_mut().zip(from) {
         if let (Buffer::Control { values: to, valid, .. }, Buffer::Control { values: from, valid: was, .. }) =
@@ -228,23 +232,20 @@ fn carry_controls(to: &mut [Buffer], from: &[Buffer]) {
 }
 
 impl Slot {
-    /// A place that is taken over from another graph.
-    pub(super) fn empty(like: &asperity_graph::ScheduledNode) -> Self {
+    /// A slot whose node comes from another graph.
+    pub(super) fn empty(like: &ScheduledNode) -> Self {
         Self::new(like, Box::new(Absent))
     }
 }
 
-/// Stands where a node was, or will be.
+/// Placeholder for a node that is elsewhere.
 struct Absent;
 
-impl asperity_node::Processor for Absent {
-    fn process(
-        &mut self,
-        _: &mut asperity_node::Tick<'_>,
-    ) -> Result<asperity_node::Status, asperity_node::Fault> {
-        Ok(asperity_node::Status::Asleep)
+impl Processor for Absent {
+    fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {
+        Ok(Status::Asleep)
     }
-    fn reset(&mut self) -> Result<(), asperity_node::Fault> {
+    fn reset(&mut self) -> Result<(), Fault> {
         Ok(())
     }
 }

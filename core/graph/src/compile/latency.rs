@@ -1,4 +1,4 @@
-//! Latencies add up along paths.
+//! Adds up latencies along paths.
 
 use asperity_node::Latency;
 
@@ -6,22 +6,23 @@ use crate::{PathLatency, ScheduledNode};
 
 /// Most pairs of source and sink that are listed.
 const MAX_PATHS: usize = 10_000;
-/// Most nodes that all paths together name, but for their ends.
+/// Most nodes named by all paths together, without their ends.
 const MAX_NAMED: usize = 100_000;
 
-/// For every sink and every source that reaches it, the least and greatest latency of any path. A node that closes a
-/// cycle counts as a source: what comes into it is of another time. Of more than [`MAX_PATHS`] pairs only the latest
-/// of each sink is listed. Once paths have named [`MAX_NAMED`] nodes, the others name their ends alone.
+/// Least and greatest latency of all paths from every source to every sink it reaches. A node that
+/// closes a cycle counts as a source, since its input belongs to another time. Beyond [`MAX_PATHS`]
+/// pairs only the latest of each sink is listed. After [`MAX_NAMED`] named nodes, paths name only their
+/// ends.
 pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
     let is_source = |n: &ScheduledNode| n.closes_cycle || n.inputs.iter().all(|i| i.from.is_none());
     let sources = nodes.iter().filter(|n| is_source(n)).count();
     let all = sources * nodes.iter().filter(|n| n.sink).count() <= MAX_PATHS;
     let mut out: Vec<PathLatency> = Vec::new();
-    // Where the latest path of each sink is listed.
+    // Index of the latest path of each sink.
     let mut listed: Vec<Option<usize>> = vec![None; nodes.len()];
     let mut named = 0;
     for (from, _) in nodes.iter().enumerate().filter(|(_, n)| is_source(n)) {
-        // Nodes are in order, so one pass over them settles every path from here.
+        // Nodes are in order, so one pass computes every path from here.
         let mut best: Vec<Option<(Latency, Latency, usize)>> = vec![None; nodes.len()];
         best[from] = Some((nodes[from].latency, nodes[from].latency, from));
         for (i, node) in nodes.iter().enumerate().skip(from + 1).filter(|(_, n)| !n.closes_cycle) {
@@ -58,7 +59,7 @@ pub(super) fn paths(nodes: &[ScheduledNode]) -> Vec<PathLatency> {
     out
 }
 
-/// The nodes of the latest path to a node, its source first; at least two, as no node is its own sink.
+/// Nodes of the latest path to a node, its source first; at least two, as no node is its own sink.
 fn through(best: &[Option<(Latency, Latency, usize)>], to: usize) -> Vec<usize> {
     let (mut out, mut at) = (vec![to], to);
     while let Some((_, _, via)) = best[at].filter(|(_, _, via)| *via != at) {

@@ -1,8 +1,11 @@
-//! From a declared graph to a schedule.
+//! From a declared graph to a schedule, in this order:
 //!
-//! In order: kinds and parameters are looked up (`resolve`), types settle over the wires (`types`), what
-//! leads nowhere is dropped and the rest is put in order (`order`), nodes are prepared, latencies add up
-//! (`latency`). Each stage gathers all errors it can before the next begins.
+//! 1. Look up kinds and parameters (`resolve`).
+//! 2. Infer port types over the wires (`types`).
+//! 3. Drop nodes that reach no sink, and order the others (`order`).
+//! 4. Prepare the nodes (`prepare`) and add up latencies (`latency`).
+//!
+//! Each stage collects all its errors before the next starts.
 
 mod latency;
 mod order;
@@ -15,10 +18,10 @@ use asperity_node::{Diagnostic, Processor, Registry};
 
 use crate::{GraphFile, NodeDecl, Schedule};
 
-/// How to compile.
+/// Options of the compiler.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Drop nodes from which no sink is reached.
+    /// Drops nodes that reach no sink.
     pub prune: bool,
 }
 
@@ -28,9 +31,9 @@ impl Default for Options {
     }
 }
 
-/// A schedule and its nodes, in the order of [`Schedule::nodes`].
+/// A schedule with its nodes, in the order of [`Schedule::nodes`].
 pub struct Compiled {
-    /// What runs when.
+    /// The schedule.
     pub schedule: Schedule,
     /// The prepared nodes.
     pub processors: Vec<Box<dyn Processor>>,
@@ -45,7 +48,7 @@ impl std::fmt::Debug for Compiled {
 /// Checks a graph and prepares its nodes.
 ///
 /// # Errors
-/// Everything that is wrong with the graph, as far as it could be looked at; never empty.
+/// Everything wrong with the graph, as far as it could be checked; never empty.
 pub fn compile(
     graph: &GraphFile,
     registry: &Registry,
@@ -60,5 +63,5 @@ pub fn compile(
 
 /// Refuses a graph at the first node for which memory does not suffice; `bytes` more are needed.
 fn within_budget(node: &NodeDecl, bytes: u64) -> Result<(), Vec<Diagnostic>> {
-    budget::needs(bytes).map_err(|e| vec![e.at(&node.place.source, node.place.span)])
+    budget::needs(bytes).map_err(|e| vec![e.at_place(&node.place)])
 }

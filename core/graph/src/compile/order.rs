@@ -1,4 +1,4 @@
-//! What is built, in which order, and what may sleep.
+//! Decides which nodes are built, their order, and which may sleep.
 
 use std::collections::BTreeSet;
 
@@ -7,18 +7,19 @@ use asperity_node::{Diagnostic, Resume};
 use super::Options;
 use super::resolve::Resolved;
 use super::types::Typed;
+use crate::schedule::topological_order;
 use crate::{Dropped, GraphFile, Step};
 
 /// Nodes by their index in the file.
 pub(super) struct Ordered {
-    /// Nodes that are built, in the order they run.
+    /// Nodes that are built, in run order.
     pub(super) nodes: Vec<usize>,
     /// Steps of a tick, by index in the file.
     pub(super) steps: Vec<Step>,
     pub(super) dropped: Vec<Dropped>,
     /// Whether a node closes a cycle.
     pub(super) closes_cycle: Vec<bool>,
-    /// The ways in which each node is wanted; see [`guards`].
+    /// When each node is wanted; see [`guards`].
     pub(super) guards: Vec<Vec<Vec<usize>>>,
     /// The gated input of each gate.
     pub(super) gates: Vec<Option<usize>>,
@@ -40,11 +41,12 @@ pub(super) fn order(
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
     let mut guards = guards(resolved, &live, &gates, &closes_cycle);
     let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
-    let mut vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+    let mut vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
     if vertices.len() < (0..2 * n).filter(|&v| wanted(v)).count() {
-        // No graph is known in which gates wait for what they let sleep; it would still run, with all awake.
+        // Gates wait for nodes that they let sleep. No such graph is known; it would run with all nodes
+        // awake.
         guards = vec![Vec::new(); n];
-        vertices = sort(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+        vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
     }
     let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
     let mut steps: Vec<Step> =
@@ -55,7 +57,7 @@ pub(super) fn order(
     Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
 }
 
-/// What comes before what. Vertices 0..n are nodes, n..2n the questions put to gates.
+/// Dependencies. Vertices 0..n are nodes, n..2n the questions to gates.
 fn edges(
     resolved: &Resolved,
     gates: &[Option<usize>],
@@ -92,7 +94,7 @@ fn dropped(graph: &GraphFile, i: usize, wired: bool) -> Dropped {
     Dropped { id: graph.nodes[i].id.clone(), kind: graph.nodes[i].kind.clone(), why: why.into() }
 }
 
-/// Keeps what reaches no sink as well, where it could run.
+/// Keeps nodes that reach no sink too, where they could run.
 fn keep_complete(resolved: &Resolved, typed: &Typed, live: &mut [bool]) {
     let n = resolved.nodes.len();
     let reached = live.to_vec();
@@ -148,7 +150,7 @@ fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Resu
                         "nothing is wired to `{}.{}`, which must be",
                         decl.id, input.name
                     ))
-                    .at(&decl.place.source, decl.place.span)
+                    .at_place(&decl.place)
                     .label(format!("`{}` is unconnected", input.name))
                     .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
                 );
@@ -166,7 +168,7 @@ fn gates(resolved: &Resolved) -> Vec<Option<usize>> {
     resolved.nodes.iter().map(gated).collect()
 }
 
-/// Lets nodes that can close a cycle do so; what is left of cycles is an error.
+/// Lets nodes that can close a cycle do so; a remaining cycle is an error.
 fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<Vec<bool>, Vec<Diagnostic>> {
     let n = resolved.nodes.len();
     let mut closes = vec![false; n];
@@ -174,7 +176,7 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
     for w in &resolved.wires {
         after[w.from.0].push(w.to.0);
     }
-    // The longest delay of a cycle closes it, so that the others may be as short as they like.
+    // The longest delay of a cycle closes it, so that the others may be arbitrarily short.
     let length = |i: usize| {
         let name = resolved.nodes[i].kind.descriptor().feedback.as_ref()?;
         resolved.nodes[i].params.get_number(name)
@@ -183,7 +185,7 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
         (0..n).filter(|&i| live[i]).filter_map(|i| Some((length(i)?, i))).collect();
     delays.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     for (_, i) in delays {
-        // A node is on a cycle if it is reached from its own outputs; cycles that are cut already do not count.
+        // A node is on a cycle if its own outputs reach it. Cycles that are already cut do not count.
         let mut seen = vec![false; n];
         let mut stack = after[i].clone();
         while let Some(v) = stack.pop() {
@@ -208,7 +210,7 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
                 wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
             Err(vec![
                 Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
-                    .at(&place.source, place.span)
+                    .at_place(place)
                     .label("this wire closes the cycle")
                     .help("put a `delay` into the cycle"),
             ])
@@ -216,7 +218,7 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
     }
 }
 
-/// Some cycle among the vertices that are `open`, if there is one.
+/// Finds a cycle among the `open` vertices, if there is one.
 fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
     let n = after.len();
     let (mut done, mut on_path) = (vec![false; n], vec![false; n]);
@@ -251,17 +253,16 @@ fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<
     None
 }
 
-/// More ways than this to be wanted are not kept: such a node runs always.
+/// A node with more sets of gates than this always runs.
 const MAX_ALTERNATIVES: usize = 64;
-/// Nor more gates in a way than these, the last of them: before the others a node may run though nobody hears it.
+/// Most gates in a set; others are ignored, so that a node may run although nobody reads it.
 const MAX_GATES: usize = 64;
 
-/// For every node the ways in which it is wanted: sets of gates of which all must be open. None for a node that
-/// always runs.
+/// For every node the sets of gates of which all must be open; none for a node that always runs.
 ///
-/// A node is wanted in the ways of those that read it, and through a gated input only while that gate is open too. A way
-/// that another one includes says nothing new. So a gate never stands in a way of what its own question depends on:
-/// such a node is wanted whenever the gate is, which includes the way through the gate.
+/// A node is wanted when a reader is wanted. Through a gated input the gate must be open too. A
+/// superset of another set adds nothing. So a gate is never in a set of a node on which its own
+/// question depends: such a node is wanted whenever the gate is, which includes the set with the gate.
 fn guards(
     resolved: &Resolved,
     live: &[bool],
@@ -282,7 +283,7 @@ fn guards(
     // The empty set: no gate has to be open.
     let always = || vec![BTreeSet::new()];
     let mut ways: Vec<Vec<BTreeSet<usize>>> = vec![always(); n];
-    for i in sort(&before, |i| live[i]).into_iter().rev() {
+    for i in topological_order(&before, |i| live[i]).into_iter().rev() {
         let d = resolved.nodes[i].kind.descriptor();
         if d.sink || d.resume == Resume::Never || closes_cycle[i] || readers[i].is_empty() {
             continue;
@@ -310,27 +311,4 @@ fn guards(
         }
     };
     ways.into_iter().map(listed).collect()
-}
-
-/// A topological order; of what may come next, the first in the file comes first.
-fn sort(before: &[BTreeSet<usize>], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
-    let mut missing: Vec<usize> = before.iter().map(|b| b.iter().filter(|&&v| wanted(v)).count()).collect();
-    let mut after: Vec<Vec<usize>> = vec![Vec::new(); before.len()];
-    for (v, b) in before.iter().enumerate().filter(|(v, _)| wanted(*v)) {
-        for &u in b.iter().filter(|&&u| wanted(u)) {
-            after[u].push(v);
-        }
-    }
-    let mut ready: BTreeSet<usize> = (0..before.len()).filter(|&v| wanted(v) && missing[v] == 0).collect();
-    let mut out = Vec::new();
-    while let Some(v) = ready.pop_first() {
-        out.push(v);
-        for &w in &after[v] {
-            missing[w] -= 1;
-            if missing[w] == 0 {
-                ready.insert(w);
-            }
-        }
-    }
-    out
 }

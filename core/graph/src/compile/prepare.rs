@@ -1,4 +1,4 @@
-//! Nodes are prepared, and everything gets its index in the schedule.
+//! Prepares the nodes, and computes all indices of the schedule.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -42,7 +42,7 @@ pub(super) fn prepare(
         *readers.entry(w.from).or_default() += 1;
     }
     let mut constant = 0;
-    // An engine makes the buffers later, when it is too late to refuse a graph.
+    // An engine allocates the buffers later, when a graph can no longer be refused.
     let mut buffer_bytes = 0;
     let (mut nodes, mut processors) = (Vec::new(), Vec::new());
     for &i in &ordered.nodes {
@@ -66,7 +66,7 @@ pub(super) fn prepare(
                     let decl = &graph.nodes[i];
                     let message = format!("nothing settles the type of `{}.{}`", decl.id, output.name);
                     let help = "wire something whose type is known into it, or take it out";
-                    errors.push(Diagnostic::new(message).at(&decl.place.source, decl.place.span).help(help));
+                    errors.push(Diagnostic::new(message).at_place(&decl.place).help(help));
                 }
             }
         }
@@ -119,7 +119,7 @@ pub(super) fn prepare(
             }
             Err(e) => {
                 let e = with_node(e, graph, i, &node.params);
-                // Nodes that want the same of the same place are wrong in one way.
+                // Several nodes with the same error at the same position give one error.
                 let span = e.place.as_ref().map(|place| (place.span.start, place.span.end));
                 let key = (e.message.clone(), e.path().map(Path::to_owned), span);
                 let at = *told.entry(key).or_insert(errors.len());
@@ -156,7 +156,7 @@ pub(super) fn prepare(
     Ok(Compiled { schedule, processors })
 }
 
-/// Bytes that an engine takes for an output: its buffer, and a copy to be held after a fault.
+/// Bytes that an engine allocates for an output: its buffer, and a copy for after a fault.
 fn bytes_of(port: &PortType, tick_hz: u32) -> u64 {
     2 * match port.shape {
         Shape::Control { count } => 8 * count as u64,
@@ -166,7 +166,7 @@ fn bytes_of(port: &PortType, tick_hz: u32) -> u64 {
     }
 }
 
-/// What unconnected inputs read, in the order the nodes run: constants, and what the host gives.
+/// Buffers of unconnected inputs, in run order: constants, and inputs fed by the host.
 fn constants(resolved: &Resolved, typed: &Typed, ordered: &Ordered) -> Vec<BufferEntry> {
     let mut out = Vec::new();
     for &i in &ordered.nodes {
@@ -228,11 +228,11 @@ fn scheduled(
     }
 }
 
-/// An error in another file names what in the graph reads it.
+/// Adds to an error in another file which part of the graph reads that file.
 fn with_node(error: Diagnostic, graph: &GraphFile, i: usize, params: &Params) -> Diagnostic {
     let decl = &graph.nodes[i];
     let Some(path) = error.path() else {
-        return error.at(&decl.place.source, decl.place.span);
+        return error.at_place(&decl.place);
     };
     if path == decl.place.source.path() {
         return error;

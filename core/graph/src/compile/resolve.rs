@@ -1,4 +1,4 @@
-//! Kinds, parameters, ports and wires by name.
+//! Resolves kinds, parameters, ports and wires by name.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use asperity_node::{Config, Diagnostic, Input, NodeKind, Output, Params, Ports, 
 use super::within_budget;
 use crate::{Endpoint, GraphFile, params};
 
-/// A graph whose every name has been found.
+/// A graph with every name resolved.
 pub(super) struct Resolved {
     pub(super) nodes: Vec<ResolvedNode>,
     /// In the order of the file.
@@ -23,7 +23,7 @@ pub(super) struct ResolvedNode {
     pub(super) params: Params,
     pub(super) ports: Ports,
     pub(super) seed: u64,
-    /// The wire that ends at each input.
+    /// Wire that ends at each input.
     pub(super) input_wires: Vec<Option<usize>>,
 }
 
@@ -57,10 +57,10 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
     }
     let mut by_id: HashMap<&str, usize> = HashMap::new();
     for (i, n) in graph.nodes.iter().enumerate() {
-        // A file cannot have two of one key; a program that makes a graph could.
+        // A file cannot have two nodes of one id; a graph made by a program could.
         if by_id.insert(&n.id, i).is_some() {
             let message = format!("two nodes are called `{}`", n.id);
-            errors.push(Diagnostic::new(message).at(&n.place.source, n.place.span));
+            errors.push(Diagnostic::new(message).at_place(&n.place));
         }
     }
     let mut wires = Vec::new();
@@ -73,7 +73,7 @@ pub(super) fn resolve(graph: &GraphFile, registry: &Registry) -> Result<Resolved
             let (here, there) = (&decl.to.place, &graph.wires[first].to.place);
             errors.push(
                 Diagnostic::new(format!("two wires end at `{}`", name_of(graph, &nodes, to)))
-                    .at(&here.source, here.span)
+                    .at_place(here)
                     .label("the second")
                     .related(&there.source, there.span, "the first")
                     .help("add signals with a `mix` node"),
@@ -101,7 +101,7 @@ fn node(
     let decl = &graph.nodes[index];
     let Some(kind) = registry.get(&decl.kind) else {
         let error = Diagnostic::new(format!("there is no node kind `{}`", decl.kind))
-            .at(&decl.kind_place.source, decl.kind_place.span)
+            .at_place(&decl.kind_place)
             .label("unknown kind");
         tell(errors, error, || one_of(&decl.kind, registry.names()));
         return None;
@@ -125,10 +125,10 @@ fn node(
     Some(node)
 }
 
-/// Most errors for which a likely name is looked for: each wrong name is compared with each right one.
+/// Most errors with a suggested name: each wrong name is compared with each right one.
 const MAX_GUESSES: usize = 100;
 
-/// Adds an error, with a guess at what was meant as its help.
+/// Adds an error, with a suggestion as its help.
 fn tell(errors: &mut Vec<Diagnostic>, error: Diagnostic, guess: impl FnOnce() -> String) {
     errors.push(if errors.len() < MAX_GUESSES { error.help(guess()) } else { error });
 }
@@ -150,12 +150,12 @@ fn end(
     let place = &end.place;
     let Some(&index) = by_id.get(end.node.as_str()) else {
         let message = format!("there is no node `{}`", end.node);
-        let error = Diagnostic::new(message).at(&place.source, place.span);
+        let error = Diagnostic::new(message).at_place(place);
         tell(errors, error, || one_of(&end.node, graph.nodes.iter().map(|n| n.id.as_str())));
         return None;
     };
     let mut fail = |message: String, help: &dyn Fn() -> String| {
-        tell(errors, Diagnostic::new(message).at(&place.source, place.span), help);
+        tell(errors, Diagnostic::new(message).at_place(place), help);
     };
     // A node that could not be resolved has its own error already.
     let ports = &nodes[index].as_ref()?.ports;
@@ -202,13 +202,13 @@ fn end(
     }
 }
 
-/// The one input that has to be connected: what a wire without a port's name means.
+/// The only required input, which a wire without a port name means.
 fn only_required(inputs: &[Input]) -> Option<usize> {
     let mut required = (0..inputs.len()).filter(|&i| !inputs[i].optional);
     required.next().filter(|_| required.next().is_none())
 }
 
-/// The one output that is not aside: what a wire without a port's name means.
+/// The only output that is not `aside`, which a wire without a port name means.
 fn only_main(outputs: &[Output]) -> Option<usize> {
     let mut main = (0..outputs.len()).filter(|&i| !outputs[i].aside);
     main.next().filter(|_| main.next().is_none())

@@ -1,8 +1,8 @@
-//! Types settle over the wires.
+//! Infers port types over the wires.
 //!
-//! Every node has variables for what its descriptor leaves open. Wires bind them from output to input until nothing
-//! changes, and only then, where an output's side is still open, back from an input: so what is found does not depend
-//! on the order of the wires. Then each wire is held against both its ends.
+//! Every node has variables for the open parts of its descriptor. Wires bind them from output to input
+//! until nothing changes. Only then, where an output is still open, they bind back from an input. So
+//! the result does not depend on the order of the wires. Then each wire is checked at both ends.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ use asperity_node::{
 use super::resolve::{Resolved, Wire};
 use crate::GraphFile;
 
-/// Settled types of every node's ports; `None` where nothing settles one.
+/// Types of every node's ports; `None` where nothing determines one.
 pub(super) struct Typed {
     pub(super) inputs: Vec<Vec<Option<PortType>>>,
     pub(super) outputs: Vec<Vec<Option<PortType>>>,
@@ -28,7 +28,7 @@ enum Kind {
     Spectrum,
 }
 
-/// As much of a type as is known.
+/// The known part of a type.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Partial {
     kind: Option<Kind>,
@@ -38,7 +38,7 @@ struct Partial {
     unit: Option<Unit>,
 }
 
-/// The variables of one node.
+/// Variables of one node.
 #[derive(Clone, Debug, Default)]
 struct Env {
     shapes: Vec<(Var, Partial)>,
@@ -72,7 +72,7 @@ impl Env {
         self.units.iter().find(|(v, _)| *v == var).and_then(|(_, u)| u.clone())
     }
 
-    /// What a port's type is, as far as known.
+    /// Type of a port, as far as known.
     fn port(&self, shape: &ShapeSpec, unit: &UnitSpec, audio_hz: u32) -> Partial {
         let mut p = match shape {
             ShapeSpec::Like(v) => self.known_shape(*v),
@@ -83,7 +83,7 @@ impl Env {
                 let rate_hz = match rate {
                     RateSpec::Graph => Some(audio_hz),
                     RateSpec::Hz(hz) => Some(*hz),
-                    // Where frames share the variable, it is their layout that says the rate.
+                    // If frames share the variable, their layout gives the rate.
                     RateSpec::Of(v) => {
                         let shape = self.known_shape(*v);
                         shape.layout.map(|l| l.rate_hz).or(shape.rate_hz)
@@ -108,12 +108,12 @@ impl Env {
         p
     }
 
-    /// Takes over from `found` what this port's variables do not know yet. Answers whether anything changed.
+    /// Binds this port's open variables to `found`. Returns whether anything changed.
     fn bind(&mut self, shape: &ShapeSpec, unit: &UnitSpec, found: &Partial) -> bool {
         let mut changed = match shape {
             ShapeSpec::Like(v) => {
                 let p = self.shape(*v);
-                // All or nothing of a kind: a rate means something else for audio than for frames.
+                // Only for the same kind, because a rate differs in meaning between audio and frames.
                 if p.kind.is_none_or(|k| found.kind == Some(k)) {
                     fill(&mut p.kind, found.kind.as_ref())
                         | fill(&mut p.count, found.count.as_ref())
@@ -163,7 +163,7 @@ impl Partial {
         Some(PortType { shape, unit: self.unit.clone()?, limited })
     }
 
-    /// Whether what flows from `self` may enter a port of type `to`; open parts fit.
+    /// Whether a signal of this type may enter a port of type `to`; open parts fit.
     fn fits(&self, to: &Self) -> bool {
         fn same<T: PartialEq>(a: &Option<T>, b: &Option<T>) -> bool {
             a.is_none() || b.is_none() || a == b
@@ -273,8 +273,7 @@ fn check_wire(
     );
     let index = resolved.nodes[to.0].input_wires[to.1]?;
     let place = &graph.wires.get(index)?.to.place;
-    let error =
-        |message: String| Diagnostic::new(message).at(&place.source, place.span).label("does not fit");
+    let error = |message: String| Diagnostic::new(message).at_place(place).label("does not fit");
     if !found.fits(&wanted) || !unit_fits {
         let mut takes = wanted.describe();
         if let UnitSpec::Of { among, .. } = &input.unit
@@ -288,7 +287,8 @@ fn check_wire(
         return Some(match bridges(&found, &wanted, graph.audio_hz, registry).as_slice() {
             [] if found.kind == wanted.kind && found.unit != wanted.unit && wanted.unit.is_some() => {
                 let unit = wanted.unit.as_ref().map(Unit::symbol).unwrap_or_default();
-                d.help(format!("a `gain` with `unit: \"{unit}\"`, where a constant factor leads from the one to the other"))
+                let use_for = "where a constant factor leads from the one to the other";
+                d.help(format!("a `gain` with `unit: \"{unit}\"`, {use_for}"))
             }
             [] => d,
             kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
@@ -304,7 +304,8 @@ fn check_wire(
     None
 }
 
-/// Holds `every` against what flows: audio must run every tick, and a frame must not come while its reader does not run.
+/// Checks `every` against the signals: audio must run every tick, and a reader must run whenever a
+/// frame comes.
 pub(super) fn check_every(
     graph: &GraphFile,
     resolved: &Resolved,
@@ -316,7 +317,7 @@ pub(super) fn check_every(
         if ports.any(|p| matches!(p.shape, Shape::Audio { .. })) {
             errors.push(
                 Diagnostic::new(format!("`{}` carries audio and must run every tick", decl.id))
-                    .at(&decl.place.source, decl.place.span)
+                    .at_place(&decl.place)
                     .help("leave `every` out"),
             );
         }
@@ -333,7 +334,7 @@ pub(super) fn check_every(
                     "`{}` runs every {} ticks and would miss frames of `{}`, which comes every {}",
                     to.id, to.every, from.id, from.every
                 ))
-                .at(&place.source, place.span)
+                .at_place(place)
                 .help(format!("`every` of `{}` must divide that of `{}`; or leave it out", to.id, from.id)),
             );
         }
@@ -341,7 +342,7 @@ pub(super) fn check_every(
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
-/// Kinds with an input that takes `found` and an output that then fits `wanted`: what would make the wire whole.
+/// Kinds that would connect the wire: one input takes `found`, and one output then fits `wanted`.
 fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry) -> Vec<String> {
     let fits = |kind: &dyn NodeKind| {
         let d = kind.descriptor();
@@ -364,7 +365,7 @@ fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry
                 })
         })
     };
-    // A gate's answer has a unit that fits much and means nothing here.
+    // A gate's answer has a unit that fits many ports and means nothing here.
     let sensible = |d: &Descriptor| d.gate.is_none() && !d.outputs.is_empty();
     registry
         .iter()

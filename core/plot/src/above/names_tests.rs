@@ -1,4 +1,4 @@
-//! Names by hand; covered cells against a count of points.
+//! Placement of names by hand; covered cells against a look at every point.
 
 use proptest::prelude::*;
 
@@ -14,16 +14,22 @@ fn name(name: &str, note: &str, area: Vec<Point>) -> Name {
     Name { name: name.into(), note: note.into(), area }
 }
 
-/// In their places where the way covers these points.
-fn placed(names: &[Name], way: &[Point]) -> (Vec<Written>, usize) {
-    place(names, FRAME, &Cover::of(FRAME, |mark| way.iter().for_each(|p| mark(*p))))
+fn covered(points: &[Point]) -> Cover {
+    let mut cover = Cover::default();
+    points.iter().for_each(|p| cover.add(*p));
+    cover
 }
 
-fn text(written: &Written) -> String {
+/// Names in their places where the path covers these points.
+fn placed(names: &[Name], path: &[Point]) -> (Vec<Label>, usize) {
+    place(names, FRAME, &covered(path))
+}
+
+fn text(written: &Label) -> String {
     written.lines.join(" ")
 }
 
-fn of<'a>(written: &'a [Written], start: &str) -> &'a Written {
+fn of<'a>(written: &'a [Label], start: &str) -> &'a Label {
     written.iter().find(|w| text(w).starts_with(start)).unwrap_or_else(|| panic!("{start}: {written:?}"))
 }
 
@@ -39,7 +45,7 @@ fn names_are_on_their_areas_and_off_each_other() {
     ];
     let (written, left_out) = placed(&names, &[]);
     assert_eq!((written.len(), left_out), (5, 0), "{written:?}");
-    assert!(written.iter().all(|w| w.pointer.is_none()), "{written:?}");
+    assert!(written.iter().all(|w| w.leader.is_none()), "{written:?}");
     let both = of(&written, "1");
     assert!(text(both) == "1 \u{b7} sandpaper P36" && both.upright, "{both:?}");
     assert_eq!(text(of(&written, "2")), "2");
@@ -61,18 +67,18 @@ fn names_are_on_their_areas_and_off_each_other() {
 }
 
 #[test]
-fn a_name_is_in_lines_where_that_keeps_it_off_the_way() {
+fn name_is_wrapped_to_stay_off_the_path() {
     // A way across the middle: one line, standing, would cross it.
     let way: Vec<Point> = (0..100).map(|i| [f64::from(i), 100.0]).collect();
     let narrow = [name("10", "leather grain, coarse", square(0.0, 0.0, 46.0, 200.0))];
     let (written, _) = placed(&narrow, &way);
     let at = &written[0];
     assert!(text(at).replace(" \u{b7}", "") == "10 leather grain, coarse" && at.lines.len() > 1, "{at:?}");
-    assert!(at.pointer.is_none() && (at.at[1][1] < 100.0 || at.at[0][1] > 100.0), "{at:?}");
+    assert!(at.leader.is_none() && (at.at[1][1] < 100.0 || at.at[0][1] > 100.0), "{at:?}");
 }
 
 #[test]
-fn what_is_too_small_or_seen_from_the_side_has_its_name_beside_it() {
+fn small_or_side_on_areas_are_named_beside() {
     let long = "a very long name that goes on and on and on, with commas & <tags>";
     let names = [
         name("a small ball", "", square(500.0, 500.0, 12.0, 12.0)),
@@ -86,11 +92,12 @@ fn what_is_too_small_or_seen_from_the_side_has_its_name_beside_it() {
     for (n, start) in names.iter().zip(["a small", "a wall", "a face", "in the", "a very"]) {
         let w = of(&written, start);
         let [low, high] = w.at;
-        let [from, to] = w.pointer.unwrap();
-        let near = |p: Point| n.area.iter().map(|q| distance(p, *q)).fold(f64::MAX, f64::min);
+        let [from, to] = w.leader.unwrap();
+        let near =
+            |p: Point| n.area.iter().map(|q| (p[0] - q[0]).hypot(p[1] - q[1])).fold(f64::MAX, f64::min);
         let off = (0..2).map(|k| (low[k] - from[k]).max(from[k] - high[k]).max(0.0)).fold(0.0, f64::max);
         // From the text's edge to the area, whose points are no further apart than 100.
-        assert!(off < 1e-9 && near(to) <= 50.0 && distance(from, to) < 30.0, "{w:?}");
+        assert!(off < 1e-9 && near(to) <= 50.0 && (from[0] - to[0]).hypot(from[1] - to[1]) < 30.0, "{w:?}");
         assert!((0..2).all(|k| low[k] >= 0.0 && high[k] <= 1000.0), "{w:?}");
     }
     assert_eq!(text(of(&written, "a wall")), "a wall \u{b7} oak");
@@ -99,7 +106,7 @@ fn what_is_too_small_or_seen_from_the_side_has_its_name_beside_it() {
     // On an area it is cut rather than put beside it.
     let wide = [name(long, "leather", square(0.0, 0.0, 190.0, 60.0))];
     let (on, _) = placed(&wide, &[]);
-    assert!(on[0].pointer.is_none() && text(&on[0]).ends_with("\u{b7} leather"), "{on:?}");
+    assert!(on[0].leader.is_none() && text(&on[0]).ends_with("\u{b7} leather"), "{on:?}");
     // Another area is not where it stands, if there is room elsewhere.
     let big = name("big", "", square(508.0, 400.0, 400.0, 300.0));
     let (written, _) = placed(&[names[0].clone(), big], &[]);
@@ -115,42 +122,40 @@ fn names_without_room_are_counted() {
     let frame = [[480.0; 2], [560.0; 2]];
     let shown: Vec<Name> =
         field.into_iter().filter(|n| overlap(frame, bounds(n.area.iter().copied()).unwrap())).collect();
-    let (written, left_out) = place(&shown, frame, &Cover::of(frame, |_| {}));
+    let (written, left_out) = place(&shown, frame, &Cover::default());
     assert!(left_out > 0 && written.len() + left_out == shown.len(), "{} {left_out}", written.len());
     assert!(written.iter().all(|w| inside(w.at, frame)));
-    assert_eq!(place(&[name("x", "", Vec::new())], FRAME, &Cover::of(FRAME, |_| {})).1, 1);
+    assert_eq!(place(&[name("x", "", Vec::new())], FRAME, &Cover::default()).1, 1);
 }
 
 #[test]
-fn texts_are_wrapped_as_short_as_can_be() {
-    let lines = |text: &str, count: usize| wrapped(text, count).map(|lines| lines.join("|"));
-    assert_eq!(lines("10 \u{b7} leather grain, coarse", 2).unwrap(), "10 \u{b7} leather|grain, coarse");
-    assert_eq!(lines("10 \u{b7} leather grain, coarse", 3).unwrap(), "10 \u{b7} leather|grain,|coarse");
-    assert_eq!(lines("1 \u{b7} sandpaper", 2).unwrap(), "1|sandpaper");
-    assert_eq!(lines("one", 1).unwrap(), "one");
-    assert_eq!(lines("one", 2), None);
-    assert_eq!(lines("", 1), None);
-    assert_eq!(cut("short", 5), "short");
-    assert_eq!(cut("longer", 5), "long\u{2026}");
+fn texts_are_wrapped_to_a_width() {
+    let lines = |text: &str, like: &str| wrapped(text, length(like)).map(|lines| lines.join("|"));
+    let name = "10 \u{b7} leather grain, coarse";
+    assert_eq!(lines(name, "grain, coarse").unwrap(), "10 \u{b7} leather|grain, coarse");
+    assert_eq!(lines(name, "10 \u{b7} leather").unwrap(), "10 \u{b7} leather|grain,|coarse");
+    assert_eq!(lines("1 \u{b7} sandpaper", "sandpaper").unwrap(), "1|sandpaper");
+    assert_eq!(lines("one", "one").unwrap(), "one");
+    assert_eq!(lines("one", "on"), None);
+    assert_eq!(lines("a b c d", "a"), None);
+    assert_eq!(lines("", "one"), None);
+    assert_eq!(shortened("short", 5), "short");
+    assert_eq!(shortened("longer", 5), "long\u{2026}");
 }
 
 proptest! {
     #[test]
-    fn what_is_counted_are_the_cells_with_points(
+    fn cover_meets_bounds_of_covered_cells(
         points in proptest::collection::vec(proptest::array::uniform2(-5.0..65.0f64), 0..60),
         low in proptest::array::uniform2(-9.0..60.0f64),
         size in proptest::array::uniform2(0.1..40.0f64),
     ) {
-        let frame = [[1.0, 2.0], [58.0, 50.0]];
-        let cover = Cover::of(frame, |mark| points.iter().for_each(|p| mark(*p)));
-        // Edges of cells are at 1, 4, 7 and 2, 5, 8: 19 by 16 of them.
-        let mut want = 0;
-        for (i, j) in (0..19).flat_map(|i| (0..16).map(move |j| (i, j))) {
-            let cell = [[1.0 + 3.0 * f64::from(i), 2.0 + 3.0 * f64::from(j)], [4.0 + 3.0 * f64::from(i), 5.0 + 3.0 * f64::from(j)]];
-            let covered = points.iter().any(|p| (0..2).all(|k| cell[0][k] <= p[k] && p[k] < cell[1][k]));
-            let high: Point = [low[0] + size[0], low[1] + size[1]];
-            want += u32::from(covered && overlap(cell, [low, high]));
-        }
-        prop_assert_eq!(cover.count([low, [low[0] + size[0], low[1] + size[1]]]), want);
+        let bounds = [low, [low[0] + size[0], low[1] + size[1]]];
+        let cell = |p: &Point| {
+            let corner = p.map(|v| 3.0 * (v / 3.0).floor());
+            [corner, corner.map(|v| v + 3.0)]
+        };
+        let want = points.iter().any(|p| overlap(cell(p), bounds));
+        prop_assert_eq!(covered(&points).meets(bounds), want);
     }
 }

@@ -1,4 +1,4 @@
-//! Outlines of surfaces as they are seen from above, along -z: on x and y, in millimetres.
+//! Outlines of surfaces seen from above, along -z: x and y in millimetres.
 
 use asperity_scene::space::{Form, Surface, WORLD_MM};
 
@@ -7,29 +7,24 @@ pub(super) type Point = [f64; 2];
 /// Least and greatest x and y.
 pub(super) type Bounds = [Point; 2];
 
-/// Of a plane that stands upright, an upward component of its normal below this.
+/// A plane is upright if the upward component of its normal is below this.
 const UPRIGHT: f64 = 1e-6;
 
-/// What is seen of a surface.
+/// The outline of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Outline {
-    /// All there is: a plane.
+    /// Everything: a plane.
     Everywhere,
-    /// A line that does not end: a plane that stands upright. Two points of it, outside of the world.
+    /// An endless line: an upright plane. Two points of it, outside the world.
     Edge([Point; 2]),
-    /// A convex area, corner by corner; on one line where it is seen from the side.
+    /// A convex polygon; a line where it is seen from the side.
     Polygon(Vec<Point>),
-    /// A ball.
-    Circle {
-        /// Its middle.
-        middle: Point,
-        /// Its radius.
-        radius: f64,
-    },
+    /// A sphere.
+    Circle { middle: Point, radius: f64 },
 }
 
 impl Outline {
-    /// Of a surface. A rectangle is its upper face, a relief the rectangle at its height 0; a box is all of it.
+    /// The outline of a rectangle is its upper face, that of a relief its rectangle at height 0.
     pub(super) fn of(surface: &Surface) -> Self {
         let pose = &surface.pose;
         let seen = |at: [f64; 3]| {
@@ -63,7 +58,7 @@ impl Outline {
         }
     }
 
-    /// Where it is, if it ends.
+    /// Its bounds; `None` if it is endless.
     pub(super) fn bounds(&self) -> Option<Bounds> {
         match self {
             Self::Everywhere | Self::Edge(_) => None,
@@ -81,13 +76,13 @@ pub(super) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
     })
 }
 
-/// Whether two share a point.
+/// Whether two bounds share a point.
 pub(super) fn meet(a: Bounds, b: Bounds) -> bool {
     (0..2).all(|k| a[0][k] <= b[1][k] && b[0][k] <= a[1][k])
 }
 
-/// The convex hull, counterclockwise, without points within its edges (A. M. Andrew, "Another efficient algorithm for convex hulls in two
-/// dimensions", 1979).
+/// The convex hull, counterclockwise, without points inside its edges (A. M. Andrew, "Another efficient
+/// algorithm for convex hulls in two dimensions", 1979).
 pub(super) fn hull(mut points: Vec<Point>) -> Vec<Point> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     points.dedup();
@@ -112,12 +107,13 @@ pub(super) fn hull(mut points: Vec<Point>) -> Vec<Point> {
     lower
 }
 
-/// Above 0 where `p` lies left of the way from `a` to `b`.
+/// Above 0 where `p` lies left of the line from `a` to `b`.
 pub(super) fn left_of(a: Point, b: Point, p: Point) -> f64 {
     (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }
 
-/// What of a convex polygon lies within bounds, edges included (I. E. Sutherland, G. W. Hodgman, "Reentrant polygon clipping", 1974).
+/// The part of a convex polygon within bounds, edges included (I. E. Sutherland, G. W. Hodgman, "Reentrant
+/// polygon clipping", 1974).
 pub(super) fn clipped(polygon: &[Point], [low, high]: Bounds) -> Vec<Point> {
     let mut points = polygon.to_vec();
     for (axis, edge, sign) in [(0, low[0], 1.0), (0, high[0], -1.0), (1, low[1], 1.0), (1, high[1], -1.0)] {

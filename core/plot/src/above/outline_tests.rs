@@ -32,7 +32,7 @@ fn within(polygon: &[Point], p: Point, slack: f64) -> bool {
 }
 
 #[test]
-fn a_rectangle_is_turned_by_hand() {
+fn rectangle_is_turned_as_by_hand() {
     let shape = || Shape::rectangle([20.0, 10.0], 5.0).unwrap();
     let flat = seen(shape(), [1.0, 2.0, 3.0], [0.0; 3]);
     assert!(same(&corners(&flat), &[[-9.0, -3.0], [11.0, -3.0], [11.0, 7.0], [-9.0, 7.0]]));
@@ -47,7 +47,7 @@ fn a_rectangle_is_turned_by_hand() {
 }
 
 #[test]
-fn a_relief_is_its_rectangle_and_a_ball_its_circle() {
+fn relief_is_a_rectangle_and_sphere_a_circle() {
     let grid = Arc::new(HeightGrid::new(8, vec![0.5; 64], [1.0; 2], true).unwrap());
     let relief = seen(Shape::relief(grid, Some([6.0, 4.0]), 1.0, 5.0).unwrap(), [0.0; 3], [0.0, 0.0, 45.0]);
     let (a, b) = (5.0 / 2.0_f64.sqrt(), 1.0 / 2.0_f64.sqrt());
@@ -60,7 +60,7 @@ fn a_relief_is_its_rectangle_and_a_ball_its_circle() {
 }
 
 #[test]
-fn a_plane_is_everywhere_unless_it_stands_upright() {
+fn plane_is_everywhere_unless_upright() {
     for turn in [[0.0; 3], [180.0, 0.0, 0.0], [60.0, 20.0, 0.0]] {
         assert_eq!(seen(Shape::plane(), [0.0; 3], turn), Outline::Everywhere, "{turn:?}");
     }
@@ -73,7 +73,7 @@ fn a_plane_is_everywhere_unless_it_stands_upright() {
 }
 
 #[test]
-fn a_box_on_its_corner_is_a_regular_hexagon() {
+fn box_on_its_corner_is_a_regular_hexagon() {
     // The cube's diagonal upright: turned by 45 degrees about x, then by atan(1 / sqrt 2) about y.
     let tip = (1.0 / 2.0_f64.sqrt()).atan().to_degrees();
     let hexagon = corners(&seen(Shape::cuboid([2.0; 3]).unwrap(), [0.0; 3], [45.0, -tip, 0.0]));
@@ -85,7 +85,7 @@ fn a_box_on_its_corner_is_a_regular_hexagon() {
 }
 
 #[test]
-fn what_is_nothing_has_no_hull_and_no_bounds() {
+fn empty_shapes_have_no_hull_and_no_bounds() {
     assert_eq!(hull(Vec::new()), Vec::<Point>::new());
     assert_eq!(hull(vec![[1.0, 1.0]; 5]), [[1.0, 1.0]]);
     assert_eq!(bounds([[f64::NAN, 0.0], [f64::INFINITY, 1.0]].into_iter()), None);
@@ -94,7 +94,7 @@ fn what_is_nothing_has_no_hull_and_no_bounds() {
 }
 
 #[test]
-fn a_line_that_does_not_end_is_cut_to_what_is_shown() {
+fn endless_line_is_cut_to_the_frame() {
     let line = clipped(&[[-4e5, 3.0], [4e5, 3.0]], [[0.0; 2], [10.0; 2]]);
     assert!(line.contains(&[0.0, 3.0]) && line.contains(&[10.0, 3.0]), "{line:?}");
 }
@@ -102,7 +102,7 @@ fn a_line_that_does_not_end_is_cut_to_what_is_shown() {
 proptest! {
     /// A point is in a box's outline where a line straight down through it meets the box (by slabs).
     #[test]
-    fn a_line_straight_down_meets_what_its_outline_holds(
+    fn vertical_line_meets_what_its_outline_holds(
         size in proptest::array::uniform3(1.0..40.0f64),
         turn in proptest::array::uniform3(-180.0..180.0f64),
         at in proptest::array::uniform2(-40.0..40.0f64),
@@ -129,7 +129,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_cut_holds_what_both_hold(
+    fn clipped_polygon_holds_what_both_hold(
         points in proptest::collection::vec(proptest::array::uniform2(-10.0..10.0f64), 3..9),
         low in proptest::array::uniform2(-8.0..0.0f64),
         size in proptest::array::uniform2(1.0..8.0f64),

@@ -1,4 +1,4 @@
-//! What is shown, and how much of it.
+//! View, legend, names and size of the picture from above.
 
 use asperity_scene::space::{Pose, Shape};
 
@@ -32,13 +32,22 @@ fn above(surfaces: Vec<Seen>, moments: Vec<Moment>) -> Above {
 }
 
 fn svg(above: Above) -> String {
-    let svg = Render { title: "T".into(), above: Some(above), ..Render::default() }.into_figure().to_svg();
+    let svg = Render { title: "T".into(), above: Some(above), ..Render::default() }.to_svg();
     tags(&svg);
     svg
 }
 
+/// The surfaces alone as SVG, with their names. None is left out.
+fn surfaces_of(laid: &Laid<'_>) -> (String, Vec<(bool, Name)>) {
+    let mut svg = Svg::new(1.0, 1.0, "");
+    let (surfaces, left_out) = laid.in_view();
+    assert_eq!(left_out, 0);
+    let names = laid.draw_surfaces(&mut svg, &surfaces);
+    (svg.finish(), names)
+}
+
 #[test]
-fn what_is_shown_is_the_way_and_what_lies_about_it() {
+fn view_holds_the_path_and_near_surfaces() {
     let way = Some([[-50.0, 0.0], [50.0, 0.0]]);
     let near = [[-60.0, -10.0], [60.0, 10.0]];
     let shown = |surfaces: &[Bounds]| view(way, surfaces.iter().copied());
@@ -58,41 +67,39 @@ fn what_is_shown_is_the_way_and_what_lies_about_it() {
 }
 
 #[test]
-fn both_axes_have_one_scale_and_hold_the_way() {
+fn axes_share_a_scale_and_hold_the_path() {
     for (mm, size) in [(176.0, [20.0, 60.0]), (3.0, [4.0, 400.0]), (900.0, [5.0, 5.0]), (0.0, [1.0, 1.0])] {
         let above = above(vec![tile("t", [0.0; 3], size)], along(mm, |_| 1));
         let laid = above.laid(74.0);
         let scale = |axis: &Axis| (axis.high - axis.low) / (axis.pixels[1] - axis.pixels[0]).abs();
-        assert!((scale(&laid.x) / scale(&laid.y) - 1.0).abs() < 1e-9, "{mm}");
+        assert!((scale(&laid.panel.x) / scale(&laid.panel.y) - 1.0).abs() < 1e-9, "{mm}");
         let inside = |p: &Point| {
-            (laid.x.pixels[0]..=laid.x.pixels[1]).contains(&p[0])
-                && (laid.y.pixels[1]..=laid.y.pixels[0]).contains(&p[1])
+            (laid.panel.x.pixels[0]..=laid.panel.x.pixels[1]).contains(&p[0])
+                && (laid.panel.y.pixels[1]..=laid.panel.y.pixels[0]).contains(&p[1])
         };
         assert!(laid.pieces.iter().all(|piece| inside(&piece.from) && inside(&piece.to)), "{mm}");
         // y points up.
-        assert!(laid.y.at(1.0) < laid.y.at(0.0) && laid.x.at(1.0) > laid.x.at(0.0));
+        assert!(laid.panel.y.at(1.0) < laid.panel.y.at(0.0) && laid.panel.x.at(1.0) > laid.panel.x.at(0.0));
     }
 }
 
 #[test]
-fn a_tile_is_drawn_where_it_is() {
+fn tile_is_drawn_at_its_place() {
     let above = above(vec![tile("left", [-20.0, 10.0, 3.0], [30.0, 12.0])], along(100.0, |_| 0));
     let laid = above.laid(74.0);
-    let mut drawn = Svg::new(1.0, 1.0, "");
-    let (names, left_out) = laid.surfaces(&mut drawn);
-    assert_eq!((names.len(), left_out), (1, 0));
-    let drawn = drawn.finish();
+    let (drawn, names) = surfaces_of(&laid);
+    assert_eq!(names.len(), 1);
     let d = drawn.rsplit_once("<path d=\"").unwrap().1.split_once('z').unwrap().0;
     let corners = &lines_of(d)[0];
-    let want =
-        [[-35.0, 4.0], [-5.0, 4.0], [-5.0, 16.0], [-35.0, 16.0]].map(|[x, y]| [laid.x.at(x), laid.y.at(y)]);
+    let want = [[-35.0, 4.0], [-5.0, 4.0], [-5.0, 16.0], [-35.0, 16.0]]
+        .map(|[x, y]| [laid.panel.x.at(x), laid.panel.y.at(y)]);
     for w in want {
         assert!(corners.iter().any(|c| (c[0] - w[0]).hypot(c[1] - w[1]) < 0.2), "{w:?} {corners:?}");
     }
 }
 
 #[test]
-fn only_what_was_active_is_in_the_legend_with_its_part_of_the_time() {
+fn legend_lists_active_effects_with_their_share() {
     let moments = along(80.0, |k| {
         if k < 300 {
             0
@@ -112,8 +119,8 @@ fn only_what_was_active_is_in_the_legend_with_its_part_of_the_time() {
 }
 
 #[test]
-fn bars_stand_where_effects_are_active_and_are_no_more_than_can_be_seen() {
-    let x = Axis { low: 0.0, high: 10.0, pixels: [100.0, 1100.0] };
+fn bars_mark_active_times_and_merge() {
+    let x = Axis::linear((0.0, 10.0), [100.0, 1100.0]);
     let bars = |moments: Vec<Moment>, hz: f64| Above { hz, ..above(Vec::new(), moments) }.bars(0, &x);
     // 1000 ticks of a pixel.
     let found = bars(along(50.0, |k| u16::from((200..300).contains(&k) || k == 700 || k == 703)), 100.0);
@@ -136,7 +143,7 @@ fn bars_stand_where_effects_are_active_and_are_no_more_than_can_be_seen() {
 }
 
 #[test]
-fn parts_of_the_time_are_never_nothing_where_there_is_something() {
+fn small_shares_are_not_written_as_zero() {
     let cases = [
         (0.0, "0 %"),
         (1e-5, "< 0.1 %"),
@@ -149,7 +156,7 @@ fn parts_of_the_time_are_never_nothing_where_there_is_something() {
 }
 
 #[test]
-fn thousands_of_tiles_have_no_names_and_the_file_stays_small() {
+fn thousands_of_tiles_are_a_small_file_without_names() {
     let field = |side: usize| {
         let at = |i: usize| (i as f64 - 0.5 * side as f64) * 100.0 / side as f64;
         let tiles = (0..side * side)
@@ -168,7 +175,7 @@ fn thousands_of_tiles_have_no_names_and_the_file_stays_small() {
 }
 
 #[test]
-fn what_is_left_out_is_furthest_from_the_way() {
+fn surfaces_far_from_the_path_are_left_out_first() {
     // Two rows of tiles, 4000 by the way and 100 away from it.
     let mut tiles: Vec<Seen> =
         (0..100).map(|i| tile("far", [f64::from(i) - 50.0, 40.0, 0.0], [0.4; 2])).collect();
@@ -184,7 +191,7 @@ fn what_is_left_out_is_furthest_from_the_way() {
     assert!(all[0].0.touched && all[1..4001].iter().all(|(s, _)| s.name == "by"));
 }
 
-/// Advances of the faces that are there where no other is, DejaVu Sans and its bold, from the space on, in thousandths.
+/// Advances of DejaVu Sans, the fallback typeface, and its bold, from the space on, in thousandths.
 const WIDE: [[u16; 95]; 2] = [
     [
         318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337, 636, 636, 636, 636,
@@ -202,7 +209,7 @@ const WIDE: [[u16; 95]; 2] = [
     ],
 ];
 
-/// What texts of a picture cover, those that stand left out.
+/// Texts of a picture with their bounds, but for upright ones.
 fn covered_by_texts(svg: &str) -> Vec<(String, Bounds)> {
     let size = |class: &str| match class {
         "title" => (19.0, 1),
@@ -250,7 +257,7 @@ fn covered_by_texts(svg: &str) -> Vec<(String, Bounds)> {
 }
 
 #[test]
-fn no_text_is_over_another_or_past_the_edge() {
+fn texts_do_not_overlap_and_stay_on_the_page() {
     let names = [
         "stiffness",
         "damping",
@@ -278,8 +285,7 @@ fn no_text_is_over_another_or_past_the_edge() {
             above: Some(above),
             ..Render::default()
         };
-        let svg =
-            Render { position: Some(position), active: vec![(1.0, 2.0)], ..render }.into_figure().to_svg();
+        let svg = Render { position: Some(position), active: vec![(1.0, 2.0)], ..render }.to_svg();
         let texts = covered_by_texts(&svg);
         assert!(
             texts.len() > 25 + 2 * count && texts.iter().any(|(text, _)| text == "Effects along the way")
@@ -302,7 +308,7 @@ fn no_text_is_over_another_or_past_the_edge() {
 }
 
 #[test]
-fn the_name_of_a_tile_is_off_all_lanes() {
+fn tile_name_is_off_all_lanes() {
     // 85 pixels wide, 5 lanes above and below a way to and fro.
     let mut moments = along(176.0, |_| 0b1_1111);
     let back: Vec<Moment> = moments.iter().rev().copied().collect();
@@ -345,9 +351,7 @@ fn no_surface_is_a_hole_in_another() {
     ];
     let above = above(surfaces, along(70.0, |_| 0));
     let laid = above.laid(0.0);
-    let mut drawn = Svg::new(1.0, 1.0, "");
-    laid.surfaces(&mut drawn);
-    let drawn = drawn.finish();
+    let (drawn, _) = surfaces_of(&laid);
     let path = drawn.lines().find(|line| line.contains(OUTLINE[0])).unwrap().split('"').nth(1).unwrap();
     let parts: Vec<&str> = path.split_inclusive('z').collect();
     assert_eq!(parts.len(), 5, "{path}");
@@ -365,7 +369,7 @@ fn no_surface_is_a_hole_in_another() {
 }
 
 #[test]
-fn what_has_no_name_in_the_picture_is_counted_and_what_was_touched_has_one_if_it_can() {
+fn left_out_names_are_counted_and_touched_ones_kept() {
     let field = |side: usize| -> Vec<Seen> {
         let at = |i: usize| (i as f64 - 0.5 * side as f64) * 100.0 / side as f64;
         (0..side * side)
@@ -386,20 +390,7 @@ fn what_has_no_name_in_the_picture_is_counted_and_what_was_touched_has_one_if_it
 }
 
 #[test]
-fn many_tinted_times_are_no_more_than_can_be_seen() {
-    let position = crate::Series::sampled("position", "mm", 100.0, vec![1.0; 2000]);
-    // Out of order; ten times of half a tick a pixel, but for a gap.
-    let active = (0..20_000)
-        .rev()
-        .filter(|k| !(9000..10_000).contains(k))
-        .map(|k| (f64::from(k) * 1e-3, f64::from(k) * 1e-3 + 5e-4));
-    let render = Render { position: Some(position), active: active.collect(), ..Render::default() };
-    let svg = render.into_figure().to_svg();
-    assert_eq!(svg.matches("fill=\"#f0f6fa\"").count(), 2);
-}
-
-#[test]
-fn times_are_those_of_any_of_the_named() {
+fn times_cover_any_named_effect() {
     let moments = along(50.0, |k| match k {
         0..100 => 0b1,
         100..150 => 0b11,
@@ -415,7 +406,7 @@ fn times_are_those_of_any_of_the_named() {
 }
 
 #[test]
-fn nothing_and_what_is_no_number_is_drawn_without_a_fault() {
+fn empty_and_not_finite_scenes_are_drawn() {
     let svg_of = |surfaces: Vec<Seen>, moments: Vec<Moment>| svg(above(surfaces, moments));
     assert!(svg_of(Vec::new(), Vec::new()).contains("none"));
     let mut moments = along(10.0, |k| k as u16);
@@ -445,8 +436,9 @@ fn nothing_and_what_is_no_number_is_drawn_without_a_fault() {
     svg(Above { effects: Vec::new(), ..above(Vec::new(), along(10.0, |_| u16::MAX)) });
 }
 
-/// Colours as seen with all cones, without the long ones, without the middle ones (F. Viénot, H. Brettel, J. Mollon, "Digital video colourmaps for checking the
-/// legibility of displays by dichromats", 1999), in CIE Lab under D65.
+/// Colours as seen with all cones, without the long ones, without the middle ones, in CIE Lab under D65
+/// (F. Viénot, H. Brettel, J. Mollon, "Digital video colourmaps for checking the legibility of displays by
+/// dichromats", 1999).
 fn seen_as(hex: &str) -> [[f64; 3]; 3] {
     let linear = |i: usize| {
         let c = f64::from(u8::from_str_radix(&hex[i..i + 2], 16).unwrap()) / 255.0;
@@ -474,9 +466,9 @@ fn seen_as(hex: &str) -> [[f64; 3]; 3] {
     })
 }
 
-/// 2.3 is just noticeable; lines that are thin need several times that.
+/// A distance of 2.3 is just noticeable; thin lines need several times that.
 #[test]
-fn colours_are_told_apart_by_those_who_do_not_see_red_or_green() {
+fn colours_differ_with_red_green_blindness() {
     let off = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     let seen: Vec<_> = COLOURS.iter().map(|c| seen_as(c)).collect();
     for (i, a) in seen.iter().enumerate() {

@@ -1,40 +1,37 @@
-//! The way of a stylus in pixels, no finer than can be seen, and lanes beside it.
+//! The path of a stylus in pixels, thinned to what can be seen, and lanes beside it.
 
+use super::names::Cover;
 use super::outline::{Point, left_of};
 use crate::lines::Pen;
 
-/// A piece is at least so long, unless the way ends.
+/// Least length of a piece in pixels, but for the last.
 const STEP: f64 = 2.0;
-/// Pieces at most.
+/// Most pieces.
 pub(super) const MOST_PIECES: usize = 6000;
-/// What is written keeps so near to the pieces.
+/// Greatest distance in pixels between a drawn line and the pieces.
 const STRAY: f64 = 0.1;
-/// Width of a lane, and how far the first is from the way.
+/// Width of a lane, and distance of the first from the path.
 pub(super) const LANE: f64 = 3.0;
 const CLEAR: f64 = 1.0;
-/// So much of the way before and after a point says which way it goes there.
-const AHEAD: f64 = 6.0;
-/// A way back begins where that is shorter by this factor than along the way.
-const BACK: f64 = 0.5;
 /// Cosine of a turn that a lane does not follow.
 const SHARP: f64 = 0.3;
-/// What lasts for less is drawn so long.
+/// Least length of a drawn lane.
 const LEAST: f64 = 2.5;
 
 /// A tick at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stop {
-    /// Where, in pixels; none where nobody knows.
+    /// Place in pixels; `None` where it is not known.
     pub(super) at: Option<Point>,
     /// Bits of effects.
     pub(super) effects: u16,
     /// Whether something is touched.
     pub(super) touches: bool,
-    /// Whether there is no way to it from the one before.
+    /// Whether no path leads here from the place before.
     pub(super) jumps: bool,
 }
 
-/// A straight piece of the way.
+/// A straight piece of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Piece {
     pub(super) from: Point,
@@ -47,19 +44,19 @@ pub(super) struct Piece {
     pub(super) joined: bool,
 }
 
-/// The way in pieces: each is two pixels long or more, and of so many ticks that there are [`MOST_PIECES`] at most.
+/// The path in at most [`MOST_PIECES`] pieces, each [`STEP`] pixels long or more.
 pub(super) fn pieces(stops: impl ExactSizeIterator<Item = Stop>) -> Vec<Piece> {
     let ticks = stops.len().div_ceil(MOST_PIECES - 1).max(1);
     let mut pieces = pieces_of(stops, STEP, ticks);
-    // There may be more where it does nothing but jump.
+    // A path of many jumps may have more.
     pieces.truncate(MOST_PIECES);
     pieces
 }
 
-/// Pieces that are at least so long and of so many ticks. The effects of every tick are among those of the piece that it is of.
+/// Pieces of at least this length and number of ticks. A piece has the effects of all its ticks.
 fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
-    // The piece in the making, and the ticks that it has.
+    // The unfinished piece, and its number of ticks.
     let mut open: Option<(Piece, usize)> = None;
     for Stop { at, effects, touches, jumps } in stops {
         let Some(at) = at else {
@@ -84,151 +81,110 @@ fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<
     pieces
 }
 
-/// The way itself as a path: where something is touched, and where not.
+/// Path data of the path itself: where something is touched, or where not.
 pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
     let mut d = String::new();
     for run in pieces.chunk_by(|a, b| b.joined && a.touches == b.touches) {
-        let Some(first) = run.first().filter(|piece| piece.touches == touches) else { continue };
-        let points: Vec<Point> = std::iter::once(first.from).chain(run.iter().map(|p| p.to)).collect();
-        write(&mut d, &points);
+        if run[0].touches == touches {
+            write(&mut d, &straight(&points(run), STRAY));
+        }
     }
     d
 }
 
-/// A path for each of so many effects: a lane on the right of the way wherever it is active. Those that are active together lie side by side, the first nearest to the
-/// way.
+/// Path data of the lane of each effect: on the right of the path, wherever the effect is active. Lanes that
+/// are active together lie side by side, the first nearest to the path.
 pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
     let mut paths = vec![String::new(); effects.min(u16::BITS as usize)];
-    for chain in pieces.chunk_by(|_, b| b.joined) {
-        let ways = ways(chain);
-        let mut at = 0;
-        for run in chain.chunk_by(|a, b| a.effects == b.effects) {
-            let ways = &ways[at..=at + run.len()];
-            at += run.len();
-            let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
-            for (lane, bit) in active.enumerate() {
-                along(&mut paths[bit], run, ways, CLEAR + (lane as f64 + 0.5) * LANE);
-            }
+    for run in pieces.chunk_by(|a, b| b.joined && a.effects == b.effects) {
+        let points = visible(straight(&points(run), STRAY));
+        let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
+        for (lane, bit) in active.enumerate() {
+            write_beside(&mut paths[bit], &points, CLEAR + (lane as f64 + 0.5) * LANE);
         }
     }
     paths
 }
 
-/// Puts points, no further apart than `step`, over all that the way and its lanes cover.
-pub(super) fn covered(pieces: &[Piece], effects: usize, step: f64, mark: &mut dyn FnMut(Point)) {
+/// Adds the cells under the path and its lanes.
+pub(super) fn cover(pieces: &[Piece], effects: usize, cells: &mut Cover) {
     let all = u16::MAX >> u16::BITS.saturating_sub(effects as u32).min(15);
-    let steps = |length: f64| (length / step).ceil().clamp(1.0, 4096.0);
-    for chain in pieces.chunk_by(|_, b| b.joined) {
-        for (piece, way) in chain.iter().zip(ways(chain)) {
-            let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
-            let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
-            for i in 0..=count as usize {
-                let part = i as f64 / count;
-                let at: Point = std::array::from_fn(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
-                for row in 0..=rows as usize {
-                    let off = row as f64 / rows * width;
-                    mark([at[0] - off * way[1], at[1] + off * way[0]]);
-                }
-            }
+    let steps = |length: f64| (length / Cover::CELL).ceil().clamp(1.0, 4096.0);
+    for piece in pieces {
+        let way = direction(piece.from, piece.to);
+        let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
+        let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
+        for i in 0..=count as usize {
+            let part = i as f64 / count;
+            let at: Point = [0, 1].map(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
+            (0..=rows as usize).for_each(|row| cells.add(beside(at, way, row as f64 / rows * width)));
         }
     }
 }
 
-/// Writes a lane.
-fn along(d: &mut String, run: &[Piece], ways: &[Point], off: f64) {
-    let beside = |p: Point, way: Point| [p[0] - off * way[1], p[1] + off * way[0]];
-    let Some((first, last)) = run.first().zip(run.last()) else { return };
-    let length: f64 = run.iter().map(|piece| distance(piece.from, piece.to)).sum();
-    if length < LEAST {
-        let (way, more) = (ways[0], 0.5 * (LEAST - length));
-        let [a, b] = [(first.from, -more), (last.to, more)]
-            .map(|(p, by)| beside([p[0] + by * way[0], p[1] + by * way[1]], way));
-        // What goes to and fro within so little may end where it began.
-        return write(
-            d,
-            &if distance(a, b) < more {
-                vec![a, [a[0] + LEAST * way[0], a[1] + LEAST * way[1]]]
-            } else {
-                vec![a, b]
-            },
-        );
-    }
-    let mut points: Vec<Point> = Vec::with_capacity(run.len() + 1);
-    for (piece, way) in run.iter().zip(ways.windows(2)) {
-        let (mut begin, mut end) = (way[0], way[1]);
-        let turns = dot(begin, end) < SHARP;
-        if turns {
-            let along = [piece.to[0] - piece.from[0], piece.to[1] - piece.from[1]];
-            if dot(along, begin) < dot(along, end) {
-                // It has turned already.
-                write(d, &std::mem::take(&mut points));
-                begin = end;
-            } else {
-                end = begin;
-            }
-        }
-        if points.is_empty() {
-            points.push(beside(piece.from, begin));
-        }
-        points.push(beside(piece.to, end));
-        if turns && end == way[0] {
-            write(d, &std::mem::take(&mut points));
-        }
-    }
-    write(d, &points);
+/// The corners of joined pieces.
+fn points(run: &[Piece]) -> Vec<Point> {
+    run.first().map(|first| first.from).into_iter().chain(run.iter().map(|piece| piece.to)).collect()
 }
 
-/// Which way it goes at each end of the pieces of a chain, as vectors of length 1.
-fn ways(chain: &[Piece]) -> Vec<Point> {
-    let Some(first) = chain.first() else { return Vec::new() };
-    let points: Vec<Point> = std::iter::once(first.from).chain(chain.iter().map(|p| p.to)).collect();
-    let mut length = 0.0;
-    let lengths: Vec<f64> = std::iter::once(0.0)
-        .chain(points.windows(2).map(|w| {
-            length += distance(w[0], w[1]);
-            length
-        }))
-        .collect();
-    let unit = |a: Point, b: Point| {
-        let length = distance(a, b);
-        (length > 1e-9).then(|| [(b[0] - a[0]) / length, (b[1] - a[1]) / length])
-    };
-    let (mut before, mut after) = (0, 0);
-    let mut last = [1.0, 0.0];
-    let mut ways = Vec::with_capacity(points.len());
-    for (at, point) in points.iter().enumerate() {
-        while lengths[at] - lengths[before] > AHEAD {
-            before += 1;
-        }
-        while after + 1 < points.len() && lengths[after] - lengths[at] < AHEAD {
-            after += 1;
-        }
-        let across = distance(points[before], points[after]);
-        let way = if across < BACK * (lengths[after] - lengths[before]) {
-            unit(points[at.saturating_sub(1)], *point).or_else(|| unit(*point, points[after]))
+/// Removes repeated points. Extends a line that is too short to be seen to [`LEAST`].
+fn visible(mut points: Vec<Point>) -> Vec<Point> {
+    points.dedup();
+    let length: f64 = points.windows(2).map(|w| distance(w[0], w[1])).sum();
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return points };
+    if length >= LEAST {
+        return points;
+    }
+    let way = direction(first, last);
+    let middle = [0, 1].map(|k| 0.5 * (first[k] + last[k]));
+    [-0.5, 0.5].map(|part| [0, 1].map(|k| middle[k] + part * LEAST * way[k])).to_vec()
+}
+
+/// Writes a lane `off` pixels to the right of a line. It is broken at sharp turns.
+fn write_beside(d: &mut String, points: &[Point], off: f64) {
+    let ways: Vec<Point> = points.windows(2).map(|w| direction(w[0], w[1])).collect();
+    let (Some(&first), Some(&last)) = (ways.first(), ways.last()) else { return };
+    let mut lane = vec![beside(points[0], first, off)];
+    for (point, way) in points[1..].iter().zip(ways.windows(2)) {
+        let [before, after] = [way[0], way[1]];
+        if before[0] * after[0] + before[1] * after[1] < SHARP {
+            lane.push(beside(*point, before, off));
+            write(d, &std::mem::take(&mut lane));
+            lane.push(beside(*point, after, off));
         } else {
-            unit(points[before], points[after])
-        };
-        last = way.unwrap_or(last);
-        ways.push(last);
+            let mean = direction([0.0; 2], [before[0] + after[0], before[1] + after[1]]);
+            lane.push(beside(*point, mean, off));
+        }
     }
-    ways
+    lane.push(beside(points[points.len() - 1], last, off));
+    write(d, &lane);
 }
 
-/// Writes a line through points, if it goes anywhere.
+/// The point `off` pixels to the right of another, seen along a direction.
+fn beside(p: Point, way: Point, off: f64) -> Point {
+    [p[0] - off * way[1], p[1] + off * way[0]]
+}
+
+/// Unit vector from one point to another; along x where they are the same.
+fn direction(a: Point, b: Point) -> Point {
+    let length = distance(a, b);
+    if length > 1e-9 { [(b[0] - a[0]) / length, (b[1] - a[1]) / length] } else { [1.0, 0.0] }
+}
+
+/// Writes a line through points, unless they are all the same.
 fn write(d: &mut String, points: &[Point]) {
     let (mut pen, mut line) = (Pen::default(), String::new());
-    straight(points, STRAY).into_iter().for_each(|[x, y]| pen.to(&mut line, x, y));
-    // A pen that never moved leaves off after its command.
+    points.iter().for_each(|[x, y]| pen.to(&mut line, *x, *y));
+    // After a pen that never moved, the last character is its command.
     if !line.ends_with('l') {
         d.push_str(&line);
     }
 }
 
-/// Points without those that are nearer than `stray` to the lines through the others (U. Ramer, "An iterative procedure for the polygonal approximation of
-/// plane curves", 1972; D. Douglas, T. Peucker, 1973).
+/// Leaves out points that are nearer than `stray` to the line through the others (U. Ramer, "An iterative
+/// procedure for the polygonal approximation of plane curves", 1972; D. Douglas, T. Peucker, 1973).
 fn straight(points: &[Point], stray: f64) -> Vec<Point> {
-    /// So many are looked at together, so that many take no longer each than few.
+    /// Points that are simplified together; this bounds the time for each point.
     const TOGETHER: usize = 256;
     let mut keep = vec![false; points.len()];
     let Some(last) = points.len().checked_sub(1) else { return Vec::new() };
@@ -248,7 +204,7 @@ fn straight(points: &[Point], stray: f64) -> Vec<Point> {
     points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
 }
 
-/// How far a point is from the line between two others, which ends at them.
+/// Distance of a point from the segment between two others.
 fn beyond(a: Point, b: Point, p: Point) -> f64 {
     let length = distance(a, b);
     let part = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
@@ -259,14 +215,10 @@ fn beyond(a: Point, b: Point, p: Point) -> f64 {
     }
 }
 
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
 fn distance(a: Point, b: Point) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
 #[cfg(test)]
 #[path = "way_tests.rs"]
-pub(super) mod tests;
+pub(crate) mod tests;

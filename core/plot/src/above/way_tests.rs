@@ -49,21 +49,29 @@ pub(crate) fn lines_of(d: &str) -> Vec<Vec<Point>> {
 
 proptest! {
     #[test]
-    fn every_tick_is_near_a_piece_that_has_its_effects(stops in walk(), step in 0.5..20.0f64, ticks in 1..20usize) {
+    fn every_tick_is_near_a_piece_with_its_effects(
+        stops in walk(),
+        step in 0.5..20.0f64,
+        ticks in 1..20usize,
+    ) {
         let pieces = pieces_of(stops.iter().copied(), step, ticks);
         // No two places are the same, so that each piece begins at one tick.
         let begins = |p: &Piece| stops.iter().position(|s| s.at == Some(p.from)).unwrap();
         for (k, s) in stops.iter().enumerate().filter(|(_, s)| s.at.is_some()) {
-            let near = |p: &&Piece| (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.at.unwrap()) < step;
+            let near = |p: &&Piece| {
+                (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.at.unwrap()) < step
+            };
             let of = pieces.iter().rfind(|p| begins(p) <= k).unwrap();
-            prop_assert!(near(&of) && of.effects & s.effects == s.effects && (of.touches || !s.touches), "{s:?}");
+            let holds = of.effects & s.effects == s.effects && (of.touches || !s.touches);
+            prop_assert!(near(&of) && holds, "{s:?}");
         }
         let mut last = 0;
         for (i, p) in pieces.iter().enumerate() {
             // Nothing is made up, and pieces are as long as they must be.
             let next = pieces.get(i + 1);
             let end = next.map_or(stops.len(), begins);
-            prop_assert_eq!(stops[begins(p)..end].iter().filter(|s| s.at.is_some()).fold(0, |all, s| all | s.effects), p.effects);
+            let placed = stops[begins(p)..end].iter().filter(|s| s.at.is_some());
+            prop_assert_eq!(placed.fold(0, |all, s| all | s.effects), p.effects);
             prop_assert!(begins(p) >= last);
             last = begins(p);
             if let Some(next) = next.filter(|next| next.joined) {
@@ -76,7 +84,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_left_out_of_a_line_is_near_it(
+    fn simplified_line_is_near_all_its_points(
         steps in proptest::collection::vec(proptest::array::uniform2(-3.0..3.0f64), 0..700),
         stray in 0.05..5.0f64,
     ) {
@@ -100,7 +108,7 @@ proptest! {
     }
 
     #[test]
-    fn paths_are_well_formed_whatever_the_way(stops in walk()) {
+    fn paths_of_any_walk_are_well_formed(stops in walk()) {
         let pieces = thinned(stops.into_iter());
         let all = lanes(&pieces, 3).into_iter().chain([line(&pieces, true), line(&pieces, false)]);
         for d in all {
@@ -112,7 +120,7 @@ proptest! {
 }
 
 #[test]
-fn a_long_scribble_is_bounded() {
+fn long_scribble_is_bounded() {
     // 20 s at 4 kHz, everything active by turns, here and there over the whole map.
     let at =
         |k: u32| [400.0 + 380.0 * (f64::from(k) * 0.37).sin(), 250.0 + 240.0 * (f64::from(k) * 0.51).cos()];
@@ -127,7 +135,7 @@ fn a_long_scribble_is_bounded() {
 }
 
 #[test]
-fn straight_lanes_lie_on_the_right_side_by_side_in_order() {
+fn straight_lanes_lie_on_the_right_in_order() {
     let there: Vec<Stop> = (0..=100).map(|k| stop([f64::from(k), 50.0], 0b101)).collect();
     let paths = lanes(&thinned(there.iter().copied()), 3);
     // Going to the right of the screen, whose y points down, the right hand is below.
@@ -141,14 +149,14 @@ fn straight_lanes_lie_on_the_right_side_by_side_in_order() {
 }
 
 #[test]
-fn what_is_active_moves_up_to_the_way_where_others_end() {
+fn lanes_close_up_where_others_end() {
     let way = (0..=100).map(|k| stop([f64::from(k), 0.0], if k < 40 { 0b11 } else { 0b10 }));
     let paths = lanes(&thinned(way), 2);
     assert_eq!(paths, ["M0 2.5l40 0", "M0 5.5l40 0M40 2.5l60 0"]);
 }
 
 #[test]
-fn what_is_short_is_still_seen() {
+fn short_effect_is_still_seen() {
     let way = (0..=100).map(|k| stop([f64::from(k), 0.0], u16::from(k == 50)));
     let found = lines_of(&lanes(&thinned(way), 1)[0]);
     assert_eq!(found.len(), 1);
@@ -160,7 +168,7 @@ fn what_is_short_is_still_seen() {
 }
 
 #[test]
-fn a_lane_around_a_circle_is_a_circle() {
+fn lane_around_a_circle_is_a_circle() {
     let turns = |way: f64| {
         let at = move |k: i32| {
             let (sin, cos) = (way * f64::from(k) * 0.002).sin_cos();

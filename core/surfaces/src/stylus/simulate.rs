@@ -4,14 +4,14 @@ use asperity_numbers::Elementary as _;
 
 /// Samples a second.
 pub const SAMPLE_HZ: u32 = 10_000;
-/// Steps of the simulation a sample, unless told otherwise.
+/// Default number of simulation steps a sample.
 pub const STEPS: u32 = 4;
 /// Time in which the hand's rest follows the tool, in seconds.
 const FOLLOWS_S: f64 = 0.5;
 /// Speed below which friction fades, in m/s.
 const SLIP_M_S: f64 = 2e-3;
 
-/// What the hand does in one sample.
+/// Motion and force of the hand in one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
     /// Velocity along x and y in mm/s.
@@ -20,7 +20,7 @@ pub struct Moment {
     pub force_n: f64,
 }
 
-/// What the accelerometer says, in m/s^2.
+/// Signal of the accelerometer in m/s^2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acceleration {
     /// Along the normal.
@@ -36,14 +36,14 @@ impl Acceleration {
     }
 }
 
-/// Energy of a run, in joules. What came in is what is stored and what was lost, up to the step's error.
+/// Energy of a run in joules. Stored and lost energy add up to the input, except for the step's error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Done by the hand: the drag of the stroke.
+    /// Work of the hand: the drag of the stroke.
     pub drag: f64,
     /// Lost in shaft, hand, contact and friction.
     pub lost: f64,
-    /// Stored in motion, springs, contact and against the hand's force.
+    /// Stored in motion, springs and contact, and against the hand's force.
     pub stored: f64,
 }
 
@@ -62,10 +62,10 @@ pub struct Stylus<'s> {
     follows: bool,
     /// Place of the hand in millimetres.
     place_mm: [f64; 2],
-    /// Heights of tip and body over the patch's zero in metres; and their speeds.
+    /// Heights of tip and body over the patch's zero in metres, and their speeds.
     heights: [f64; 2],
     rise: [f64; 2],
-    /// How far the tool is off the hand along x and y, in metres; and how that changes.
+    /// Distance of the tool from the hand along x and y in metres, and its rate.
     away: [f64; 2],
     drift: [f64; 2],
     rest: f64,
@@ -73,7 +73,8 @@ pub struct Stylus<'s> {
 }
 
 impl<'s> Stylus<'s> {
-    /// A tool at rest on the [envelope](crate::topography::envelope) of a surface for its tip, pressed with `force_n`.
+    /// A tool at rest on the [envelope](crate::topography::envelope) for its tip, pressed with
+    /// `force_n`.
     pub fn new(
         tool: Tool,
         envelope: &'s HeightField,
@@ -104,20 +105,20 @@ impl<'s> Stylus<'s> {
         }
     }
 
-    /// The same with another number of steps a sample.
+    /// Changes the number of steps a sample.
     pub fn with_steps(mut self, steps: u32) -> Self {
         self.steps = steps.max(1);
         self.step_s = 1.0 / f64::from(SAMPLE_HZ * self.steps);
         self
     }
 
-    /// The same with a hand whose rest stays where it is, so that energy can be followed at a force that does not change.
+    /// Holds the hand's rest in place. Then energy can be followed at constant force.
     pub fn with_still_hand(mut self) -> Self {
         self.follows = false;
         self
     }
 
-    /// Goes on by a sample.
+    /// Advances by one sample.
     pub fn next(&mut self, moment: &Moment) -> Acceleration {
         let (rise, drift) = (self.rise[1], self.drift);
         let velocity = moment.velocity_mm_s.map(|v| 1e-3 * v);
@@ -131,7 +132,7 @@ impl<'s> Stylus<'s> {
         }
     }
 
-    /// Energy since the start, at a force of `force_n` that did not change.
+    /// Energy since the start at the constant force `force_n`.
     pub fn energy(&self, force_n: f64) -> Energy {
         let t = &self.tool;
         let [tip, body] = self.heights;
@@ -146,14 +147,14 @@ impl<'s> Stylus<'s> {
         Energy { stored: 0.5 * (motion + springs) + contact + force_n * body, ..self.energy }
     }
 
-    /// How deep the tip is in the surface in metres, and the surface's slopes there.
+    /// Depth of the tip in the surface in metres, and the slopes there.
     fn depth(&self) -> (f64, [f64; 2]) {
         let [x, y] = [0, 1].map(|i| self.place_mm[i] + 1e3 * self.away[i]);
         let surface = self.envelope.sample(x, y);
         (surface.height_mm * 1e-3 - self.heights[0], surface.slope)
     }
 
-    /// One step, the hand at a velocity in m/s.
+    /// One step with the hand at this velocity in m/s.
     fn step(&mut self, velocity: [f64; 2], force: f64) {
         let (t, dt) = (self.tool, self.step_s);
         let (depth, slope) = self.depth();
@@ -161,12 +162,12 @@ impl<'s> Stylus<'s> {
         let approach = dot(slope, slip) - self.rise[0];
         let hertz = if depth > 0.0 { self.hertz * depth * depth.sqrt() } else { 0.0 };
         let normal = (hertz * (1.0 + self.contact.damping_s_m * approach)).max(0.0);
-        // against the slip, and less than all of it where that is slow
+        // Friction acts against the slip and fades at slow slip.
         let rub = self.contact.friction * normal / (SLIP_M_S * SLIP_M_S + dot(slip, slip)).sqrt();
         let apart = self.rise[0] - self.rise[1];
         let shaft = t.shaft_n_m * (self.heights[0] - self.heights[1]) + t.shaft_ns_m * apart;
         let hand = t.hand_n_m[0] * (self.heights[1] - self.rest) + t.hand_ns_m[0] * self.rise[1];
-        // what the surface pulls at the tool with
+        // Force of the surface along x and y.
         let drag: [f64; 2] = std::array::from_fn(|i| normal * slope[i] + rub * slip[i]);
         let [tip, body, whole] = self.per_kg.map(|per_kg| dt * per_kg);
         self.rise[0] += tip * (normal - shaft);
@@ -181,7 +182,7 @@ impl<'s> Stylus<'s> {
         if self.follows {
             self.rest += dt / FOLLOWS_S * (self.heights[1] - self.rest);
         }
-        // The hand moves at its velocity against what pulls at it.
+        // The hand's work is its velocity times the tool's pull.
         self.energy.drag += dt * dot(velocity, drag);
         self.energy.lost += dt
             * (t.shaft_ns_m * apart * apart

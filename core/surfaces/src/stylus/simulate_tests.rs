@@ -26,7 +26,7 @@ fn a_grating_sounds_at_speed_over_wavelength() {
                 of.max_by(|a, b| lines[*a].total_cmp(&lines[*b])).expect("lines")
             };
             let case = format!("{} at {speed} mm/s, {degrees} degrees: {want:.1} Hz", made.name);
-            // A line stands at the pitch, higher than those beside it and than what lies between multiples.
+            // The line at the pitch is higher than its neighbours and than the level between multiples.
             let nearest = (want / 2.0).round() as usize - 1;
             let at = loudest(nearest - 1..nearest + 2);
             assert!((hz(at) - want).abs() <= 2.0, "{case}: {}", hz(at));
@@ -38,8 +38,9 @@ fn a_grating_sounds_at_speed_over_wavelength() {
             between.sort_by(f64::total_cmp);
             let over = 10.0 * (lines[at] / between[between.len() / 2]).log10();
             assert!(over > 20.0, "{case}: {over:.1} dB");
-            // The contact resonates at 200 to 400 Hz and under a ball even a sine has sharp valleys: of a lower pitch
-            // the multiple there may be the loudest. The grooves of a narrow groove are all but filled by the ball.
+            // The contact resonates at 200 to 400 Hz, and even a sine has sharp valleys under a ball.
+            // Of a low pitch, the multiple there may be the loudest. The ball nearly fills narrow
+            // grooves.
             let peak = hz(loudest(0..lines.len()));
             let multiple = (peak / want).round().max(1.0);
             assert!((peak - multiple * want).abs() <= 2.0, "{case}: {peak}");
@@ -51,7 +52,8 @@ fn a_grating_sounds_at_speed_over_wavelength() {
     assert_eq!(cases, 81);
 }
 
-/// Decibels by which a surface's level rises: from 50 to 100 and 200 mm/s at 1 N, from 0.4 to 0.8 and 1.6 N at 100 mm/s.
+/// Rise of a surface's level in decibels: from 50 to 100 and 200 mm/s at 1 N, from 0.4 to 0.8 and 1.6 N
+/// at 100 mm/s.
 fn doublings(made: &MadeSurface) -> [f64; 4] {
     let surface = met(made, (512, 0.04));
     let heard = |speed: f64, force: f64| level(&stroke(&surface, (speed, 0.3), force, 2.0, STEPS));
@@ -60,7 +62,7 @@ fn doublings(made: &MadeSurface) -> [f64; 4] {
     [(slow, usual), (usual, fast), (light, medium), (medium, firm)].map(|(a, b)| 20.0 * (b / a).log10())
 }
 
-/// What a doubling does to surfaces of a family, as stated in the module's documentation.
+/// Stated ranges of a family's rise with a doubling (see the module's documentation).
 fn stated_doublings(family: Family) -> [[f64; 2]; 4] {
     match family {
         Family::Sandpaper => [[6.0, 8.0], [3.0, 5.5], [1.0, 3.0], [1.0, 2.0]],
@@ -75,8 +77,8 @@ fn stated_doublings(family: Family) -> [[f64; 2]; 4] {
 }
 
 #[test]
-fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
-    // Those at the ends of the ranges and one from the middle.
+fn doubling_speed_or_force_raises_levels_as_stated() {
+    // Surfaces at the ends of the ranges and one from the middle.
     let some = [
         "sandpaper P36",
         "sandpaper P150",
@@ -103,7 +105,7 @@ fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
         "watercolour paper",
         "cardboard",
     ];
-    // Of these a doubling of speed from 100 mm/s or of force does not raise the level by 0.2 dB.
+    // On these, doubling the speed from 100 mm/s or the force raises the level by less than 0.2 dB.
     let exceptions: [(&str, &[usize]); 7] = [
         ("narrow ridges 1 mm", &[2]),
         ("square grating 0.8 mm", &[3]),
@@ -133,7 +135,7 @@ fn a_doubling_of_speed_or_of_force_raises_levels_as_stated() {
 }
 
 #[test]
-#[ignore = "prints by how many decibels a doubling raises the level of each surface, and the ranges of families"]
+#[ignore = "prints the rise of each surface's level with a doubling, and the ranges of families"]
 fn all_doublings() {
     let mut off = Vec::new();
     for family in Family::ALL {
@@ -150,12 +152,12 @@ fn all_doublings() {
     assert!(off.is_empty(), "{off:?}");
 }
 
-/// What a stroke of a second loses, in joules, and what of all that was put in is neither stored nor lost.
+/// Energy lost in a stroke of one second in joules, and the part of the input neither stored nor lost.
 fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64), steps: u32) -> (f64, f64) {
     let mut stylus =
         Stylus::new(Tool::PEN, envelope, contact, [1.0, 2.0], force_n).with_still_hand().with_steps(steps);
     let began = stylus.energy(force_n);
-    // along no axis, forth and back again with a turn on the way
+    // Along no axis, forth and back with a turn between.
     for n in 0..SAMPLE_HZ {
         let along = speed
             * (std::f64::consts::TAU * f64::from(n) / f64::from(SAMPLE_HZ)).cos().clamp(-0.7, 0.7)
@@ -169,7 +171,7 @@ fn balance(envelope: &HeightField, contact: Contact, (speed, force_n): (f64, f64
 
 #[test]
 fn a_tip_does_not_jump_where_the_stroke_turns() {
-    // Smooth but rubbing: all that is felt at a turn is that friction comes from the other side, softly.
+    // Smooth but rubbing: the only event of a turn is the soft reversal of friction.
     let flat = HeightField::flat(64, 0.1);
     let contact = Contact { modulus_mpa: 1_000.0, friction: 0.5, damping_s_m: 15.0 };
     let mut stylus = Stylus::new(Tool::PEN, &flat, contact, [1.0, 2.0], 1.0);
@@ -183,7 +185,7 @@ fn a_tip_does_not_jump_where_the_stroke_turns() {
         let moved = (0..2).map(|i| (stylus.away[i] - before[i]).powi(2)).sum::<f64>().sqrt();
         most[usize::from(t > 0.2)] = most[usize::from(t > 0.2)].max(moved);
     }
-    // in 0.1 ms less than 0.01 mm: from one side to the other, 0.8 mm, it takes some 10 ms
+    // The tool moves less than 0.01 mm in 0.1 ms; the whole 0.8 mm takes about 10 ms.
     assert!((1e-7..1e-5).contains(&most[1]), "{most:?}");
     assert!((stylus.away[0].hypot(stylus.away[1]) / (0.5 / 1_200.0) - 1.0).abs() < 0.05, "{:?}", stylus.away);
 }
@@ -204,7 +206,7 @@ fn what_the_hand_puts_in_is_stored_or_lost() {
     ] {
         let made = made_surfaces().into_iter().find(|made| made.name == name).expect("a surface");
         let (envelope, rubs) = met(&made, (512, 0.04));
-        // Friction takes at once what it is given and would hide what the rest loses: without it.
+        // Friction would hide the other losses, so it is off here.
         let slides = Contact { friction: 0.0, ..rubs };
         let usual = (70.0, 1.0);
         let (lost, off) = balance(&envelope, slides, usual, STEPS);
@@ -212,13 +214,13 @@ fn what_the_hand_puts_in_is_stored_or_lost() {
         let (rub_lost, rubbing) = balance(&envelope, rubs, usual, STEPS);
         let (hard_lost, hard) = balance(&envelope, slides, (250.0, 2.5), STEPS);
         let what = format!(
-            "{name}: {lost:.2e} J lost, off by {off:.1e}, {finer:.1e} at half the step, {rubbing:.1e} with friction; \
-             fast and hard {hard_lost:.2e} J, off by {hard:.1e}"
+            "{name}: {lost:.2e} J lost, off by {off:.1e}, {finer:.1e} at half the step, {rubbing:.1e} with \
+             friction; fast and hard {hard_lost:.2e} J, off by {hard:.1e}"
         );
-        // The step is of first order: its error is a part of w dt, 0.05 where the contact rings at 300 Hz. It was found to be at
-        // most 0.3 % of what is lost, of fast and hard strokes 1.2 %, and to halve with the step: extrapolated to no
-        // step at all, nothing is left. Slips of friction within 2 mm/s add to it, but no more than as much again.
-        // Without friction glass takes all but nothing, 1e-9 J: rounded heights of f32 show.
+        // The step is of first order: its error is a part of w dt, 0.05 at the contact's 300 Hz. Found:
+        // at most 0.3 % of the losses, 1.2 % for fast hard strokes; it halves with the step, and
+        // extrapolates to nothing. Slips of friction within 2 mm/s at most double it. Without friction
+        // glass takes almost nothing (1e-9 J), so rounded f32 heights show.
         let glass = name == "float glass";
         let most = if glass { [0.03, 0.1, 0.01] } else { [0.003, 0.012, 2e-4] };
         assert!(off.abs() < most[0] * lost && hard.abs() < most[1] * hard_lost, "{what}");
@@ -227,7 +229,7 @@ fn what_the_hand_puts_in_is_stored_or_lost() {
     }
 }
 
-/// The most by which half the step changes a band of 100 Hz that is heard, in decibels.
+/// Largest change by half the step of an audible band of 100 Hz, in decibels.
 fn changed_by_half_the_step(surface: &(HeightField, Contact), motion: (f64, f64), force: f64) -> f64 {
     let bands = |steps: u32| -> Vec<f64> {
         let both = spectrum_of_all(&stroke(surface, motion, force, 2.0, steps));
@@ -240,7 +242,7 @@ fn changed_by_half_the_step(surface: &(HeightField, Contact), motion: (f64, f64)
 }
 
 #[test]
-fn halving_the_step_changes_no_band_of_the_spectrum_by_half_a_decibel() {
+fn half_step_changes_every_band_by_less_than_half_a_db() {
     for made in made_surfaces() {
         let off = changed_by_half_the_step(&met(&made, (512, 0.04)), (90.0, 0.2), 0.8);
         assert!(off < 0.5, "{}: {off:.2} dB", made.name);
@@ -248,9 +250,9 @@ fn halving_the_step_changes_no_band_of_the_spectrum_by_half_a_decibel() {
 }
 
 #[test]
-fn halving_the_step_changes_fast_and_hard_strokes_no_more() {
+fn half_step_changes_fast_hard_strokes_no_more() {
     for made in made_surfaces() {
-        // Where the tip jumps, and where all is quiet, it changes more.
+        // Jumping and near-silent surfaces change more.
         let most = match made.name.as_str() {
             "square grating 2 mm" | "narrow ridges 1.8 mm" | "sine grating 1 mm" | "float glass" => 0.3,
             "sandpaper P36"
@@ -276,7 +278,7 @@ fn halving_the_step_changes_fast_and_hard_strokes_no_more() {
 }
 
 #[test]
-fn every_surface_stays_finite_under_hard_strokes_and_none() {
+fn every_surface_stays_finite_under_any_stroke() {
     for made in &made_surfaces() {
         let surface = met(made, (256, 0.04));
         for (speed, force) in [(0.0, 0.0), (0.0, 3.0), (400.0, 5.0), (300.0, 0.05)] {
@@ -284,7 +286,7 @@ fn every_surface_stays_finite_under_hard_strokes_and_none() {
             let most = x.iter().flat_map(Acceleration::axes).fold(0.0, |most: f64, a| most.max(a.abs()));
             assert!(most.is_finite() && most < 1e4, "{}: {most} m/s^2 at {speed} mm/s, {force} N", made.name);
             if speed == 0.0 && force > 0.0 {
-                // On a slope it settles sideways.
+                // On a slope the tool settles sideways.
                 assert!(most < 0.3, "{} at rest: {most}", made.name);
             }
         }
@@ -292,7 +294,7 @@ fn every_surface_stays_finite_under_hard_strokes_and_none() {
 }
 
 #[test]
-fn landing_and_lifting_off_in_a_stroke_end_as_they_began() {
+fn landing_and_lift_off_in_stroke_end_as_they_began() {
     for made in made_surfaces().iter().step_by(3) {
         let surface = met(made, (256, 0.04));
         let mut stylus = Stylus::new(Tool::PEN, &surface.0, surface.1, [1.0, 2.0], 0.0);

@@ -1,4 +1,4 @@
-//! What tests of the stylus share.
+//! Helpers of the stylus tests.
 
 use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
@@ -6,15 +6,15 @@ use std::f64::consts::TAU;
 use super::{Acceleration, Moment, SAMPLE_HZ, Stylus, Tool};
 use crate::topography::{Contact, HeightField, MadeSurface};
 
-/// The grid of the patches that strokes run over.
+/// Grid of the strokes' patches.
 pub(super) const GRID: (usize, f64) = (1024, 0.04);
 
-/// What the pen meets of a surface as it is stated.
+/// Height field under the pen of a surface with its stated figures.
 pub(super) fn met(made: &MadeSurface, grid: (usize, f64)) -> (HeightField, Contact) {
     (Tool::PEN.track(&made.as_stated(grid, 1), &made.contact), made.contact)
 }
 
-/// Accelerations of a steady stroke along a way, after half a second of coming to it.
+/// Accelerations of a steady stroke along a direction, after half a second of run-up.
 pub(super) fn stroke(
     (envelope, contact): &(HeightField, Contact),
     (speed, angle): (f64, f64),
@@ -31,7 +31,8 @@ pub(super) fn stroke(
     (0..samples(seconds)).map(|_| stylus.next(&moment)).collect()
 }
 
-/// Mean square of the bins of 10 Hz from 10 to 1000 Hz, in (m/s^2)^2, of one axis: windows of Hann of 0.1 s, half a window apart.
+/// Mean square of one axis in bins of 10 Hz from 10 to 1000 Hz, in (m/s^2)^2, with Hann windows of 0.1
+/// s at half overlap.
 fn spectrum(x: &[f64]) -> Vec<f64> {
     windowed(x, 1_000)
 }
@@ -41,7 +42,7 @@ pub(super) fn fine_spectrum(x: &[f64]) -> Vec<f64> {
     windowed(x, 5_000)
 }
 
-/// Mean square of the bins up to 1000 Hz but the one at 0, of windows of Hann of so many samples, half a window apart.
+/// Mean square of the bins from the first to 1000 Hz, with Hann windows of this length at half overlap.
 fn windowed(x: &[f64], samples: usize) -> Vec<f64> {
     let window: Vec<f64> =
         (0..samples).map(|i| 0.5 - 0.5 * (TAU * i as f64 / samples as f64).cos()).collect();

@@ -5,7 +5,7 @@ use asperity_numbers::Elementary as _;
 /// Poisson's ratio of tip and surface.
 const POISSON: f64 = 0.35;
 
-/// Force in N at which a surface's heights are averaged over the contact.
+/// Force in N for the size of the contact in averages of heights.
 pub const AVERAGED_N: f64 = 1.0;
 
 /// A stylus in a hand.
@@ -30,9 +30,10 @@ pub struct Tool {
 }
 
 impl Tool {
-    /// A pen of 56 g that ends in a steel ball of 1/8 inch, held as pens are: the usual instrument with which textures are recorded. The shaft's
-    /// stiffness is that of a slanting rod that bends. Masses and tip are such an instrument's; stiffness and damping of shaft and hand are chosen, the
-    /// hand's damping so that the contact's resonance (100 to 600 Hz) is as broad as recordings show it.
+    /// A pen of 56 g with a steel ball of 1/8 inch, held like a pen: the usual instrument for texture
+    /// recordings. The shaft's stiffness is that of a slanted bending rod. Masses and tip are those of
+    /// such an instrument. Stiffness and damping of shaft and hand are chosen; the hand's damping makes
+    /// the contact's resonance (100 to 600 Hz) as broad as in recordings.
     pub const PEN: Self = Self {
         tip_mm: 1.6,
         tip_modulus_mpa: 200_000.0,
@@ -50,15 +51,16 @@ impl Tool {
         4.0 / 3.0 * 1e6 / yields * (self.tip_mm * 1e-3).sqrt()
     }
 
-    /// Radius in millimetres of the area on which the tip rests when it is pressed with `force_n`: `a = sqrt(R d)`, `d` Hertz's depth.
+    /// Radius in millimetres of the contact under `force_n`: `a = sqrt(R d)` with Hertz's depth `d`.
     pub fn touching_mm(&self, contact: &Contact, force_n: f64) -> f64 {
         let depth_mm = 1e3 * (force_n.max(0.0) / self.hertz(contact)).power(2.0 / 3.0);
         (self.tip_mm * depth_mm).sqrt()
     }
 
-    /// What the tip's middle runs on: the [envelope] of the surface, whose heights are averaged before as far as the surface yields. Under Hertz's
-    /// pressure, `sqrt(1 - r^2 / a^2)`, places spread by `a / sqrt(5)` along an axis; the mean is taken with a Gaussian as wide, `a` at
-    /// [`AVERAGED_N`] whatever the stroke's force (it grows with the cube root of the force).
+    /// Path of the tip's middle: the [envelope] of the averaged surface. Hertz's pressure `sqrt(1 - r^2
+    /// / a^2)` has a standard deviation of `a / sqrt(5)` along an axis, so the average is a Gaussian of
+    /// this width. It uses `a` at [`AVERAGED_N`] for every force (`a` grows with the cube root of the
+    /// force).
     pub fn track(&self, surface: &HeightField, contact: &Contact) -> HeightField {
         let spread = self.touching_mm(contact, AVERAGED_N) / 5.0_f64.sqrt();
         if spread < 0.3 * surface.step_mm() {
@@ -79,9 +81,9 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn a_soft_surface_is_averaged_over_the_contact_and_a_hard_one_is_not() {
+    fn contact_averages_soft_surface_and_not_hard_one() {
         let (pen, period) = (Tool::PEN, 1.28);
-        // So flat that the tip follows it everywhere.
+        // The tip follows a wave this flat everywhere.
         let wave = HeightField::from_fn(256, 0.02, |x, _| 0.001 * (TAU * x / period).sin());
         let of = |modulus_mpa: f64| Contact { modulus_mpa, friction: 0.3, damping_s_m: 5.0 };
         for modulus in [20.0, 200.0, 50_000.0] {

@@ -8,7 +8,7 @@ use asperity_texture::picture::{IMAGE, Image};
 
 /// Elevation of the lights in radians.
 const ELEVATION: f64 = 0.25;
-/// How soft the edge of shadow is: lights are as wide as that, in radians.
+/// Softness of a shadow's edge: width of the lights in radians.
 const SOFT: f64 = 0.12;
 /// Radii and heights of specks in millimetres.
 const SPECK_MM: [[f64; 2]; 2] = [[0.03, 0.12], [0.004, 0.03]];
@@ -18,26 +18,26 @@ const SPECK_MM: [[f64; 2]; 2] = [[0.03, 0.12], [0.004, 0.03]];
 pub struct Camera {
     /// Millimetres a pixel.
     pub pixel_mm: f64,
-    /// Brightness of a flat skin under the lights, red, green and blue, in parts of full scale.
+    /// Brightness of a flat skin under the lights: red, green and blue as parts of full scale.
     pub light: [f64; 3],
-    /// What is there without them.
+    /// Brightness without the lights.
     pub ambient: [f64; 3],
-    /// How far the lights are turned, in radians.
+    /// Turn of the lights in radians.
     pub turn: f64,
-    /// How much the corners are darker.
+    /// Darkening of the corners.
     pub fall: f64,
-    /// How much brighter each light is at its own edge than in the middle.
+    /// Brightening of each light at its own edge against the middle.
     pub near: f64,
     /// Blur of the lens in millimetres.
     pub blur_mm: f64,
-    /// Noise of a bright pixel, root mean square, in parts of full scale.
+    /// Noise of a bright pixel: root mean square as a part of full scale.
     pub noise: f64,
-    /// How many specks of dust lie on the skin, on average.
+    /// Mean number of dust specks on the skin.
     pub specks: f64,
 }
 
 impl Camera {
-    /// As it leaves the factory: 10.2 mm by 7.7 mm.
+    /// A new camera with a field of 10.2 mm by 7.7 mm.
     pub const USUAL: Self = Self {
         pixel_mm: 0.04,
         light: [0.38, 0.37, 0.39],
@@ -50,7 +50,7 @@ impl Camera {
         specks: 3.0,
     };
 
-    /// One of many: lights, turn, blur, noise and dust a little different.
+    /// A random camera: lights, turn, blur, noise and dust differ a little.
     pub fn another(random: &mut Random) -> Self {
         let mut it = Self::USUAL;
         it.light = it.light.map(|l| l * random.range(0.85, 1.15));
@@ -64,12 +64,12 @@ impl Camera {
         it
     }
 
-    /// The side and the step of the grid on which a [skin](super::indentation) is wanted: the image and a rim.
+    /// Side and step of the grid for a [skin](super::indentation): the image and a rim.
     pub fn grid(&self) -> (usize, f64) {
         (IMAGE[1] + 64, self.pixel_mm)
     }
 
-    /// What it sees of a skin on its [grid](Self::grid).
+    /// Picture of a skin on its [grid](Self::grid).
     pub fn picture(&self, skin: &HeightField, random: &mut Random) -> Image {
         let skin = blur(&self.dusty(skin, random), self.blur_mm);
         let [rows, columns] = IMAGE;
@@ -123,19 +123,20 @@ impl Camera {
     }
 }
 
-/// A light: the way to it, the edge of the picture at which it stands, and what of it a flat skin has.
+/// A light: its direction, its edge of the picture, and its share on a flat skin.
 struct Light {
     towards: [f64; 3],
     side: [f64; 2],
     flat: f64,
 }
 
-/// How bright a skin is of a light as wide as [`SOFT`], by the cosine towards its middle.
+/// Brightness under a light of width [`SOFT`] by the cosine towards its middle.
 fn lit(facing: f64) -> f64 {
     0.5 * (facing + (facing * facing + SOFT * SOFT).sqrt())
 }
 
-/// Slopes in the middle of four points: differences over one step, which pass more of what is fine than those over two.
+/// Slopes in the middle of four points. Differences over one step pass finer detail than those over
+/// two.
 fn slopes(skin: &HeightField, column: i64, row: i64) -> [f64; 2] {
     let at = |i: i64, j: i64| f64::from(skin.point(column + i, row + j));
     let [a, b, c, d] = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];

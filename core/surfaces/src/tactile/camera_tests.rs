@@ -3,7 +3,7 @@ use super::*;
 use crate::topography::made_surfaces;
 
 #[test]
-fn a_flat_skin_is_grey_and_a_slope_takes_the_colour_of_the_light_it_faces() {
+fn flat_skin_is_grey_and_slope_has_colour_of_its_light() {
     let camera = Camera {
         noise: 0.0,
         fall: 0.0,
@@ -30,7 +30,8 @@ fn a_flat_skin_is_grey_and_a_slope_takes_the_colour_of_the_light_it_faces() {
     assert!(red > flat[0] && green < flat[1] && blue < flat[2] && (green - blue).abs() <= 2);
 }
 
-/// Root mean square of what a surface changes in the picture of a flat skin, in parts of 255, and the part of all values that are at an end.
+/// Root mean square change by a surface in the picture of a flat skin, in parts of 255, and the part of
+/// values at either end.
 fn contrast(patch: &HeightField) -> (f64, f64) {
     let camera = Camera { noise: 0.0, specks: 0.0, ..Camera::USUAL };
     let press = Press { place_mm: [4.0, 3.0], turn: 0.3, depth_mm: 0.4 };
@@ -43,7 +44,7 @@ fn contrast(patch: &HeightField) -> (f64, f64) {
 }
 
 #[test]
-fn fine_surfaces_stand_out_of_the_noise_and_coarse_ones_are_not_burnt_out() {
+fn fine_surfaces_exceed_noise_and_coarse_ones_do_not_clip() {
     let noise = 255.0 * Camera::USUAL.noise * (Camera::USUAL.light[0] + Camera::USUAL.ambient[0]).sqrt();
     for surface in made_surfaces() {
         let (rms, ends) = contrast(&surface.patch((512, 0.02), 1));

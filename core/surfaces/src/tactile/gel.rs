@@ -2,36 +2,37 @@ use crate::topography::HeightField;
 use crate::topography::spectrum::blur;
 use asperity_numbers::Elementary as _;
 
-/// How gel and surface come together.
+/// Placement of the gel on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Press {
     /// Middle of the camera's field on the surface, in millimetres.
     pub place_mm: [f64; 2],
-    /// How far the surface is turned, in radians.
+    /// Turn of the surface in radians.
     pub turn: f64,
-    /// How deep the gel goes in below the highest points, in millimetres.
+    /// Depth of the gel below the highest points in millimetres.
     pub depth_mm: f64,
 }
 
-/// Highest points that count as dust or as a stray fibre: a gel closes over them.
+/// Part of the highest points taken as dust or stray fibres; the gel closes over them.
 const STRAY: f64 = 0.002;
 /// Widths of the blurs in millimetres, from wide to narrow.
 const WIDTHS_MM: [f64; 4] = [0.8, 0.3, 0.12, 0.05];
-/// How far the gel sags into a valley, as a part of the width that it spans: shallower ones it fills. A half-space of modulus `E` under the pressure `p`
-/// fills waves of slope up to `2 p / E` or so; this is for a tenth of the modulus.
+/// Sag of the gel into a valley as a part of its span; it fills shallower valleys. A half-space of
+/// modulus `E` under the pressure `p` fills waves of slope up to about `2 p / E`; this is for a tenth
+/// of the modulus.
 const SAG: f64 = 0.09;
-/// What the skin's own thickness blurs at last, in millimetres.
+/// Last blur in millimetres, by the skin's own thickness.
 const SKIN_MM: f64 = 0.025;
 
-/// The skin of a gel pressed onto a surface, on a grid of `side` points `step_mm` apart around the press, in millimetres over
-/// the surface's zero. The grid's rim is not to be used: the patch is taken to repeat.
+/// Skin of a gel pressed onto a surface, in millimetres over the surface's zero. The grid has `side`
+/// points `step_mm` apart around the press. Its rim is invalid, as the patch is taken to repeat.
 pub fn indentation(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -> HeightField {
     let touching = pressed(&relief(surface, press, (side, step_mm)), press.depth_mm);
     let mut skin = touching.clone();
     for width in WIDTHS_MM {
         skin = blur(&skin, width);
         let sag = (SAG * width) as f32;
-        // The gel is outside the surface; it lies on what it reaches.
+        // The gel stays outside the surface and rests on its tops.
         for (skin, relief) in skin.heights_mut().iter_mut().zip(touching.heights()) {
             *skin = (*skin - sag).max(*relief);
         }
@@ -39,7 +40,8 @@ pub fn indentation(surface: &HeightField, press: &Press, (side, step_mm): (usize
     blur(&skin, SKIN_MM)
 }
 
-/// The surface under the gel, turned to its grid: means of four places a point, so that what is finer than the grid fades.
+/// Surface under the gel on its turned grid: means of four places a point, so detail finer than the
+/// grid fades.
 fn relief(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -> HeightField {
     let (sin, cos) = press.turn.sine_cosine();
     let middle = 0.5 * side as f64 * step_mm;
@@ -55,7 +57,7 @@ fn relief(surface: &HeightField, press: &Press, (side, step_mm): (usize, f64)) -
     })
 }
 
-/// What is deeper than a press reaches is cut off.
+/// Cuts off everything deeper than the press.
 fn pressed(relief: &HeightField, depth_mm: f64) -> HeightField {
     let mut sorted: Vec<f32> = relief.heights().to_vec();
     let top = ((1.0 - STRAY) * sorted.len() as f64) as usize;
@@ -72,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gel_takes_the_shape_of_wide_waves_and_spans_narrow_grooves() {
+    fn gel_follows_wide_waves_and_spans_narrow_grooves() {
         let press = Press { place_mm: [10.0, 10.0], turn: 0.0, depth_mm: 0.6 };
         let hang = |period: f64| {
             let surface =

@@ -1,21 +1,24 @@
-//! The made surfaces: which there are, and what each is made of. Figures are chosen after what is sold under such names.
+//! Catalogue of the made surfaces. Figures follow products sold under such names.
 //!
 //! # Heights
 //!
-//! What figures mean, as measured of pieces. Between which share of heights from either end a height is taken is in brackets:
+//! Meaning of the stated figures on measured pieces. Brackets give the share of heights left out at
+//! either end:
 //!
-//! | | stated | measured |
-//! |---|---|---|
-//! | sandpaper | grains of a size | root mean square of the grains 0.14 of the size within 6 %; P36 to P150 from bottom to tops 0.66 to 0.78 of it [0.1 %] |
-//! | foam | depth of cells, as a part of a pore | deepest cells 0.89 to 1.15 of it [0.1 %]; of cut polystyrene beads 1.4 to 1.9, their roughness is as high |
-//! | pebbled, waves | height | within 6 % from one standard deviation to the other [16 %]; peaks stand higher, root mean square by its closed form within 5 % |
-//! | pebbled, hide | height, of the highest | 0.97 to 1.11 of it, with the matt [1 %] |
+//! - Sandpaper, size of grains: the grains' root mean square is 0.14 of it within 6 %. P36 to P150
+//!   measure 0.66 to 0.78 of it from bottom to tops \[0.1 %\].
+//! - Foam, depth of cells as a part of a pore: the deepest cells measure 0.89 to 1.15 of it \[0.1 %\].
+//!   Cut polystyrene beads measure 1.4 to 1.9, as their roughness is as high.
+//! - Pebbled, waves, height: within 6 % from one standard deviation to the other \[16 %\]. Peaks are
+//!   higher; the root mean square is within 5 % of its closed form.
+//! - Pebbled, hide, height of the highest: 0.97 to 1.11 of it, with the matt \[1 %\].
 //!
 //! # Neighbours
 //!
-//! Neighbours are alike but not the same. Of six pieces of a surface are taken root mean square height, root mean square slope, and the
-//! wavelength on either side of which half the power lies; two surfaces overlap in one of them where their ranges do. So many of a family's
-//! thirteen neighbouring pairs overlap in at least one of the three, in two, and in all:
+//! Neighbours are alike but not the same. Three statistics of six pieces are compared: root mean square
+//! height, root mean square slope, and the wavelength that halves the power. Two surfaces overlap in a
+//! statistic if their ranges do. Number of a family's 13 neighbouring pairs that overlap in at least
+//! one of the three, in two, and in all:
 //!
 //! | | pieces of 20 mm | pieces of 10 mm |
 //! |---|---|---|
@@ -29,12 +32,13 @@
 //! | sheet | 5, 2, 0 | 5, 3, 0 |
 //! | all 104 | 50, 10, 2 | 58, 16, 3 |
 //!
-//! Single grains of neighbouring sandpapers overlap besides: a paper's differ by 15 %.
+//! Single grains of neighbouring sandpapers also overlap: sizes within a paper differ by 15 %.
 
 use super::family::{Binding, Carpet, Foam, Grating, Mould, Pebbled, Pile, Sheet, Weave, Wood};
 use super::made::{Contact, Family, MadeSurface, Recipe};
 
-/// All made surfaces, family by family, fourteen of each; within a family, neighbours are alike, and half of them overlap.
+/// All made surfaces by family, 14 of each. Within a family neighbours are alike, and half of them
+/// overlap.
 pub fn made_surfaces() -> Vec<MadeSurface> {
     let families = [
         (Family::Sandpaper, sandpapers as fn() -> Vec<Entry>),

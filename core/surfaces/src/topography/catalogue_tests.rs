@@ -2,7 +2,7 @@ use super::*;
 use crate::topography::HeightField;
 
 #[test]
-fn there_are_fourteen_of_each_family_by_names_of_their_own() {
+fn each_family_has_14_surfaces_with_unique_names() {
     let surfaces = made_surfaces();
     let names: std::collections::BTreeSet<&str> = surfaces.iter().map(|s| s.name.as_str()).collect();
     assert_eq!((surfaces.len(), names.len()), (112, 112));
@@ -12,7 +12,7 @@ fn there_are_fourteen_of_each_family_by_names_of_their_own() {
 }
 
 #[test]
-fn a_patch_has_no_seam_and_another_seed_is_another_piece_of_the_same() {
+fn patch_has_no_seam_and_seed_only_changes_the_piece() {
     for surface in made_surfaces().iter().step_by(5) {
         let grid = (512, 0.04);
         let (a, b) = (surface.patch(grid, 1), surface.patch(grid, 2));
@@ -34,14 +34,15 @@ fn a_patch_has_no_seam_and_another_seed_is_another_piece_of_the_same() {
 #[test]
 fn a_wide_patch_has_the_pitch_of_a_narrow_one() {
     let surface = made_surfaces().into_iter().find(|s| s.name == "square grating 3 mm").unwrap();
-    // How often the ground rises halfway, all the way round.
+    // Number of rises through the mean around the patch.
     let ridges = |patch: &HeightField| {
         let middle = 0.5 * patch.heights().iter().fold(0.0, |most: f32, h| most.max(*h));
         let row = &patch.heights()[..patch.side()];
         let next = row.iter().cycle().skip(1);
         row.iter().zip(next).filter(|(here, next)| **here < middle && **next >= middle).count()
     };
-    // 20.48 mm are 6.8 periods, and 81.92 mm are 27.3: of itself the wider one has another pitch.
+    // 20.48 mm are 6.8 periods and 81.92 mm are 27.3, so the wider patch alone would have another
+    // pitch.
     let grid = (512, 0.04);
     assert_eq!(ridges(&surface.patch(grid, 5)), 7);
     assert_eq!(ridges(&surface.patch((4 * grid.0, grid.1), 5)), 27);
@@ -78,7 +79,7 @@ fn statistics_are_as_stated() {
     assert!(across > 10.0 * along, "{across} {along}");
 }
 
-/// How far apart the heights are below and above which a part of a patch lies.
+/// Distance of the heights below and above which this part of a patch lies.
 fn span(patch: &HeightField, part: f64) -> f64 {
     let mut heights = patch.heights().to_vec();
     heights.sort_unstable_by(f32::total_cmp);
@@ -100,8 +101,8 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
                 // Without resin and backing, 0.03 of a grain and 2 um.
                 let rms = (patch.rms_mm().powi(2) - (0.03 * grain_mm + 0.002).powi(2)).sqrt();
                 assert!((rms / (0.14 * grain_mm) - 1.0).abs() < 0.06, "{name}: {rms}");
-                // Tops are 0.6 of a grain's size, blunted at 0.85 of that; of grains larger than most by
-                // twice the spread of their logarithm, 0.15, that is 0.69 of the mean size. Of fine grades
+                // Tops are 0.6 of a grain's size, blunted at 0.85 of that. Grains larger than most by
+                // twice the spread of their logarithm (0.15) make 0.69 of the mean size. On fine grades
                 // the resin adds to it.
                 let tops = span(&patch, 1e-3) / grain_mm;
                 assert!(grain_mm < 0.1 || (0.62..0.8).contains(&tops), "{name}: {tops}");
@@ -110,7 +111,7 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
             Recipe::Foam(of) => {
                 // From the walls to the deepest cells.
                 let depth = span(&surface.as_stated((512, 0.04), 3), 1e-3) / (of.depth * of.pore_mm);
-                // Between beads lie shallow grooves: the roughness of the beads is as high.
+                // Grooves between beads are shallow, so the beads' roughness counts as much.
                 let stated = if name == "polystyrene beads, cut" { 1.3..2.2 } else { 0.85..1.2 };
                 assert!(stated.contains(&depth), "{name}: {depth}");
                 tested[1] += 1;
@@ -133,7 +134,7 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
                 tested[2] += 1;
             }
             Recipe::Pebbled(of) => {
-                // From creases to tops, the matt on both with them.
+                // From creases to tops, with the matt on both.
                 let height = mean(&|patch| span(patch, 0.01)) / of.height_mm;
                 assert!((0.93..1.15).contains(&height), "{name}: {height}");
                 tested[3] += 1;
@@ -144,8 +145,8 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
     assert_eq!(tested, [14, 14, 6, 8]);
 }
 
-/// Root mean square height and slope, and the wavelength on either side of which half the power lies, along
-/// lines of both directions.
+/// Root mean square height and slope, and the wavelength that halves the power, along lines of both
+/// directions.
 fn statistics(patch: &HeightField) -> [f64; 3] {
     let side = patch.side();
     let fft = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(side);
@@ -174,8 +175,8 @@ fn statistics(patch: &HeightField) -> [f64; 3] {
     [patch.rms_mm(), patch.rms_slope(), patch.length_mm() / middle]
 }
 
-/// Of the thirteen neighbouring pairs of each family, how many overlap in at least one, two and three of
-/// their [statistics] over six pieces: overlapping is that neither's least is above the other's most.
+/// Number of each family's 13 neighbouring pairs that overlap in at least one, two and three
+/// [statistics] over six pieces. Two ranges overlap unless one's least is above the other's most.
 fn overlapping(grid: (usize, f64)) -> Vec<[usize; 3]> {
     let ranges: Vec<[[f64; 2]; 3]> = made_surfaces()
         .iter()
@@ -198,10 +199,9 @@ fn overlapping(grid: (usize, f64)) -> Vec<[usize; 3]> {
 }
 
 #[test]
-fn some_neighbours_overlap_in_what_is_measured_of_their_pieces() {
+fn some_neighbours_overlap_in_measured_statistics() {
     let found = overlapping((256, 0.04));
-    // In each family some pairs share one range; few share two, and hardly any all three: neighbours are
-    // alike, not the same.
+    // In each family some pairs share one range, few share two and hardly any share three.
     assert!(found.iter().all(|of| of[0] >= 5), "{found:?}");
     let [one, two, three] = [0, 1, 2].map(|n| found.iter().map(|of| of[n]).sum::<usize>());
     assert!((54..=62).contains(&one) && (12..=20).contains(&two) && (1..=5).contains(&three), "{found:?}");

@@ -1,11 +1,12 @@
-//! Where the middle of a round tip runs: a sphere rolls over what is finer than itself.
+//! Path of a round tip's middle: a sphere rolls over finer detail.
 
 use super::HeightField;
 
-/// The surface that a tip of `radius_mm` touches, as the height of its lowest point at every place of its middle:
-/// `E(x) = max_y [h(y) - |x - y|^2 / (2 R)]`, the morphological dilation by a paraboloid, which has the sphere's curvature at its apex
-/// and lies below it by less than 7 % of the depth within half a radius. It splits into lines along x and along y, each the upper envelope of
-/// parabolas (Felzenszwalb and Huttenlocher 2012, "Distance transforms of sampled functions").
+/// Height of a round tip's lowest point at every place of its middle, for a radius of `radius_mm`:
+/// `E(x) = max_y [h(y) - |x - y|^2 / (2 R)]`. This is the morphological dilation by a paraboloid. It
+/// has the sphere's curvature at its apex and is less than 7 % of the depth too low within half a
+/// radius. It splits into lines along x and along y, each the upper envelope of parabolas (Felzenszwalb
+/// and Huttenlocher 2012, "Distance transforms of sampled functions").
 pub fn envelope(field: &HeightField, radius_mm: f64) -> HeightField {
     let side = field.side();
     let curvature = field.step_mm().powi(2) / (2.0 * radius_mm.max(1e-6));
@@ -30,9 +31,9 @@ fn transpose(values: &[f32], side: usize) -> Vec<f32> {
 
 /// Room for the envelope of a line.
 struct Lines {
-    /// The line, and as much of its repetitions at both ends as can matter.
+    /// The line and enough of its repetitions at both ends.
     padded: Vec<f64>,
-    /// Places of the parabolas that stand out, and where each begins to.
+    /// Places of the visible parabolas, and the start of each.
     apexes: Vec<usize>,
     begins: Vec<f64>,
 }
@@ -109,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tip_does_not_enter_a_groove_narrower_than_itself_and_follows_one_much_wider() {
+    fn tip_bridges_narrow_groove_and_follows_wide_one() {
         let groove = |width: f64| {
             HeightField::from_fn(512, 0.02, |x, _| if (x - 5.0).abs() < 0.5 * width { -0.2 } else { 0.0 })
         };

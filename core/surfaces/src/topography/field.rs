@@ -1,7 +1,7 @@
 //! Heights over a square patch that repeats.
 
-/// Heights of a square patch of a surface on a grid, in millimetres. The patch repeats without a seam in both directions, so that a
-/// stroke of any length runs over it.
+/// Heights of a square patch on a grid, in millimetres. The patch repeats in both directions without a
+/// seam, so strokes of any length fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
     side: usize,
@@ -16,7 +16,7 @@ impl HeightField {
         Self { side, step_mm, heights: vec![0.0; side * side] }
     }
 
-    /// A patch from what `height_mm` says of places (x, y) in millimetres.
+    /// A patch with heights `height_mm` at places (x, y) in millimetres.
     pub fn from_fn(side: usize, step_mm: f64, mut height_mm: impl FnMut(f64, f64) -> f64) -> Self {
         let mut field = Self::flat(side, step_mm);
         let side = field.side;
@@ -39,7 +39,7 @@ impl HeightField {
         self.step_mm
     }
 
-    /// Length of an edge in millimetres: after so much the patch repeats.
+    /// Length of an edge in millimetres, the patch's period.
     pub fn length_mm(&self) -> f64 {
         self.side as f64 * self.step_mm
     }
@@ -49,20 +49,20 @@ impl HeightField {
         &self.heights
     }
 
-    /// The same, to be changed.
+    /// Mutable [`heights`](Self::heights).
     pub fn heights_mut(&mut self) -> &mut [f32] {
         &mut self.heights
     }
 
-    /// The height at a point of the grid, of which there are endlessly many: the patch repeats.
+    /// Height at a point of the endless, repeating grid.
     pub fn point(&self, column: i64, row: i64) -> f32 {
         let index = self.wrap(row) * self.side + self.wrap(column);
         self.heights.get(index).copied().unwrap_or(0.0)
     }
 
-    /// A column or row among those that there are.
+    /// Index of a column or row within the patch.
     fn wrap(&self, index: i64) -> usize {
-        // Sides are powers of two where it matters: a division takes as long as the rest of a sample.
+        // Hot paths have sides of powers of two: a division takes as long as the rest of a sample.
         if self.side.is_power_of_two() {
             index as usize & (self.side - 1)
         } else {
@@ -70,7 +70,8 @@ impl HeightField {
         }
     }
 
-    /// The height in millimetres at any place, and its slopes along x and y: Catmull and Rom's cubic through the points around it.
+    /// Height in millimetres at any place, and slopes along x and y, by the Catmull-Rom cubic through
+    /// the points around it.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> Sample {
         let per_mm = 1.0 / self.step_mm;
         let (column, u) = whole_and_part(x_mm * per_mm);
@@ -93,7 +94,8 @@ impl HeightField {
         Sample { height_mm: height, slope: [dx * per_mm, dy * per_mm] }
     }
 
-    /// The height in millimetres at any place, along straight lines between points: cheaper than a [sample](Self::sample), without slopes.
+    /// Height in millimetres at any place by linear interpolation: cheaper than a
+    /// [sample](Self::sample), without slopes.
     pub fn level(&self, x_mm: f64, y_mm: f64) -> f64 {
         let (column, u) = whole_and_part(x_mm / self.step_mm);
         let (row, v) = whole_and_part(y_mm / self.step_mm);
@@ -106,7 +108,7 @@ impl HeightField {
         f64::from(a + v * (b - a))
     }
 
-    /// Four points of a row from a column on; rows go on past the last one.
+    /// Four points of a row from a column on, repeating past the end.
     fn four(&self, first: usize, row: usize) -> [f32; 4] {
         let base = if row < self.side { row } else { row % self.side } * self.side;
         match self.heights.get(base + first..base + first + 4) {
@@ -129,7 +131,8 @@ impl HeightField {
         (sum / self.heights.len() as f64).sqrt()
     }
 
-    /// Root mean square slope, both directions together (Sdq of ISO 25178), from differences of neighbours.
+    /// Root mean square slope of both directions together (Sdq of ISO 25178), from differences of
+    /// neighbours.
     pub fn rms_slope(&self) -> f64 {
         let (mut sum, side) = (0.0, self.side as i64);
         for row in 0..side {
@@ -142,7 +145,8 @@ impl HeightField {
         (sum / self.heights.len() as f64).sqrt() / self.step_mm
     }
 
-    /// Moves and scales heights so that their mean is 0 and their root mean square is `rms_mm`; a flat patch stays flat.
+    /// Moves and scales heights to a mean of 0 and a root mean square of `rms_mm`; a flat patch stays
+    /// flat.
     pub fn with_rms(mut self, rms_mm: f64) -> Self {
         let (mean, rms) = (self.mean_mm(), self.rms_mm());
         let gain = if rms > 0.0 { rms_mm / rms } else { 0.0 };
@@ -157,7 +161,7 @@ impl HeightField {
     }
 }
 
-/// What a patch is at a place.
+/// Height and slopes of a patch at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Height in millimetres.
@@ -166,7 +170,8 @@ pub struct Sample {
     pub slope: [f64; 2],
 }
 
-/// The next whole number below, and what is left. `f64::floor` is a call on processors that have no instruction for it.
+/// Next whole number below, and the remainder. `f64::floor` is a call on processors without that
+/// instruction.
 fn whole_and_part(x: f64) -> (i64, f64) {
     let near = x as i64;
     let whole = near - i64::from(x < near as f64);
@@ -198,7 +203,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn a_sine_has_its_height_slope_and_statistics_between_points_and_over_the_seam() {
+    fn sine_is_right_between_points_and_over_the_seam() {
         let (side, step) = (256, 0.05);
         let wave = TAU / (side as f64 * step) * 4.0;
         let field = HeightField::from_fn(side, step, |x, y| 0.3 * (wave * x).sin() + 0.1 * (wave * y).cos());

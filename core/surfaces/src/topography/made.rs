@@ -1,4 +1,4 @@
-//! What a made surface is, and how a piece of it is made.
+//! A made surface and its pieces.
 
 use super::HeightField;
 use super::family::{
@@ -7,7 +7,7 @@ use super::family::{
 };
 use asperity_numbers::Random;
 
-/// What kind of surface it is.
+/// Families of surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Family {
     /// Coated abrasives.
@@ -56,21 +56,21 @@ impl Family {
     }
 }
 
-/// What a tip feels of the stuff itself.
+/// Material figures of the contact with a tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Modulus in MPa, of the surface alone, as a ball of millimetres finds it: asperities and what lies
-    /// below yield too, so that it is far below Young's modulus of the stuff where the surface is rough or
-    /// thin. Chosen, not measured.
+    /// Modulus in MPa of the surface alone under a ball of millimetres. Asperities and lower layers
+    /// yield too, so rough or thin surfaces are far below Young's modulus of the material. Chosen, not
+    /// measured.
     pub modulus_mpa: f64,
     /// Coefficient of kinetic friction of a steel tip on it.
     pub friction: f64,
-    /// Hunt and Crossley's damping, in s/m: the contact's force grows by this part for every metre a second
-    /// of approach.
+    /// Hunt and Crossley's damping in s/m: relative growth of the contact's force for each m/s of
+    /// approach.
     pub damping_s_m: f64,
 }
 
-/// How a patch is made.
+/// Recipe of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Recipe {
     Sandpaper(f64),
@@ -83,16 +83,16 @@ pub(super) enum Recipe {
     Sheet(Sheet),
 }
 
-/// A surface that is made, not measured.
+/// A made surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MadeSurface {
-    /// Its name; no other one has it.
+    /// Unique name.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description in a sentence.
     pub description: String,
     /// Its family.
     pub family: Family,
-    /// What its stuff is like.
+    /// Material figures.
     pub contact: Contact,
     pub(super) recipe: Recipe,
 }
@@ -103,16 +103,16 @@ impl MadeSurface {
         self.name.bytes().fold(0, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
     }
 
-    /// A patch of it on a grid. Another seed is another piece of the same: pitches differ by 3 %, heights
-    /// by 8 %, root mean square; of gratings, which are machined, heights by 4 % and edges and roughness,
-    /// rings of wood by up to 15 %.
+    /// A patch on a grid. Another seed gives another piece of the surface: pitches differ by 3 % and
+    /// heights by 8 % (root mean square). Gratings are machined: only heights (by 4 %), edges and
+    /// roughness differ. Rings of wood differ by up to 15 %.
     pub fn patch(&self, grid: Grid, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
         self.recipe.piece(random).patch(grid, random)
     }
 
-    /// A patch of the piece of this seed that is so many times as long and as wide as the one on this grid. A
-    /// pitch is such that it fits around the smaller one, so that both have the same.
+    /// A patch of this seed's piece, `times` as long and wide as the one on this grid. Its pitch fits
+    /// around the smaller patch, so both have the same pitch.
     pub fn wide_patch(&self, grid: Grid, times: usize, seed: u64) -> HeightField {
         let random = &mut Random::new(seed ^ self.seed());
         self.recipe.piece(random).fitted(grid).patch((times.max(1) * grid.0, grid.1), random)
@@ -126,7 +126,7 @@ impl MadeSurface {
         }
     }
 
-    /// A patch of it with just the figures that are stated, as no piece is.
+    /// A patch with exactly the stated figures, unlike any piece.
     pub fn as_stated(&self, grid: Grid, seed: u64) -> HeightField {
         self.recipe.patch(grid, &mut Random::new(seed ^ self.seed()))
     }
@@ -136,7 +136,7 @@ impl MadeSurface {
 const SPREAD: [f64; 2] = [0.03, 0.08];
 
 impl Recipe {
-    /// A patch of just this.
+    /// A patch of exactly this recipe.
     pub(super) fn patch(&self, grid: Grid, random: &mut Random) -> HeightField {
         match self {
             Self::Sandpaper(grain_mm) => sandpaper(grid, *grain_mm, random),
@@ -150,7 +150,7 @@ impl Recipe {
         }
     }
 
-    /// The same with pitches that fit around a patch.
+    /// This recipe with pitches that fit around a patch.
     fn fitted(self, grid: Grid) -> Self {
         match self {
             Self::Weave(of) => Self::Weave(Weave { pitch_mm: of.pitch_on(grid), ..of }),
@@ -160,7 +160,7 @@ impl Recipe {
         }
     }
 
-    /// The same as one piece of it is: no two are quite alike.
+    /// This recipe for one piece; no two pieces are quite alike.
     fn piece(self, random: &mut Random) -> Self {
         let [long, high] = SPREAD.map(|s| 1.0 + s * random.normal().clamp(-2.5, 2.5));
         match self {
@@ -171,7 +171,7 @@ impl Recipe {
                 fuzz: of.fuzz * random.range(0.7, 1.3),
                 ..of
             }),
-            // Machined; what differs is wear.
+            // Machined, so only wear differs.
             Self::Grating(of) => Self::Grating(Grating {
                 depth_mm: of.depth_mm * (0.5 + 0.5 * high),
                 edge: (of.edge * random.range(1.0, 1.2)).min(0.5),
@@ -183,7 +183,7 @@ impl Recipe {
                 Self::Carpet(Carpet { pitch_mm: of.pitch_mm * long, height_mm: of.height_mm * high, ..of })
             }
             Self::Wood(of) => Self::Wood(Wood {
-                // Trees grow as the years were.
+                // Rings differ like years.
                 ring_mm: of.ring_mm * random.range(0.85, 1.15),
                 ring_height_mm: of.ring_height_mm * high,
                 fibre_height_mm: of.fibre_height_mm * high,

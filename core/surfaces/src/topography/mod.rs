@@ -1,4 +1,4 @@
-//! Topography of surfaces: patches of heights, how they are made, and what a round tip meets of them.
+//! Topography of surfaces: patches of heights, their making, and their contact with a round tip.
 
 mod catalogue;
 mod envelope;

@@ -9,8 +9,8 @@ use realfft::num_complex::Complex;
 use super::HeightField;
 use asperity_numbers::Random;
 
-/// Multiplies the spectrum of a patch by `gain(fx, fy)`, frequencies in cycles per millimetre: a filter without phase, around the
-/// seam.
+/// Multiplies a patch's spectrum by `gain(fx, fy)`, at frequencies in cycles per millimetre: a filter
+/// without phase, around the seam.
 pub fn filter(field: &HeightField, gain: impl Fn(f64, f64) -> f64) -> HeightField {
     let (side, length) = (field.side(), field.length_mm());
     let mut out = field.clone();
@@ -28,8 +28,8 @@ pub fn filter(field: &HeightField, gain: impl Fn(f64, f64) -> f64) -> HeightFiel
     out
 }
 
-/// A Gaussian patch of root mean square height `rms_mm` whose power spectral density is proportional to `density(fx, fy)` at frequencies
-/// in cycles per millimetre; the mean is 0.
+/// A Gaussian patch of root mean square height `rms_mm` and mean 0. Its power spectral density is
+/// proportional to `density(fx, fy)` at frequencies in cycles per millimetre.
 pub fn gaussian(
     (side, step_mm): (usize, f64),
     rms_mm: f64,
@@ -39,7 +39,7 @@ pub fn gaussian(
     let (length, bins) = (side as f64 * step_mm, side / 2 + 1);
     let mut spectrum = vec![Complex::new(0.0_f32, 0.0); bins * side];
     for (i, line) in spectrum.chunks_exact_mut(side).enumerate() {
-        // Of the lines that are their own mirror images only the even half is used.
+        // Self-mirrored lines use only the even half.
         let whole = if i == 0 || 2 * i == side { std::f64::consts::SQRT_2 } else { 1.0 };
         for (j, bin) in line.iter_mut().enumerate() {
             let signed = if j > side / 2 { j as f64 - side as f64 } else { j as f64 };
@@ -55,8 +55,9 @@ pub fn gaussian(
     field.with_rms(rms_mm)
 }
 
-/// A density of an isotropic self-affine surface: flat below the roll-off `q0` in cycles per millimetre, `q^(-2 - 2 H)` above it, H the Hurst
-/// exponent (Persson et al. 2005, "On the nature of surface roughness").
+/// Density of an isotropic self-affine surface: flat below the roll-off `q0` in cycles per millimetre,
+/// `q^(-2 - 2 H)` above it with the Hurst exponent H (Persson et al. 2005, "On the nature of surface
+/// roughness").
 pub fn self_affine(roll_off_per_mm: f64, hurst: f64) -> impl Fn(f64, f64) -> f64 {
     move |fx, fy| {
         let q = fx.hypotenuse(fy) / roll_off_per_mm;
@@ -64,8 +65,8 @@ pub fn self_affine(roll_off_per_mm: f64, hurst: f64) -> impl Fn(f64, f64) -> f64
     }
 }
 
-/// A Gaussian low-pass whose gain falls to `exp(-1/2)` at a frequency of `1 / (TAU sigma_mm)`: convolution with a Gaussian of that
-/// standard deviation.
+/// A Gaussian low-pass of gain `exp(-1/2)` at a frequency of `1 / (TAU sigma_mm)`: convolution with a
+/// Gaussian of that standard deviation.
 pub fn blur(field: &HeightField, sigma_mm: f64) -> HeightField {
     filter(field, |fx, fy| (-0.5 * (TAU * sigma_mm).powi(2) * (fx * fx + fy * fy)).exp_e())
 }
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_filter_scales_each_wave_by_its_gain_whatever_the_side() {
+    fn filter_scales_each_wave_by_its_gain_on_any_side() {
         for side in [64, 75] {
             let step = 0.1;
             let length = side as f64 * step;
@@ -137,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gaussian_patch_has_the_height_the_slope_and_the_distribution_of_its_density() {
+    fn gaussian_patch_has_height_slope_distribution_of_its_density() {
         let (side, step) = (512, 0.05);
         // A narrow ring of frequencies: slope = TAU q rms.
         let ring = |fx: f64, fy: f64| f64::from(u8::from((fx.hypot(fy) - 0.5).abs() < 0.05));

@@ -54,7 +54,7 @@ impl Simd for Avx512 {
     }
 }
 
-/// With VNNI, which multiplies bytes without a sign by bytes with one, four in each lane at once.
+/// With VNNI, which multiplies unsigned by signed bytes, four in each lane at once.
 impl Whole for Avx512 {
     const TOGETHER: usize = 4;
     const SPLIT: bool = true;
@@ -94,7 +94,7 @@ impl Whole for Avx512 {
 
     #[inline(always)]
     unsafe fn total((high, low): (__m512i, __m512i), start: *const i32) -> __m512 {
-        // What goes beyond 32 bits on the way is gone from the total, which fits.
+        // Overflows of 32 bits on the way cancel in the total, which fits.
         // SAFETY: the caller has AVX-512F and 16 numbers; the load needs no alignment.
         unsafe {
             let low = _mm512_add_epi32(low, _mm512_loadu_si512(start.cast()));

@@ -6,8 +6,9 @@
 //! and stores within slices of checked length. Layers whose weights are whole numbers have a loop of their
 //! own, in [`whole`].
 //!
-//! A result has the same bits on every instruction set. Each column is summed up in the order of the inputs, and a product is rounded before
-//! it is added: not every CPU has an instruction that rounds once.
+//! A result has the same bits on every instruction set. Each column is summed up in the order of the
+//! inputs, and a product is rounded before it is added: not every CPU has an instruction that rounds
+//! once.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -23,7 +24,8 @@ pub(crate) use weight::{Float, Weight};
 use whole::Whole;
 pub(crate) use whole::{Codes, largest_code};
 
-/// Whether this machine, which has an instruction set, also has what sums of whole numbers need: of AVX-512 that is BW and VNNI.
+/// Whether this machine also has the instructions for sums of whole numbers: with AVX-512 these are BW
+/// and VNNI.
 pub(crate) fn has_whole_numbers(isa: Isa) -> bool {
     match isa {
         #[cfg(target_arch = "x86_64")]
@@ -33,7 +35,7 @@ pub(crate) fn has_whole_numbers(isa: Isa) -> bool {
 }
 
 impl Shape {
-    /// That of an instruction set.
+    /// Shape for an instruction set.
     pub(crate) fn new(isa: Isa) -> Shape {
         fn of<S: Whole>() -> Shape {
             Shape { lanes: S::LANES, most: S::MOST, together: S::TOGETHER, split: S::SPLIT }
@@ -48,43 +50,43 @@ impl Shape {
     }
 }
 
-/// How a block lies in registers and in memory.
+/// Layout of a block in registers and memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     /// f32 lanes of a vector.
     pub(crate) lanes: usize,
-    /// How many vectors of sums a block may keep in registers.
+    /// Most vectors of sums that a block keeps in registers.
     pub(crate) most: usize,
-    /// In layers of whole numbers: how many inputs' weights lie side by side in a column.
+    /// In whole-number layers: number of inputs whose weights lie side by side in a column.
     pub(crate) together: usize,
-    /// There too: whether 32768 is added to the codes, for which sums have to make good.
+    /// In whole-number layers: whether 32768 is added to the codes, which the sums must compensate.
     pub(crate) split: bool,
 }
 
-/// Where a block's biases start: in the fixed ones, or in those of the material.
+/// Start of a block's biases: among the fixed ones, or among the material's.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Bias {
     Fixed(usize),
     Material(usize),
 }
 
-/// A block of columns of one affine step: reads `runs` of the arena, writes `vectors * lanes` floats at `to`.
+/// A block of columns of one affine step. It reads `runs` of the arena and writes `vectors * lanes`
+/// floats at `to`.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub(crate) to: usize,
     pub(crate) vectors: usize,
     pub(crate) runs: Range<usize>,
-    /// How many inputs that are.
+    /// Number of those inputs.
     pub(crate) inputs: usize,
     pub(crate) bias: Bias,
-    /// First weight; they lie row by row, a row being one input's weights for the block's columns.
+    /// First weight. Weights lie row by row; a row has one input's weights for the block's columns.
     pub(crate) weights: usize,
     /// Whether its weights lie in [`Data::wide`].
     pub(crate) wide: bool,
-    /// Where weights are stored scaled: the first of what each column's sum is multiplied by, among the
-    /// fixed numbers.
+    /// For scaled weights: start of the factors of each column's sum, among the fixed numbers.
     pub(crate) unscale: usize,
-    /// Where they are whole numbers: the first of what each column's sum starts from.
+    /// For whole-number weights: start of the initial sums of the columns.
     pub(crate) starts: usize,
     pub(crate) low: f32,
     pub(crate) high: f32,
@@ -98,11 +100,11 @@ pub(crate) struct Pick {
     pub(crate) offset: f32,
 }
 
-/// One thing to do.
+/// One instruction of a run.
 #[derive(Clone, Debug)]
 pub(crate) enum Instruction {
     Block(Block),
-    /// Turns `runs` into codes up to `most`, for the blocks of whole numbers that follow.
+    /// Turns `runs` into codes up to `most`, for the whole-number blocks that follow.
     Codes {
         runs: Range<usize>,
         most: f32,
@@ -118,7 +120,7 @@ pub(crate) enum Instruction {
     Exponential(Range<usize>),
 }
 
-/// What is done in a run, and the arena ranges and picks it refers to.
+/// Instructions of a run, with the arena ranges and picks they refer to.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Program {
     pub(crate) instructions: Vec<Instruction>,
@@ -126,26 +128,26 @@ pub(crate) struct Program {
     pub(crate) picks: Vec<Pick>,
 }
 
-/// What a program reads beside the arena.
+/// Data that a program reads beside the arena.
 #[derive(Clone, Copy)]
 pub(crate) struct Data<'a, W> {
     pub(crate) weights: &'a [W],
-    /// f32 weights of layers that are not worth rounding; empty where all are f32.
+    /// f32 weights of layers not worth rounding; empty if all are f32.
     pub(crate) wide: &'a [f32],
     pub(crate) starts: &'a [i32],
     pub(crate) fixed: &'a [f32],
-    /// The material's biases.
+    /// Biases of the material.
     pub(crate) material: &'a [f32],
 }
 
 /// A vector of f32.
 ///
 /// # Safety
-/// Every function needs the CPU to have the instruction set, and [`Simd::LANES`] elements at pointers,
-/// aligned as one.
+/// Every function needs a CPU with the instruction set, and [`Simd::LANES`] elements at its pointers,
+/// aligned like one element.
 pub(crate) trait Simd {
     const LANES: usize;
-    /// How many vectors of sums fit the registers, beside an input and a weight.
+    /// Most vectors of sums in registers, beside an input and a weight.
     const MOST: usize;
     type Vector: Copy;
     unsafe fn splat(x: f32) -> Self::Vector;
@@ -154,11 +156,11 @@ pub(crate) trait Simd {
     unsafe fn store(v: Self::Vector, to: *mut f32);
     unsafe fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
-    /// Clamped to `low..=high`, passing NaN on.
+    /// Clamps to `low..=high` and passes NaN on.
     unsafe fn clamp(x: Self::Vector, low: Self::Vector, high: Self::Vector) -> Self::Vector;
 }
 
-/// Runs a program. `None` where it does not fit its data, which packing rules out.
+/// Runs a program. `None` if it does not fit its data, which packing rules out.
 ///
 /// # Safety
 /// The CPU has the instruction set of `S`.
@@ -197,7 +199,7 @@ unsafe fn execute<S: Whole, W: Weight>(
             Instruction::Pick { to, picks, low, high } => {
                 for (i, p) in program.picks.get(picks.clone())?.iter().enumerate() {
                     let x = p.scale * *arena.get(p.from)? + p.offset;
-                    // Not f32::clamp, which panics on bad bounds.
+                    // f32::clamp panics on bad bounds.
                     let x = if x < *low { *low } else { x };
                     *arena.get_mut(to + i)? = if x > *high { *high } else { x };
                 }
@@ -291,7 +293,7 @@ unsafe fn block<S: Simd, W: Float, const V: usize>(
     Some(())
 }
 
-/// Reads all weights once, in order, as cheaply as can be: the time below which no run can fall.
+/// Reads all weights once, in order, as cheaply as possible: the lower bound of a run's time.
 #[inline(always)]
 fn checksum<W: Weight>(data: Data<'_, W>) -> u32 {
     sum(data.wide).wrapping_add(sum(data.weights))
@@ -320,7 +322,7 @@ pub(crate) struct Entry<W> {
 }
 
 impl<W: Weight> Entry<W> {
-    /// `None` where this machine cannot run it.
+    /// `None` if this machine cannot run it.
     pub(crate) fn new(isa: Isa) -> Option<Self> {
         if !isa.is_available() || (W::WHOLE && !has_whole_numbers(isa)) {
             return None;
@@ -336,7 +338,7 @@ impl<W: Weight> Entry<W> {
         })
     }
 
-    /// Runs a program over the arena; `None` where it does not fit its data, which packing rules out.
+    /// Runs a program over the arena. `None` if it does not fit its data, which packing rules out.
     #[inline]
     pub(crate) fn run(
         &self,

@@ -9,12 +9,13 @@ fn each(f: impl Fn(usize) -> f32) -> [f32; 4] {
     [f(0), f(1), f(2), f(3)]
 }
 
-/// f16 bits of a finite number as f32, exactly. No step has a subnormal in it: a thread may flush those to zero.
+/// f16 bits of a finite number as f32, exactly. No intermediate is subnormal: a thread may flush those
+/// to zero.
 #[inline(always)]
 fn finite_f16(bits: u16) -> f32 {
     let bits = u32::from(bits);
     let moved = (bits & 0x7fff) << 13;
-    // A subnormal half is so many times 2^-24: that much above 2^-14, less 2^-14.
+    // A subnormal half is a multiple of 2^-24: it is computed as that much above 2^-14, minus 2^-14.
     let above = f32::from_bits(moved + (113 << 23)) - f32::from_bits(113 << 23);
     let found = if moved < 1 << 23 { above.to_bits() } else { moved + (112 << 23) };
     f32::from_bits(found | (bits & 0x8000) << 16)

@@ -1,4 +1,4 @@
-//! What weights are stored as, and how a block of them is run.
+//! Storage types of weights, and how a block of each runs.
 
 use super::whole::{self, Columns, Whole};
 use super::{Block, Codes, Data, Simd, any_block};
@@ -8,16 +8,16 @@ use std::ops::Range;
 pub(crate) trait Weight: Copy {
     /// Whether columns are stored scaled.
     const SCALED: bool;
-    /// Whether they are stored as whole numbers, whose inputs are made whole numbers too.
+    /// Whether weights are whole numbers; their inputs then become whole numbers too.
     const WHOLE: bool;
-    /// What the sum of a checksum is kept in: no wider than a weight, so that reading is all that takes time.
+    /// Sum of a checksum: no wider than a weight, so that only reading takes time.
     type Sum: Copy + Default + Into<u32>;
     /// `sum` and this weight's bits.
     fn add_to(self, sum: Self::Sum) -> Self::Sum;
     /// Computes a block.
     ///
     /// # Safety
-    /// The CPU has the instruction set of `S`, for whole numbers too where they are.
+    /// The CPU has the instruction set of `S`, including that for whole numbers if needed.
     unsafe fn block<S: Whole>(
         b: &Block,
         runs: &[Range<usize>],
@@ -28,7 +28,7 @@ pub(crate) trait Weight: Copy {
     ) -> Option<()>;
 }
 
-/// A weight that is made f32 where it is read.
+/// A weight that becomes f32 when it is read.
 pub(crate) trait Float: Weight {
     /// # Safety
     /// The CPU has the instruction set of `S`, and `S::LANES` elements can be read from `from`.

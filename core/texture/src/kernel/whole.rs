@@ -1,39 +1,41 @@
-//! Layers of whole numbers: weights of 8 bits, inputs of 16, sums of 32 that are exact, the same on every machine.
+//! Whole-number layers: weights of 8 bits, inputs of 16, exact sums of 32, the same on every machine.
 //!
-//! The inputs of a step are turned into codes once a run: `x = scale * code`, the code a whole number of up to 16 bits with its sign, the
-//! scale such that the largest input gets the largest code. Products are added up in whole numbers and then multiplied by the scales of
-//! the inputs and of the column, so that nothing is rounded but the codes, each by half of one, and the result.
+//! Each run turns the inputs of a step into codes: `x = scale * code`. A code is a signed whole number
+//! of up to 16 bits; the largest input gets the largest code. Products are summed as whole numbers,
+//! then multiplied by the scales of inputs and column. So only the codes (by half of one) and the
+//! result are rounded.
 
 use super::{Block, Simd};
 use std::ops::Range;
 
-/// Largest code of `inputs` inputs: sums of products with weights of up to 127 stay within 32 bits.
+/// Largest code for this many inputs: sums of products with weights of up to 127 fit 32 bits.
 pub(crate) fn largest_code(inputs: usize) -> f32 {
     let most = i64::from(i32::MAX) / (127 * inputs.max(1) as i64);
     most.min(i64::from(i16::MAX)) as f32
 }
 
-/// Inputs of a step as whole numbers, both as they are and, 32768 added to them, as bytes.
+/// Inputs of a step as whole numbers: plain, and as bytes with 32768 added.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Codes {
     codes: Vec<i16>,
     high: Vec<u8>,
     low: Vec<u8>,
-    /// What a code of 1 stands for.
+    /// Value of a code of 1.
     scale: f32,
 }
 
 impl Codes {
     /// Room for `most` inputs.
     pub(crate) fn new(most: usize) -> Self {
-        // The last group of inputs may be filled up.
+        // The last group of inputs may be padded.
         let room = most.next_multiple_of(4);
         Self { codes: vec![0; room], high: vec![0; room], low: vec![0; room], scale: 0.0 }
     }
 
-    /// Takes the inputs in `runs`; where one of them is not finite, the scale is NaN, and so are all results. `None` where they are too many.
+    /// Takes the inputs in `runs`. If one is not finite, the scale and so all results are NaN. `None`
+    /// if there are too many.
     ///
-    /// `SPLIT` says which form is wanted: the bytes.
+    /// `SPLIT` asks for the bytes.
     #[inline(always)]
     pub(super) fn take<const SPLIT: bool>(
         &mut self,
@@ -41,17 +43,18 @@ impl Codes {
         most: f32,
         arena: &[f32],
     ) -> Option<()> {
-        // Of numbers without a sign the order is that of their bits; what is not finite comes after all others.
+        // Unsigned numbers sort like their bits; non-finite ones come last.
         let mut largest = 0u32;
         for run in runs {
             let magnitudes = arena.get(run.clone())?.iter().map(|x| x.to_bits() & 0x7fff_ffff);
             largest = magnitudes.fold(largest, u32::max);
         }
         let largest = f32::from_bits(largest);
-        // What is far below anything heard is nothing, and its inverse stays finite.
+        // Values far below anything audible count as 0, so that the inverse stays finite.
         let inverse = if largest > 1e-30 { most / largest } else { 0.0 };
         self.scale = if largest.is_finite() { largest / most } else { f32::NAN };
-        // Numbers near 1.5 x 2^23 are a whole number apart: adding it rounds, ties to even, and leaves the code in the low bits.
+        // Numbers near 1.5 x 2^23 are 1 apart. Adding it rounds, ties to even, and leaves the code in
+        // the low bits.
         const WHOLE: f32 = 12_582_912.0;
         let code = |x: f32| (x * inverse + WHOLE).to_bits() as u16;
         let mut first = 0;
@@ -87,11 +90,11 @@ impl Codes {
 /// Vectors of sums of whole numbers.
 ///
 /// # Safety
-/// As for [`Simd`]; AVX-512 needs VNNI besides.
+/// As for [`Simd`]; AVX-512 also needs VNNI.
 pub(crate) trait Whole: Simd {
-    /// So many inputs' weights lie side by side in each column.
+    /// Number of inputs whose weights lie side by side in each column.
     const TOGETHER: usize;
-    /// Whether inputs are read as bytes, with 32768 added to them.
+    /// Whether inputs are read as bytes with 32768 added.
     const SPLIT: bool;
     /// The codes of a group of inputs.
     type Group: Copy;
@@ -102,17 +105,17 @@ pub(crate) trait Whole: Simd {
     fn groups(codes: &Codes) -> impl Iterator<Item = Self::Group>;
     /// Adds the products with a group's weights, `TOGETHER` for each lane.
     unsafe fn gather(sums: Self::Sums, group: Self::Group, weights: *const i8) -> Self::Sums;
-    /// The sums and what they start from, one number for each lane, as floats.
+    /// The sums plus their initial values, one for each lane, as floats.
     unsafe fn total(sums: Self::Sums, start: *const i32) -> Self::Vector;
 }
 
-/// What a block of whole numbers reads beside the codes.
+/// Data that a whole-number block reads beside the codes.
 #[derive(Clone, Copy)]
 pub(super) struct Columns<'a> {
     pub(super) bias: &'a [f32],
     pub(super) unscale: &'a [f32],
     pub(super) starts: &'a [i32],
-    /// Group by group of inputs, in which column by column.
+    /// By groups of inputs, within them column by column.
     pub(super) weights: &'a [i8],
 }
 
@@ -160,7 +163,8 @@ unsafe fn block<S: Whole, const V: usize>(
     let mut sums = unsafe { [S::nothing(); V] };
     for (group, weights) in S::groups(codes).zip(weights.chunks_exact(S::TOGETHER * width)) {
         for (v, sum) in sums.iter_mut().enumerate() {
-            // SAFETY: the instruction set is the caller's promise; `weights` has `TOGETHER` for each of V * LANES columns.
+            // SAFETY: the instruction set is the caller's promise; `weights` has `TOGETHER` for each of
+            // V * LANES columns.
             *sum = unsafe { S::gather(*sum, group, weights.as_ptr().add(v * S::TOGETHER * S::LANES)) };
         }
     }
@@ -190,7 +194,7 @@ mod tests {
         let mut codes = Codes::new(6);
         codes.take::<false>(&[4..5, 0..4], 40.0, &arena).unwrap();
         assert_eq!(codes.scale, 0.1);
-        // -1.25 and 5 are on no tie; 0 is 0.
+        // -1.25 and 5 are no ties; 0 is 0.
         assert_eq!(codes.codes()[..5], [0, 10, -40, 5, -1]);
         codes.take::<true>(&[4..5, 0..4], 40.0, &arena).unwrap();
         let (high, low) = codes.bytes();
@@ -202,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_of_what_is_not_finite_stand_for_nothing_that_is() {
+    fn codes_of_non_finite_values_have_nan_scale() {
         let mut codes = Codes::new(4);
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             codes.take::<false>(std::slice::from_ref(&(0..2)), 32767.0, &[1.0, bad]).unwrap();

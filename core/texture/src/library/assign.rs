@@ -1,8 +1,8 @@
-//! Which vector a new material gets: a stored one, its own, or what lies between.
+//! The vector of a new material: a stored one, its own, or a blend.
 
 use super::{Library, LibraryMaterial, VECTOR_LEN};
 
-/// A material of a library and how far its vector is from one that was asked about.
+/// A material of a library and its distance from a vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbour<'l> {
     /// The material.
@@ -11,24 +11,24 @@ pub struct Neighbour<'l> {
     pub distance: f64,
 }
 
-/// How a new material's own vector becomes the one that a texture network is given.
+/// Ways from a new material's own vector to the one for a texture network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Assignment {
-    /// The nearest stored vector, as in Heravi et al. 2024: the network was trained on it.
+    /// The nearest stored vector, as in Heravi et al. 2024. The network was trained on it.
     #[default]
     Nearest,
-    /// Its own.
+    /// Its own vector.
     Raw,
-    /// The mean of so many nearest stored vectors, each weighted by one over its distance; materials that
-    /// share a vector count as one. 0 counts as 1, more than there are as all.
+    /// The mean of this many nearest stored vectors, weighted by one over distance. Materials that
+    /// share a vector count as one. 0 counts as 1; too many count as all.
     Blend(usize),
 }
 
-/// How many neighbours are blended, unless someone says otherwise.
+/// Default number of neighbours in a blend.
 pub const BLENDED: usize = 3;
 
 impl Library {
-    /// The `n` materials nearest to a vector, nearest first, of equally near ones the first in the file first.
+    /// The `n` materials nearest to a vector, nearest first. Ties keep the file's order.
     pub fn nearest(&self, vector: &[f32; VECTOR_LEN], n: usize) -> Vec<Neighbour<'_>> {
         let distance = |m: &LibraryMaterial| {
             let squares = m.vector.iter().zip(vector).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
@@ -44,8 +44,8 @@ impl Library {
         all
     }
 
-    /// What a new material of this vector gets. A vector that is in the library stays what it is, however
-    /// it is assigned; in a library without materials every vector does.
+    /// The vector that a new material gets. A stored vector is never changed. In an empty library no
+    /// vector is.
     pub fn assign(&self, vector: &[f32; VECTOR_LEN], how: Assignment) -> Box<[f32; VECTOR_LEN]> {
         let near = match how {
             Assignment::Raw => Vec::new(),
@@ -107,13 +107,13 @@ mod tests {
         vector[255] = 3.5;
         let names: Vec<(&str, f64)> =
             library.nearest(&vector, 3).iter().map(|n| (n.material.name.as_str(), n.distance)).collect();
-        // Of two equally near ones the first in the file.
+        // Ties keep the file's order.
         assert_eq!(names, [("m1", 10_f64.sqrt()), ("m3", 10_f64.sqrt()), ("m2", 5.0)]);
         assert_eq!(library.nearest(&vector, 9).len(), 4);
     }
 
     #[test]
-    fn a_new_material_gets_the_nearest_vector_its_own_or_a_blend() {
+    fn new_material_gets_nearest_own_or_blended_vector() {
         let library = line(&[0.0, 10.0, 30.0]);
         let first = |how| library.assign(&at(4.0), how)[0];
         assert_eq!(first(Assignment::Nearest), 0.0);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blend_is_of_different_vectors_however_often_one_is_stored() {
+    fn blend_counts_a_repeated_vector_once() {
         let library = line(&[0.0, 0.0, 10.0, 0.0, 10.0, 30.0]);
         let two = (10.0 / 6.0) / (1.0 / 4.0 + 1.0 / 6.0);
         assert!((f64::from(library.assign(&at(4.0), Assignment::Blend(2))[0]) - two).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! A new material in the text of a library file.
+//! Inserts a material into the text of a library file.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use asperity_diagnostics::{Diagnostic, Source, Span};
 use super::{LARGEST, Library, LibraryMaterial};
 
 impl Library {
-    /// The text of a library file with a material more, as its last. All else stays byte for byte, comments
-    /// included, but for a comma behind the material before and, where the material needs a later one, its
-    /// version.
+    /// The text of a library file with one more material at the end. Everything else stays byte for
+    /// byte, comments included. Only a comma after the last material may be added, and the version may
+    /// rise.
     ///
     /// # Errors
-    /// Those of [`parse`](Self::parse); a name that is empty or there already; a number that is not finite
-    /// or beyond 1e6.
+    /// Those of [`parse`](Self::parse); an empty or existing name; a number that is not finite or beyond
+    /// 1e6.
     pub fn insert(source: &Arc<Source>, material: &LibraryMaterial) -> Result<String, Diagnostic> {
         let mut wanted = Self::parse(source)?;
         let refuse = |what: String| Diagnostic::new(what).in_file(source.path());
@@ -44,7 +44,7 @@ impl Library {
             changes.push((version.span(), material.needs_version().to_string()));
         }
         let text = changed(source.text(), changes);
-        // What was written must be what was meant, whatever the file looks like.
+        // The result must be as intended, whatever the file looks like.
         wanted.materials.push(material.clone());
         match Self::parse(&Source::new(source.path(), text.as_str())) {
             Ok(found) if found == wanted => Ok(text),
@@ -54,7 +54,7 @@ impl Library {
     }
 }
 
-/// A place in a text and what is to stand there.
+/// A place in a text and its new content.
 type Change = (Span, String);
 
 fn changed(text: &str, mut changes: Vec<Change>) -> String {
@@ -66,7 +66,7 @@ fn changed(text: &str, mut changes: Vec<Change>) -> String {
     text
 }
 
-/// The entry, on lines of its own before the brace that ends the list.
+/// The entry, on lines of its own before the closing brace of the list.
 fn entry(source: &Source, list: &Value, material: &LibraryMaterial) -> Change {
     let text = source.text();
     let brace = list.span().end.saturating_sub(1);
@@ -88,14 +88,14 @@ fn entry(source: &Source, list: &Value, material: &LibraryMaterial) -> Change {
     (Span::at(if own_line { line } else { brace }), new)
 }
 
-/// The comma that is missing between the last material and the end of the list.
+/// The missing comma between the last material and the end of the list.
 fn comma(source: &Source, last: &Value, list: &Value) -> Option<Change> {
     let (from, to) = (last.span().end, list.span().end.saturating_sub(1));
     let between = &source.text()[from..to];
     (!without_comments(between).contains(',')).then(|| (Span::at(from), ",".into()))
 }
 
-/// A text between values without its `// ...` and `/* ... */`, which may stand in each other.
+/// A text between values without its comments `// ...` and `/* ... */`, which may be nested.
 fn without_comments(text: &str) -> String {
     let (mut rest, mut depth, mut out) = (text, 0_usize, String::new());
     while let Some(c) = rest.chars().next() {
@@ -141,12 +141,13 @@ mod tests {
     fn old(end: &str) -> String {
         let vector = format!("[{}]", "0.25, ".repeat(VECTOR_LEN));
         format!(
-            "// head\nLibrary(version: 1, /* x */ materials: {{ \"a, b\": (description: \"d\", vector: {vector}){end}) // foot\n"
+            "// head\nLibrary(version: 1, /* x */ materials: {{ \"a, b\": (description: \"d\", vector: \
+             {vector}){end}) // foot\n"
         )
     }
 
     #[test]
-    fn a_library_with_a_material_more_is_as_if_it_had_been_written_so() {
+    fn library_after_insert_equals_one_written_with_the_material() {
         let mut library = three();
         let text = library.to_ron();
         let material = new("felt");
@@ -155,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_the_end_of_the_list_looks_like_only_the_new_entry_is_added() {
+    fn insert_at_any_list_end_adds_only_the_new_entry() {
         let felt = new("felt");
         for end in [
             "}",
@@ -172,7 +173,7 @@ mod tests {
             let before = old(end);
             let after = inserted(&before, &felt);
             assert_eq!(after.contains("\r\n"), before.contains("\r\n"));
-            // What was there is there in its order, and nothing but the entry and a comma came in.
+            // The old text keeps its order. Only the entry and a comma are new.
             let mut entry = String::new();
             felt.write(&mut entry, "");
             let squeezed = |t: &str| t.chars().filter(|c| !c.is_whitespace()).collect::<String>();
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_and_a_family_make_a_file_of_version_1_one_of_version_2() {
+    fn pictures_and_family_turn_version_1_into_version_2() {
         let mut felt = new("felt");
         assert!(inserted(&old("}"), &felt).starts_with("// head\nLibrary(version: 1, /* x */"));
         felt.images = vec!["felt.png".into()];
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_is_there_and_numbers_that_are_none_are_refused() {
+    fn existing_name_and_non_finite_numbers_are_refused() {
         let refused = |material: &LibraryMaterial| {
             Library::insert(&Source::new("l.ron", old("}")), material).unwrap_err().to_string()
         };

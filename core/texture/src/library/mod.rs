@@ -1,4 +1,4 @@
-//! The materials library file: names, a sentence each, and the vector a texture network knows them by.
+//! The materials library file: names, descriptions, and each material's vector for a texture network.
 //!
 //! ```text
 //! Library(
@@ -9,16 +9,18 @@
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
 //!             images: ["pictures/denim.jpg"],
-//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, anisotropy: [0.6, 0.0], interval_cv: 0.25, height_cv: 0.5),
-//!             waves: [(per_mm: [1.25, 0.0], harmonics: [[1.2, 0.8, 0.1], /* weight, share, phase of each */])],
+//!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, anisotropy: [0.6, 0.0],
+//!                      interval_cv: 0.25, height_cv: 0.5),
+//!             // Each harmonic's weight, share and phase.
+//!             waves: [(per_mm: [1.25, 0.0], harmonics: [[1.2, 0.8, 0.1]])],
 //!             vector: [-1.25, 0.5, /* 256 numbers in all */],
 //!         ),
 //!     },
 //! )
 //! ```
 //!
-//! `encoder`, `family` and `images` may be left out; version 1 has none of them. Paths are relative to the
-//! library's folder. `events` and `waves` are a material's [`Pattern`]; they may be left out, and came with
+//! `encoder`, `family` and `images` are optional; version 1 has none of them. Paths are relative to the
+//! library's folder. `events` and `waves` are a material's [`Pattern`]; they are optional and came with
 //! version 3.
 
 mod assign;
@@ -38,23 +40,23 @@ pub use pattern::{Events, Harmonic, MAX_HARMONICS, MAX_WAVES, Pattern, Wave};
 /// Numbers in a material's vector.
 pub const VECTOR_LEN: usize = 256;
 
-/// Largest number a vector may hold, either sign: far beyond any embedding.
+/// Largest number in a vector, either sign: far beyond any embedding.
 const LARGEST: f64 = 1e6;
 
 /// A material of a library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryMaterial {
-    /// Its name; no other material of the library has it.
+    /// Name, unique in the library.
     pub name: String,
-    /// What it feels like, in a sentence.
+    /// A sentence on how it feels.
     pub description: String,
-    /// What it is one of, such as a weave; never empty.
+    /// Family, such as weave; never empty.
     pub family: Option<String>,
-    /// Paths of pictures of it, as the file has them: relative to the library's folder.
+    /// Paths of pictures of it as in the file: relative to the library's folder.
     pub images: Vec<String>,
-    /// How its vibration is spread over place.
+    /// Spread of its vibration over place.
     pub pattern: Pattern,
-    /// What a texture network is given.
+    /// Input of a texture network.
     pub vector: Box<[f32; VECTOR_LEN]>,
 }
 
@@ -66,14 +68,14 @@ pub struct Library {
     materials: Vec<LibraryMaterial>,
 }
 
-/// Libraries that were read lately, by their paths and what is in them.
+/// Recent libraries, by path and content.
 static LIBRARIES: Recent<(PathBuf, (usize, u64)), Arc<Library>> = Recent::new(4);
 
 impl Library {
-    /// A library that is to stand at `path`; `encoder` is the path of what made the vectors from pictures,
-    /// relative to that.
+    /// A library for the file `path`. `encoder` is the path of the encoder that made the vectors,
+    /// relative to that file.
     ///
-    /// What [`parse`](Self::parse) would refuse is not looked for here.
+    /// It is not checked as [`parse`](Self::parse) does.
     pub fn new(path: impl Into<PathBuf>, encoder: Option<String>, materials: Vec<LibraryMaterial>) -> Self {
         Self { path: path.into(), encoder, materials }
     }
@@ -86,8 +88,7 @@ impl Library {
         Self::parse(&Source::read(path)?)
     }
 
-    /// As [`read`](Self::read), without work where the same file was read lately: what is in it counts, not
-    /// its time.
+    /// Like [`read`](Self::read), but a recent library with the same content is not read again.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -100,8 +101,8 @@ impl Library {
     /// Reads a library from its text.
     ///
     /// # Errors
-    /// Text that is not RON, an unknown or missing field, another version, no material at all, a name that
-    /// is empty or stands twice, a vector that has not 256 finite numbers between -1e6 and 1e6.
+    /// Text that is not RON; an unknown or missing field; another version; no material; a name that is
+    /// empty or there twice; a vector without exactly 256 finite numbers between -1e6 and 1e6.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let whole = ron::parse(source)?;
         let mut record = whole.record("Library")?;
@@ -130,13 +131,13 @@ impl Library {
         Ok(Self { path: source.path().to_owned(), encoder, materials })
     }
 
-    /// The text of a library file, of the earliest version that has all that is in it. Numbers are written
-    /// so that they read back to the same bits.
+    /// The text of a library file, in the earliest version that has all its content. Numbers read back
+    /// to the same bits.
     pub fn to_ron(&self) -> String {
         let needed = self.materials.iter().map(LibraryMaterial::needs_version).max().unwrap_or(1);
         let version = needed.max(if self.encoder.is_some() { 2 } else { 1 });
         let mut text = format!("Library(\n    version: {version},\n");
-        // writing to a String cannot fail
+        // Writing to a String cannot fail.
         if let Some(encoder) = &self.encoder {
             let _ = writeln!(text, "    encoder: {},", quoted(encoder));
         }
@@ -153,12 +154,12 @@ impl Library {
         &self.path
     }
 
-    /// Where the encoder is that makes this library's vectors from pictures, if it says.
+    /// Path of the encoder that makes this library's vectors from pictures, if named.
     pub fn encoder(&self) -> Option<PathBuf> {
         self.encoder.as_deref().map(|e| self.beside(e))
     }
 
-    /// Where a path is that the library names: relative to its folder.
+    /// Path of a file that the library names relative to its folder.
     pub fn beside(&self, path: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(path)
     }
@@ -171,8 +172,8 @@ impl Library {
     /// A material by name.
     ///
     /// # Errors
-    /// No such material, with the nearest name. The error names the library's file; a caller that has the
-    /// name from a text of its own points there with [`Diagnostic::at`].
+    /// No such material; the error says the nearest name and names the library's file. A caller that has
+    /// the name from its own text points there with [`Diagnostic::at`].
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
             Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))
@@ -183,7 +184,7 @@ impl Library {
 }
 
 impl LibraryMaterial {
-    /// The earliest version of the file that has all of its fields.
+    /// The earliest version of the file with all of its fields.
     fn needs_version(&self) -> i64 {
         match () {
             () if self.pattern != Pattern::default() => 3,
@@ -237,7 +238,7 @@ fn material(name: &str, value: &Value, version: i64) -> Result<LibraryMaterial, 
     Ok(LibraryMaterial { name: name.to_owned(), description, family, images, pattern, vector })
 }
 
-/// A text that says something.
+/// A text that is not empty.
 fn named(value: &Value) -> Result<String, Diagnostic> {
     match value.text()? {
         text if text.trim().is_empty() => Err(value.error("an empty text").help("leave the field out")),
@@ -309,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn version_2_reads_back_and_its_paths_are_beside_the_file() {
+    fn version_2_reads_back_with_paths_beside_the_file() {
         let mut library = three();
         library.path = "some/where/m.ron".into();
         library.encoder = Some("../models/e.onnx".into());
@@ -325,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_version_2_adds_is_unknown_in_version_1_and_refused_where_it_is_empty() {
+    fn version_2_fields_are_unknown_in_version_1_refused_if_empty() {
         let vector = format!("[{}]", "0.5, ".repeat(256));
         for (version, head, fields, what) in [
             (1, "encoder: \"e\",", "", "unknown field `encoder`"),
@@ -338,7 +339,8 @@ mod tests {
             (2, "", "famly: \"a\",", "did you mean `family`?"),
         ] {
             let e = error(&format!(
-                "Library(version: {version}, {head} materials: {{\"a\": (description: \"d\", {fields} vector: {vector})}})"
+                "Library(version: {version}, {head} materials: {{\"a\": (description: \"d\", {fields} \
+                 vector: {vector})}})"
             ));
             assert!(e.contains(what), "{e}");
         }

@@ -1,4 +1,4 @@
-//! How a material's vibration is spread over place, as the library tells it.
+//! A material's pattern in the library: how its vibration is spread over place.
 
 use asperity_numbers::Elementary as _;
 use std::fmt::Write as _;
@@ -8,7 +8,7 @@ use asperity_diagnostics::ron::Value;
 use asperity_dsp::shaped_noise::PATTERN_LEN;
 pub use asperity_dsp::shaped_noise::{HARMONICS as MAX_HARMONICS, WAVES as MAX_WAVES};
 
-/// How a material's vibration is spread over place. One without waves and events is noise.
+/// Spread of a material's vibration over place. Without waves and events it is noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pattern {
     /// Ridges that repeat with place, at most [`MAX_WAVES`].
@@ -20,16 +20,16 @@ pub struct Pattern {
 /// Ridges that repeat with place: straight, parallel and equally far apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wave {
-    /// Wave vector in 1/mm: across the ridges, as long as one over their distance. Harmonic h has the phase
-    /// `2 pi h k . (x, y)`.
+    /// Wave vector in 1/mm: across the ridges, with a length of one over their distance. Harmonic h has
+    /// the phase `2 pi h k . (x, y)`.
     pub per_mm: [f64; 2],
-    /// From the fundamental on, 1 to [`MAX_HARMONICS`].
+    /// Harmonics from the fundamental, 1 to [`MAX_HARMONICS`].
     pub harmonics: Vec<Harmonic>,
 }
 
 impl Pattern {
-    /// The numbers by which [`shaped_noise::Pattern::read`](asperity_dsp::shaped_noise::Pattern::read) knows
-    /// it. Harmonics above those that are told have the weight 1, and are otherwise like the last.
+    /// Numbers for [`shaped_noise::Pattern::read`](asperity_dsp::shaped_noise::Pattern::read). Missing
+    /// higher harmonics have weight 1 and are otherwise like the last.
     pub fn numbers(&self) -> [f64; PATTERN_LEN] {
         let mut numbers = [0.0; PATTERN_LEN];
         let mut next = numbers.iter_mut();
@@ -54,28 +54,28 @@ impl Pattern {
 /// A harmonic of a wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Harmonic {
-    /// Power around its frequency over the mean of what the network answers there and around the harmonics
-    /// beside it, 0 to 10. Narrow ridges leave some harmonics out, and a network blurs them.
+    /// Power around its frequency over the network's mean there and around the neighbouring harmonics,
+    /// 0 to 10. Narrow ridges leave out some harmonics, and a network blurs that.
     pub weight: f64,
     /// Part of the power around its frequency that repeats with place, 0 to 1.
     pub share: f64,
-    /// Phase in rad, besides that of a minimum-phase response.
+    /// Phase in rad on top of a minimum-phase response.
     pub phase: f64,
 }
 
-/// Bumps along a stroke: how far apart they are, and how they differ.
+/// Bumps along a stroke: their distances and their differences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Events {
-    /// Mean distance from one to the next along the stroke in mm, at 100 mm/s; none: one at each ridge of
-    /// the wave that the hand crosses faster.
+    /// Mean distance along the stroke in mm, at 100 mm/s. None: one bump at each ridge of the wave that
+    /// the hand crosses faster.
     pub spacing_mm: Option<f64>,
-    /// The distance grows with this power of speed, -2 to 2; 0 if it is left out.
+    /// The distance grows with this power of speed, -2 to 2; by default 0.
     pub spacing_exponent: f64,
-    /// `[a, b]`: bumps are ellipses, and their width across a stroke at the angle t to x goes as the root of
-    /// `1 + a cos 2t + b sin 2t`. At most 0.99 long; 0 if it is left out.
+    /// `[a, b]`: bumps are ellipses. Their width across a stroke at the angle t to x is proportional to
+    /// the root of `1 + a cos 2t + b sin 2t`. At most 0.99 long; by default 0.
     pub anisotropy: [f64; 2],
-    /// Standard deviation of that distance over its mean: 0 is regular, 1 is Poisson's process. Of bumps at
-    /// ridges, of their place over the ridges' distance.
+    /// Standard deviation of the distance over its mean: 0 is regular, 1 is a Poisson process. For
+    /// bumps at ridges: of their place, over the ridges' distance.
     pub interval_cv: f64,
     /// Standard deviation of their heights over the mean.
     pub height_cv: f64,
@@ -105,9 +105,9 @@ impl Pattern {
         Ok(Self { waves, events: Some(events) })
     }
 
-    /// Writes the fields that there are, each line behind `indent`.
+    /// Writes the fields that are present, each line behind `indent`.
     pub(super) fn write(&self, text: &mut String, indent: &str) {
-        // writing to a String cannot fail
+        // Writing to a String cannot fail.
         if let Some(events) = self.events {
             let _ = write!(text, "{indent}events: (");
             if let Some(mm) = events.spacing_mm {
@@ -136,7 +136,7 @@ impl Pattern {
     }
 }
 
-/// So many numbers.
+/// Exactly `N` numbers.
 fn numbers<const N: usize>(value: &Value) -> Result<[&Value; N], Diagnostic> {
     let list: Vec<&Value> = value.list()?.iter().collect();
     <[&Value; N]>::try_from(list).map_err(|list| value.error(format!("{} numbers, not {N}", list.len())))

@@ -1,9 +1,9 @@
-//! Recognises a multilayer perceptron in an ONNX graph and writes it as a few steps.
+//! Recognises a multilayer perceptron in an ONNX graph and lowers it to a few steps.
 //!
-//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0, inf)) or
-//! an exponential. Constant additions and multiplications between steps are folded into weights and biases
-//! in f64; concatenation and reshaping only say which elements a step reads. Anything else is named as the
-//! reason why the graph was not lowered.
+//! A step is an affine map or a rescaling of single elements, then a clamp (ReLU is a clamp to [0,
+//! inf)) or an exponential. Constant additions and multiplications between steps are folded into
+//! weights and biases in f64. Concatenation and reshaping only select the elements that a step reads.
+//! Anything else is named as the reason for not lowering.
 
 mod ops;
 mod value;
@@ -19,7 +19,7 @@ use value::{Content, Value, elements_of};
 
 /// Most numbers held while lowering: a dozen texture networks, 64 MiB.
 const BUDGET: usize = 1 << 23;
-/// Largest graph that is looked at: a texture network has about fifty nodes.
+/// Most nodes of a graph: a texture network has about fifty.
 const MAX_NODES: usize = 2000;
 
 /// Calculation of a step, before its end.
@@ -82,12 +82,12 @@ impl Step {
 #[derive(Clone, Debug)]
 pub(crate) struct Lowered {
     pub(crate) steps: Vec<Step>,
-    /// The steps whose results are the outputs, in the signature's order.
+    /// Steps whose results are the outputs, in the signature's order.
     pub(crate) outputs: Vec<usize>,
 }
 
 impl Lowered {
-    /// Lowers a graph, or says why it cannot be.
+    /// Lowers a graph, or says why it cannot.
     pub(crate) fn new(graph: &GraphProto, opset: i64, signature: &Signature) -> Result<Self, String> {
         if graph.node.len() > MAX_NODES {
             return Err(format!("it has {} nodes", graph.node.len()));
@@ -146,7 +146,8 @@ impl Lowered {
         needed
     }
 
-    /// Whether each step depends on the texture alone (or on nothing), so that it is constant for a material.
+    /// Whether each step depends on the texture alone (or on nothing), and so is constant for a
+    /// material.
     pub(crate) fn depends_on_texture_alone(&self) -> Vec<bool> {
         let mut fixed = vec![false; self.steps.len()];
         for (i, step) in self.steps.iter().enumerate() {
@@ -158,7 +159,7 @@ impl Lowered {
         fixed
     }
 
-    /// The results of the steps for which `wanted`, in f64; others stay empty.
+    /// Results of the `wanted` steps in f64; others stay empty.
     pub(crate) fn evaluate(&self, wanted: &[bool], input: impl Fn(Role) -> Vec<f64>) -> Vec<Vec<f64>> {
         let mut results: Vec<Vec<f64>> = Vec::with_capacity(self.steps.len());
         for (step, wanted) in self.steps.iter().zip(wanted) {
@@ -189,7 +190,7 @@ impl Lowered {
     }
 }
 
-/// A graph half lowered.
+/// A half-lowered graph.
 struct Builder {
     steps: Vec<Step>,
     values: HashMap<String, Value>,
@@ -224,7 +225,7 @@ impl Builder {
         Ok(Value { shape, content: Content::Constant { data, float } })
     }
 
-    /// The step whose result this is, unchanged and whole.
+    /// The step whose whole, unchanged result this is.
     fn whole_step(&self, content: &Content) -> Option<usize> {
         let Content::Elements(elements) = content else { return None };
         let step = elements.first()?.of?.step;
@@ -245,7 +246,7 @@ impl Builder {
         self.push(kind, end)
     }
 
-    /// The value as elements, making a step of it if it is an affine map.
+    /// The value as elements. An affine map becomes a step.
     fn elements(&mut self, content: Content) -> Result<Vec<Element>, String> {
         match content {
             Content::Elements(e) => Ok(e),

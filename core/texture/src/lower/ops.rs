@@ -1,4 +1,5 @@
-//! One ONNX operator at a time. Definitions: the ONNX operator reference, operator sets 7 and later.
+//! Lowers single ONNX operators, as the ONNX operator reference defines them, operator sets 7 and
+//! later.
 
 use super::value::{self, Affine, Content, Element, Value};
 use super::{Builder, End, elements_of};
@@ -56,13 +57,13 @@ fn float(node: &NodeProto, name: &str, default: f32) -> f64 {
     f64::from(attribute(node, name).map_or(default, |a| a.f))
 }
 
-/// An axis counted from the end where negative.
+/// An axis; negative ones count from the end.
 fn axis(index: i64, rank: usize) -> Result<usize, String> {
     let from_front = if index < 0 { index + rank as i64 } else { index };
     usize::try_from(from_front).ok().filter(|&i| i < rank).ok_or_else(|| format!("axis {index} of {rank}"))
 }
 
-/// A list given as an attribute (older operator sets) or as a constant input.
+/// A list from an attribute (older operator sets) or a constant input.
 fn list(b: &Builder, node: &NodeProto, name: &str, index: usize) -> Result<Option<Vec<i64>>, String> {
     if let Some(a) = attribute(node, name) {
         return Ok(Some(a.ints.clone()));
@@ -74,7 +75,7 @@ fn list(b: &Builder, node: &NodeProto, name: &str, index: usize) -> Result<Optio
     }
 }
 
-/// A single constant, or the default where it is not given.
+/// A single constant, or the default.
 fn scalar(b: &Builder, node: &NodeProto, index: usize, default: f64) -> Result<f64, String> {
     match optional(b, node, index).map(|v| v.content) {
         None => Ok(default),
@@ -184,7 +185,7 @@ fn transpose(b: &Builder, node: &NodeProto) -> Result<Value, String> {
         return Err("its perm is no permutation".into());
     }
     let shape: Vec<usize> = order.iter().map(|&i| v.shape[i]).collect();
-    // Moving axes of length 1 about leaves the elements in place.
+    // Moving axes of length 1 leaves the elements in place.
     let long: Vec<usize> = order.iter().copied().filter(|&i| v.shape[i] != 1).collect();
     if long.is_sorted() {
         return with_shape(v, shape);

@@ -1,13 +1,13 @@
-//! What is known of a tensor while a graph is lowered, and the arithmetic on it (in f64).
+//! A tensor's content while a graph is lowered, and its arithmetic (in f64).
 
-/// Element `index` of step `step`'s result.
+/// Element `index` of the result of step `step`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Ref {
     pub(crate) step: usize,
     pub(crate) index: usize,
 }
 
-/// `scale * of + offset`; a constant where there is no `of`.
+/// `scale * of + offset`; a constant without `of`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Element {
     pub(crate) of: Option<Ref>,
@@ -23,7 +23,7 @@ pub(crate) struct Affine {
     pub(crate) bias: Vec<f64>,
 }
 
-/// A tensor: known, or a function of earlier results, elements in row-major order.
+/// A tensor: known, or a function of earlier results, in row-major order.
 #[derive(Clone, Debug)]
 pub(super) enum Content {
     Constant {
@@ -51,7 +51,7 @@ impl Content {
         }
     }
 
-    /// Numbers held, to keep count of memory.
+    /// Numbers held, to count memory.
     pub(super) fn size(&self) -> usize {
         match self {
             Content::Affine(a) => a.weights.len() + a.bias.len(),
@@ -65,7 +65,7 @@ pub(super) fn elements_of(step: usize, len: usize) -> Vec<Element> {
     (0..len).map(|index| Element { of: Some(Ref { step, index }), scale: 1.0, offset: 0.0 }).collect()
 }
 
-/// `elements` times a matrix given by `at(row, column)`, plus nothing.
+/// `elements` times a matrix given by `at(row, column)`.
 pub(super) fn multiply(elements: &[Element], n: usize, at: impl Fn(usize, usize) -> f64) -> Affine {
     let mut out = Affine { bias: vec![0.0; n], ..Affine::default() };
     for (k, e) in elements.iter().enumerate() {
@@ -93,12 +93,12 @@ pub(super) fn scale_columns(a: &mut Affine, scale: impl Fn(usize) -> f64, offset
     }
 }
 
-/// Elements as columns of their own, so that they can be added to an affine map.
+/// Elements with a column each, to add to an affine map.
 pub(crate) fn diagonal(elements: &[Element]) -> Affine {
     multiply(elements, elements.len(), |k, j| if k == j { 1.0 } else { 0.0 })
 }
 
-/// `a + sign * b`, sharing the inputs that both read.
+/// `a + sign * b`, sharing common inputs.
 pub(super) fn add(mut a: Affine, b: &Affine, sign: f64) -> Affine {
     let n = a.bias.len();
     let mut rows: std::collections::BTreeMap<Ref, usize> = a.inputs.iter().copied().zip(0..).collect();
@@ -118,7 +118,7 @@ pub(super) fn add(mut a: Affine, b: &Affine, sign: f64) -> Affine {
     a
 }
 
-/// NumPy broadcasting: the common shape of two.
+/// Common shape by NumPy broadcasting.
 pub(super) fn broadcast(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
     let rank = a.len().max(b.len());
     let at = |s: &[usize], i: usize| (i + s.len()).checked_sub(rank).map_or(1, |k| s[k]);
@@ -132,7 +132,7 @@ pub(super) fn broadcast(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
         .collect()
 }
 
-/// For each element of `to`, row by row, which element of a tensor of shape `from` it reads.
+/// For each element of `to`, row by row, the element it reads of a tensor of shape `from`.
 pub(super) fn broadcast_indices(from: &[usize], to: &[usize]) -> Vec<usize> {
     let len: usize = to.iter().product();
     (0..len)

@@ -1,4 +1,4 @@
-//! Tactile images: the picture that the image encoder takes, and its files.
+//! Tactile images: the picture for the image encoder, and its files.
 
 mod read;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A tactile image from a picture file, of whatever size and kind it is.
+//! Reads a tactile image from a picture file of any size and kind.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -12,31 +12,32 @@ use super::{IMAGE, Image};
 
 /// Least width and height of a picture in pixels.
 pub const MIN_SIDE: u32 = 16;
-/// Most pixels of a picture: more than any camera behind a gel has, and at 64 bits a pixel still 400 MB.
+/// Most pixels of a picture: more than any camera behind a gel has; at 64 bits a pixel still 400 MB.
 pub const MAX_PIXELS: u64 = 50_000_000;
 /// Most bytes of a picture file.
 pub const MAX_BYTES: u64 = 256 << 20;
-/// Most memory a decoder may take for what it unpacks, in bytes.
+/// Most memory in bytes that a decoder may unpack into.
 const MAX_UNPACKED: u64 = 512 << 20;
 
-/// A tactile image and what was done to the file's picture to make it one.
+/// A tactile image, and how the file's picture was changed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// [`IMAGE`] rows and columns.
     pub image: Image,
-    /// A sentence each, without a full stop: grey, alpha, 16 bits, turned, cropped, enlarged. Making it smaller is not said.
+    /// Notes, a sentence each without a full stop: grey, alpha, 16 bits, turned, cropped, enlarged.
+    /// Reduction is not noted.
     pub notes: Vec<String>,
 }
 
 /// Reads a PNG, JPEG or BMP file: grey or in colour, 1 to 16 bits, with a palette or alpha.
 ///
-/// Alpha is left out, not blended. The picture is turned as its EXIF data says, its middle of 4 to 3 is taken and brought to
-/// [`IMAGE`] with a triangle filter that is as wide as the output's pixels where that makes it smaller, so that fine texture
-/// does not alias into coarse.
+/// Alpha is dropped, not blended. The picture is turned by its EXIF data. The middle of 4 to 3 is
+/// scaled to [`IMAGE`] with a triangle filter. When it reduces, the filter is as wide as an output
+/// pixel, so that fine texture does not alias into coarse.
 ///
 /// # Errors
-/// A file that is missing, no file (a folder), empty, too large, neither PNG, JPEG nor BMP, damaged or cut off; a picture of less than
-/// [`MIN_SIDE`] a side or more than [`MAX_PIXELS`].
+/// A file that is missing, a folder, empty, too large, not PNG, JPEG or BMP, damaged or cut off; a
+/// picture with a side below [`MIN_SIDE`] or more than [`MAX_PIXELS`].
 pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
     let bytes = whole(path)?;
     let mut notes = Vec::new();
@@ -140,14 +141,15 @@ fn middle(whole: DynamicImage, notes: &mut Vec<String>) -> DynamicImage {
     whole.crop_imm(((width - w) / 2) as u32, ((height - h) / 2) as u32, w as u32, h as u32)
 }
 
-/// Whether a JPEG has its end marker behind its last scan (ITU T.81, B.1.1). A decoder may fill what is missing with grey.
+/// Whether a JPEG has its end marker after its last scan (ITU T.81, B.1.1). A decoder may fill missing
+/// parts with grey.
 fn ends(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xda;
     const END: u8 = 0xd9;
-    // Behind the start marker.
+    // After the start marker.
     let mut rest = bytes.get(2..).unwrap_or_default();
     loop {
-        // A marker may be filled up with any number of 0xff.
+        // Any number of 0xff may precede a marker.
         let Some(at) = rest.iter().position(|b| *b != 0xff) else { return false };
         let Some((marker, after)) = rest[at..].split_first() else { return false };
         if at == 0 {
@@ -158,7 +160,7 @@ fn ends(bytes: &[u8]) -> bool {
         }
         match *marker {
             END => return true,
-            // They stand alone.
+            // Markers without data.
             0x00 | 0x01 | 0xd0..=0xd8 => {
                 rest = after;
                 continue;
@@ -169,7 +171,7 @@ fn ends(bytes: &[u8]) -> bool {
         let Some(behind) = after.get(usize::from(u16::from_be_bytes([*high, *low]))..) else { return false };
         rest = behind;
         if *marker == START_OF_SCAN {
-            // In coded data 0xff stands before 0, a restart or the next marker.
+            // In coded data 0xff precedes 0, a restart or the next marker.
             let coded = |pair: &[u8]| pair[0] != 0xff || matches!(pair[1], 0x00 | 0xd0..=0xd7 | 0xff);
             let Some(next) = rest.windows(2).position(|pair| !coded(pair)) else { return false };
             rest = &rest[next..];

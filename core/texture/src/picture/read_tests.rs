@@ -44,7 +44,7 @@ fn pixel(picture: &Picture, row: usize, column: usize) -> [u8; 3] {
     picture.image.pixels[at..at + 3].try_into().unwrap()
 }
 
-/// Every pixel another colour.
+/// Every pixel has its own colour.
 fn colours(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| Rgb([x as u8, y as u8, (x + 2 * y) as u8]))
 }
@@ -60,7 +60,7 @@ fn a_picture_of_the_right_size_comes_through_pixel_by_pixel() {
 #[test]
 fn a_wide_and_a_high_picture_give_their_middle() {
     let folder = Folder::new();
-    // Columns 100 to 740 and rows 160 to 640 are the middle; outside is white.
+    // Columns 100 to 740 and rows 160 to 640 are the middle. Outside is white.
     let wide =
         RgbImage::from_fn(840, 480, |x, _| Rgb(if (100..740).contains(&x) { [9, 80, 7] } else { [255; 3] }));
     let high =
@@ -76,8 +76,9 @@ fn a_wide_and_a_high_picture_give_their_middle() {
 }
 
 #[test]
-fn stripes_finer_than_an_output_pixel_become_their_mean_and_not_a_coarse_pattern() {
-    // 1024 columns to 256: stripes of 1.05 columns would alias to waves of 20 if every fourth were taken.
+fn stripes_finer_than_a_pixel_become_their_mean() {
+    // 1024 columns to 256: if every fourth were taken, stripes of 1.05 columns would alias to waves of
+    // 20.
     let stripes = RgbImage::from_fn(1024, 768, |x, _| {
         let wave = (f64::from(x) * std::f64::consts::TAU / 4.2).sin();
         Rgb([(127.5 + 100.0 * wave) as u8, 40, 90])
@@ -172,7 +173,7 @@ fn a_jpeg_is_read_and_turned_as_its_exif_says() {
 }
 
 #[test]
-fn a_picture_cut_off_anywhere_is_an_error_that_names_it() {
+fn picture_cut_off_anywhere_is_an_error_with_its_name() {
     let folder = Folder::new();
     for format in [ImageFormat::Png, ImageFormat::Jpeg] {
         let whole = encoded(colours(300, 200), format);
@@ -180,13 +181,13 @@ fn a_picture_cut_off_anywhere_is_an_error_that_names_it() {
             let e = folder.error(&whole[..whole.len() * part / 24]);
             assert!(e.contains("picture: ") && e.contains("cut off"), "{part} {e}");
         }
-        // Something behind the end does no harm.
+        // Data after the end does no harm.
         folder.read(&[&whole[..], b"more"].concat());
     }
 }
 
 #[test]
-fn what_is_no_picture_is_an_error_that_says_what_it_is() {
+fn non_picture_is_an_error_with_its_real_type() {
     let folder = Folder::new();
     assert!(folder.error(b"").contains("this file is empty"));
     assert!(folder.error(b"name,force\nfelt,1.5\n").contains("no PNG, JPEG or BMP picture"));
@@ -201,7 +202,7 @@ fn what_is_no_picture_is_an_error_that_says_what_it_is() {
 }
 
 #[test]
-fn pictures_too_small_or_too_large_are_refused_before_they_are_unpacked() {
+fn pictures_of_wrong_size_are_refused_before_unpacking() {
     let folder = Folder::new();
     assert!(
         folder
@@ -210,7 +211,7 @@ fn pictures_too_small_or_too_large_are_refused_before_they_are_unpacked() {
     );
     assert!(folder.error(&png(colours(300, 15))).contains("at least 16 x 16"));
     assert_eq!(folder.read(&png(colours(16, 16))).image.size, IMAGE);
-    // 3.6 thousand million pixels are promised, and a few bytes come.
+    // 3.6 thousand million pixels are announced, and a few bytes come.
     let mut bytes = Vec::new();
     let mut writer = png::Encoder::new(&mut bytes, 60_000, 60_000).write_header().unwrap();
     writer.write_chunk(png::chunk::IDAT, &[0x78, 0x9c, 0x63, 0x00]).unwrap();

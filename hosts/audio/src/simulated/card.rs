@@ -1,12 +1,13 @@
-//! The card itself: calls its streams, keeps what they play, wires output to input.
+//! The card: calls its streams, keeps what they play, wires output to input.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, SampleFormat, StreamInstant};
+use cpal::{Data, Error, InputCallbackInfo, OutputCallbackInfo, Sample, SampleFormat, StreamInstant};
+use parking_lot::{Mutex, MutexGuard};
 
 use super::{Params, Response};
+use crate::block::frames_ns;
 use crate::format::{DeviceSample, Format, with_sample};
 use crate::now_ns;
 
@@ -14,7 +15,7 @@ pub(super) type OutputCall = Box<dyn FnMut(&mut Data, &OutputCallbackInfo) + Sen
 pub(super) type InputCall = Box<dyn FnMut(&Data, &InputCallbackInfo) + Send>;
 pub(super) type ErrorCall = Box<dyn FnMut(Error) + Send>;
 
-/// What calls a stream.
+/// Callback of a stream.
 pub(super) enum Call {
     Output(OutputCall),
     Input(InputCall),
@@ -37,17 +38,17 @@ struct Plant {
     respond: Response,
 }
 
-/// What a card remembers.
+/// State of a card.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) output: Option<Line>,
     pub(super) input: Option<Line>,
     pub(super) unplugged: bool,
-    /// Whether calls are withheld.
+    /// Whether it does not call.
     pub(super) stopped: bool,
-    /// Whether a thread calls the streams.
+    /// Whether a thread calls its streams.
     pub(super) timed: bool,
-    /// Time to do nothing, from the next call on.
+    /// Pause before the next call.
     pub(super) gap: Duration,
     plants: Vec<Plant>,
     played: Vec<f64>,
@@ -70,7 +71,7 @@ impl Card {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     pub(super) fn plant(&self, output: usize, input: usize, respond: Response) {
@@ -81,7 +82,7 @@ impl Card {
         self.lock().played.clone()
     }
 
-    /// Frames of the next call, and their rate. None while nothing plays.
+    /// Frames of the next call, and their rate. `None` while nothing plays.
     pub(super) fn next_call(&self) -> Option<(usize, u32)> {
         let state = self.lock();
         let line = [&state.output, &state.input].into_iter().flatten().find(|line| line.playing)?;
@@ -90,7 +91,7 @@ impl Card {
         Some((frames as usize, line.rate_hz))
     }
 
-    /// Calls what plays, once, with so many frames.
+    /// Calls the playing streams once with this many frames.
     pub(super) fn step(&self, frames: usize) {
         let state = &mut *self.lock();
         if state.unplugged || state.stopped {
@@ -102,21 +103,16 @@ impl Card {
     }
 }
 
-/// Memory for samples of any format.
+/// Buffer for samples of any format.
 fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
     memory.resize((samples * format.sample_size()).div_ceil(8), 0);
-    // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a sample. It outlives
-    // the data, which its only callers do not keep.
+    // SAFETY: the memory holds that many samples, is aligned for the largest of them, and any bits are a
+    // sample. It outlives the data, which its only callers do not keep.
     unsafe { Data::from_parts(memory.as_mut_ptr().cast(), samples, format) }
 }
 
-/// Nanoseconds that frames last.
-fn ns(frames: u32, rate_hz: u32) -> u64 {
-    u64::from(frames) * 1_000_000_000 / u64::from(rate_hz.max(1))
-}
-
 impl State {
-    /// Puts the plant of its description, at rest, between the first output and the first input.
+    /// Sets the described plant, at rest, between the first output and the first input.
     pub(super) fn set_plant(&mut self, respond: Response) {
         self.plants = vec![Plant { output: 0, input: 0, respond }];
     }
@@ -127,12 +123,16 @@ impl State {
         let mut heard = vec![0.0_f64; frames * width];
         if let Some(Line { call: Call::Output(call), format, rate_hz, playing: true, .. }) = output {
             let mut data = data(memory, frames * width, format.to_cpal());
-            with_sample!(*format, T => if let Some(samples) = data.as_slice_mut::<T>() { samples.fill(T::ZERO) });
+            with_sample!(*format, T => data.as_slice_mut::<T>().unwrap_or_default().fill(T::EQUILIBRIUM));
             let now = now_ns();
-            let playback = StreamInstant::from_nanos(now + ns(params.latency_frames, *rate_hz));
+            let playback =
+                StreamInstant::from_nanos(now + frames_ns(u64::from(params.latency_frames), *rate_hz));
             let stamp = cpal::OutputStreamTimestamp { callback: StreamInstant::from_nanos(now), playback };
             call(&mut data, &OutputCallbackInfo::new(stamp));
-            decode(*format, data.bytes(), &mut heard);
+            with_sample!(*format, T => {
+                let samples = data.as_slice::<T>().unwrap_or_default();
+                heard.iter_mut().zip(samples).for_each(|(to, from)| *to = from.to_sample());
+            });
             if params.keep {
                 played.extend_from_slice(&heard);
             }
@@ -168,7 +168,7 @@ impl State {
         let mut data = data(&mut self.memory, frames * width, format.to_cpal());
         with_sample!(*format, T => {
             let samples = data.as_slice_mut::<T>().unwrap_or_default();
-            samples.fill(T::ZERO);
+            samples.fill(T::EQUILIBRIUM);
             for (to, from) in samples.iter_mut().zip(arrived.iter().flatten()) {
                 *to = T::from_unit(*from);
             }
@@ -176,28 +176,5 @@ impl State {
         let now = StreamInstant::from_nanos(now_ns());
         let stamp = cpal::InputStreamTimestamp { callback: now, capture: now };
         call(&data, &InputCallbackInfo::new(stamp));
-    }
-}
-
-/// What the bytes of a device sound like, full scale 1, with nothing lost.
-fn decode(format: Format, bytes: &[u8], to: &mut [f64]) {
-    for (to, bytes) in to.iter_mut().zip(bytes.chunks_exact(format.bytes())) {
-        *to = match (format, bytes) {
-            (Format::F32, &[a, b, c, d]) => f64::from(f32::from_ne_bytes([a, b, c, d])),
-            (Format::F64, &[a, b, c, d, e, f, g, h]) => f64::from_ne_bytes([a, b, c, d, e, f, g, h]),
-            (Format::I8, &[a]) => f64::from(i8::from_ne_bytes([a])) / 128.0,
-            (Format::U8, &[a]) => (f64::from(a) - 128.0) / 128.0,
-            (Format::I16, &[a, b]) => f64::from(i16::from_ne_bytes([a, b])) / 32_768.0,
-            (Format::U16, &[a, b]) => (f64::from(u16::from_ne_bytes([a, b])) - 32_768.0) / 32_768.0,
-            (Format::I24, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 8_388_608.0,
-            (Format::U24, &[a, b, c, d]) => {
-                (f64::from(i32::from_ne_bytes([a, b, c, d])) - 8_388_608.0) / 8_388_608.0
-            }
-            (Format::I32, &[a, b, c, d]) => f64::from(i32::from_ne_bytes([a, b, c, d])) / 2_147_483_648.0,
-            (Format::U32, &[a, b, c, d]) => {
-                (f64::from(u32::from_ne_bytes([a, b, c, d])) - 2_147_483_648.0) / 2_147_483_648.0
-            }
-            _ => f64::NAN,
-        };
     }
 }

@@ -1,4 +1,4 @@
-//! The card as cpal sees it.
+//! The card as a device of cpal.
 
 use std::fmt;
 use std::hash::{Hash, Hasher};
@@ -15,7 +15,7 @@ use cpal::{
 use super::card::{Call, Card, Line};
 use crate::{Format, now_ns};
 
-/// Frames of a call where nobody says.
+/// Default frames a call.
 const USUAL_PERIOD: u32 = 256;
 
 /// The card as a device of cpal.
@@ -92,7 +92,7 @@ impl Device {
     }
 }
 
-/// Calls a card in time, until its last stream is gone.
+/// Calls a card in real time until its last stream is gone.
 fn keep_time(card: &Weak<Card>) {
     let mut due = Instant::now();
     loop {
@@ -113,7 +113,7 @@ fn keep_time(card: &Weak<Card>) {
         };
         let now = Instant::now();
         let lasts = Duration::from_secs_f64(frames as f64 / f64::from(rate_hz) / card.params.speed);
-        // What was missed while this thread could not run is not made up for.
+        // Calls missed while this thread could not run are not made up for.
         if now > due + lasts * 4 {
             due = now;
         }
@@ -212,7 +212,7 @@ impl DeviceTrait for Device {
     }
 }
 
-/// A stream of the card: silent again when it is dropped.
+/// A stream of the card; ends when dropped.
 pub(super) struct Stream {
     card: Arc<Card>,
     plays: bool,
@@ -255,7 +255,7 @@ impl Drop for Stream {
     fn drop(&mut self) {
         let mut state = self.card.lock();
         let line = if self.plays { state.output.take() } else { state.input.take() };
-        // What the line holds may itself wait for the card: it is dropped without it.
+        // The line may itself lock the card: it is dropped without the lock.
         drop(state);
         drop(line);
     }

@@ -1,32 +1,33 @@
-//! A sound card that is not there: for tests, and for users who have none.
+//! A simulated sound card, for tests and for users who have none.
 //!
-//! The host `simulated` has every device that can be described: `simulated:frames=97,rate=48000,channels=4,format=i16` is one
-//! (see [`Params`]). It calls in real time and plays to nobody, or to a plant of the program's ([`set_plants`]). A test makes a [`Simulated`] of a name, opens it as
-//! `simulated:NAME`, calls it by hand if it likes, reads back what was played, and lets things go wrong.
+//! The host `simulated` has every device that can be described:
+//! `simulated:frames=97,rate=48000,channels=4,format=i16` is one (see [`Params`]). It calls in real time
+//! and plays to nobody, or to a plant of the program ([`set_plants`]). A test makes a named [`Simulated`],
+//! opens it as `simulated:NAME`, calls it by hand if needed, reads back its output, and causes faults.
 
 mod card;
 mod device;
 mod params;
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
 use card::{Card, State};
 pub use params::Params;
+use parking_lot::Mutex;
 
-/// A simulated part of the world between an output and an input channel: given every sample of the output, it answers the
-/// input's.
+/// Plant between an output and an input channel: maps every output sample to an input sample.
 pub type Response = Box<dyn FnMut(f32) -> f32 + Send>;
 
-/// Makes the plant that the `plant` words of a device's text describe, at a rate \[Hz\]; the error says what is wrong with them.
+/// Makes the plant of a device's `plant` words, at a rate \[Hz\]; the error says what is wrong with them.
 pub type Plants = fn(&[(String, String)], f64) -> Result<Response, String>;
 
 static PLANTS: OnceLock<Plants> = OnceLock::new();
 
-/// Says who makes plants: this crate knows none. Only the first call counts.
+/// Sets the maker of plants; this crate has none. Only the first call counts.
 pub fn set_plants(plants: Plants) {
-    // Set twice is set: a program says it once.
+    // A program sets it once.
     let _ = PLANTS.set(plants);
 }
 
@@ -41,50 +42,46 @@ fn plant_of(params: &Params, rate_hz: f64) -> Result<Option<Response>, String> {
 
 static NAMED: Mutex<BTreeMap<String, Weak<Card>>> = Mutex::new(BTreeMap::new());
 
-fn named() -> MutexGuard<'static, BTreeMap<String, Weak<Card>>> {
-    NAMED.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 fn as_device(card: Arc<Card>) -> cpal::Device {
     cpal::platform::CustomDevice::from_device(device::Device(card)).into()
 }
 
-/// The devices that have a name and are plugged in.
+/// Named devices that are plugged in.
 pub(crate) fn devices() -> Vec<cpal::Device> {
-    let cards: Vec<_> = named().values().filter_map(Weak::upgrade).collect();
+    let cards: Vec<_> = NAMED.lock().values().filter_map(Weak::upgrade).collect();
     cards.into_iter().filter(|card| !card.lock().unplugged).map(as_device).collect()
 }
 
-/// A device that is described by its id; the error says what is wrong with the description.
+/// A device described by its id; the error says what is wrong with the description.
 pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
     let params: Params = id.parse()?;
     if params.speed == 0.0 {
         return Err("`speed=0`: nobody would ever call it; 1 is real time".to_owned());
     }
-    // What is wrong with a plant is said before the device is opened.
+    // Errors of a plant come before the device is opened.
     plant_of(&params, f64::from(params.rate_hz.unwrap_or(48_000)))?;
     Ok(as_device(Arc::new(Card::new(id.to_owned(), params))))
 }
 
-/// Whether the device of that id is called by hand, so that the time between its calls says nothing.
+/// Whether that device is called by hand, so that the time between its calls has no meaning.
 pub(crate) fn is_by_hand(id: &str) -> bool {
-    named().get(id).and_then(Weak::upgrade).is_some_and(|card| card.params.speed == 0.0)
+    NAMED.lock().get(id).and_then(Weak::upgrade).is_some_and(|card| card.params.speed == 0.0)
 }
 
-/// A device that a test has in hand. It is there until this is dropped.
+/// A device of a test. It exists until this is dropped.
 pub struct Simulated {
     name: String,
     card: Arc<Card>,
 }
 
 impl Simulated {
-    /// Plugs in a device of that name. An error where the name is taken or holds a `=`, or the parameters make no sense.
+    /// Plugs in a device. An error if the name is taken or contains `=`, or a parameter is invalid.
     pub fn new(name: &str, params: Params) -> Result<Self, String> {
         params.check()?;
         if name.is_empty() || name.contains('=') {
             return Err(format!("`{name}` is no name for a simulated device"));
         }
-        let mut all = named();
+        let mut all = NAMED.lock();
         if all.get(name).is_some_and(|card| card.strong_count() > 0) {
             return Err(format!("there is a simulated device `{name}` already"));
         }
@@ -93,23 +90,24 @@ impl Simulated {
         Ok(Self { name: name.to_owned(), card })
     }
 
-    /// What a user types to open it: `simulated:NAME`.
+    /// Id to open it: `simulated:NAME`.
     pub fn id(&self) -> String {
         format!("simulated:{}", self.name)
     }
 
-    /// Calls the streams that play, once, with so many frames: the output first, then the input. On this thread.
+    /// Calls the playing streams once with this many frames, on this thread: the output first, then the
+    /// input.
     pub fn step(&self, frames: usize) {
         self.card.step(frames);
     }
 
-    /// All that was played since the device was made, if its parameters say `keep`: interleaved, all channels of the device, full
-    /// scale 1, exactly what stood in the device's memory.
+    /// Everything played since the device was made, if its parameters say `keep`: interleaved, all
+    /// channels, full scale 1, exactly as in the device's memory.
     pub fn played(&self) -> Vec<f64> {
         self.card.played()
     }
 
-    /// Puts a plant between two channels (from 1): it is given every sample of the output and answers the input's.
+    /// Sets a plant between two channels (from 1): it maps every output sample to an input sample.
     pub fn plant(&self, output: u16, input: u16, respond: impl FnMut(f32) -> f32 + Send + 'static) {
         let index = |channel: u16| usize::from(channel.max(1)) - 1;
         self.card.plant(index(output), index(input), Box::new(respond));
@@ -126,13 +124,13 @@ impl Simulated {
         report(&mut self.card.lock(), &cpal::Error::new(cpal::ErrorKind::Xrun));
     }
 
-    /// Reports an error that means nothing in particular.
+    /// Reports an unspecific error.
     pub fn error(&self) {
         report(&mut self.card.lock(), &flooding());
     }
 
-    /// Reports errors without end, as fast as it can, until nobody has the device open; like ALSA over a Pulse server
-    /// that was killed. No more calls.
+    /// Reports errors as fast as it can until the device is closed, like ALSA over a killed Pulse server.
+    /// No more calls.
     pub fn flood(&self) {
         self.card.lock().stopped = true;
         let card = self.card.clone();
@@ -149,12 +147,12 @@ impl Simulated {
         });
     }
 
-    /// Does not call for this long, and then goes on. Only where the device keeps time itself.
+    /// Pauses its calls for this long. Only for a device that keeps time itself.
     pub fn gap(&self, lasts: Duration) {
         self.card.lock().gap = lasts;
     }
 
-    /// Does not call any more, and says nothing; like a Pulse server that was stopped.
+    /// Stops calling without notice, like a stopped Pulse server.
     pub fn stop(&self) {
         self.card.lock().stopped = true;
     }
@@ -164,14 +162,14 @@ impl Simulated {
         self.card.lock().stopped = false;
     }
 
-    /// Pulls the plug: streams hear that the device is gone, nobody finds it.
+    /// Unplugs the device: streams get an error, and nobody finds it.
     pub fn unplug(&self) {
         let mut state = self.card.lock();
         state.unplugged = true;
         report(&mut state, &cpal::Error::new(cpal::ErrorKind::DeviceNotAvailable));
     }
 
-    /// Plugs it in again. What was open stays lost.
+    /// Plugs it in again. Lost streams stay lost.
     pub fn plug(&self) {
         self.card.lock().unplugged = false;
     }
@@ -180,7 +178,7 @@ impl Simulated {
 impl Drop for Simulated {
     fn drop(&mut self) {
         self.card.lock().unplugged = true;
-        named().remove(&self.name);
+        NAMED.lock().remove(&self.name);
     }
 }
 

@@ -1,36 +1,37 @@
-//! What a simulated device is like, also as text.
+//! Parameters of a simulated device, also as text.
 
 use std::str::FromStr;
 
 use crate::Format;
 
-/// How fast a device may keep time, beside not at all.
+/// Valid speeds, beside 0.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
-/// What a simulated device is like. As text, everything left out is as in [`Params::default`]:
-/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. All words that begin with `plant`
-/// are for who makes plants ([`set_plants`](super::set_plants)).
+/// Parameters of a simulated device. As text, missing ones are as in [`Params::default`]:
+/// `frames=64+1+1024,rate=48000,channels=4,inputs=1,format=i16,loopback=1,latency=128,speed=1`. Words that
+/// begin with `plant` go to the maker of plants ([`set_plants`](super::set_plants)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
-    /// Frames of its calls, one after the other and then from the front. Empty: what the stream asks for.
+    /// Frames of its calls, in turn. Empty: as requested.
     pub frames: Vec<u32>,
-    /// The only rate it can do [Hz]; any of 44100, 48000 and 96000 where there is none.
+    /// Its only rate [Hz]; `None`: 44100, 48000 and 96000.
     pub rate_hz: Option<u32>,
     /// Output channels, 1 to 64.
     pub channels: u16,
     /// Input channels, 0 to 64.
     pub inputs: u16,
-    /// The only format it can do; `f32`, `i32`, `i24` and `i16` where there is none.
+    /// Its only format; `None`: `f32`, `i32`, `i24` and `i16`.
     pub format: Option<Format>,
-    /// Whether every input channel hears the output channel of its number.
+    /// Whether each input channel hears the output channel of its number.
     pub loopback: bool,
-    /// Frames from the call to the sound, which also come between output and input of a loopback.
+    /// Frames from the call to the sound, also between output and input of a loopback.
     pub latency_frames: u32,
-    /// How many times faster than real time it calls, 0.01 to 1000; 0, which a text cannot open: only when [`Simulated::step`](super::Simulated::step) is called.
+    /// Speed of its calls relative to real time, 0.01 to 1000. With 0, which a text cannot open, only
+    /// [`Simulated::step`](super::Simulated::step) calls it.
     pub speed: f64,
-    /// Whether all that is played is kept for [`Simulated::played`](super::Simulated::played).
+    /// Whether to keep everything played for [`Simulated::played`](super::Simulated::played).
     pub keep: bool,
-    /// The plant between the first output and the first input, in the words of who makes it; none where empty.
+    /// Words of the plant between the first output and the first input; empty for none.
     pub plant: Vec<(String, String)>,
 }
 
@@ -52,18 +53,18 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The rates it can do [Hz].
+    /// Its rates [Hz].
     pub(super) fn rates(&self) -> Vec<u32> {
         self.rate_hz.map_or_else(|| crate::RATES_HZ.to_vec(), |rate| vec![rate])
     }
 
-    /// The formats it can do.
+    /// Its formats.
     pub(super) fn formats(&self) -> Vec<Format> {
         let usual = || vec![Format::F32, Format::I32, Format::I24, Format::I16];
         self.format.map_or_else(usual, |format| vec![format])
     }
 
-    /// Whether the values make sense; the error says what would.
+    /// Checks the values; the error names the valid ones.
     pub(super) fn check(&self) -> Result<(), String> {
         let wrong = if !(1..=64).contains(&self.channels) {
             "`channels` must be 1 to 64"
@@ -103,8 +104,8 @@ impl Params {
             }
             _ => {
                 return Err(format!(
-                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, loopback, latency, \
-                     speed and plant"
+                    "a simulated device has no `{key}`; it has frames, rate, channels, inputs, format, \
+                     loopback, latency, speed and plant"
                 ));
             }
         }
@@ -133,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_is_made_by_its_text() {
+    fn device_is_made_by_its_text() {
         let params: Params = "frames=64+1+1024,rate=44100,channels=4,format=i24,speed=0".parse().unwrap();
         assert_eq!(params.frames, [64, 1, 1024]);
         assert_eq!((params.rate_hz, params.channels, params.format), (Some(44_100), 4, Some(Format::I24)));
@@ -141,14 +142,14 @@ mod tests {
     }
 
     #[test]
-    fn words_of_a_plant_are_kept_for_who_makes_it() {
+    fn plant_words_are_kept() {
         let params: Params = "plant=coil,frames=64,plant_handle_g=60".parse().unwrap();
         let words = [("plant", "coil"), ("plant_handle_g", "60")].map(|(a, b)| (a.to_owned(), b.to_owned()));
         assert_eq!((params.plant.as_slice(), params.frames), (&words[..], vec![64]));
     }
 
     #[test]
-    fn what_makes_no_sense_is_an_error_that_says_what_would() {
+    fn invalid_parameter_error_names_valid_values() {
         for (text, says) in [
             ("frames=0", "1 to"),
             ("channels=0", "1 to 64"),

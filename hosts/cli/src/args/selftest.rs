@@ -6,21 +6,21 @@ use clap::ValueEnum;
 
 use super::PluginArgs;
 
-/// How long cases may take.
+/// Effort of each case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum EffortArg {
-    /// A second or less a case
+    /// A second or less per case
     Quick,
-    /// Some seconds a case
+    /// Some seconds per case
     Full,
-    /// As long as it takes: minutes a case and more
+    /// Minutes per case and more
     Long,
 }
 
 /// `asperity selftest`
 #[derive(Clone, Debug, clap::Args)]
 pub struct SelfTest {
-    /// A graph file, or a scene file; without one, only kinds of nodes are looked at
+    /// A graph or scene file; without one, only kinds of nodes are checked
     pub graph: Option<PathBuf>,
     /// Set a parameter of the graph: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE", requires = "graph")]
@@ -31,12 +31,12 @@ pub struct SelfTest {
     /// Run this case only; may be given more than once
     #[arg(long = "case", value_name = "CASE")]
     pub case: Vec<String>,
-    /// How long cases may take
+    /// Effort of each case
     #[arg(long, value_enum, default_value = "quick")]
     pub effort: EffortArg,
     #[command(flatten)]
     pub plugins: PluginArgs,
-    /// Say of every case what is hard and what must hold
+    /// Print the difficulty and the requirement of each case
     #[arg(long, short)]
     pub verbose: bool,
     /// Print JSON

@@ -1,4 +1,4 @@
-//! `asperity check`: what a graph compiles to.
+//! `asperity check`: the schedule that a graph compiles to.
 
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -7,19 +7,27 @@ use asperity_graph::{BufferEntry, Schedule, Step};
 use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
-use crate::args::Check;
 use crate::commands::nodes::param_json;
+use crate::commands::render::report::{dropped_json, facts_json};
 use crate::failure::{Failure, print, warn};
 use crate::kinds::Kinds;
 use crate::load;
-use crate::render::report::fact_json;
+use crate::load::GraphArgs;
+
+/// Check a graph: order, buffers, rates, latency per path, what was dropped and why
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Runs the command.
-pub fn run(args: &Check) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
-    let graph = load::read(&args.graph, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
-    let schedule = kinds.judge(load::compiled(&graph, &args.graph, &registry))?.schedule;
+    let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
     if args.json {
         print(&format!("{:#}\n", as_json(&schedule)))?;
     } else {
@@ -58,7 +66,7 @@ fn text_of(schedule: &Schedule) -> String {
             };
             let _ = writeln!(out, "      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
         }
-        // What is counted while a graph runs is nothing yet.
+        // Counts of a run are still 0.
         for fact in node.facts.iter().filter(|f| !is_zero(f)) {
             let _ = writeln!(out, "      {:id_width$}    {}: {}", "", fact.name, fact.value);
         }
@@ -174,11 +182,11 @@ fn as_json(schedule: &Schedule) -> Value {
                 .iter()
                 .zip(node.buffers.clone())
                 .map(|(o, buffer)| {
-                    json!({ "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers })
+                    json!({
+                        "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers,
+                    })
                 })
                 .collect();
-            let facts: serde_json::Map<String, Value> =
-                node.facts.iter().map(|f| (f.name.to_string(), fact_json(f))).collect();
             json!({
                 "id": node.id,
                 "kind": node.kind,
@@ -197,7 +205,7 @@ fn as_json(schedule: &Schedule) -> Value {
                 "latency_ms": node.latency.ms(),
                 "tail_ms": node.tail.ms(),
                 "allocation_free": node.allocation_free,
-                "facts": facts,
+                "facts": facts_json(&node.facts),
             })
         })
         .collect();
@@ -214,6 +222,7 @@ fn as_json(schedule: &Schedule) -> Value {
         })
         .collect();
     let (constants, counts) = buffer_counts(schedule);
+    let outputs = counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n)));
     let paths: Vec<Value> = schedule
         .paths
         .iter()
@@ -228,8 +237,6 @@ fn as_json(schedule: &Schedule) -> Value {
             })
         })
         .collect();
-    let dropped: Vec<Value> =
-        schedule.dropped.iter().map(|d| json!({ "id": d.id, "kind": d.kind, "why": d.why })).collect();
     json!({
         "tick_hz": schedule.tick_hz,
         "audio_hz": schedule.audio_hz,
@@ -238,11 +245,11 @@ fn as_json(schedule: &Schedule) -> Value {
         "steps": steps,
         "buffers": {
             "constants": constants,
-            "outputs": counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n))).collect::<serde_json::Map<_, _>>(),
+            "outputs": outputs.collect::<serde_json::Map<_, _>>(),
         },
         "latency": paths,
         "latency_ms": schedule.latency().ms(),
-        "dropped": dropped,
+        "dropped": dropped_json(schedule),
         "allocation_free": schedule.allocating().is_empty(),
     })
 }

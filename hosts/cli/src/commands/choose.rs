@@ -1,4 +1,4 @@
-//! `asperity choose`: the best setting that a budget allows, ready to be pasted.
+//! `asperity choose`: the best setting within a budget, ready to paste.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -6,23 +6,23 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
-use asperity_tradeoff::{Budget, Choice, Figure, Reason, Results, Time};
+use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
 use serde_json::json;
 
-use super::tradeoff::read_results;
+use super::tradeoff::{count, read_results};
 use crate::args::Choose;
 use crate::failure::{Failure, complain, print};
 
-/// Results of the shipped study.
-const SHIPPED: &str = include_str!("../../../../docs/tradeoff/results.json");
+/// Results of the shipped trade-off.
+const SHIPPED: &str = include_str!("../../../../graphs/tradeoffs/results.json");
 
-/// Runs the command. Exit code 1 where nothing fits.
+/// Runs the command. Exit code 1 where no setting is within the budget.
 pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
         None => {
             let parsed = Results::parse(SHIPPED).map_err(Failure::Machine)?;
-            (parsed, "the shipped study".to_owned())
+            (parsed, "the shipped trade-off".to_owned())
         }
     };
     let budget = Budget {
@@ -40,7 +40,8 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
     if args.json {
         let row = choice.row;
         let out = json!({
-            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time, "lag_ms": row.lag_ms,
+            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
+            "lag_ms": row.lag_ms,
             "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
         });
         print(&format!("{out:#}\n"))?;
@@ -51,7 +52,7 @@ pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
-    let known = || Figure::ALL.into_iter().map(Figure::name);
+    let known = || Figure::all().map(Figure::name);
     let of = |name: &String| {
         Figure::from_name(name.trim()).ok_or_else(|| {
             let d = Diagnostic::new(format!("there is no figure `{name}`")).in_file("--by");
@@ -64,16 +65,16 @@ fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
 /// Refuses figures that no setting has.
 fn known(results: &Results, by: &[Figure], from: &str) -> Result<(), Failure> {
     let Some(missing) = by.iter().find(|f| !results.knows(**f)) else { return Ok(()) };
-    let there: Vec<&str> = Figure::ALL.into_iter().filter(|f| results.knows(*f)).map(Figure::name).collect();
+    let there: Vec<&str> = Figure::all().filter(|f| results.knows(*f)).map(Figure::name).collect();
     let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
     let d = Diagnostic::new(format!("no setting of {from} has the figure `{}`", missing.name()));
-    Err(d.in_file("--by").help(format!("figures that there are: {there}")).into())
+    Err(d.in_file("--by").help(format!("known figures: {there}")).into())
 }
 
-/// The setting as a fragment of a graph, with what it costs and is worth as comments.
+/// The setting as a fragment of a graph, with its cost and figures as comments.
 fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
     let row = choice.row;
-    let mut out = format!("// {}: of {} of {from} {}.\n", row.name, settings(results), fit(choice.fit));
+    let mut out = format!("// {}: of {} of {from} {}.\n", row.name, count(results), fit(choice.fit));
     if let Some(t) = row.time {
         let _ = writeln!(
             out,
@@ -81,50 +82,42 @@ fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
             t.p50_us,
             t.p999_us,
             t.load_percent,
-            row.lag50().map_or("not known".into(), |ms| format!("{ms:.1} ms"))
+            row.lag50().map_or("unknown".into(), |ms| format!("{ms:.1} ms"))
         );
     }
-    let figure = |f: &Figure| {
-        let value = row.figure(*f)?;
+    let figure = |f: Figure| {
+        let value = row.figure(f)?;
         Some(format!("{} {value:.*} {}", f.name(), f.decimals(), f.unit()).trim_end().to_owned())
     };
-    let figures: Vec<String> = Figure::ALL.iter().filter_map(figure).collect();
+    let figures: Vec<String> = Figure::all().filter_map(figure).collect();
     if !figures.is_empty() {
         let _ = writeln!(out, "// {}.", figures.join(", "));
     }
     out += &why(choice);
     if row.turned.iter().any(|(knob, _)| knob == "guards") {
-        out +=
-            "// `guards` is no part of a graph: it was turned off to be measured, and cannot be elsewhere.\n";
+        out += "// `guards` is not part of a graph: it can only be turned off to be measured.\n";
     }
     if row.fragment.is_empty() {
-        let _ = writeln!(out, "// It is {} as it stands.", row.graph);
+        let _ = writeln!(out, "// It is {}, unchanged.", row.graph);
         return out;
     }
     if row.fragment.scene {
         let to = Path::new(&row.graph).with_extension("graph.ron");
-        let _ = writeln!(out, "// {} is a scene; the graph that it lowers to makes", row.graph);
+        let _ =
+            writeln!(out, "// {} is a scene. This command writes the graph that it lowers to:", row.graph);
         let _ = writeln!(out, "//     asperity scene expand {} --out {}", row.graph, to.display());
-        let _ = write!(out, "// To be put into that:\n{}", row.fragment);
+        let _ = write!(out, "// Put this into that graph:\n{}", row.fragment);
     } else {
-        let _ = write!(out, "// To be put into {}:\n{}", row.graph, row.fragment);
+        let _ = write!(out, "// Put this into {}:\n{}", row.graph, row.fragment);
     }
     out
 }
 
-/// How many settings there are.
-fn settings(results: &Results) -> String {
-    match results.rows.len() {
-        1 => "one setting".to_owned(),
-        n => format!("{n} settings"),
-    }
-}
-
 fn fit(n: usize) -> String {
-    if n == 1 { "one fits".to_owned() } else { format!("{n} fit") }
+    if n == 1 { "one is within the budget".to_owned() } else { format!("{n} are within the budget") }
 }
 
-/// Which figures decided, up to where there was nothing left to decide.
+/// The figures that decided, each with the number of settings left.
 fn why(choice: &Choice<'_>) -> String {
     let mut words = Vec::new();
     for (figure, left) in &choice.steps {
@@ -136,35 +129,35 @@ fn why(choice: &Choice<'_>) -> String {
     if choice.fit < 2 || words.is_empty() {
         return String::new();
     }
-    let best =
-        format!("// The best by {}: so many each leaves that are not told apart", words.join(", then "));
+    let best = format!("// The best by {} (settings that tie within noise)", words.join(", then "));
     match choice.equals {
-        1 => format!("{best}; nothing cheaper is as good in all of them.\n"),
-        n => format!("{best}; the cheapest of {n} that are as good in all of them.\n"),
+        1 => format!("{best}.\n"),
+        n => format!("{best}; the lowest load of {n} that are as good in all of them.\n"),
     }
 }
 
-/// Why there is none, and what would be nearest.
+/// Why no setting is within the budget, and the nearest ones.
 fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
     let mut counts = [0; 4];
     for row in &results.rows {
         match results.fits(row, budget) {
-            Err(Reason::Unsound) => counts[0] += 1,
-            Err(Reason::Time) => counts[1] += 1,
-            Err(Reason::Lag) => counts[2] += 1,
-            Err(Reason::Ticks) => counts[3] += 1,
+            Err(Misfit::Unsound) => counts[0] += 1,
+            Err(Misfit::Time) => counts[1] += 1,
+            Err(Misfit::Lag) => counts[2] += 1,
+            Err(Misfit::TickRate) => counts[3] += 1,
             Ok(()) => {}
         }
     }
     let mut out = format!(
-        "error: no setting of {from} fits: of {} {} cannot be chosen, {} take too long, {} answer too late, {} have other ticks\n",
-        settings(results),
+        "error: no setting of {from} is within the budget: of {}, {} cannot be chosen, {} take too long, \
+         {} have a longer lag, {} have another tick rate\n",
+        count(results),
         counts[0],
         counts[1],
         counts[2],
         counts[3]
     );
-    // What would fit, were it not for one of the limits.
+    // Settings that only miss one of the limits.
     let but_for = |budget: Budget| results.rows.iter().filter(move |row| results.fits(row, &budget).is_ok());
     let stalls = |stall_us: f64| if budget.strict { 0.0 } else { stall_us };
     let late = |t: Time| (t.p999_us - stalls(t.stall_us)).max(t.p50_us);
@@ -174,28 +167,26 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
     let soonest = however_late.filter_map(|r| r.lag50()).reduce(f64::min);
     let other = but_for(Budget { tick_hz: None, ..budget.clone() });
     let rates: BTreeSet<u32> = other.map(|r| r.tick_hz).collect();
-    // More than one limit: what there is but for one of them keeps to the others.
     let given = [budget.tick_us.is_some(), budget.lag_ms.is_some(), budget.tick_hz.is_some()];
     let rest = if given.iter().filter(|given| **given).count() > 1 {
-        " of those that keep to the other limits"
+        " of those within the other limits"
     } else {
         ""
     };
-    let which = if rest.is_empty() { "" } else { ", which keep to the other limits" };
+    let which = if rest.is_empty() { "" } else { " within the other limits" };
     if let Some(us) = quickest {
-        let without = if budget.strict { "" } else { ", without what the machine stalled by itself" };
-        let _ =
-            writeln!(out, "  the quickest{rest} has ticks of {us:.1} us at the 99.9th percentile{without}");
+        let without = if budget.strict { "" } else { ", without the machine's stalls" };
+        let _ = writeln!(out, "  the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}");
     }
     if let Some(ms) = soonest {
-        let _ = writeln!(out, "  the soonest{rest} answers after {ms:.1} ms");
+        let _ = writeln!(out, "  the shortest response lag{rest}: {ms:.1} ms");
     }
     if !rates.is_empty() {
         let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
-        let _ = writeln!(out, "  there are settings of {} ticks a second{which}", rates.join(", "));
+        let _ = writeln!(out, "  tick rates of settings{which}: {} Hz", rates.join(", "));
     }
     if quickest.is_none() && soonest.is_none() && rates.is_empty() && !rest.is_empty() {
-        out += "  each setting misses more than one of the limits\n";
+        out += "  each setting misses several of the limits\n";
     }
     out
 }
@@ -206,56 +197,26 @@ mod tests {
 
     use super::*;
 
-    /// A setting that differs in a node, with ticks of 10 us.
+    /// A setting with a changed node and ticks of 10 us.
     fn row(name: &str, tick_hz: u32) -> Row {
-        let fragment = Fragment { nodes: vec!["\"a\": (kind: \"mix\"),".into()], ..Fragment::default() };
         Row {
             name: name.into(),
             key: name.into(),
             graph: "s/mine.ron".into(),
-            turned: Vec::new(),
-            grids: Vec::new(),
-            default: false,
-            mark: false,
             tick_hz,
-            fragment,
-            error: None,
+            fragment: Fragment { nodes: vec!["\"a\": (kind: \"mix\"),".into()], ..Fragment::default() },
             figures: Figures::from([(Figure::Bands, 1.0), (Figure::Level, 1.0)]),
-            draws: Vec::new(),
-            lag_ms: None,
-            lag_draws_ms: Vec::new(),
-            latency_ms: None,
-            faults: 0,
-            cases: 0,
-            fails: Default::default(),
             time: Some(Time { p50_us: 10.0, p999_us: 4020.0, stall_us: 4000.0, ..Time::default() }),
+            ..Row::default()
         }
     }
 
     fn results(rows: Vec<Row>) -> Results {
-        Results {
-            version: 0,
-            study: "s.ron".into(),
-            digest: String::new(),
-            seed: 1,
-            strokes: Vec::new(),
-            materials: Vec::new(),
-            machines: Vec::new(),
-            notes: Vec::new(),
-            shards: vec![(1, 1)],
-            unfinished: 0,
-            cases: 0,
-            floor: Figures::new(),
-            lag_floor_ms: None,
-            load_floor: None,
-            model: Figures::new(),
-            empty: None,
-            rows,
-        }
+        Results { shards: vec![(1, 1)], rows, ..Results::default() }
     }
 
     #[test]
-    fn where_nothing_fits_it_says_what_there_is() {
+    fn nearest_settings_are_named_where_none_fits() {
         let mut broken = row("c", 250);
         broken.faults = 1;
         let all = results(vec![row("a", 1000), row("b", 500), broken]);
@@ -263,16 +224,16 @@ mod tests {
         assert!(all.choose(&budget).is_none());
         let said = nothing(&all, &budget, "it");
         assert!(
-            said.contains("of 3 settings") && said.contains("settings of 500, 1000 ticks a second"),
+            said.contains("of 3 settings") && said.contains("tick rates of settings: 500, 1000 Hz"),
             "{said}"
         );
         let said = |strict| nothing(&all, &Budget { tick_us: Some(1.0), strict, ..Budget::default() }, "it");
-        assert!(said(false).contains("has ticks of 20.0 us") && !said(false).contains("a second"));
-        assert!(said(true).contains("has ticks of 4020.0 us"), "{}", said(true));
+        assert!(said(false).contains("the shortest tick: 20.0 us") && !said(false).contains("tick rates"));
+        assert!(said(true).contains("the shortest tick: 4020.0 us"), "{}", said(true));
     }
 
     #[test]
-    fn what_is_nearest_keeps_to_the_rest_of_the_budget() {
+    fn nearest_settings_are_within_the_other_limits() {
         let timed = |name: &str, tick_hz, p50_us, lag: f64| Row {
             lag_ms: Some([lag; 3]),
             time: Some(Time { p50_us, p999_us: p50_us, ..Time::default() }),
@@ -286,24 +247,20 @@ mod tests {
         ]);
         let budget = Budget { tick_us: Some(100.0), tick_hz: Some(1000), ..Budget::default() };
         let said = nothing(&all, &budget, "it");
-        assert!(
-            said.contains("the quickest of those that keep to the other limits has ticks of 200.0 us"),
-            "{said}"
-        );
-        // What has other ticks is named as that.
-        assert!(said.contains("of 500 ticks a second, which keep to the other limits"), "{said}");
+        assert!(said.contains("the shortest tick of those within the other limits: 200.0 us"), "{said}");
+        assert!(said.contains("tick rates of settings within the other limits: 500 Hz"), "{said}");
         let budget = Budget { lag_ms: Some(30.0), ..budget };
         let said = nothing(&all, &budget, "it");
-        assert!(said.contains("has ticks of 300.0 us") && !said.contains("ticks a second"), "{said}");
+        assert!(said.contains("limits: 300.0 us") && !said.contains("tick rates"), "{said}");
         let budget = Budget { tick_us: Some(250.0), lag_ms: Some(10.0), tick_hz: Some(1000), ..budget };
         let said = nothing(&all, &budget, "it");
-        assert!(said.contains("ticks of 400.0 us") && said.contains("answers after 90.0 ms"), "{said}");
+        assert!(said.contains("limits: 400.0 us") && said.contains("limits: 90.0 ms"), "{said}");
         let budget = Budget { tick_us: Some(1.0), lag_ms: Some(1.0), tick_hz: None, ..budget };
-        assert!(nothing(&all, &budget, "it").contains("misses more than one of the limits"));
+        assert!(nothing(&all, &budget, "it").contains("misses several of the limits"));
     }
 
     #[test]
-    fn a_figure_that_no_setting_has_is_not_chosen_by() {
+    fn unknown_figure_is_refused() {
         let all = results(vec![row("a", 500)]);
         assert!(known(&all, &[Figure::Level, Figure::Bands], "it").is_ok());
         let e = known(&all, &[Figure::Level, Figure::Convergence], "it").unwrap_err();
@@ -313,27 +270,27 @@ mod tests {
     }
 
     #[test]
-    fn what_is_of_a_scene_goes_into_the_graph_that_it_lowers_to() {
+    fn scene_fragment_goes_into_the_lowered_graph() {
         let mut all = results(vec![row("a", 500)]);
         let said = |all: &Results| text(all, &all.choose(&Budget::default()).unwrap(), "it");
-        assert!(said(&all).contains("put into s/mine.ron:\n"), "{}", said(&all));
+        assert!(said(&all).contains("Put this into s/mine.ron:\n"), "{}", said(&all));
         all.rows[0].fragment.scene = true;
         let said = said(&all);
         assert!(said.contains("asperity scene expand s/mine.ron --out s/mine.graph.ron\n"), "{said}");
-        assert!(!said.contains("put into s/mine.ron"), "{said}");
+        assert!(!said.contains("into s/mine.ron"), "{said}");
     }
 
     #[test]
-    fn figures_are_named_until_one_has_decided() {
+    fn figures_are_listed_until_one_decides() {
         let all = results(vec![row("a", 500)]);
         let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
-        assert!(said.contains("of one setting of it one fits"), "{said}");
+        assert!(said.contains("of one setting of it one is within the budget"), "{said}");
         assert!(!said.contains("The best by"), "{said}");
         let mut other = row("b", 500);
         other.figures.insert(Figure::Bands, 2.0);
         let all = results(vec![row("a", 500), other]);
         let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
-        assert!(said.contains("of 2 settings of it 2 fit."), "{said}");
-        assert!(said.contains("by bands (1): so many") && !said.contains("level ("), "{said}");
+        assert!(said.contains("of 2 settings of it 2 are within the budget."), "{said}");
+        assert!(said.contains("by bands (1) (settings") && !said.contains("level ("), "{said}");
     }
 }

@@ -1,15 +1,22 @@
-//! `asperity devices`: what there is to play on.
+//! `asperity devices`: lists audio hosts and devices.
 
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
 
-use crate::args::Devices;
 use crate::failure::{Failure, print};
 
+/// List audio hosts and devices: rates, formats, channels, buffer sizes
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &Devices) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let hosts = asperity_audio::hosts();
     if args.json {
         let json = serde_json::to_value(&hosts).map_err(|e| Failure::Machine(e.to_string()))?;

@@ -1,4 +1,4 @@
-//! `asperity encode`: from pictures of a surface to a material of a library.
+//! `asperity encode`: finds materials like pictures of a surface, and adds one to a library.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -11,24 +11,75 @@ use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
 use asperity_texture::Encoder;
 use asperity_texture::picture;
 use asperity_texture::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
+use clap::ValueEnum;
 
-use crate::args::{As, Encode};
-use crate::failure::{Failure, clean, print, warn};
+use crate::failure::{Failure, clean, print, warn, wrong};
+use crate::number::whole;
 use crate::output::{resolved, write_text};
+
+/// Vector of a new material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum As {
+    /// The nearest stored vector, on which a network was trained
+    Nearest,
+    /// Its own vector
+    Raw,
+    /// The mean of the nearest stored vectors, each weighted by 1 / distance
+    Blend,
+}
+
+/// Find the materials nearest to pictures of a surface, and add one to a library
+///
+/// A picture is cropped to its middle of 4 to 3 and scaled to 192 x 256 pixels. Both are reported.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+pub struct Args {
+    /// Tactile images of one material: PNG, JPEG or BMP. Several images give their mean vector
+    #[arg(required = true, value_name = "IMAGE")]
+    pub images: Vec<PathBuf>,
+    /// Library to search, which gets the material
+    #[arg(long, value_name = "L.ron")]
+    pub library: PathBuf,
+    /// Encoder; by default the one that the library names
+    #[arg(long, value_name = "FILE.onnx")]
+    pub encoder: Option<PathBuf>,
+    /// Name of the material; by default that of the first image's file
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Sentence that describes how it feels
+    #[arg(long, value_name = "TEXT")]
+    pub description: Option<String>,
+    /// Family that it belongs to, such as a weave
+    #[arg(long, value_name = "TEXT", value_parser = family)]
+    pub family: Option<String>,
+    /// Vector that it gets
+    #[arg(long = "as", value_enum, default_value = "nearest")]
+    pub how: As,
+    /// Number of nearest materials to list (by default 5), and to blend with `--as blend` (by default 3)
+    #[arg(long, value_name = "N", value_parser = whole(1_usize, 4096, ""))]
+    pub neighbours: Option<usize>,
+    /// Dry run: add nothing to the library
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+fn family(text: &str) -> Result<String, String> {
+    if text.trim().is_empty() { Err("an empty text".into()) } else { Ok(text.to_owned()) }
+}
 
 type Vector = [f32; VECTOR_LEN];
 
-/// Materials that are listed, unless told otherwise.
+/// Materials that are listed by default.
 const LISTED: usize = 5;
 
 /// Runs the command.
-pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     let name = name(args)?;
     if library.materials().iter().any(|m| m.name == name) {
         let what = format!("the library has a material `{}` already", clean(&name));
         if !args.dry_run {
-            return Err(Diagnostic::new(what).in_file(&args.library).help("choose another --name").into());
+            return Err(wrong(&args.library, what, "choose another --name"));
         }
         warn(&what);
     }
@@ -73,7 +124,7 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     let images = args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?;
     let family = args.family.clone();
     let vector = library.assign(&mean, how);
-    // Where its ridges and bumps are no picture says: those of the nearest material.
+    // A picture does not show where ridges and bumps are: the nearest material's are taken.
     let pattern = library.nearest(&mean, 1).first().map(|n| n.material.pattern.clone()).unwrap_or_default();
     let material = LibraryMaterial { name, description, family, images, pattern, vector };
     add(&args.library, &material)?;
@@ -83,8 +134,8 @@ pub fn run(args: &Encode) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What the material is to be called.
-fn name(args: &Encode) -> Result<String, Failure> {
+/// Name of the material.
+fn name(args: &Args) -> Result<String, Failure> {
     let stem =
         || args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy().into_owned();
     match args.name.clone().unwrap_or_else(stem) {
@@ -95,7 +146,7 @@ fn name(args: &Encode) -> Result<String, Failure> {
     }
 }
 
-fn encoder(args: &Encode, library: &Library) -> Result<Encoder, Failure> {
+fn encoder(args: &Args, library: &Library) -> Result<Encoder, Failure> {
     let own = library.encoder();
     match (&args.encoder, own) {
         (Some(given), own) => {
@@ -110,10 +161,11 @@ fn encoder(args: &Encode, library: &Library) -> Result<Encoder, Failure> {
         (None, Some(own)) => {
             Encoder::load(own).map_err(|e| Failure::from(e).named_by(&args.library.display().to_string()))
         }
-        (None, None) => Err(Diagnostic::new("this library names no encoder")
-            .in_file(&args.library)
-            .help("name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`")
-            .into()),
+        (None, None) => Err(wrong(
+            &args.library,
+            "this library names no encoder",
+            "name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`",
+        )),
     }
 }
 
@@ -126,8 +178,8 @@ fn distance(a: &Vector, b: &Vector) -> f64 {
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Tells what each picture alone says, and how far the pictures are apart.
-fn spread(out: &mut String, args: &Encode, library: &Library, vectors: &[Vector], mean: &Vector) {
+/// Reports the nearest material of each picture, and the spread of the pictures.
+fn spread(out: &mut String, args: &Args, library: &Library, vectors: &[Vector], mean: &Vector) {
     for (path, vector) in args.images.iter().zip(vectors) {
         if let Some(first) = library.nearest(vector, 1).first() {
             let (name, far) = (clean(&first.material.name), first.distance);
@@ -152,24 +204,24 @@ fn list(out: &mut String, near: &[Neighbour<'_>]) {
     }
 }
 
-/// Puts a material into the file as it is now, all of it or nothing.
+/// Adds a material to the file as it is now, or nothing.
 fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
-    // Until it is written, so that nobody else adds to what was read.
+    // Held until it is written, so that no other process adds to the text that was read.
     let _held = hold(&resolved(library))?;
     let text = Library::insert(&Source::read(library)?, material)?;
-    // A reader takes a byte order mark away, and it is not ours to drop.
+    // Reading removes a byte order mark. Writing restores it.
     let bytes = file::read(library, MAX_TEXT_BYTES)?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
 }
 
-/// Waits until nobody else holds a file, and holds it until the answer is dropped.
+/// Waits until no other process holds a file, and holds it until the answer is dropped.
 fn hold(path: &Path) -> Result<File, Failure> {
     let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", path.display()));
     loop {
         let file = File::open(path).map_err(fail)?;
         file.lock().map_err(fail)?;
-        // Who held it before may have put another file in its place.
+        // The process that held it before may have replaced the file.
         if is_at(&file, path) {
             return Ok(file);
         }
@@ -188,13 +240,12 @@ fn is_at(_: &File, _: &Path) -> bool {
     true
 }
 
-/// A picture's path as the library is to have it: from its folder, with `/`; from the root where they share
-/// no folder.
+/// A picture's path for the library: from its folder, with `/`; from the root if they share no folder.
 fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
     let whole = |path: &Path| {
         path.canonicalize().map_err(|e| Diagnostic::new(format!("cannot find this file: {e}")).in_file(path))
     };
-    // A link leads to where the library is, but what it is called by is where its paths start.
+    // Paths start at the folder of the name that was given, also where that is a link.
     let folder = library.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (folder, image) = (whole(folder)?, whole(image)?);
     let shared = folder.components().zip(image.components()).take_while(|(a, b)| a == b).count();

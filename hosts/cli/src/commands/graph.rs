@@ -1,32 +1,34 @@
-//! `asperity graph`: the graph as a picture.
+//! `asperity graph`: draws a graph.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
 use asperity_plot::{Picture, PictureNode, PictureWire};
 
-use crate::args::Graph;
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
-use crate::{load, output};
+use crate::load::files::not_read;
+use crate::load::{self, GraphArgs, Loaded};
+use crate::output;
+
+/// Draw a graph as a picture
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Picture file
+    #[arg(long, value_name = "F.svg")]
+    pub svg: PathBuf,
+}
 
 /// Runs the command.
-pub fn run(args: &Graph) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
-    let graph = load::read(&args.graph, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
-    let schedule = kinds.judge(load::compiled(&graph, &args.graph, &registry))?.schedule;
-    let svg = output::resolved(&args.svg);
-    let mut read = load::files_read(&args.graph, &schedule);
-    read.extend(kinds.files().iter().map(|path| (path.clone(), "the graph, as a plugin,".to_owned())));
-    if let Some((_, who)) = read.iter().find(|(path, _)| output::resolved(path) == svg) {
-        return Err(Diagnostic::new(format!("{who} reads this file, and it would be overwritten"))
-            .in_file(&args.svg)
-            .help("name another file")
-            .into());
-    }
+    let Loaded { graph, compiled, .. } = load::load(&args.graph, &mut kinds)?;
+    let schedule = compiled.schedule;
+    not_read(&args.svg, &args.graph, &schedule, kinds.files(), "name another file")?;
     output::write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
     print(&format!("wrote {}\n", args.svg.display()))?;
     Ok(ExitCode::SUCCESS)
@@ -72,7 +74,7 @@ fn picture(graph: &GraphFile, schedule: &Schedule) -> Picture {
             });
         }
     }
-    // Wires of nodes that are not built are known by name alone.
+    // The schedule has no wires of nodes that are not built.
     let dropped = |id: &str| schedule.dropped.iter().any(|d| d.id == id);
     for wire in graph.wires.iter().filter(|w| dropped(&w.from.node) || dropped(&w.to.node)) {
         let end = |e: &asperity_graph::Endpoint| (e.node.clone(), e.port.clone().unwrap_or_default());

@@ -1,23 +1,44 @@
-//! `asperity invert`: magnitude frames from NumPy through any phase-retrieval node.
+//! `asperity invert`: turns magnitude frames into a signal.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use asperity_diagnostics::Diagnostic;
-
-use crate::args::{Format, Invert};
-use crate::failure::{Failure, print, warn};
+use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
+use crate::load::PluginArgs;
+use crate::output::Format;
 use crate::output::{Pending, Rows, ending, resolved};
 use crate::phase::{Chain, Frames, How, Method, check_rate};
 
+/// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Phase-retrieval node: KIND, or KIND:param=value,... ; `default` is that of graphs/texture.ron.
+    /// Offline methods: griffin_lim, fast_griffin_lim
+    #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
+    pub phase: String,
+    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1
+    /// s
+    #[arg(long, value_name = "S.npy")]
+    pub magnitudes: PathBuf,
+    /// Sample rate of the signal
+    #[arg(long, value_name = "HZ")]
+    pub rate: u32,
+    /// Output file of the signal: .wav (float) or .npy. Frame n covers samples [floor(n rate/500), + N)
+    #[arg(long, value_name = "Y.wav|.npy")]
+    pub out: PathBuf,
+    /// Seed of random numbers
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+}
+
 /// Runs the command.
-pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if resolved(&args.out) == resolved(&args.magnitudes) {
-        return Err(Diagnostic::new("these are the magnitudes themselves")
-            .in_file(&args.out)
-            .help("name another file")
-            .into());
+        return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));
     }
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
@@ -36,10 +57,7 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
         "wav" => Rows::wav(Pending::create(&args.out)?, 1, rate, Format::F32)?,
         "npy" => Rows::npy(Pending::create(&args.out)?, None)?,
         _ => {
-            return Err(Diagnostic::new("cannot tell the format from this name")
-                .in_file(&args.out)
-                .help("a .wav or .npy file")
-                .into());
+            return Err(wrong(&args.out, "cannot tell the format from this name", "a .wav or .npy file"));
         }
     };
     let signal = match (&method.how, &mut chain) {
@@ -57,6 +75,6 @@ pub fn run(args: &Invert) -> Result<ExitCode, Failure> {
     ))?;
     match chain.map_or(0, |c| c.faults().0) {
         0 => Ok(ExitCode::SUCCESS),
-        n => Err(Failure::Machine(format!("the node failed {n} times; what it failed in is silent"))),
+        n => Err(Failure::Machine(format!("the node failed {n} times; these ticks are silent"))),
     }
 }

@@ -1,16 +1,27 @@
-//! `asperity materials`: what is in a library.
+//! `asperity materials`: lists the materials of a library.
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_texture::Library;
 use serde_json::{Value, json};
 
-use crate::args::Materials;
 use crate::failure::{Failure, clean, print};
 
+/// List the materials of a library: names, families, descriptions, pictures
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The library
+    #[arg(long, value_name = "L.ron", default_value = "graphs/models/surfaces/materials.ron")]
+    pub library: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &Materials) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     if args.json {
         print(&format!("{:#}\n", as_json(&library)))?;
@@ -22,11 +33,9 @@ pub fn run(args: &Materials) -> Result<ExitCode, Failure> {
 
 fn text_of(library: &Library) -> String {
     let materials = library.materials();
-    let width =
-        |of: fn(&str) -> usize, texts: &mut dyn Iterator<Item = &str>| texts.map(of).max().unwrap_or(0);
     let length = |t: &str| clean(t).chars().count();
-    let names = width(length, &mut materials.iter().map(|m| m.name.as_str()));
-    let families = width(length, &mut materials.iter().filter_map(|m| m.family.as_deref()));
+    let names = materials.iter().map(|m| length(&m.name)).max().unwrap_or(0);
+    let families = materials.iter().filter_map(|m| m.family.as_deref()).map(length).max().unwrap_or(0);
     let mut out = String::new();
     for m in materials {
         let _ = write!(out, "{:names$}  ", clean(&m.name));

@@ -1,5 +1,4 @@
-//! Commands that do not run a graph in time: `check`, `nodes`, `graph`, `invert`, `compare`, `tradeoff`,
-//! `choose`, `encode`, `fit-ar`, `materials`, `recover`, `selftest`, `plugin`.
+//! The commands. Each has its arguments `Args`, whose docs are its help, and `run`.
 
 pub mod calibrate;
 pub mod check;
@@ -15,6 +14,8 @@ pub mod materials;
 pub mod nodes;
 pub mod plugin;
 pub mod recover;
+pub mod render;
+pub mod run;
 pub mod scene;
 pub mod selftest;
 pub mod setup;

@@ -1,4 +1,4 @@
-//! `asperity nodes`: the kinds there are.
+//! `asperity nodes`: lists and describes kinds of nodes.
 
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -7,12 +7,24 @@ use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, ParamKind, ParamValue};
 use serde_json::{Value, json};
 
-use crate::args::Nodes;
 use crate::failure::{Failure, print};
 use crate::kinds;
+use crate::load::PluginArgs;
+
+/// List the kinds of nodes, or describe one: ports, units, parameters
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Describe this kind
+    pub kind: Option<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Runs the command.
-pub fn run(args: &Nodes) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let registry = kinds::registry(&args.plugins.plugin)?;
     match &args.kind {
         Some(name) => {
@@ -183,6 +195,7 @@ fn as_json(d: &Descriptor) -> Value {
         .collect();
     json!({
         "kind": d.kind, "summary": d.summary, "inputs": inputs, "outputs": outputs, "params": params,
-        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink, "timing": d.timing,
+        "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink,
+        "timing": d.timing,
     })
 }

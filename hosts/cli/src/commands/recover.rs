@@ -1,16 +1,26 @@
-//! `asperity recover`: recordings of runs that were killed.
+//! `asperity recover`: completes recordings of runs that were killed.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
-use crate::args::Recover;
 use crate::failure::{Failure, print, warn};
 use crate::output::{GROWING, Recovered, recover};
 
+/// Complete recordings that a killed run left
+///
+/// A recording that grows is called take.wav.recording. This command corrects its header and renames it to
+/// take.wav, or to take-1.wav if take.wav exists.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Recording, or folder of recordings
+    #[arg(value_name = "FILE|FOLDER", default_value = ".")]
+    pub path: PathBuf,
+}
+
 /// Runs the command.
-pub fn run(args: &Recover) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let cannot = |e: std::io::Error| Diagnostic::new(format!("cannot read this: {e}")).in_file(&args.path);
     let files = if args.path.is_dir() {
         let entries = std::fs::read_dir(&args.path).map_err(cannot)?;

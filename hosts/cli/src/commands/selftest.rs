@@ -1,4 +1,4 @@
-//! `asperity selftest`: hard cases over a user's graph and all kinds of nodes that are found.
+//! `asperity selftest`: runs the hard cases over a user's graph and all kinds of nodes.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -28,7 +28,7 @@ pub fn run(args: &SelfTest) -> Result<ExitCode, Failure> {
     if let Some(graph) = &graph {
         subject = subject.graph(graph);
     }
-    // A case that is asked for by name says itself that it needs a graph.
+    // A case that is named reports itself that it needs a graph.
     let needless = |case: &&Case| graph.is_none() && case.of_graph && args.case.is_empty();
     let (left, run): (Vec<&Case>, Vec<&Case>) = chosen.into_iter().partition(needless);
     let bar = progress(run.len(), args.quiet);
@@ -62,7 +62,7 @@ pub fn run(args: &SelfTest) -> Result<ExitCode, Failure> {
     Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// The cases that were asked for.
+/// The wanted cases.
 fn chosen(args: &SelfTest) -> Result<Vec<&'static Case>, Failure> {
     let all = cases();
     let unknown = |what: &str, name: &str, names: Vec<&'static str>| {
@@ -75,20 +75,17 @@ fn chosen(args: &SelfTest) -> Result<Vec<&'static Case>, Failure> {
         }
     }
     for name in &args.family {
-        if all.iter().all(|c| c.family.name() != name) {
-            let mut names: Vec<&str> = all.iter().map(|c| c.family.name()).collect();
+        if all.iter().all(|c| c.family != name) {
+            let mut names: Vec<&str> = all.iter().map(|c| c.family).collect();
             names.dedup();
             return Err(unknown("family", name, names));
         }
     }
     let asked = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
-    Ok(all
-        .into_iter()
-        .filter(|c| asked(&args.case, c.name) && asked(&args.family, c.family.name()))
-        .collect())
+    Ok(all.into_iter().filter(|c| asked(&args.case, c.name) && asked(&args.family, c.family)).collect())
 }
 
-/// The graph, if there is one, and all kinds. What does not load or compile is wrong before any case is run.
+/// The graph, if there is one, and all kinds. Errors of loading and compiling come before any case.
 fn subject(args: &SelfTest) -> Result<(Option<GraphFile>, Registry), Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let Some(path) = &args.graph else { return Ok((None, kinds.registry(None)?)) };
@@ -101,13 +98,11 @@ fn subject(args: &SelfTest) -> Result<(Option<GraphFile>, Registry), Failure> {
         strict: false,
         plugins: args.plugins.clone(),
     };
-    let graph = load::read(&of, &mut kinds)?;
-    let registry = kinds.registry(Some(&graph))?;
-    load::compiled(&graph, &of, &registry)?;
-    Ok((Some(graph), registry))
+    let loaded = load::load(&of, &mut kinds)?;
+    Ok((Some(loaded.graph), loaded.registry))
 }
 
-/// A panic in a plugin that is prepared is caught by nobody else.
+/// Runs a case. Nothing else catches a panic of a plugin that is prepared.
 fn contained(case: &Case, subject: &Subject<'_>) -> Outcome {
     catch_unwind(AssertUnwindSafe(|| case.run(subject)))
         .unwrap_or_else(|_| Outcome { verdict: Verdict::Fails, found: "it panicked outside a tick".into() })
@@ -124,7 +119,7 @@ fn progress(cases: usize, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// How wide the columns are.
+/// Widths of the columns.
 struct Told {
     family: usize,
     case: usize,
@@ -143,7 +138,7 @@ impl Told {
         let widest = |name: fn(&Case) -> &str, head: &str| {
             cases.iter().map(|c| name(c).len()).chain([head.len()]).max().unwrap_or(0)
         };
-        Self { family: widest(|c| c.family.name(), "family"), case: widest(|c| c.name, "case") }
+        Self { family: widest(|c| c.family, "family"), case: widest(|c| c.name, "case") }
     }
 
     fn line(&self, family: &str, case: &str, verdict: &str, found: &str) -> String {
@@ -154,7 +149,7 @@ impl Told {
 
     fn row(&self, case: &Case, outcome: &Outcome, verbose: bool) -> String {
         let found = outcome.found.lines().map(clean).collect::<Vec<_>>().join("; ");
-        let mut out = self.line(case.family.name(), case.name, word(outcome.verdict), &found);
+        let mut out = self.line(case.family, case.name, word(outcome.verdict), &found);
         if verbose {
             out += &format!("    hard: {}\n    must: {}\n", case.hard, case.must);
         }
@@ -165,7 +160,7 @@ impl Told {
 fn as_json(args: &SelfTest, rows: &[(&Case, Outcome)], failed: usize) -> Value {
     let row = |(case, outcome): &(&Case, Outcome)| {
         json!({
-            "family": case.family.name(), "case": case.name, "verdict": word(outcome.verdict),
+            "family": case.family, "case": case.name, "verdict": word(outcome.verdict),
             "found": outcome.found, "hard": case.hard, "must": case.must, "of_graph": case.of_graph,
         })
     };

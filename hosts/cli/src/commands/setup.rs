@@ -1,27 +1,67 @@
-//! `asperity setup`: writes down what stands behind a channel of the sound card.
+//! `asperity setup`: writes the machine's file, which says what stands behind a channel of the sound card.
 
 use std::io::{BufRead as _, IsTerminal as _};
 use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
 use asperity_diagnostics::{Diagnostic, Source};
 
-use crate::args::Setup;
+use crate::card;
 use crate::failure::{Failure, complain, print};
-use crate::live::perform;
 use crate::machine::{Machine, default_path};
+use crate::number::{channel, number};
 use crate::output::Pending;
 
+/// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
+///
+/// The file holds for every graph: no graph can raise its limits, and a graph that contradicts it is
+/// refused. At a terminal, options that are missing are asked for.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Device: its name or id, as `asperity devices` lists it
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Channel of the device, from 1
+    #[arg(long, value_name = "N", value_parser = channel)]
+    pub channel: Option<u16>,
+    /// The actuator on it: a shipped profile or a .ron file
+    #[arg(long, value_name = "PROFILE")]
+    pub profile: Option<String>,
+    /// Mass of the handle that it is fixed to
+    #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
+    pub handle_mass_g: Option<f64>,
+    /// Peak volts of the card at full scale
+    #[arg(long, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
+    pub volts_at_full_scale: Option<f64>,
+    /// Gain of the current amplifier behind the card
+    #[arg(long, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
+    pub amps_per_volt: Option<f64>,
+    /// Gain of the voltage amplifier behind the card, if it is one
+    #[arg(long, value_name = "V/V", conflicts_with = "amps_per_volt")]
+    #[arg(value_parser = number(1e-3, 1000.0, "V/V"))]
+    pub volts_per_volt: Option<f64>,
+    /// Most volts that the card may put out; by default full scale
+    #[arg(long, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
+    pub most_volts: Option<f64>,
+    /// File to write; by default your own
+    #[arg(long, value_name = "FILE")]
+    pub machine: Option<PathBuf>,
+    /// Overwrite the entry of this channel
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &Setup) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let path = args.machine.clone().or_else(default_path);
     let path = path.ok_or_else(|| Failure::Machine("this system has no folder for configuration".into()))?;
     let device: String = given(&args.device, "--device", "Device, as `asperity devices` lists it")?;
     let channel: u16 = given(&args.channel, "--channel", "Channel, from 1")?;
     let profile: String = given(&args.profile, "--profile", "Actuator: a shipped profile or a .ron file")?;
-    let handle: f64 = given(&args.handle_mass_g, "--handle-mass-g", "Mass of what it is fixed to, in g")?;
-    perform::actuator(("--profile", &profile), &[("--handle-mass-g", handle)])?;
+    let handle: f64 = given(&args.handle_mass_g, "--handle-mass-g", "Mass of its handle, in g")?;
+    card::actuator(("--profile", &profile), &[("--handle-mass-g", handle)])?;
     let full: f64 =
         given(&args.volts_at_full_scale, "--volts-at-full-scale", "Peak volts of the card at full scale")?;
     let amplifier = match args.volts_per_volt {
@@ -39,10 +79,10 @@ pub fn run(args: &Setup) -> Result<ExitCode, Failure> {
     let entry = format!(
         "(device: {device:?}, channel: {channel}, profile: {:?}, handle_mass_g: {handle:?},\n         \
          volts_at_full_scale: {full:?}, {amplifier}, most_volts: {most:?})",
-        perform::named(&profile)?
+        card::absolute(&profile)?
     );
     let text = edited(&path, &device, channel, &entry, args.overwrite)?;
-    // What this would not read is not written.
+    // A file that could not be read again is not written.
     Machine::parse(&Source::new(&path, text.clone()))?;
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Failure::writing(folder, e))?;
@@ -55,7 +95,7 @@ pub fn run(args: &Setup) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The file's text with an entry for a channel; what else stands in it stays.
+/// The file's text with an entry for a channel. The rest of the text stays.
 fn edited(path: &Path, device: &str, channel: u16, entry: &str, overwrite: bool) -> Result<String, Failure> {
     if !path.exists() {
         return Ok(format!(
@@ -82,7 +122,7 @@ fn edited(path: &Path, device: &str, channel: u16, entry: &str, overwrite: bool)
     Ok(text)
 }
 
-/// An option's value; asked for in a terminal where the option is missing.
+/// An option's value; at a terminal, a missing one is asked for.
 fn given<T: FromStr + Clone>(value: &Option<T>, option: &str, question: &str) -> Result<T, Failure> {
     if let Some(value) = value {
         return Ok(value.clone());

@@ -1,30 +1,52 @@
-//! `asperity tone`: a sine on one channel, to find the actuator.
+//! `asperity tone`: plays a sine on one channel, to find the actuator.
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::Compiled;
 use asperity_node::Buffer;
 
-use crate::args::Tone;
+use crate::card::{ActuatorArgs, OutputArgs, TICK_HZ, Watching, graph, output_nodes, play, range};
 use crate::failure::{Failure, complain, print};
-use crate::live::perform::{Watching, graph, output_nodes, play};
+use crate::number::{number, whole};
 
-/// Seconds from silence to full: an actuator that is not where one thought is not struck.
+/// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+pub struct Args {
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Frequency, at most 0.45 of the audio rate
+    #[arg(long, default_value_t = 80.0, value_name = "HZ", value_parser = number(1.0, 20_000.0, "Hz"))]
+    pub hz: f64,
+    /// Peak current, behind an amplifier of `--amps-per-volt`
+    #[arg(long, default_value_t = 0.05, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
+    pub amps: f64,
+    /// Duration
+    #[arg(long, default_value_t = 3.0, value_name = "S", value_parser = number(0.01, 86_400.0, "s"))]
+    pub seconds: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
+    pub rate: u32,
+    #[command(flatten)]
+    pub actuator: ActuatorArgs,
+    /// Print errors only
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Ramp from silence to the full level \[s\]: it spares an actuator on an unexpected channel.
 const START_S: f64 = 0.5;
-/// Ticks a second, as the graph of [`graph`] has.
-const TICK_HZ: f64 = 500.0;
-/// Longest that is tried beforehand, to say how loud it will be: by then the limiter has found its gain \[s\].
+/// Longest trial without a device, which finds the level \[s\]: by then the limiter has settled.
 const TRIED_S: f64 = 3.0;
-/// The last seconds of it, in which it is as loud as it stays.
+/// Part of the trial at its end, in which the level is steady \[s\].
 const LAST_S: f64 = 0.2;
-/// What is this much below the tone that was asked for is told.
+/// A level below this part of the requested one is reported.
 const AS_ASKED: f64 = 0.99;
 
 /// Runs the command.
-pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     range("--hz", args.hz, 1.0, (0.45 * f64::from(args.rate)).min(20_000.0), "Hz")?;
     let nodes = format!(
         r#""tone": (kind: "sine", params: (frequency_hz: {:?}, amplitude: {:?}, unit: "A")), {}"#,
@@ -62,9 +84,9 @@ pub fn run(args: &Tone) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How strong the tone is behind the limiter, within the card's full scale and after the ramp of the start \[A peak\]: at its strongest,
-/// and as it stays. It is run without a device.
-fn peaks(compiled: Compiled, args: &Tone) -> [f64; 2] {
+/// Level of the tone behind the limiter, the card's full scale and the ramp \[A peak\]: its maximum, and
+/// the steady level. The graph runs without a device.
+fn peaks(compiled: Compiled, args: &Args) -> [f64; 2] {
     let full_scale = args.actuator.amps_per_volt * args.actuator.volts_at_full_scale;
     let Some(out) = compiled.schedule.index_of("out") else { return [args.amps.min(full_scale); 2] };
     let mut engine = Engine::new(compiled, Default::default());
@@ -85,18 +107,19 @@ fn peaks(compiled: Compiled, args: &Tone) -> [f64; 2] {
     [strongest, stays]
 }
 
-/// What is played, and why it is not what was asked for.
+/// The level in words, and why it is not the requested one.
 fn loudness(asked: f64, [strongest, stays]: [f64; 2]) -> String {
     if stays >= AS_ASKED * asked {
         return format!("{asked} A peak");
     }
     let then = if strongest > stays / AS_ASKED { format!(", then {stays:.3} A") } else { String::new() };
     format!(
-        "{strongest:.3} A peak{then} ({asked} A are asked for; the limiter and the card's full scale let no more through)"
+        "{strongest:.3} A peak{then} ({asked} A are asked for; \
+         the limiter and the card's full scale let no more through)"
     )
 }
 
-/// Whether the limiter had to hold the tone back.
+/// Says by how much the limiter lowered the tone, if it did.
 fn limited(ended: &asperity_live::Ended) -> String {
     let Some(player) = &ended.player else { return String::new() };
     let engine = player.engine();
@@ -109,18 +132,10 @@ fn limited(ended: &asperity_live::Ended) -> String {
     };
     match number("largest_reduction") {
         Some(db) if db > 0.1 => format!(
-            "the limiter lowered the tone by {db:.1} dB: the actuator of the profile does not stand more; largest {:.4} A\n",
+            "the limiter lowered the tone by {db:.1} dB: the actuator of the profile does not stand more; \
+             largest {:.4} A\n",
             number("largest").unwrap_or(0.0)
         ),
         _ => String::new(),
     }
-}
-
-/// An option within a range that depends on others.
-pub fn range(option: &str, x: f64, least: f64, most: f64, unit: &str) -> Result<(), Failure> {
-    if x >= least && x <= most {
-        return Ok(());
-    }
-    let message = format!("{x} {unit} is out of range");
-    Err(Diagnostic::new(message).in_file(option).help(format!("{least} to {most} {unit}")).into())
 }

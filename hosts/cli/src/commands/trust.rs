@@ -1,32 +1,146 @@
 //! `asperity trust`: folders whose plugins a graph may load.
+//!
+//! A plugin may do whatever its user may, from the moment it is loaded, and a graph may come from anybody.
+//! So a plugin that a graph names is loaded only from a folder that the user trusts, or if the command line
+//! or `ASPERITY_PLUGIN_PATH` names it too.
 
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
-use crate::args::Trust;
-use crate::failure::{Failure, print};
-use crate::trust;
+use crate::failure::{Failure, clean, print, wrong};
+use crate::output;
+
+/// Let graphs load plugins from a folder, or list such folders
+///
+/// A plugin may do whatever you may, from the moment it is loaded. A plugin that a graph names is loaded
+/// only from a trusted folder, or if --plugin or ASPERITY_PLUGIN_PATH names it too. ASPERITY_TRUST lists
+/// more folders.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The folder; without one, the trusted folders are listed
+    pub folder: Option<PathBuf>,
+    /// Trust it no more
+    #[arg(long, requires = "folder")]
+    pub remove: bool,
+}
+
+/// More trusted folders, separated as in `PATH`: for machines without a user.
+const VARIABLE: &str = "ASPERITY_TRUST";
 
 /// Runs the command.
-pub fn run(args: &Trust) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     match &args.folder {
         Some(folder) if args.remove => {
-            if !trust::remove(folder)? {
-                let what = "this folder is not on the list of trusted ones";
-                return Err(Diagnostic::new(what).in_file(folder).help("see `asperity trust`").into());
-            }
+            remove(folder)?;
             print(&format!("{} is trusted no more\n", folder.display()))?;
         }
         Some(folder) => {
-            let folder = trust::add(folder)?;
+            let folder = add(folder)?;
             print(&format!("graphs may load plugins from {}\n", folder.display()))?;
         }
         None => {
-            let lines: Vec<String> =
-                trust::folders().iter().map(|folder| format!("{}\n", folder.display())).collect();
-            print(&if lines.is_empty() { "no folder is trusted\n".to_owned() } else { lines.concat() })?;
+            let lines = lines(&folders());
+            print(if lines.is_empty() { "no folder is trusted\n" } else { &lines })?;
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether a file lies in or below a trusted folder; links are followed.
+pub fn is_trusted(file: &Path) -> bool {
+    let Ok(file) = file.canonicalize() else { return false };
+    let more = std::env::var_os(VARIABLE).unwrap_or_default();
+    let more = std::env::split_paths(&more).filter(|folder| !folder.as_os_str().is_empty());
+    let all = folders().into_iter().chain(more);
+    all.filter_map(|folder| folder.canonicalize().ok()).any(|folder| file.starts_with(folder))
+}
+
+/// Asks the user at the terminal, if there is one, whether to trust the folder of a file. Remembers a yes.
+pub fn ask(graph: &Path, file: &Path) -> bool {
+    let (Some(folder), input) = (file.parent(), std::io::stdin()) else { return false };
+    if !input.is_terminal() || !std::io::stderr().is_terminal() {
+        return false;
+    }
+    let [graph, shown] = [graph, folder].map(|path| clean(&path.display().to_string()));
+    let question = format!(
+        "{graph} asks for native code in {shown}.\nIt may do whatever you may. Trust this folder? [y/N] "
+    );
+    let _ = std::io::stderr().write_all(question.as_bytes());
+    let mut line = String::new();
+    let answered = input.lock().read_line(&mut line).is_ok();
+    if !answered || !["y", "yes"].contains(&line.trim().to_lowercase().as_str()) {
+        return false;
+    }
+    add(folder).map_err(|failure| failure.report()).is_ok()
+}
+
+/// Trusts a folder.
+///
+/// # Errors
+/// The path is no folder, everybody may write into it, or the list cannot be written.
+fn add(folder: &Path) -> Result<PathBuf, Failure> {
+    let refuse = |what: &str| Diagnostic::new(what).in_file(folder);
+    let whole = folder.canonicalize().map_err(|e| refuse(&format!("there is no such folder: {e}")))?;
+    if !whole.is_dir() {
+        return Err(refuse("this is no folder").help("trust the folder it lies in").into());
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = std::fs::metadata(&whole).map_or(0, |meta| meta.permissions().mode());
+        if mode & 0o002 != 0 {
+            let what = "everybody on this machine may write into this folder";
+            return Err(refuse(what).help("keep plugins in a folder of your own").into());
+        }
+    }
+    if whole.to_str().is_none_or(|name| name.contains('\n')) {
+        return Err(refuse("the list cannot hold this name: it has a line break or is not UTF-8").into());
+    }
+    let mut all = folders();
+    if !all.contains(&whole) {
+        all.push(whole.clone());
+        write(&all)?;
+    }
+    Ok(whole)
+}
+
+/// Trusts a folder no more.
+///
+/// # Errors
+/// The folder is not on the list, or the list cannot be written.
+fn remove(folder: &Path) -> Result<(), Failure> {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    let (gone, left): (Vec<_>, Vec<_>) = folders().into_iter().partition(|f| *f == whole || f == folder);
+    if gone.is_empty() {
+        let what = "this folder is not on the list of trusted ones";
+        return Err(wrong(folder, what, "see `asperity trust`"));
+    }
+    write(&left)
+}
+
+/// The user's list: a folder a line.
+fn list() -> Option<PathBuf> {
+    Some(dirs::config_dir()?.join("asperity").join("trusted"))
+}
+
+/// Folders of the user's list.
+fn folders() -> Vec<PathBuf> {
+    let text = list().and_then(|list| std::fs::read_to_string(list).ok()).unwrap_or_default();
+    text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).collect()
+}
+
+fn lines(folders: &[PathBuf]) -> String {
+    folders.iter().map(|folder| format!("{}\n", folder.display())).collect()
+}
+
+fn write(all: &[PathBuf]) -> Result<(), Failure> {
+    let list =
+        list().ok_or_else(|| Failure::Machine("this system has no folder for configuration".into()))?;
+    if let Some(folder) = list.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| Failure::writing(folder, e))?;
+    }
+    output::write_text(&list, &lines(all))
 }

@@ -1,8 +1,8 @@
 //! Heat of a device's coils between runs, and locks on its channels.
 //!
-//! Each channel of a device has two seats. A run alone takes both; one with `--share` takes one of them, and
-//! plays at half of every limit. A seat is a locked file, so that it is free when its process is gone,
-//! however that ended. Beside it stands how warm the coil was, written once a second.
+//! Each channel of a device has two seats. A run alone takes both; a run with `--share` takes one and plays
+//! at half of every limit. A seat is a locked file: it is free when its process ends, however that ends.
+//! The file holds the heat of the coil, written once a second.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read as _, Seek as _, Write as _};
@@ -17,13 +17,13 @@ use parking_lot::Mutex;
 
 use super::Machine;
 
-/// Names the folder where all this is kept; empty for nowhere. Simulated cards, which have no coil, keep
-/// theirs only where it is set.
+/// Environment variable that names the folder of the seats; empty for none. Simulated cards, which have no
+/// coil, use seats only if it is set.
 const FOLDER: &str = "ASPERITY_STATE";
-/// Two processes share a channel at most.
+/// At most two processes share a channel.
 const SEATS: usize = 2;
 
-/// The keeper of a run.
+/// Guards the coils of a run.
 #[derive(Debug)]
 pub struct Coils {
     share: bool,
@@ -32,13 +32,13 @@ pub struct Coils {
     seats: Vec<Vec<Seat>>,
     /// Rating \[A^2\] and time constant \[s\] of each channel's coil.
     actuators: Vec<(f64, f64)>,
-    /// Where the device that plays is told to whoever checks other graphs for it.
+    /// The device that plays, for the [`Ceiling`].
     device: Arc<Mutex<Option<Opened>>>,
-    /// It has been said that nothing can be written.
+    /// Whether the warning that heat cannot be written was said.
     told: bool,
 }
 
-/// The machine's file, and the device that plays.
+/// Checks graphs against the machine's file while a device plays.
 #[derive(Clone, Debug)]
 pub struct Ceiling {
     machine: Arc<Machine>,
@@ -46,8 +46,7 @@ pub struct Ceiling {
 }
 
 impl Ceiling {
-    /// Refuses a graph that is to take the place of the one that runs, and says something else of what is
-    /// behind the device. `playing` are its nodes by channel.
+    /// Refuses a new graph that contradicts the machine's file. `playing` are its nodes by channel.
     pub fn check(&self, playing: &[String], schedule: &Schedule) -> Result<(), Diagnostic> {
         let device = self.device.lock();
         let Some(device) = &*device else { return Ok(()) };
@@ -57,7 +56,7 @@ impl Ceiling {
     }
 }
 
-/// One of the seats of a channel, taken: a locked file, which holds what is known of the coil.
+/// A seat of a channel that this process holds.
 #[derive(Debug)]
 struct Seat {
     file: File,
@@ -69,31 +68,31 @@ struct Seat {
 struct Record {
     /// Mean of the square of the current \[A^2\].
     heat: f64,
-    /// The same that the coil bears for ever.
+    /// Mean square of the current that the coil stands for ever \[A^2\].
     rating: f64,
     /// Time constant with which it cools \[s\].
     cools_in: f64,
     clock: Clock,
-    /// Whether a run was under way.
+    /// Whether a run is under way.
     running: bool,
 }
 
-/// A time, by the wall clock and since the machine was started.
+/// A time by the wall clock, and since the machine was started.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Clock {
     /// Seconds since 1970.
     wall: f64,
-    /// Tells one start of the machine from another; 0 where that is not known.
+    /// Identifies the start of the machine; 0 if not known.
     boot: u64,
     /// Seconds since then.
     up: f64,
 }
 
-/// How warm a coil is \[A^2\].
+/// Heat of a coil \[A^2\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Warm {
     Known(f64),
-    /// It counts as being at its rating, or at this where it is more.
+    /// At least this, and at least its rating.
     AtLeast(f64),
 }
 
@@ -116,7 +115,7 @@ impl Coils {
         Some(Ceiling { machine: self.machine.clone()?, device: self.device.clone() })
     }
 
-    /// Takes seats on a channel. Answers them, and how warm the coil is.
+    /// Takes seats on a channel. Answers them, and the heat of the coil.
     fn sit(&self, folder: &Path, device: &Opened, i: usize) -> Result<(Vec<Seat>, Warm), Diagnostic> {
         let channel = device.channels[i].0;
         let mut taken = Vec::new();
@@ -136,7 +135,7 @@ impl Coils {
             let record = Record::parse(&text).filter(|_| read.is_ok());
             let stands = match record {
                 _ if new => Warm::Known(0.0),
-                // Of a run that goes on, what it says.
+                // A run under way keeps its record up to date.
                 Some(record) if !free => Warm::Known(record.heat),
                 Some(record) => record.now(&Clock::now()),
                 None => Warm::AtLeast(0.0),
@@ -147,7 +146,7 @@ impl Coils {
             } else if !self.share || taken.is_empty() {
                 taken.push(Seat { file, last: None });
             } else if let Warm::AtLeast(heat) = stands {
-                // Nobody sits there for now: from here on the coil is known, and cools.
+                // The other seat is free: from now on the heat is known, and falls.
                 let (rating, cools_in) = self.actuators[i];
                 let heat = heat.max(rating);
                 let record = Record { heat, rating, cools_in, clock: Clock::now(), running: false };
@@ -168,7 +167,7 @@ impl Coils {
         Ok((taken, warm))
     }
 
-    /// Writes a record of each channel to its seats.
+    /// Writes a record to the seats of each channel.
     fn write(&mut self, of: impl Fn(usize, Option<Record>) -> Option<Record>) {
         for (channel, seats) in self.seats.iter_mut().enumerate() {
             for seat in seats {
@@ -176,7 +175,7 @@ impl Coils {
                     && let Err(e) = seat.write(record)
                     && !std::mem::replace(&mut self.told, true)
                 {
-                    crate::failure::warn(&format!("how warm the coils are cannot be kept: {e}"));
+                    crate::failure::warn(&format!("cannot write the heat of the coils: {e}"));
                 }
             }
         }
@@ -196,9 +195,9 @@ impl Keeper for Coils {
         terms.notices.extend(self.unprotected(device).filter(|_| !simulated));
         let Some(folder) = folder(simulated) else {
             if !simulated && std::env::var_os(FOLDER).is_none() {
-                terms.notices.push(
-                    "this system has no folder for it: the coils count as being at their rating".into(),
-                );
+                terms
+                    .notices
+                    .push("this system has no state folder: the coils count as being at their rating".into());
                 terms.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
             }
             return Ok(terms);
@@ -211,8 +210,8 @@ impl Keeper for Coils {
                 Warm::Known(heat) => heat,
                 Warm::AtLeast(heat) => {
                     terms.notices.push(format!(
-                        "the coil on channel {channel} counts as being at its rating: the last run did not end as it \
-                         should, or the clock went back"
+                        "the coil on channel {channel} counts as being at its rating: \
+                         the last run was killed, or the clock went back"
                     ));
                     heat.max(self.actuators[i].0)
                 }
@@ -220,7 +219,7 @@ impl Keeper for Coils {
         }
         self.note(&terms.heat);
         for seat in self.seats.iter().flatten() {
-            // From now on a run is under way, whatever becomes of the machine.
+            // The record of a run under way must survive a crash of the machine.
             let _ = seat.file.sync_all();
         }
         Ok(terms)
@@ -250,7 +249,7 @@ impl Coils {
         of_machine.or_else(of_graph).unwrap_or((0.0, 1.0))
     }
 
-    /// Says that only the graph's word protects an actuator, where that is so.
+    /// Warns of a channel that the machine's file does not protect.
     fn unprotected(&self, device: &Opened) -> Option<String> {
         let unknown = |m: &Machine| {
             let mut unknown =
@@ -270,8 +269,8 @@ impl Coils {
 }
 
 impl Seat {
-    /// Writes a record over the one before, in place: the lock is on the file itself. All records are of the
-    /// same length, so that one which is cut short is seen.
+    /// Overwrites the record in place: the lock is on the file itself. All records have the same length, so
+    /// that a record that is cut short is noticed.
     fn write(&mut self, record: Record) -> std::io::Result<()> {
         self.last = Some(record);
         let text = record.text();
@@ -309,8 +308,7 @@ impl Record {
         Some(Self { heat, rating, cools_in: number("cools_in_s")?, clock, running })
     }
 
-    /// How warm the coil is now. It is not known where a run did not end as it should, or the clock went
-    /// back.
+    /// Heat of the coil now. It is not known if a run was killed or the clock went back.
     fn now(&self, now: &Clock) -> Warm {
         match now.since(&self.clock) {
             Some(since) if !self.running => Warm::Known(self.heat * (-since / self.cools_in.max(1e-3)).exp()),
@@ -320,7 +318,7 @@ impl Record {
 }
 
 impl Warm {
-    /// Joins two records of one coil: the warmer one holds.
+    /// Joins the heat of two records of one coil: the larger one holds.
     fn or(self, other: Self) -> Self {
         match (self, other) {
             (Self::Known(a), Self::Known(b)) => Self::Known(a.max(b)),
@@ -338,8 +336,8 @@ impl Clock {
         Self { wall, boot: if up.is_some() { boot } else { 0 }, up: up.unwrap_or(0.0) }
     }
 
-    /// Seconds since an earlier time; none where the clock went back. A clock that was set ahead since the
-    /// machine was started cools no coil.
+    /// Seconds since an earlier time; `None` if the clock went back. A clock that was set ahead since the
+    /// machine started cools no coil.
     fn since(&self, before: &Self) -> Option<f64> {
         let wall = self.wall - before.wall;
         let up = (self.boot == before.boot && self.boot != 0).then_some(self.up - before.up);
@@ -347,7 +345,7 @@ impl Clock {
     }
 }
 
-/// Where it is kept; none for nowhere.
+/// Folder of the seats; `None` for none.
 fn folder(simulated: bool) -> Option<PathBuf> {
     match std::env::var_os(FOLDER) {
         Some(folder) if folder.is_empty() => None,
@@ -357,7 +355,7 @@ fn folder(simulated: bool) -> Option<PathBuf> {
     }
 }
 
-/// A channel as the name of a file. Two JACK servers on one machine may each have a device of the same name.
+/// File name of a channel. Two JACK servers on one machine may have devices of the same name.
 fn file_name(device: &Opened, channel: u16) -> String {
     let server = if device.id.starts_with("jack") { std::env::var("JACK_DEFAULT_SERVER").ok() } else { None };
     let whole = format!("{} {}", device.id, server.unwrap_or_default());
@@ -380,7 +378,7 @@ fn open(path: &Path) -> Result<(File, bool), Diagnostic> {
 fn unusable(path: &Path, error: &std::io::Error) -> Diagnostic {
     Diagnostic::new(format!("cannot tell who drives the actuator: {error}"))
         .in_file(path)
-        .help(format!("{FOLDER} names another folder; empty, nothing is kept"))
+        .help(format!("{FOLDER} names another folder; if it is empty, nothing is kept"))
 }
 
 #[cfg(test)]
@@ -410,7 +408,7 @@ mod tests {
         let now = Clock { wall: 2e9, boot: 7, up: 101.0 };
         let before = Clock { wall: 1e9, boot: 7, up: 100.0 };
         assert_eq!(now.since(&before), Some(1.0));
-        // The machine was started anew: only the wall clock tells.
+        // The machine was restarted: only the wall clock counts.
         assert_eq!(now.since(&Clock { boot: 8, ..before }), Some(1e9));
     }
 

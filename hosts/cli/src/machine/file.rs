@@ -1,5 +1,5 @@
-//! The machine's file: the actuator, the card and the amplifier behind each channel of a device. No graph can
-//! raise its limits.
+//! The machine's file: actuator and amplifier behind each channel of a device. No graph can raise its
+//! limits.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,15 +11,15 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::{Opened, Outlet};
 use asperity_node::{Guard, Unit};
 
-/// Numbers that are the same but for how they are written.
+/// Relative difference of numbers that count as equal.
 const SAME: f64 = 1e-6;
 
-/// The file.
+/// The machine's file.
 #[derive(Clone, Debug)]
 pub struct Machine {
     pub source: Arc<Source>,
     pub outputs: Vec<Output>,
-    /// The list of outputs, in the text.
+    /// Place of the list of outputs.
     pub list: Place,
 }
 
@@ -38,17 +38,17 @@ pub struct Output {
     pub amplifier: (Drive, f64),
     /// Most volts that the card may put out.
     pub most_volts: f64,
-    /// The entry, in the text.
+    /// Place of the entry.
     pub place: Place,
 }
 
-/// The file in the user's configuration folder; none where there is no such folder.
+/// The file in the user's configuration folder; `None` if the system has no such folder.
 pub fn default_path() -> Option<PathBuf> {
     Some(dirs::config_dir()?.join("asperity").join("machine.ron"))
 }
 
 impl Machine {
-    /// Reads the file that is named; else the user's own, where there is one.
+    /// Reads the named file; else the user's own, if it exists.
     pub fn find(named: Option<&Path>) -> Result<Option<Self>, Diagnostic> {
         if let Some(path) = named {
             return Self::read(path).map(Some);
@@ -62,7 +62,7 @@ impl Machine {
         Self::parse(&Source::read(path)?)
     }
 
-    /// Reads its text.
+    /// Parses its text.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let root = parse(source)?;
         let mut record = root.record("Machine")?;
@@ -91,7 +91,7 @@ impl Machine {
         Ok(Self { source: source.clone(), outputs, list })
     }
 
-    /// Entry for a channel of a device.
+    /// The entry for a channel of a device.
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
         self.outputs_of(device, channel).next()
     }
@@ -103,8 +103,7 @@ impl Machine {
         self.outputs.iter().filter(move |o| o.channel == channel && names.contains(&o.device))
     }
 
-    /// Refuses a graph that says something else of what is behind a device. `playing` are its nodes by
-    /// channel.
+    /// Refuses a graph that contradicts the file. `playing` are its nodes by channel.
     pub fn check(
         &self,
         device: &Opened,
@@ -129,7 +128,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Guards for the channels that it knows.
+    /// Guards for the channels in the file.
     pub fn guards(&self, device: &Opened, rate_hz: u32) -> Result<Outlet, Diagnostic> {
         let guard = |(channel, _): &(u16, String)| {
             self.output(device, *channel).map(|output| output.guard(rate_hz)).transpose()
@@ -157,7 +156,7 @@ impl Output {
         Diagnostic::new(message).at(&self.place.source, self.place.span)
     }
 
-    /// Refuses a node that plays on this channel and says something else of it.
+    /// Refuses a node that plays on this channel and contradicts the entry.
     fn check(&self, out: &ScheduledNode, schedule: &Schedule) -> Result<(), Diagnostic> {
         let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
         let (drive, gain) = self.amplifier;
@@ -180,7 +179,7 @@ impl Output {
         limiter.map_or(Ok(()), |limiter| self.check_actuator(limiter))
     }
 
-    /// Refuses a limiter for another actuator, or for one that stands more.
+    /// Refuses a limiter for another actuator, or with higher limits.
     fn check_actuator(&self, limiter: &ScheduledNode) -> Result<(), Diagnostic> {
         let base = limiter.params.place("profile").or(limiter.params.node_place());
         let base = base.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""));
@@ -231,7 +230,7 @@ impl Output {
         Ok(())
     }
 
-    /// An error that names both places.
+    /// An error with both places.
     fn contradicts(&self, node: &ScheduledNode, param: &str, message: String) -> Diagnostic {
         let at = self.place.position();
         let file = self.place.source.path().display();

@@ -5,9 +5,9 @@
 //! 3. The files are renamed.
 //! 4. The journals are removed.
 //!
-//! If the process is killed, the next one that writes into one of the folders looks at the journal there. If
-//! every folder has it, the renames may have begun, and are finished. Else none has begun, and the journal is
-//! removed.
+//! If the process is killed, the next one that writes into one of the folders looks at the journal there.
+//! If every folder has it, the renames may have begun, and are finished. Else none has begun, and the
+//! journal is removed.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -19,13 +19,13 @@ use tempfile::{NamedTempFile, TempPath};
 use super::{PART, Pending, claimed, left_over, made, sync_folder};
 use crate::failure::Failure;
 
-/// A journal's name is that of the first file that it renames, and this.
+/// A journal's name: that of the first file that it renames, with this ending.
 const JOURNAL: &str = ".renames";
 
-/// A file, and the name that it gets.
+/// A file, and its new name.
 type Rename = (PathBuf, PathBuf);
 
-/// Gives files their names, all or none, and returns these.
+/// Gives all files their names, or none, and returns the names.
 pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
     for file in &files {
         file.temp.as_file().sync_all().map_err(|e| Failure::writing(&file.path, e))?;
@@ -47,7 +47,7 @@ pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
 /// Writes a journal into each folder.
 fn write(files: &[Pending]) -> Result<Vec<NamedTempFile>, Failure> {
     let renames: Vec<Rename> = files.iter().map(|f| (f.temp.path().to_owned(), f.path.clone())).collect();
-    // Of names that are no text there is no journal.
+    // A name that is not UTF-8 cannot be written: no journal.
     let Ok(text) = serde_json::to_vec(&renames) else { return Ok(Vec::new()) };
     let mut journals = Vec::new();
     for path in journals_of(&renames) {
@@ -66,7 +66,7 @@ fn write(files: &[Pending]) -> Result<Vec<NamedTempFile>, Failure> {
     Ok(journals)
 }
 
-/// Any file of each folder.
+/// One file of each folder.
 fn folders(paths: &[PathBuf]) -> Vec<&PathBuf> {
     let mut seen = BTreeSet::new();
     paths.iter().filter(|path| seen.insert(path.parent())).collect()
@@ -87,7 +87,7 @@ pub fn tidy(path: &Path) {
         Ok(entries) => entries.filter_map(|entry| Some(entry.ok()?.path())).collect(),
         Err(_) => return,
     };
-    // What fails is left for the next one.
+    // The next process tries again what fails here.
     for journal in entries.iter().filter(|path| ends_with(path, &format!("{PART}{JOURNAL}"))) {
         if let Ok(Some(_lock)) = left_over(journal) {
             let _ = finish(journal);
@@ -121,7 +121,7 @@ fn ends_with(path: &Path, end: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(end))
 }
 
-/// Whether this is a name that a file has until it is whole.
+/// Whether this is a temporary name of the file.
 fn is_part_of(part: &Path, path: &Path) -> bool {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let (part_name, begin) = (name(part), format!(".{}.", name(path)));
@@ -134,7 +134,7 @@ fn is_part_of(part: &Path, path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// A process that was killed leaves its files, and nothing that is locked.
+    /// A killed process leaves its files, unlocked.
     fn killed(file: NamedTempFile) {
         let (file, path) = file.into_parts();
         path.keep().unwrap();
@@ -146,7 +146,7 @@ mod tests {
         paths: [PathBuf; 2],
     }
 
-    /// Two new files in two folders, in which old ones of their names are.
+    /// Two new files in two folders, with old files of the same names.
     fn two() -> (Two, Vec<Pending>) {
         let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
         let paths = [0, 1].map(|i| dirs[i].path().canonicalize().unwrap().join("a"));
@@ -163,7 +163,7 @@ mod tests {
             self.paths.each_ref().map(|path| std::fs::read_to_string(path).unwrap())
         }
 
-        /// How many files there are beside the two.
+        /// Number of other files in the folders.
         fn left(&self) -> usize {
             let count = |path: &PathBuf| std::fs::read_dir(path.parent().unwrap()).unwrap().count();
             self.paths.iter().map(count).sum::<usize>() - 2
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!((two.texts(), two.left()), (["new", "new"].map(String::from), 0));
     }
 
-    /// Once, a kill between two renames left old and new files mixed.
+    /// Regression: a kill between two renames left old and new files mixed.
     #[test]
     fn kill_between_renames_is_finished_by_the_next_run() {
         for next in 0..2 {

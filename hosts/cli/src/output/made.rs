@@ -1,40 +1,41 @@
-//! Files that Asperity made: a line for each in the person's state folder. One that was changed since does not count.
+//! Files that Asperity made: a line for each in the user's state folder. A file that was changed since does
+//! not count.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// From this size on the older half of the list is forgotten.
+/// Above this size \[bytes\] the older half of the list is removed.
 const MOST_BYTES: u64 = 1 << 20;
 
 fn list() -> Option<PathBuf> {
     Some(dirs::state_dir().or_else(dirs::data_local_dir)?.join("asperity").join("made"))
 }
 
-/// Length, time of the last change and whole name, as a line.
+/// Length, time of the last change and full name, as a line.
 fn line(path: &Path, meta: &Metadata) -> Option<String> {
     let time = meta.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     let name = path.canonicalize().ok()?;
-    // Of names that are no text, or of several lines, nothing is known.
+    // The list cannot hold names with line breaks, or that are not UTF-8.
     let name = name.to_str().filter(|name| !name.contains('\n'))?;
     Some(format!("{} {} {name}\n", meta.len(), time.as_nanos()))
 }
 
-/// Puts down a file that was made. Where that cannot be, nobody knows of it.
+/// Adds a file to the list, if that is possible.
 pub fn remember(path: &Path) {
     let put_down = || {
         let line = line(path, &std::fs::metadata(path).ok()?)?;
         let list = list()?;
         std::fs::create_dir_all(list.parent()?).ok()?;
         shorten(&list);
-        // In one piece: other processes write here too.
+        // In one call: other processes write here too.
         OpenOptions::new().append(true).create(true).open(&list).ok()?.write_all(line.as_bytes()).ok()
     };
     let _ = put_down();
 }
 
-/// Whether a file is as Asperity made it.
+/// Whether Asperity made the file, and nobody changed it since.
 pub fn is_ours(path: &Path) -> bool {
     let known = || {
         let line = line(path, &std::fs::metadata(path).ok()?)?;

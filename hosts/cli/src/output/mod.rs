@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all, and recordings that survive their run.
+//! Files that appear complete or not at all, and recordings that survive a killed run.
 
 mod journal;
 mod made;
@@ -13,16 +13,26 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::args::Format;
 use crate::failure::{Failure, warn, without_path};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
 
-/// End of a name that a file has until it is whole.
+/// Sample format of a WAV file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// 32-bit float
+    F32,
+    /// 24-bit integer
+    I24,
+    /// 16-bit integer
+    I16,
+}
+
+/// Ending of the temporary name of an incomplete file.
 const PART: &str = ".part";
 
-/// A file under a temporary name beside the one it is to have.
+/// A file under a temporary name, beside its final one.
 #[derive(Debug)]
 pub struct Pending {
     path: PathBuf,
@@ -30,7 +40,7 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// Opens one. The folder must be there, and what already has the name must be a file; a link is followed.
+    /// Creates one. The folder must exist. An existing path of the name must be a file; links are followed.
     pub fn create(path: &Path) -> Result<Self, Failure> {
         let (path, there) = free(path)?;
         journal::tidy(&path);
@@ -40,7 +50,7 @@ impl Pending {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // As any new file: the umask takes its part of this.
+            // Like any new file, before the umask.
             builder.permissions(Permissions::from_mode(0o666));
         }
         builder.prefix(&prefix).suffix(PART);
@@ -48,9 +58,10 @@ impl Pending {
         Ok(Self::with(path, temp, there))
     }
 
-    /// Opens a recording: a file called `NAME.recording` while it grows, that stays if the run is killed.
+    /// Creates a recording: a file called `NAME.recording` while it grows, which stays if the run is
+    /// killed.
     ///
-    /// One that an earlier run left there is completed first, under a name with a number.
+    /// A recording that an earlier run left is completed first, under a name with a number.
     pub fn recording(path: &Path) -> Result<Self, Failure> {
         let (path, there) = free(path)?;
         let name = format!("{}{GROWING}", path.file_name().unwrap_or_default().to_string_lossy());
@@ -82,7 +93,7 @@ impl Pending {
 
     fn with(path: PathBuf, temp: NamedTempFile, there: Option<Permissions>) -> Self {
         if let Some(permissions) = there {
-            // Who may read it stays as it was; a file system without such a thing says no, and nothing is lost.
+            // Keep the permissions of the old file. A file system without permissions may refuse.
             let _ = temp.as_file().set_permissions(permissions);
         }
         Self { path, temp }
@@ -99,7 +110,7 @@ impl Pending {
         Ok(self)
     }
 
-    /// Gives the file its name, which it returns.
+    /// Gives the file its final name, and returns that.
     pub fn keep(self) -> Result<PathBuf, Failure> {
         let path = self.path.clone();
         keep_all(vec![self])?;
@@ -107,7 +118,7 @@ impl Pending {
     }
 }
 
-/// Where a file is to be, and who may read what is there now.
+/// The resolved path for a new file, and the permissions of the file that it replaces.
 fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
     let refuse = |what: &str| Err(Diagnostic::new(what).in_file(path).into());
     let resolved = resolved(path);
@@ -121,21 +132,21 @@ fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
     Ok((resolved, there))
 }
 
-/// Why a file cannot be made.
+/// The error for a file that cannot be created.
 fn refused(path: &Path, e: io::Error) -> Failure {
     match e.kind() {
-        // Nothing that the user gave is wrong.
+        // Not an error of the user's input.
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Failure::writing(path, e),
         _ => Diagnostic::new(format!("cannot write here: {}", without_path(e))).in_file(path).into(),
     }
 }
 
-/// A new file, locked for as long as its process lives: [`left_over`] does not take it for left.
+/// A new file, locked while its process lives, so that [`left_over`] leaves it alone.
 fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<NamedTempFile> {
     loop {
         let mut temp = make()?;
-        // Waits for a process that looks at the file before it is locked, and may remove it.
-        // Not every disk has locks.
+        // Waits for another process that found the file unlocked, and may remove it. Not every disk has
+        // locks.
         let _ = temp.as_file().lock();
         if temp.path().exists() {
             return Ok(temp);
@@ -144,12 +155,12 @@ fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<Na
     }
 }
 
-/// A file, locked, whose process is gone; none where it lives.
+/// Opens and locks a file whose process has ended; `None` if the process lives.
 ///
 /// # Errors
 /// The file cannot be opened; the disk has no locks.
 fn left_over(path: &Path) -> io::Result<Option<File>> {
-    // Opening a pipe could wait for ever.
+    // Opening a pipe could block.
     if !std::fs::symlink_metadata(path)?.is_file() {
         return Err(ErrorKind::InvalidInput.into());
     }
@@ -161,33 +172,32 @@ fn left_over(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Makes a file's name last where the machine stops.
+/// Writes a folder to the disk, so that a file's name survives a crash of the machine.
 fn sync_folder(file: &Path) {
     if cfg!(unix) {
         let folder = file.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // Not every disk can.
+        // Not every disk supports it.
         let _ = File::open(folder).and_then(|folder| folder.sync_all());
     }
 }
 
-/// Writes a whole text.
+/// Writes a file with this text.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.fill(text)?.keep().map(drop)
 }
 
-/// Whether a graph may write over files that Asperity did not make.
+/// Whether a graph may overwrite files that Asperity did not make.
 static OVERWRITE: AtomicBool = AtomicBool::new(false);
 
-/// From here on a graph may write over files that Asperity did not make.
+/// Lets graphs overwrite files that Asperity did not make.
 pub fn overwrite() {
     OVERWRITE.store(true, Relaxed);
 }
 
-/// Whether a graph may have this file written: below the working directory, and over none that Asperity did
-/// not make. Whoever names a file on the command line may do as they please.
+/// Checks that a graph may write this file. A file that the command line names needs no check.
 ///
 /// # Errors
-/// Why not.
+/// The file is outside the working directory, or would overwrite one that Asperity did not make.
 pub fn permit(file: &Path) -> Result<(), Diagnostic> {
     let whole = resolved(file);
     let here = Path::new(".").canonicalize();
@@ -203,10 +213,10 @@ pub fn permit(file: &Path) -> Result<(), Diagnostic> {
     Ok(())
 }
 
-/// A path by which two names of one file are the same, also of a file that is not there yet.
+/// A path that is the same for all names of a file, also of one that does not exist yet.
 pub fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
-    // A link may lead to what is not there yet. One that leads to itself ends here as what it is.
+    // Follow links by hand: their target may not exist yet. A cycle ends after 40 steps.
     for _ in 0..40 {
         let Ok(target) = std::fs::read_link(&path) else { break };
         path = path.parent().unwrap_or(Path::new("")).join(target);
@@ -221,13 +231,12 @@ pub fn resolved(path: &Path) -> PathBuf {
     }
 }
 
-/// The ending of a file's name, in lower case.
+/// The extension of a file's name, in lower case.
 pub fn ending(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// What takes rows of samples or values.
-#[derive(Debug)]
+/// A file of rows of samples or values: WAV, NumPy or CSV.
 pub struct Rows {
     pending: Pending,
     to: To,
@@ -239,29 +248,17 @@ enum To {
     Csv(BufWriter<File>, Vec<u8>),
 }
 
-impl std::fmt::Debug for To {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            To::Wav(..) => "Wav",
-            To::Npy(..) => "Npy",
-            To::Csv(..) => "Csv",
-        })
-    }
-}
-
-/// Largest size of a WAV file's samples in bytes: its header counts them in 32 bits.
+/// Largest size of a WAV file's samples \[bytes\]: its header counts them in 32 bits.
 const MAX_WAV_BYTES: u64 = u32::MAX as u64 - 1024;
 
 impl Rows {
-    /// Refuses a WAV file of so many samples in all that its header could not say how many.
+    /// Refuses more samples than a WAV file can hold.
     pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
         let bytes = samples
-            * if format == Format::F32 {
-                4
-            } else if format == Format::I24 {
-                3
-            } else {
-                2
+            * match format {
+                Format::F32 => 4,
+                Format::I24 => 3,
+                Format::I16 => 2,
             };
         if bytes <= MAX_WAV_BYTES {
             return Ok(());
@@ -272,7 +269,7 @@ impl Rows {
             .help(format!("render at most {part:.0} % of it, in --format i16, or to a .npy file")))
     }
 
-    /// A WAV file; a row is one sample of every channel.
+    /// A WAV file; a row has a sample of each channel.
     pub fn wav(pending: Pending, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
         let path = &pending.path;
         let (bits_per_sample, sample_format) = match format {
@@ -286,7 +283,7 @@ impl Rows {
         Ok(Self { to: To::Wav(writer.map_err(|e| Failure::writing(path, e))?, format), pending })
     }
 
-    /// A .npy file of float32: one dimension for `None`, else rows of so many columns.
+    /// A .npy file of float32: one dimension for `None`, else rows of this many columns.
     pub fn npy(pending: Pending, columns: Option<usize>) -> Result<Self, Failure> {
         let path = &pending.path;
         let writer = npy::Writer::new(BufWriter::new(pending.file()?), columns);
@@ -300,7 +297,7 @@ impl Rows {
         Ok(Self { to: To::Csv(file, Vec::new()), pending })
     }
 
-    /// Appends rows; `time` answers the time of each, in seconds.
+    /// Appends rows; `time` answers the time of each \[s\].
     pub fn append(
         &mut self,
         values: &[f32],
@@ -335,7 +332,7 @@ impl Rows {
         }
     }
 
-    /// Brings the file and its header up to date, and keeps it even if the run is killed.
+    /// Brings the file and its header up to date, and keeps it if the run is killed.
     pub fn refresh(&mut self) -> Result<(), Failure> {
         let path = &self.pending.path;
         match &mut self.to {
@@ -347,14 +344,14 @@ impl Rows {
         Ok(())
     }
 
-    /// Where it goes.
+    /// Final path of the file.
     pub fn path(&self) -> &Path {
         &self.pending.path
     }
 
-    /// What was written so far, as far as the disk took it, without completing it.
+    /// The incomplete file, with the rows that the disk took.
     pub fn abandon(self) -> Pending {
-        // Who writes puts down what it still holds, where that is possible.
+        // Dropping a writer flushes it, if that is possible.
         drop(self.to);
         self.pending
     }

@@ -1,4 +1,4 @@
-//! A recording that was not completed: the rows that reached the disk make a valid file.
+//! Completes a recording whose run was killed: the rows that reached the disk make a valid file.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -9,29 +9,29 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::{ending, left_over, made, sync_folder};
 
-/// A recording's name while it grows is its own name and this.
+/// Ending of a recording's name while it grows.
 pub const GROWING: &str = ".recording";
 
-/// A line of a CSV file is shorter than this.
+/// Limit for the length of a line of a CSV file \[bytes\].
 const LONGEST_LINE: u64 = 1 << 20;
 
 /// Outcome of [`recover`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Recovered {
-    /// It is complete, under this name.
+    /// Completed, under this name.
     Kept(PathBuf),
-    /// It had no rows, and is removed.
+    /// Removed, because it had no rows.
     Empty,
-    /// A run still writes it.
+    /// Not touched, because a run still writes it.
     Busy,
 }
 
-/// Completes a recording whose run was killed, and gives it a name that no other file has.
+/// Completes a recording whose run was killed, under a name that no other file has.
 ///
-/// Names are tried with a number from `first` on; 0 is the name without one.
+/// Tries names with a number from `first` on; 0 is the name without a number.
 ///
 /// # Errors
-/// Errors of the disk; a file that is no recording.
+/// Errors of the disk; the file is no recording.
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "this is no recording that was left");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
@@ -60,7 +60,7 @@ pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     Err(io::ErrorKind::AlreadyExists.into())
 }
 
-/// A file's name with a number before its ending; 0 for none.
+/// A file's name with a number before its extension; 0 for no number.
 fn numbered(path: &Path, number: u32) -> PathBuf {
     if number == 0 {
         return path.to_owned();
@@ -69,11 +69,11 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(format!("{}-{number}.{}", part(path.file_stem()), part(path.extension())))
 }
 
-/// Cuts a file of 32-bit floats, or lines of text, after its last whole row, and corrects its header.
-/// Returns how many rows there are; of a CSV file, nothing.
+/// Cuts a file of 32-bit floats or lines of text after its last complete row, and corrects its header.
+/// Answers the number of rows; `None` for a CSV file.
 ///
 /// # Errors
-/// Errors of the disk; a file whose header did not reach it.
+/// Errors of the disk; the header did not reach the disk.
 pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     let len = file.metadata()?.len();
     match ending {

@@ -10,14 +10,14 @@ use super::frames::{FRAME_HZ, Frames, MAGNITUDES, MagnitudesKind};
 use super::method::{How, ID, Method};
 use crate::failure::Failure;
 
-/// Most latency that a node may declare, in s: so much silence is run besides the frames.
+/// Most latency that a node may declare \[s\]: the chain runs that much longer.
 const MOST_LATENCY_S: u32 = 10;
 
-/// frames -> the node -> `overlap_add` where it answers spectra -> probe; it is run once.
+/// Frames, the node, `overlap_add` if it puts out spectra, and a probe. It runs once.
 pub struct Chain {
     engine: Engine,
     frames: Arc<Frames>,
-    /// Whose time counts: the node, and what makes samples of its spectra.
+    /// Nodes whose time counts: the node, and `overlap_add`.
     timed: Vec<usize>,
     node: usize,
     probe: usize,
@@ -27,9 +27,8 @@ pub struct Chain {
 impl Chain {
     /// Prepares the nodes for these frames.
     ///
-    /// # Errors
-    /// Settings that the kind does not have, frames that it refuses, an answer at another rate than the frames', a
-    /// declared latency of more than 10 s.
+    /// # Errors Settings that the kind does not have; frames that it refuses; another output rate than the
+    /// frames'; a declared latency of more than 10 s.
     pub fn new(
         registry: &Registry,
         method: &Method,
@@ -68,24 +67,24 @@ impl Chain {
         Ok(Self { engine, frames: frames.clone(), timed, node, probe, latency })
     }
 
-    /// What the node declares as latency, with that of `overlap_add`.
+    /// Declared latency, with that of `overlap_add`.
     pub fn latency(&self) -> Latency {
         self.latency
     }
 
-    /// How often nodes failed, and how the node failed last.
+    /// Number of failures of all nodes, and the report of the node.
     pub fn faults(&self) -> (u64, Option<&NodeReport>) {
         (self.engine.faults(), self.engine.report(self.node))
     }
 
-    /// Runs all frames and answers the signal that they describe: what the node declares as latency
-    /// is taken out, so that sample i is sample i of the frames.
+    /// Runs all frames and answers their signal without the declared latency: sample i is sample i of the
+    /// frames.
     pub fn signal(&mut self) -> Vec<f32> {
         self.timed_signal(&NoClock, |_| {})
     }
 
-    /// The same; `took` is told for every frame how many nanoseconds the node took for it, with the `overlap_add` behind
-    /// one that answers spectra.
+    /// Like [`signal`](Self::signal); calls `took` for each frame with the time of node and `overlap_add`
+    /// \[ns\].
     pub fn timed_signal<C: Clock>(&mut self, clock: &C, mut took: impl FnMut(u64)) -> Vec<f32> {
         let late = self.late();
         let wanted = (self.frames.samples() as i64 + late.max(0)) as usize;
@@ -104,7 +103,7 @@ impl Chain {
         signal.split_off(late.max(0) as usize)
     }
 
-    /// Runs all frames and answers what is heard meanwhile, at the time at which it is heard, whatever latency the node declares.
+    /// Runs all frames and answers the output of these ticks, whatever latency the node declares.
     pub fn live(&mut self) -> Vec<f32> {
         let mut signal = Vec::with_capacity(self.frames.samples() as usize);
         for _ in 0..self.frames.count() {
@@ -120,7 +119,7 @@ impl Chain {
         (i128::from(num) * i128::from(self.frames.layout().rate_hz)).div_euclid(i128::from(den)) as i64
     }
 
-    /// The samples of the last tick.
+    /// Samples of the last tick.
     fn samples(&self) -> &[f32] {
         match self.engine.input(self.probe, 0) {
             Some(Buffer::Audio { samples, len, .. }) => &samples[..*len],
@@ -137,7 +136,7 @@ fn graph(method: &Method, registry: &Registry, rate_hz: u32, seed: u64) -> Resul
     };
     let mut graph = GraphFile::empty(ORIGIN);
     graph.tick_hz = FRAME_HZ;
-    // So that a node that answers at the graph's rate answers at the frames'.
+    // A node whose output has the graph's rate then has the frames' rate.
     graph.audio_hz = rate_hz;
     graph.seed = seed;
     graph.add_node("frames", MAGNITUDES, &[], ORIGIN)?;

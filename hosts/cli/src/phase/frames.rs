@@ -1,4 +1,4 @@
-//! Magnitude frames in memory, and the node that plays them.
+//! Magnitude frames in memory, and a node that plays them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,20 +9,21 @@ use asperity_node::{
     Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
 
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
 /// Frames a second of magnitudes from NumPy.
 pub const FRAME_HZ: u32 = 500;
-/// Rates that are accepted, in Hz.
+/// Accepted sample rates \[Hz\].
 const RATES: std::ops::RangeInclusive<u32> = 100..=192_000;
 
-/// Magnitudes as amplitudes, at least one frame of them, and their layout.
+/// At least one frame of magnitudes, as amplitudes, and their layout.
 pub struct Frames {
     layout: FrameLayout,
     bins: Vec<f32>,
 }
 
-/// Refuses a rate at which 0.1 s is no whole number of samples. `what` is what the rate stands in, such as `--rate 44`.
+/// Refuses a rate at which 0.1 s is not a whole number of samples. `what` names its origin, such as `--rate
+/// 44`.
 ///
 /// # Errors
 /// A rate that is too low, too high or no multiple of 10.
@@ -37,11 +38,11 @@ pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
 }
 
 impl Frames {
-    /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a second. What is
-    /// negative or not finite becomes 0; answers how many those were.
+    /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a
+    /// second. Values that are negative or not finite become 0; answers their number.
     ///
     /// # Errors
-    /// No whole number of frames, none at all, or more bins than such a transform has.
+    /// Not a whole number of frames, no frame, or more bins than the transform has.
     pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;
@@ -50,7 +51,7 @@ impl Frames {
             return Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit"))
                 .help(format!("at least one frame, and 1 to {most} bins at {rate_hz} Hz")));
         }
-        // An unscaled DFT of a Hann window, whose sum is half its length, to amplitudes.
+        // From an unscaled DFT to amplitudes: the sum of a Hann window is half its length.
         let scale = 4.0 / length as f32;
         let mut bad = 0;
         for x in &mut values {
@@ -67,32 +68,33 @@ impl Frames {
     /// The same from a file of shape [frames, bins].
     ///
     /// # Errors
-    /// A file that is no such array.
+    /// The file is no such array.
     pub fn read(path: &Path, rate_hz: u32) -> Result<(Self, u64), Failure> {
         let array = npy::read(path)?;
         let &[_, bins] = array.shape.as_slice() else {
-            return Err(Diagnostic::new(format!("an array of shape {:?} does not fit", array.shape))
-                .in_file(path)
-                .help("two dimensions: [frames, bins]")
-                .into());
+            return Err(wrong(
+                path,
+                format!("an array of shape {:?} does not fit", array.shape),
+                "two dimensions: [frames, bins]",
+            ));
         };
         Ok(Self::from_unscaled(array.values.into_f32(), bins, rate_hz).map_err(|e| e.in_file(path))?)
     }
 
-    /// Frames that are amplitudes already; a whole number of them, at least one.
+    /// Frames of amplitudes; a whole number, at least one.
     ///
     /// # Errors
-    /// A rate of 0 frames a second, which [`FRAME_HZ`] is not.
+    /// None.
     pub fn from_amplitudes(bins: Vec<f32>, bins_a_frame: usize, rate_hz: u32) -> Result<Self, Diagnostic> {
         Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
     }
 
-    /// How the frames came to be.
+    /// Layout of the frames.
     pub fn layout(&self) -> FrameLayout {
         self.layout
     }
 
-    /// How many frames.
+    /// Number of frames.
     pub fn count(&self) -> usize {
         self.bins.len() / self.layout.bins as usize
     }
@@ -102,7 +104,7 @@ impl Frames {
         time::first_sample(frame, self.layout.rate_hz, FRAME_HZ)
     }
 
-    /// Samples that the frames cover: frame n those from its start on, as many as its window has.
+    /// Number of samples that the frames cover, with the window of the last one.
     pub fn samples(&self) -> u64 {
         self.start((self.count() as u64).saturating_sub(1)) + u64::from(self.layout.length)
     }
@@ -112,7 +114,7 @@ impl Frames {
         &self.bins
     }
 
-    /// Magnitudes of the unscaled DFT, as the files have them.
+    /// Magnitudes of the unscaled DFT, as in files.
     pub fn unscaled(&self) -> Vec<f32> {
         let scale = self.layout.length as f32 / 4.0;
         self.bins.iter().map(|x| x * scale).collect()
@@ -124,7 +126,7 @@ fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
     Ok(FrameLayout { rate_hz, length: rate_hz / 10, bins: bins as u32, frame_rate })
 }
 
-/// The kind that plays frames. No file can name it: its name has spaces.
+/// Kind of the source. No graph file can name it: its name has spaces.
 pub(super) const MAGNITUDES: &str = "magnitudes from memory";
 
 /// A source that plays frames from memory, one a tick.

@@ -1,13 +1,13 @@
-//! Which kinds retrieve phase, and how a command line names one.
+//! Methods of phase retrieval, as the command line names them.
 
 use asperity_diagnostics::{Source, one_of};
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{Descriptor, Diagnostic, NodeKind, Registry};
+use asperity_node::{Descriptor, NodeKind, Registry};
 
 use super::offline::{OFFLINE, Offline};
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
-/// The graph whose phase-retrieval node is what `default` means, and its name in errors.
+/// The graph whose phase-retrieval node is `default`, and its name in errors.
 const SHIPPED: (&str, &str) = ("texture.ron (shipped)", include_str!("../../../../graphs/texture.ron"));
 
 /// The option that names methods, for errors.
@@ -16,7 +16,7 @@ pub(super) const OPTION: &str = "--phase";
 /// The node's id in a chain.
 pub(super) const ID: &str = "phase";
 
-/// Every kind of a registry that retrieves phase, by name.
+/// Kinds of a registry that retrieve phase, by name.
 pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
     registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| d.retrieval().is_some()).collect()
 }
@@ -24,13 +24,13 @@ pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
 /// A way to retrieve phase, with its settings.
 #[derive(Clone, Debug)]
 pub struct Method {
-    /// What a person calls it: the text it was made from.
+    /// The text that names it.
     pub label: String,
-    /// What does it.
+    /// The node or the offline method.
     pub how: How,
 }
 
-/// What retrieves phase.
+/// A node or an offline method.
 #[derive(Clone, Debug)]
 pub enum How {
     /// A node, as a graph declares it.
@@ -40,12 +40,12 @@ pub enum How {
 }
 
 impl Method {
-    /// Reads `KIND` or `KIND:param=value,...`; beside the kinds there are the offline methods, and the kind `default` is the one of the
-    /// recommended graph, with its settings.
-    /// Whether the kind has those parameters shows when a chain is made of it.
+    /// Parses `KIND` or `KIND:param=value,...`. KIND may be an offline method, or `default`: the node of
+    /// the shipped graph, with its settings. [`Chain::new`](super::Chain::new) checks the parameters of a
+    /// node.
     ///
     /// # Errors
-    /// A kind that is not there or does not retrieve phase, a setting without `=`.
+    /// The kind does not exist or does not retrieve phase; a setting has no `=`.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
         if let Some(offline) = Offline::parse(kind, settings) {
@@ -63,10 +63,7 @@ impl Method {
             graph.add_node(ID, kind, &[], OPTION)?;
         } else {
             let names = kinds.iter().copied().chain(["default"]).chain(OFFLINE);
-            return Err(Diagnostic::new(format!("`{kind}` is no phase-retrieval node"))
-                .in_file(OPTION)
-                .help(one_of(kind, names))
-                .into());
+            return Err(wrong(OPTION, format!("`{kind}` is no phase-retrieval node"), one_of(kind, names)));
         }
         for setting in settings.split(',').filter(|s| !s.trim().is_empty()) {
             graph.set(&format!("{ID}.{}", setting.trim()), OPTION)?;
@@ -75,7 +72,7 @@ impl Method {
         Ok(Self { label: text.to_owned(), how: How::Node(Box::new(node)) })
     }
 
-    /// The kind of the node, or what an offline method is called.
+    /// Kind of the node, or name of the offline method.
     pub fn kind(&self) -> &str {
         match &self.how {
             How::Node(node) => &node.kind,

@@ -1,7 +1,7 @@
-//! Phase retrieval outside a graph file: frames in, a signal out. `invert` and `compare` stand on it.
+//! Phase retrieval outside a graph file, for `invert` and `compare`: frames in, a signal out.
 //!
-//! [`Frames`] are played by a source of this module's own; a [`Method`] names the node and its settings; a [`Chain`]
-//! is the graph of both, with an `overlap_add` behind a node that answers spectra, ready to run.
+//! A [`Method`] is a node with settings, or an offline method. A [`Chain`] is the graph of a source that
+//! plays [`Frames`], the node, and an `overlap_add` if the node puts out spectra.
 
 mod chain;
 mod frames;

@@ -1,4 +1,4 @@
-//! Methods that need all frames at once: references that no node can be.
+//! Methods that need all frames at once, as references: Griffin-Lim and its fast variant.
 
 use std::str::FromStr;
 
@@ -10,27 +10,27 @@ use super::Frames;
 use super::method::OPTION;
 use crate::failure::Failure;
 
-/// What a command line calls them.
+/// Their names.
 pub const OFFLINE: [&str; 2] = ["griffin_lim", "fast_griffin_lim"];
 
-/// Settings of both, of which the first has no `alpha`.
+/// Settings of both; the first method has no `alpha`.
 const SETTINGS: [&str; 3] = ["iterations", "seed", "alpha"];
-/// Most iterations that are run.
+/// Most iterations.
 const MAX_ITERATIONS: usize = 100_000;
 
 /// Griffin-Lim or its fast variant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offline {
     options: Options,
-    /// Its own seed, where one was set.
+    /// Its own seed, if one was set.
     seed: Option<u64>,
 }
 
 impl Offline {
-    /// Reads `param=value,...` of a method by its name; none where it is no such method.
+    /// Parses `param=value,...` of a method; `None` if the name is no offline method.
     ///
     /// # Errors
-    /// A setting that the method does not have, or a value out of its range.
+    /// The method does not have the setting, or the value is out of range.
     pub fn parse(name: &str, settings: &str) -> Option<Result<Self, Diagnostic>> {
         let fast = match name {
             "griffin_lim" => false,
@@ -65,10 +65,10 @@ impl Offline {
         Ok(())
     }
 
-    /// The signal that these frames describe.
+    /// The signal of these frames.
     ///
     /// # Errors
-    /// Frames that cannot be laid out, which reading them has ruled out.
+    /// None for frames that were read.
     pub fn signal(&self, frames: &Frames, seed: u64) -> Result<Vec<f32>, Failure> {
         let l = frames.layout();
         let framing = Framing {
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_are_read_and_what_is_none_is_refused() {
+    fn settings_are_parsed_and_wrong_ones_refused() {
         let parse = |name: &str, settings: &str| Offline::parse(name, settings).unwrap();
         assert_eq!(parse("griffin_lim", "").unwrap().options.alpha, 0.0);
         let it = parse("fast_griffin_lim", "iterations=7, alpha=0.5,seed=3").unwrap();

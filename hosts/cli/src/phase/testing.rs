@@ -1,11 +1,11 @@
-//! Nodes for tests: they retrieve no phase, but answer as one that does.
+//! Nodes for tests with the ports of phase retrieval.
 
 use asperity_node::{
     Descriptor, Diagnostic, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup, ShapeSpec,
     Status, Tick, Unit,
 };
 
-/// A kind that takes magnitudes and answers samples at the frames' rate.
+/// A kind with magnitudes in, and samples at the frames' rate out.
 pub fn audio_kind(kind: &'static str) -> Descriptor {
     Descriptor::new(kind, "Answers as a test wants.")
         .input(
@@ -20,7 +20,8 @@ pub fn audio_kind(kind: &'static str) -> Descriptor {
         )
 }
 
-/// Emits the number of each sample of the frames, `late` samples after it (before it where that is negative), as it declares.
+/// Puts out the number of each sample, `late` samples later (earlier if negative), which it declares as
+/// latency.
 pub struct Counter {
     late: i64,
     rate_hz: u32,
@@ -50,8 +51,8 @@ impl Node for Counter {
     }
 }
 
-/// Plays a sine of 250 Hz at the loudest bin's amplitude of the frame that came `delay` ticks ago; what goes wrong in it
-/// is said by `how`.
+/// Plays a sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a
+/// failure.
 pub struct Tone {
     levels: Vec<f32>,
     rate_hz: u32,

@@ -1,4 +1,4 @@
-//! Chains of nodes that answer in known ways.
+//! Chains of nodes with known output.
 
 use std::sync::Arc;
 
@@ -21,8 +21,7 @@ fn chain(text: &str, frames: &Arc<Frames>) -> Result<Chain, String> {
     Chain::new(&registry, &method, frames, 1).map_err(|e| e.reason())
 }
 
-/// Samples come back to the place that the frames give them, whether they were emitted late or, as by a
-/// node that emits the middle of its windows, early.
+/// Also for early samples, as from a node that emits the middle of its windows.
 #[test]
 fn declared_latency_is_taken_out_whatever_its_sign() {
     for rate_hz in [2500, 44_100] {
@@ -42,14 +41,14 @@ fn declared_latency_is_taken_out_whatever_its_sign() {
 }
 
 #[test]
-fn what_is_heard_live_is_as_late_as_it_is() {
+fn live_output_keeps_its_latency() {
     let frames = frames(40, 2500);
     let heard = chain("counter:late=30", &frames).unwrap().live();
     assert_eq!((heard.len(), heard[0], heard[199]), (200, -30.0, 169.0));
 }
 
 #[test]
-fn a_latency_beyond_measure_and_an_answer_at_another_rate_are_refused() {
+fn long_latency_and_unknown_parameter_are_refused() {
     let frames = frames(40, 2500);
     let why = chain("counter:late=1000000", &frames).err().unwrap();
     assert!(why.contains("declares a latency of 400000 ms"), "{why}");
@@ -60,7 +59,7 @@ fn a_latency_beyond_measure_and_an_answer_at_another_rate_are_refused() {
 }
 
 #[test]
-fn one_required_input_of_magnitudes_and_one_output_of_spectra_or_samples_retrieve_phase() {
+fn retrieval_needs_one_magnitude_input_and_one_output() {
     let control = || Input::new("more", ShapeSpec::Control(1), Unit::NONE);
     let plain = audio_kind("a");
     assert_eq!(

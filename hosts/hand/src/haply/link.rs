@@ -1,4 +1,4 @@
-//! One connection to the service.
+//! A connection to the service.
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, TcpStream, ToSocketAddrs};
@@ -10,11 +10,11 @@ use tungstenite::{Error, HandshakeError, Message, Utf8Bytes, WebSocket, client};
 use super::message;
 use crate::HandError;
 
-/// A longer message is not read.
+/// Longest message that is read [bytes].
 const LONGEST: usize = 1 << 20;
-/// How long a read waits at once.
+/// Longest wait of one read.
 const SLICE: Duration = Duration::from_millis(20);
-/// How long the other side may take to say goodbye.
+/// Longest wait for the other side's close.
 const GOODBYE: Duration = Duration::from_millis(30);
 
 pub(super) struct Link {
@@ -22,10 +22,8 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Connects to `host:port`, which may be written as `ws://host:port`; each step within `patience`.
-    ///
-    /// # Errors
-    /// Nobody is there, or it does not speak WebSocket.
+    /// Connects to `host:port`, also written `ws://host:port`; each step within `patience`.
+    /// Error: nothing answers, or it does not speak WebSocket.
     pub(super) fn connect(host: &str, patience: Duration) -> Result<Self, HandError> {
         let absent = |why: String| {
             HandError::missing(
@@ -65,18 +63,12 @@ impl Link {
         Ok(Self { socket })
     }
 
-    /// Sends a force, which asks for a report.
-    ///
-    /// # Errors
-    /// The connection is gone.
+    /// Sends a force, which requests a report. Error: the connection is lost.
     pub(super) fn ask(&mut self, id: &str, force: [f64; 3]) -> Result<(), String> {
         self.socket.send(Message::text(message::command(id, force))).map_err(|e| e.to_string())
     }
 
-    /// The next report; none when `stopped`, or when none came until `end`.
-    ///
-    /// # Errors
-    /// The connection is gone.
+    /// The next report; `None` if `stopped`, or if none came until `end`. Error: the connection is lost.
     pub(super) fn hear(
         &mut self,
         end: Instant,
@@ -85,7 +77,7 @@ impl Link {
         loop {
             match self.socket.read() {
                 Ok(Message::Text(text)) => return Ok(Some(text)),
-                // Not of the protocol: read as a text that is no report.
+                // Not in the protocol: passed on as a text that is no report.
                 Ok(Message::Binary(_)) => return Ok(Some(Utf8Bytes::from_static("binary data"))),
                 Ok(Message::Close(_)) => return Err("it closed the connection".to_owned()),
                 Ok(_) => {}
@@ -99,10 +91,8 @@ impl Link {
         }
     }
 
-    /// Takes what came without being asked for until `end`, so that the next report is the newest. Whether that was all.
-    ///
-    /// # Errors
-    /// The connection is gone.
+    /// Discards unrequested messages until `end`, so that the next report is the newest. True if all were
+    /// read. Error: the connection is lost.
     pub(super) fn drain(&mut self, end: Instant) -> Result<bool, String> {
         let set = |link: &Self, on| link.socket.get_ref().set_nonblocking(on).map_err(|e| e.to_string());
         set(self, true)?;
@@ -119,7 +109,7 @@ impl Link {
         all
     }
 
-    /// Says goodbye, and waits a moment for the other side to say it.
+    /// Closes the connection, and waits a moment for the other side's close.
     pub(super) fn close(mut self) {
         let end = Instant::now() + GOODBYE;
         let mut going = self.socket.close(None).is_ok();
@@ -133,13 +123,13 @@ impl Link {
     }
 }
 
-/// Host and port of an address that may be written as that of a WebSocket.
+/// Host and port of an address that may be a WebSocket's.
 fn bare(address: &str) -> &str {
     let address = address.trim();
     address.strip_prefix("ws://").unwrap_or(address).trim_end_matches('/')
 }
 
-/// Host and port of an address as they are compared: names of this machine are one.
+/// Host and port for comparison: all names of this machine are one.
 pub(super) fn place(address: &str) -> (String, String) {
     let host = bare(address);
     let (name, port) = host.rsplit_once(':').unwrap_or((host, ""));

@@ -1,11 +1,11 @@
-//! The service's JSON, as far as it is used here.
+//! The part of the service's JSON that is used here.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use serde::Deserialize;
 
-/// A device farther away than this is not there \[m\].
+/// Longest valid distance of a device \[m\].
 const FAR_M: f64 = 10.0;
 
 #[derive(Deserialize)]
@@ -33,10 +33,10 @@ struct Vector {
     z: f64,
 }
 
-/// What a report says of one device.
+/// Report of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Heard {
-    /// Where it is, in mm, in its own axes.
+    /// Its position in mm, in its own axes.
     At([f64; 3]),
     /// The report does not have it.
     Gone,
@@ -49,18 +49,12 @@ fn parse(text: &str) -> Result<Report<'_>, String> {
     })
 }
 
-/// The devices in a report, by id.
-///
-/// # Errors
-/// What is wrong with the text, for a person.
+/// Ids of the devices in a report. Error: the fault in the text, for a person.
 pub(super) fn devices(text: &str) -> Result<Vec<String>, String> {
     Ok(parse(text)?.inverse3.into_iter().map(|d| d.device_id.into_owned()).collect())
 }
 
-/// Reads where a device is.
-///
-/// # Errors
-/// What is wrong with the text, for a person.
+/// Reads the position of a device. Error: the fault in the text, for a person.
 pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
     let report = parse(text)?;
     let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else {
@@ -75,7 +69,7 @@ pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
     Ok(Heard::At(metres.map(|m| m * 1e3)))
 }
 
-/// Writes the command that makes a device push with a finite force \[N\], in its own axes.
+/// Command for a finite force \[N\] of a device, in its own axes.
 pub(super) fn command(id: &str, force: [f64; 3]) -> String {
     let mut text = String::with_capacity(160);
     let id = serde_json::Value::from(id);
@@ -83,7 +77,14 @@ pub(super) fn command(id: &str, force: [f64; 3]) -> String {
     // Writing to a text does not fail.
     let _ = write!(
         text,
-        r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
+        concat!(
+            r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":"#,
+            r#"{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
+        ),
+        id = id,
+        x = x,
+        y = y,
+        z = z
     );
     text
 }
@@ -93,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_is_json_with_the_force_where_the_service_looks_for_it() {
+    fn command_is_json_with_the_force() {
         let json: serde_json::Value = serde_json::from_str(&command("04\"9D", [0.5, -1e-7, -2.25])).unwrap();
         let device = &json["inverse3"][0];
         assert_eq!(device["device_id"], "04\"9D");
@@ -105,10 +106,11 @@ mod tests {
     }
 
     #[test]
-    fn a_report_is_read_in_mm_whatever_else_it_has() {
+    fn report_is_read_in_mm() {
         let text = r#"{"session_id":7,"inverse3":[{"device_id":"A","state":null},
             {"device_id":"049D","config":{"type":"inverse3","x":[1,2]},"status":{},
-             "state":{"cursor_velocity":{"x":1,"y":1,"z":1},"cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
+             "state":{"cursor_velocity":{"x":1,"y":1,"z":1},
+                "cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
         assert_eq!(position(text, "049D"), Ok(Heard::At([10.0, -120.0, 150.0])));
         assert_eq!(position(text, "B"), Ok(Heard::Gone));
         assert!(position(text, "A").unwrap_err().contains("no position of `A`"));
@@ -117,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_report_is_told() {
+    fn invalid_report_error_says_why() {
         let far = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":1e9,"z":0}}}]}"#;
         let null = r#"{"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":null,"z":0}}}]}"#;
         for (text, why) in [

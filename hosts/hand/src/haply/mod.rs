@@ -1,20 +1,23 @@
 //! Haply's Inverse3, by the Inverse Service.
 //!
-//! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. We follow the protocol of its version 3.5 as
-//! documented by the maker (docs.haply.co, Inverse SDK, "WebSocket Protocol", "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service sends a
-//! report with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m). After that each message to it is
-//! answered by one report. Our messages carry `commands.set_cursor_force.values` in N; a force has to be sent, if only 0, to be
-//! answered. No session profile is registered and no basis is set, so the axes are the maker's: x right, y forward, z up, origin in the base.
+//! The service runs on the same machine and speaks JSON in a WebSocket at localhost:10001. This follows the
+//! protocol of its version 3.5 as the maker documents it (docs.haply.co, Inverse SDK, "WebSocket Protocol",
+//! "Basis Permutation", tutorial 01); 3.1 has the same messages. On connecting, the service sends a report
+//! with all devices (`inverse3`, each with `device_id` and `state.cursor_position` in m). Then it answers
+//! each message with one report. Our messages carry `commands.set_cursor_force.values` in N; only a message
+//! with a force, even 0, is answered. We register no session profile and set no basis, so the axes are the
+//! maker's: x right, y forward, z up, origin in the base.
 //!
-//! The servo is this loop: `rate_hz` times a second the newest report is asked for, the force is worked out by the law in
-//! [`servo`](crate::servo) and sent at once, not with the next question. So a hand in contact costs two exchanges a period, and the delay in the
-//! wall's loop is one exchange, not a period. The loop neither locks nor waits for another thread of ours; the WebSocket library
-//! allocates for each message, and the operating system wakes it: it is not real-time as a device's own servo is. A period that is missed
-//! by more than 50 ms begins anew from no force.
+//! The servo is this loop. `rate_hz` times a second it requests the newest report, computes the force by
+//! the law in [`servo`](crate::servo), and sends it at once, not with the next request. So a hand in
+//! contact costs two exchanges a period, and the delay in the wall's loop is one exchange. The loop never
+//! waits for another thread of ours. It is not real-time like a device's own servo: the WebSocket library
+//! allocates for each message, and the operating system wakes it. A period missed by more than 50 ms
+//! restarts from no force.
 //!
-//! The protocol does not say how much force a device has; [`HaplyOptions::max_force_n`] limits it. A sample's force is what the device is
-//! made to push back with along the surface's normal. When the service or the device goes away, that is told, and both are taken up
-//! again when they are back, with a new stroke.
+//! The protocol does not tell a device's largest force; [`HaplyOptions::max_force_n`] limits it. The force
+//! of a sample is the commanded force along the surface's normal. The loss of the service or the device is
+//! reported; both are reconnected when they are back, with a new stroke.
 
 mod link;
 mod message;
@@ -25,44 +28,45 @@ use std::time::{Duration, Instant};
 
 use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter, now_ns};
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::servo::{Limits, Servo};
 use crate::{Device, Frame, HandError};
 use link::Link;
 use message::Heard;
 
-/// Where the service listens.
+/// Address of the service.
 pub const SERVICE: &str = "localhost:10001";
-/// How long each step of a first connection may take.
+/// Longest time for each step of the first connection.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// The same when it is tried again while running: a source that is dropped meanwhile is waited for.
+/// The same for a reconnection; a source that is dropped meanwhile waits for it.
 const BRIEF: Duration = Duration::from_millis(40);
-/// No report for so long is told.
+/// Time without a report that is reported.
 const STALL: Duration = Duration::from_millis(100);
-/// No report for so long: the connection is made anew.
+/// Time without a report after which the connection is made anew.
 const LOST: Duration = Duration::from_secs(1);
-/// How long between attempts to connect again.
+/// Time between two attempts to reconnect.
 const AGAIN: Duration = Duration::from_millis(500);
-/// How long the end may take to let go: the law takes 20 ms.
+/// Longest time to release the force at the end; the law takes 20 ms.
 const LET_GO: Duration = Duration::from_millis(50);
-/// Questions a second unless told otherwise.
+/// Default requests a second.
 pub const USUAL_HZ: u32 = 1000;
-/// Delay d of the wall's loop \[s\], from a report to the force that follows from it: one exchange. Not measured on a device: it is the
-/// longest that lets the two exchanges of a hand in contact fit into a period at [`USUAL_HZ`]; a slower service lowers the rate itself.
+/// Delay d of the wall's loop \[s\], from a report to its force: one exchange. Not measured on a device. It
+/// is the longest
+/// that fits two exchanges into a period at [`USUAL_HZ`]; a slower service lowers the rate itself.
 pub const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
-/// Largest force unless told otherwise \[N\]: a choice of ours, for a hand that does not expect it.
+/// Default largest force \[N\]: our choice, for a hand that does not expect it.
 pub const USUAL_N: f64 = 3.0;
 
-/// Which device, and how it is driven.
+/// Options of the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HaplyOptions {
     /// Host and port of the service, with or without `ws://` before them.
     pub service: String,
-    /// `device_id` of the Inverse3; none where there is only one.
+    /// `device_id` of the Inverse3; `None` if there is only one.
     pub device: Option<String>,
     /// The device's axes and origin.
     pub frame: Frame,
-    /// Questions a second, 100 to 4000.
+    /// Requests a second, 100 to 4000.
     pub rate_hz: u32,
     /// Largest force \[N\].
     pub max_force_n: f64,
@@ -87,8 +91,8 @@ impl Default for HaplyOptions {
     }
 }
 
-/// Whether two ways to write a service's address mean the same: with and without `ws://`, and `localhost` for 127.0.0.1 and ::1. No name
-/// is looked up.
+/// Whether two addresses name the same service: with or without `ws://`, and `localhost` for 127.0.0.1 and
+/// ::1. No name is looked up.
 pub fn same_service(one: &str, other: &str) -> bool {
     link::place(one) == link::place(other)
 }
@@ -96,7 +100,8 @@ pub fn same_service(one: &str, other: &str) -> bool {
 /// Connects to the service and starts the servo. Without `models` the force is always 0.
 ///
 /// # Errors
-/// No service, one that is none, no device, several and none chosen, another than the one chosen; an option that cannot be meant.
+/// No service; something else listens there; no device, several without a choice, or not the
+/// chosen one; an invalid option.
 pub fn start(
     options: HaplyOptions,
     writer: SampleWriter,
@@ -128,10 +133,7 @@ pub fn start(
         sent: [0.0; 3],
         there: true,
     };
-    let thread =
-        thread::Builder::new().name("haply".to_owned()).spawn(move || run.run(link)).map_err(|e| {
-            HandError::missing(format!("no thread for the device: {e}"), "free some memory or processes")
-        })?;
+    let thread = spawn("haply", move || run.run(link))?;
     Ok(Handle::new(shared, thread, None))
 }
 
@@ -186,7 +188,7 @@ struct Run {
     writer: SampleWriter,
     shared: Arc<Shared>,
     stroke: u32,
-    /// What the device was last told, in its axes.
+    /// Last commanded force, in the device's axes.
     sent: [f64; 3],
     /// Whether the last report had the device.
     there: bool,
@@ -203,14 +205,14 @@ impl Run {
                     self.shared.trouble(format!("the service at {} is lost: {why}", self.options.service));
                 }
             }
-            // The service is to see the old connection end before a new one begins.
+            // The service must see the old connection end before a new one begins.
             drop(link);
             let Some(again) = self.reopen() else { return };
             link = again;
         }
     }
 
-    /// Asks and pushes until the source is to stop.
+    /// Requests reports and pushes until the source stops.
     fn serve(&mut self, link: &mut Link) -> Result<(), String> {
         let period = Duration::from_secs(1) / self.options.rate_hz;
         let mut due = Instant::now();
@@ -221,7 +223,7 @@ impl Run {
             if link.drain(now + period / 2)? {
                 dry = now;
             } else if dry.elapsed() > STALL {
-                // What is read by now is old.
+                // Reports read now are old.
                 return Err("it sends more than can be read".to_owned());
             }
             link.ask(&self.id, self.sent)?;
@@ -232,14 +234,14 @@ impl Run {
             let now = Instant::now();
             match due.checked_duration_since(now) {
                 Some(rest) => thread::sleep(rest),
-                // What was missed is not made up for.
+                // Missed periods are not made up for.
                 None => due = now,
             }
         }
         Ok(())
     }
 
-    /// Waits for a report and reads it into the servo. False for a stop.
+    /// Waits for a report and gives it to the servo. False if stopped.
     fn answer(&mut self, link: &mut Link, heard: &mut Instant) -> Result<bool, String> {
         let shared = self.shared.clone();
         loop {
@@ -294,7 +296,7 @@ impl Run {
         self.shared.trouble(format!("the Inverse3 `{}` is no longer there", self.id));
     }
 
-    /// Sends the force that the last report led to, if it is another; what is answered is taken off.
+    /// Sends the force of the last report if it changed, and discards the answer.
     fn turn(&mut self, link: &mut Link, heard: &mut Instant) -> Result<(), String> {
         let force = self.options.frame.force(self.servo.force());
         if force != self.sent {
@@ -308,7 +310,7 @@ impl Run {
         Ok(())
     }
 
-    /// Tries to get the service and the device back; none for a stop.
+    /// Reconnects to the service and the device; `None` if stopped.
     fn reopen(&mut self) -> Option<Link> {
         while !self.shared.stopped() {
             thread::park_timeout(AGAIN);
@@ -324,7 +326,7 @@ impl Run {
         None
     }
 
-    /// Lets go, and says goodbye.
+    /// Releases the force and closes the connection.
     fn end(&mut self, mut link: Link) {
         let period = Duration::from_secs(1) / self.options.rate_hz;
         let end = Instant::now() + LET_GO;
@@ -332,7 +334,7 @@ impl Run {
             let wanted = self.servo.let_go(now_ns());
             let late = Instant::now() > end;
             let force = if late { [0.0; 3] } else { self.options.frame.force(wanted) };
-            // An answer that is not read would make the system cut the connection off, and what was sent last be lost.
+            // With an unread answer the system would reset the connection and lose the last command.
             let sent = link.ask(&self.id, force).is_ok();
             let answered = sent && link.hear(Instant::now(), || false).is_ok();
             if !answered || force == [0.0; 3] {
@@ -350,7 +352,7 @@ mod tests {
     use super::same_service;
 
     #[test]
-    fn a_service_is_the_same_however_its_address_is_written() {
+    fn service_addresses_compare_in_any_notation() {
         for (one, other, same) in [
             ("localhost:10001", "ws://localhost:10001", true),
             ("localhost:10001", "ws://localhost:10001/ ", true),

@@ -1,4 +1,4 @@
-//! What runs in the library's servo thread, a thousand times a second: no allocation, no lock, no waiting.
+//! Runs in the library's servo thread, 1000 times a second. Never allocates, locks or waits.
 
 use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
@@ -15,30 +15,30 @@ use crate::Frame;
 use crate::handle::Shared;
 use crate::servo::Servo;
 
-/// A device that is farther away than this is not there \[mm\].
+/// Longest valid distance of the device \[mm\].
 const FAR_MM: f64 = 1e4;
 
-/// Nobody knows where the hand was in a longer gap between calls, so that it begins a new stroke.
+/// After a longer gap between calls, a new stroke begins: the motion in between is unknown.
 const GAP_NS: u64 = 50_000_000;
 
-/// What the servo callback and the source's own thread tell each other.
+/// Signals between the servo callback and the source's own thread.
 #[derive(Debug, Default)]
 pub(super) struct Signals {
-    /// Let go, then say so.
+    /// Request to release the force.
     pub(super) closing: AtomicBool,
-    /// The force is 0 and stays there.
+    /// The force is 0 and stays 0.
     pub(super) quiet: AtomicBool,
-    /// The error with which the device was lost; 0 for none.
+    /// Error with which the device was lost; 0 for none.
     pub(super) lost: AtomicU32,
-    /// The last error that was not so bad; 0 for none.
+    /// Last other error; 0 for none.
     pub(super) minor: AtomicU32,
     /// Calls so far.
     pub(super) ticks: AtomicU64,
-    /// Whether the callback is running now. Released by it when it is done with the tick.
+    /// Whether the callback is running. The callback releases it at its end.
     pub(super) inside: AtomicBool,
 }
 
-/// The state of the servo. The library's thread has it while scheduled, the source's thread otherwise.
+/// State of the servo. The library's thread owns it while scheduled, the source's thread otherwise.
 pub(super) struct Tick {
     pub(super) hd: Hd,
     pub(super) device: c_uint,
@@ -49,14 +49,14 @@ pub(super) struct Tick {
     pub(super) every: u32,
     pub(super) stroke: u32,
     pub(super) count: u32,
-    /// When the servo was called last.
+    /// Time of the last call.
     pub(super) last_ns: Option<u64>,
     pub(super) shared: Arc<Shared>,
     pub(super) signals: Arc<Signals>,
 }
 
-/// A [`Tick`] of which the library has the address. Lent to its thread between [`Parked::lend`] and the end of its schedule, and not
-/// touched from here meanwhile.
+/// A [`Tick`] whose address the library holds. It is lent to the library's thread between [`Parked::lend`]
+/// and the end of its schedule, and not touched here meanwhile.
 pub(super) struct Parked<T = Tick> {
     tick: NonNull<T>,
     signals: Arc<Signals>,
@@ -70,7 +70,7 @@ impl<T> Parked<T> {
         Self { tick: NonNull::from(Box::leak(Box::new(tick))), signals }
     }
 
-    /// What the callback is scheduled with.
+    /// Argument of the scheduled callback.
     pub(super) fn lend(&mut self) -> *mut c_void {
         self.tick.as_ptr().cast()
     }
@@ -87,12 +87,12 @@ impl<T> Parked<T> {
 
 impl<T> Drop for Parked<T> {
     fn drop(&mut self) {
-        // A library that is still inside the callback goes on using the tick: it is never freed then.
+        // A library still inside the callback goes on using the tick: then it is never freed.
         if self.signals.inside.load(Acquire) {
             return;
         }
-        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back before; what the
-        // callback did last is seen here.
+        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back
+        // before; what the callback did last is seen here.
         drop(unsafe { Box::from_raw(self.tick.as_ptr()) });
     }
 }
@@ -148,7 +148,7 @@ impl Tick {
         CONTINUE
     }
 
-    /// Makes the force; answers its part along the surface's normal.
+    /// Commands the force; returns its part along the surface's normal.
     fn push(&mut self, now: u64, position: [f64; 3]) -> f64 {
         let Some(models) = &mut self.models else {
             self.signals.quiet.store(self.signals.closing.load(Relaxed), Relaxed);
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tick_that_the_library_is_still_inside_of_is_never_freed() {
+    fn tick_in_use_by_the_library_is_never_freed() {
         for inside in [false, true] {
             let signals = Arc::new(Signals::default());
             let tick = Arc::new(());

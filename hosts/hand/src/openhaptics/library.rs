@@ -1,7 +1,8 @@
-//! The maker's library, loaded at run time: names, types and numbers of its C interface.
+//! The maker's library, loaded at run time: names, types and constants of its C interface.
 //!
-//! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library, version 3.4): functions, the values
-//! of their constants, the layout of the one struct that is returned by value.
+//! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library,
+//! version 3.4):
+//! functions, values of constants, and the layout of the one struct that is returned by value.
 
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
 use std::path::{Path, PathBuf};
@@ -12,9 +13,9 @@ use crate::HandError;
 
 /// Position in mm.
 pub(super) const CURRENT_POSITION: c_uint = 0x2050;
-/// Force to be made, in N.
+/// Force to render, in N.
 pub(super) const CURRENT_FORCE: c_uint = 0x2700;
-/// Stiffness in N/mm that the maker recommends at most.
+/// Largest stiffness that the maker recommends, in N/mm.
 pub(super) const NOMINAL_MAX_STIFFNESS: c_uint = 0x2602;
 /// Largest force in N.
 pub(super) const NOMINAL_MAX_FORCE: c_uint = 0x2603;
@@ -22,7 +23,7 @@ pub(super) const NOMINAL_MAX_FORCE: c_uint = 0x2603;
 pub(super) const FORCE_OUTPUT: c_uint = 0x4000;
 /// No device.
 pub(super) const INVALID_HANDLE: c_uint = 0xFFFF_FFFF;
-/// Answers of a callback.
+/// Results of a callback.
 pub(super) const DONE: c_uint = 0;
 pub(super) const CONTINUE: c_uint = 1;
 /// The middle of the priorities 0 to 65535.
@@ -37,10 +38,10 @@ pub(super) struct ErrorInfo {
     pub(super) device: c_uint,
 }
 
-/// What the scheduler calls.
+/// Callback of the scheduler.
 pub(super) type Callback = unsafe extern "system" fn(*mut c_void) -> c_uint;
 
-/// The library's functions. Plain pointers, good as long as the library is loaded, which is for good.
+/// The library's functions: plain pointers, valid because the library is never unloaded.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hd {
     pub(super) init_device: unsafe extern "system" fn(*const c_char) -> c_uint,
@@ -60,7 +61,7 @@ pub(super) struct Hd {
     pub(super) unschedule: unsafe extern "system" fn(c_ulong),
 }
 
-/// Names under which the library is looked for, where no path is given.
+/// Default names of the library.
 fn names() -> &'static [&'static str] {
     if cfg!(windows) {
         &["hd.dll"]
@@ -71,20 +72,18 @@ fn names() -> &'static [&'static str] {
     }
 }
 
-const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), run the driver's setup once, \
-    or give the path of the library";
+const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), \
+    run the driver's setup once, or give the path of the library";
 
 impl Hd {
-    /// Loads the library: the one at `path`, or the first of the usual names that the system's loader finds.
-    ///
-    /// # Errors
-    /// Not found, with what was looked for; or found, and a function is missing.
+    /// Loads the library at `path`, or else the first default name that the system's loader finds.
+    /// Error: not found, with the names tried; or found, but a function is missing.
     pub(super) fn load(path: Option<&Path>) -> Result<Self, HandError> {
         let wanted = path.map_or_else(|| names().iter().map(PathBuf::from).collect(), |p| vec![p.to_owned()]);
         let mut said = Vec::new();
         for name in &wanted {
-            // SAFETY: loading runs the library's initialisers. The user asked for this library by naming the device; it is the
-            // maker's, and there is no other way to the device.
+            // SAFETY: loading runs the library's initialisers. The user asked for this library by naming
+            // the device; it is the maker's, and there is no other way to the device.
             match unsafe { Library::new(name) } {
                 Ok(library) => return Self::of(library, name),
                 Err(e) => said.push(format!("{} ({})", name.display(), reason(&e))),
@@ -97,7 +96,7 @@ impl Hd {
     }
 
     fn of(library: Library, name: &Path) -> Result<Self, HandError> {
-        // The maker's library has threads of its own and is not made to be unloaded.
+        // The maker's library has its own threads and is not made to be unloaded.
         let library: &'static Library = Box::leak(Box::new(library));
         macro_rules! function {
             ($symbol:literal) => {{
@@ -134,7 +133,7 @@ impl Hd {
         })
     }
 
-    /// Takes all errors off the stack; the newest, or none.
+    /// Takes all errors off the stack; returns the newest.
     pub(super) fn errors(&self) -> Option<c_uint> {
         let mut newest = None;
         for _ in 0..ERRORS {
@@ -148,7 +147,7 @@ impl Hd {
         newest
     }
 
-    /// An error code for a person. Not for the servo thread.
+    /// Text of an error code. Not for the servo thread.
     pub(super) fn name(&self, code: c_uint) -> String {
         // SAFETY: answers a constant text or null for any code.
         let text = unsafe { (self.error_string)(code) };
@@ -166,15 +165,15 @@ impl Hd {
     }
 }
 
-/// More errors than this are not taken at once, so that a broken library cannot hold the servo.
+/// Most errors taken at once, so that a broken library cannot block the servo.
 const ERRORS: usize = 32;
 
-/// Whether the device is lost with this error.
+/// Whether this error means a lost device.
 pub(super) fn fatal(code: c_uint) -> bool {
     matches!(code, 0x0300..=0x0304 | 0x0104)
 }
 
-/// Whether the device switched its motors off by itself.
+/// Whether the device switched its motors off itself.
 pub(super) fn force_off(code: c_uint) -> bool {
     matches!(code, 0x0200..=0x0204)
 }

@@ -1,15 +1,15 @@
-//! A Touch, a Touch X, a Phantom: devices of 3D Systems' OpenHaptics.
+//! Touch, Touch X, Phantom: devices of 3D Systems' OpenHaptics.
 //!
-//! The maker's libHD is loaded when a graph asks for the device and not before; nothing of it is linked or shipped. The library's scheduler
-//! calls us at 1 kHz: each time the position is read, the force is worked out from the newest
-//! [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and a sample is sent. Its time is that of the reading; its
-//! force is what the device is made to push back with along the surface's normal, which for a hand at rest is how hard it presses (these
-//! devices measure no force).
+//! The maker's libHD is loaded only when a graph asks for the device; nothing of it is linked or shipped.
+//! The library's scheduler calls us at 1 kHz. Each call reads the position, computes the force from the
+//! newest [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`](crate::servo), and sends a
+//! sample. The time of a sample is that of the reading. Its force is the commanded force along the
+//! surface's normal, which for a hand at rest is how hard it presses; these devices measure no force.
 //!
-//! The device's x points right, y up and z at the user, so the axes are `x,-z,y` unless told otherwise. It is calibrated by the maker's
-//! own tools. When the motors are switched off by the device itself (too warm, too much force), the force begins anew from 0.
-//! A device that is unplugged is told, and taken up again when it answers; that begins a new stroke.
-//! A process can have one such source at a time, since the library has one scheduler.
+//! The device's x points right, y up and z at the user, so the default axes are `x,-z,y`. The maker's tools
+//! calibrate the device. When it switches its motors off itself (too warm, too much force), the force
+//! restarts from 0. An unplugged device is reported, and reopened when it answers, with a new stroke. A
+//! process can have one such source at a time, since the library has one scheduler.
 
 mod callback;
 mod library;
@@ -24,42 +24,42 @@ use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter};
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::servo::{Limits, Servo};
 use crate::{Device, Frame, HandError};
 use callback::{Parked, Signals, Tick};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
 
-/// Servo rate in Hz: what every device of the maker's has.
+/// Servo rate of the maker's devices [Hz].
 pub const SERVO_HZ: u32 = 1000;
-/// Force of a device that does not say what it can make \[N\].
+/// Largest force of a device that does not report one \[N\].
 const UNTOLD_N: f64 = 1.0;
-/// How long the library may take to begin.
+/// Longest time for the library to start.
 const BEGIN: Duration = Duration::from_secs(10);
-/// How often the source's thread looks at what the servo did.
+/// Time between two looks of the source's thread at the servo.
 const LOOK: Duration = Duration::from_millis(20);
-/// No call of the servo for so long is a stall.
+/// Time without a call of the servo that is a stall.
 const STALL: Duration = Duration::from_millis(200);
-/// How long between attempts to get a lost device back.
+/// Time between two attempts to reopen a lost device.
 const AGAIN: Duration = Duration::from_millis(500);
-/// How long the servo may take to let go before it is stopped: the law takes 20 ms.
+/// Longest time for the servo to release its force before it is stopped; the law takes 20 ms.
 const LET_GO: Duration = Duration::from_millis(50);
 
 /// One source at a time.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// Which device, and how it is read.
+/// Options of the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenHapticsOptions {
-    /// Name of the device as the maker's setup tool has it; none for its default device.
+    /// Name of the device in the maker's setup tool; `None` for its default device.
     pub device: Option<String>,
-    /// Path of libHD; none to let the system's loader look for it.
+    /// Path of libHD; `None` lets the system's loader find it.
     pub library: Option<PathBuf>,
     /// The device's axes and origin.
     pub frame: Frame,
-    /// Every how many servo ticks a sample is sent: 1 is 1000 a second.
+    /// Servo ticks a sample: 1 sends 1000 a second.
     pub every: u32,
-    /// Largest force \[N\]; the device's own limit counts besides.
+    /// Largest force \[N\]; the device's own limit also applies.
     pub max_force_n: f64,
 }
 
@@ -80,7 +80,8 @@ impl Default for OpenHapticsOptions {
 /// Opens the device and starts its servo. Without `models` the motors stay off.
 ///
 /// # Errors
-/// The library is not there or not whole; the device does not answer; another source has it; an option that cannot be meant.
+/// The library is missing or incomplete; the device does not answer; another source uses it; an
+/// invalid option.
 pub fn start(
     options: OpenHapticsOptions,
     writer: SampleWriter,
@@ -102,7 +103,7 @@ pub fn start(
     let hd = Hd::load(options.library.as_deref())?;
     let shared = Arc::new(Shared::default());
     let signals = Arc::new(Signals::default());
-    // The first look at the clock sets it up, which a servo must not.
+    // The first use of the clock sets it up, which a servo must not do.
     asperity_live::now_ns();
     let pushes = models.is_some();
     let tick = Tick {
@@ -121,14 +122,19 @@ pub fn start(
     };
     let tick = Parked::new(tick, signals.clone());
     let most = options.max_force_n;
-    let shared_too = shared.clone();
-    let device = INVALID_HANDLE;
-    let keeper = Keeper { hd, name, most, tick, device, pushes, shared: shared_too, signals, _turn: turn };
+    let keeper = Keeper {
+        hd,
+        name,
+        most,
+        tick,
+        device: INVALID_HANDLE,
+        pushes,
+        shared: shared.clone(),
+        signals,
+        _turn: turn,
+    };
     let (say, hear) = mpsc::sync_channel(1);
-    let thread =
-        thread::Builder::new().name("openhaptics".to_owned()).spawn(move || keeper.run(&say)).map_err(
-            |e| HandError::missing(format!("no thread for the device: {e}"), "free some memory or processes"),
-        )?;
+    let thread = spawn("openhaptics", move || keeper.run(&say))?;
     match hear.recv_timeout(BEGIN) {
         Ok(Ok(())) => Ok(Handle::new(shared, thread, None)),
         Ok(Err(e)) => {
@@ -136,7 +142,7 @@ pub fn start(
             Err(e)
         }
         Err(_) => {
-            // The thread is inside the library; it goes when that lets it.
+            // The thread is inside the library; it ends when the library returns.
             shared.stop.store(true, Relaxed);
             Err(HandError::missing(
                 format!("hdInitDevice has not answered for {} s", BEGIN.as_secs()),
@@ -167,7 +173,7 @@ impl Drop for Turn {
     }
 }
 
-/// The source's own thread: it makes all calls of the library but those of the servo.
+/// The source's own thread: it makes all calls of the library except the servo's.
 struct Keeper {
     hd: Hd,
     name: Option<CString>,
@@ -211,7 +217,7 @@ impl Keeper {
         self.name.as_ref().map_or(default, |n| format!("the device `{}`", n.to_string_lossy()))
     }
 
-    /// Opens the device and says what is known of it; else why not.
+    /// Opens the device and reports its figures. The error says why it cannot.
     fn open(&mut self) -> Result<(), String> {
         self.hd.errors();
         let name = self.name.as_ref().map_or(std::ptr::null(), |n| n.as_ptr());
@@ -238,10 +244,11 @@ impl Keeper {
             // SAFETY: the device was initialised above.
             unsafe { (self.hd.enable)(FORCE_OUTPUT) };
         }
-        // A device that cannot tell one of these is none the worse.
+        // A device may lack one of these figures.
         self.hd.errors();
         self.device = device;
-        // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the callback.
+        // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the
+        // callback.
         let tick = unsafe { self.tick.mine() };
         tick.device = device;
         tick.servo = Servo::new(Limits::of(most));
@@ -267,7 +274,7 @@ impl Keeper {
         handle
     }
 
-    /// Looks at what the servo does until it is to stop, or the device is lost.
+    /// Watches the servo until the source stops or the device is lost.
     fn watch(&mut self) {
         let (mut ticks, mut moved, mut minor) = (self.signals.ticks.load(Relaxed), Instant::now(), None);
         loop {
@@ -302,7 +309,7 @@ impl Keeper {
         }
     }
 
-    /// Lets the force go and takes the callback back.
+    /// Releases the force and takes the callback back.
     fn stop(&mut self, handle: c_ulong) {
         self.signals.closing.store(true, Relaxed);
         let begin = Instant::now();
@@ -315,8 +322,8 @@ impl Keeper {
             (self.hd.stop_scheduler)();
             (self.hd.unschedule)(handle);
         }
-        // A library that stops without waiting for its thread is waited for here: as long as it takes, since the tick is used
-        // again, but for a source that is to end. That leaves the tick to the library.
+        // The library may stop without waiting for its thread: wait here, as long as it takes, since the
+        // tick is used again. A source that ends waits less, and leaves the tick to the library.
         while self.signals.inside.load(Acquire) {
             if self.shared.stopped() && begin.elapsed() > 2 * LET_GO {
                 self.shared.set_force(0.0);
@@ -335,7 +342,7 @@ impl Keeper {
         self.hd.errors();
     }
 
-    /// Tries to get the device back until it answers or the source is to stop.
+    /// Reopens the device, until it answers or the source stops.
     fn wait(&mut self) {
         while !self.shared.stopped() {
             thread::park_timeout(AGAIN);

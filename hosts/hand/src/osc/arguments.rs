@@ -1,56 +1,57 @@
-//! What the arguments of a message mean.
+//! Meaning of a message's arguments.
 
 use rosc::OscType;
 
 use crate::HandError;
 
-/// Arguments that may be listed.
+/// Most arguments in a list.
 const MOST: usize = 64;
 
 /// Standard gravity \[m/s^2\]: one gram-force is a thousandth of it in newtons.
 const GRAVITY: f64 = 9.806_65;
 
-/// What would do, in every error about a list.
-const HELP: &str = "list the message's arguments in their order, apart by commas, each with its unit: `x_mm, y_mm, -z_m, force_n, _, time_ms`. \
-    There are x, y, z in mm, cm or m; force in n or gf; pressure; stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not \
-    used; and `-` before one that counts the other way";
+/// Help in every error of a list.
+const HELP: &str = "list the message's arguments in their order, separated by commas, each with its unit: \
+    `x_mm, y_mm, -z_m, force_n, _, time_ms`. There are x, y, z in mm, cm or m; force in n or gf; pressure; \
+    stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one \
+    to change its sign";
 
-/// One argument's place among what is read.
+/// Meaning of an argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {
     Skip,
-    /// Axis, and mm in one of its units, with the sign.
+    /// Axis, and signed factor to mm.
     Axis(usize, f64),
-    /// Newtons in one of its units, with the sign.
+    /// Signed factor to N.
     Force(f64),
     Pressure,
     Touch,
-    /// Nanoseconds in one of its units.
+    /// Factor to ns.
     Time(f64),
 }
 
-/// The list of a message's arguments: which is what, in which unit.
+/// Meanings and units of a message's arguments, in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arguments(Vec<Meaning>);
 
-/// What one message says.
+/// Values of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// x, y, z in mm; 0 for an axis that is not listed.
     pub position: [f64; 3],
-    /// Force in N, at least 0, or pressure from 0 to 1; 0 where neither is listed.
+    /// Force in N, at least 0, or pressure from 0 to 1; 0 if neither is listed.
     pub force: f64,
-    /// Whether the hand touches, where that is listed.
+    /// Whether the hand touches, if listed.
     pub touch: Option<bool>,
-    /// The sender's time in ns, where that is listed.
+    /// Time of the sender in ns, if listed.
     pub time_ns: Option<f64>,
 }
 
-/// Reads a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and capitals do not matter.
+/// Parses a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and case do not matter.
 ///
 /// # Errors
-/// A word that is not known, a unit that does not belong to it, something listed twice, no axis at all; the error names what was
-/// found and what would do.
+/// An unknown word, a wrong unit, a repeated word, or no axis. The error names the fault and the
+/// valid words.
 pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     let fail = |what: String| Err(HandError::option(what, HELP));
     let mut list = Vec::new();
@@ -81,7 +82,7 @@ pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
     Ok(Arguments(list))
 }
 
-/// One word: its meaning, and a name under which it must not come again.
+/// Meaning of a word, and the name that must not be repeated.
 fn one(word: &str) -> Result<(Meaning, &'static str), String> {
     if word == "_" {
         return Ok((Meaning::Skip, ""));
@@ -105,7 +106,7 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
     let plain = |meaning, name| match (unit, sign < 0.0) {
         (None, false) => Ok((meaning, name)),
         (Some(_), _) => Err(format!("`{word}` has a unit, and {name} has none")),
-        (None, true) => Err(format!("`{word}`: {name} has no other way to count")),
+        (None, true) => Err(format!("`{word}`: {name} takes no `-`")),
     };
     let length = [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)];
     match name {
@@ -115,27 +116,27 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
         "force" => Ok((Meaning::Force(sign * scale(&[("n", 1.0), ("gf", GRAVITY * 1e-3)])?), "force")),
         "pressure" => plain(Meaning::Pressure, "pressure"),
         "stroke" | "touch" => plain(Meaning::Touch, "touch"),
-        "time" if sign < 0.0 => Err(format!("`{word}`: time has no other way to count")),
+        "time" if sign < 0.0 => Err(format!("`{word}`: time takes no `-`")),
         "time" => Ok((Meaning::Time(scale(&[("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)])?), "time")),
         _ => Err(format!("`{word}` is not known")),
     }
 }
 
 impl Arguments {
-    /// How many arguments a message needs.
+    /// Number of arguments that a message needs.
     pub fn needed(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether what the samples carry as force is a pressure from 0 to 1.
+    /// Whether the force of samples is a pressure from 0 to 1.
     pub fn pressure(&self) -> bool {
         self.0.contains(&Meaning::Pressure)
     }
 
-    /// Reads a message's arguments; more than are listed are not looked at.
+    /// Reads a message's arguments; extra ones are ignored.
     ///
     /// # Errors
-    /// Why the message cannot be used, for a person.
+    /// Why the message is unusable, for a person.
     pub fn read(&self, args: &[OscType]) -> Result<Reading, String> {
         if args.len() < self.0.len() {
             return Err(format!("it has {} arguments, {} are listed", args.len(), self.0.len()));
@@ -198,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_unit_and_sign_comes_to_mm_n_and_ns() {
+    fn units_and_signs_convert_to_mm_n_and_ns() {
         let list = parse_arguments("x_mm, Y_cm,-z_m , force_gf, _, touch, time_ms").unwrap();
         let args = [
             OscType::Float(1.5),
@@ -218,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn off_the_surface_there_is_no_force_and_pressure_keeps_to_its_range() {
+    fn force_is_0_without_touch_and_pressure_is_bounded() {
         let list = parse_arguments("x_m, pressure, stroke").unwrap();
         assert!(list.pressure());
         let read = |p: f64, t: i32| list.read(&[OscType::Int(0), OscType::Double(p), OscType::Int(t)]);
@@ -230,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_list_is_told_with_what_was_found_and_what_would_do() {
+    fn wrong_list_error_names_the_fault_and_the_help() {
         for (text, what) in [
             ("", "argument 1 of `` is empty"),
             ("x_mm,,y_mm", "argument 2 of `x_mm,,y_mm` is empty"),
@@ -241,8 +242,8 @@ mod tests {
             ("x_mm, touch, stroke", "`touch` is listed twice"),
             ("x_mm, force_n, pressure", "has a force and a pressure"),
             ("_, force_n", "has none of x, y and z"),
-            ("x_mm, -touch", "no other way to count"),
-            ("x_mm, -time_s", "no other way to count"),
+            ("x_mm, -touch", "takes no `-`"),
+            ("x_mm, -time_s", "takes no `-`"),
             ("x_mm, pressure_n", "pressure has none"),
             ("x_mm, --y_mm", "`--y_mm` is not known"),
         ] {
@@ -254,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_cannot_be_used_says_why() {
+    fn unusable_message_error_says_why() {
         let list = parse_arguments("x_m, y_m").unwrap();
         for (args, what) in [
             (vec![OscType::Float(1.0)], "it has 1 arguments, 2 are listed"),

@@ -1,14 +1,15 @@
 //! A hand over the network: Open Sound Control 1.0 in UDP packets.
 //!
-//! Whatever sends positions can be the hand: a tablet's program, a tracker, a script. The option says at which address pattern the messages
-//! come and what their arguments mean, see [`parse_arguments`]. A sample's time is an argument, where one is listed; else the
-//! time tag of its bundle, unless that says "immediately"; else the arrival. Both of the first are mapped to our clock by the fastest packets,
-//! which takes jitter out. (A `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
+//! Any sender of positions can be the hand: a tablet's program, a tracker, a script. Options give the
+//! address pattern of the messages and the meaning of their arguments, see [`parse_arguments`]. The time of
+//! a sample is an argument, if listed; or else the time tag of its bundle, unless that is "immediately"; or
+//! else the arrival. The first two are mapped to our clock by the fastest packets, which removes jitter. (A
+//! `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
 //!
-//! A new stroke begins with every 0 to 1 of a listed `touch`, where the sender's clock is set anew, and where another sender takes
-//! over after a pause. What cannot be used is counted, with the reason of the last; it never stops the source. Packets are at
-//! most 64 KiB, bundles nest at most 8 deep, so memory is bounded whatever is sent. From the sender's call to the queue it takes 10 us
-//! (p50; p99 58 us on a loaded machine).
+//! A new stroke begins with every 0 to 1 of a listed `touch`, when the sender's clock is set, and when
+//! another sender takes over after a pause. Unusable messages are counted, with the reason of the last;
+//! they never stop the source. Packets are at most 64 KiB and bundles nest at most 8 deep, so memory is
+//! bounded. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded machine).
 
 mod arguments;
 mod packet;
@@ -22,30 +23,31 @@ use std::time::Duration;
 use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns};
 use rosc::OscMessage;
 
-use crate::handle::{Handle, Shared};
+use crate::handle::{Handle, Shared, spawn};
 use crate::{Device, HandError};
 pub use arguments::{Arguments, Reading, parse_arguments};
 use pattern::Pattern;
 
-/// How long the thread waits for a packet before it looks whether it is to stop.
+/// Longest wait for a packet before the thread looks for a stop.
 const WAIT: Duration = Duration::from_millis(50);
-/// How long it waits before a socket that failed is opened again.
+/// Wait before a failed socket is opened again.
 const AGAIN: Duration = Duration::from_millis(500);
-/// Another sender after a longer pause begins a new stroke.
+/// After a longer pause, another sender begins a new stroke [ns].
 const PAUSE_NS: u64 = 50_000_000;
-/// The largest UDP packet.
+/// Largest UDP packet [bytes].
 const PACKET: usize = 65_536;
 
-/// What is listened for.
+/// Options of the receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OscOptions {
-    /// Address and port to listen at; port 0 takes a free one.
+    /// Address and port to listen at; port 0 chooses a free one.
     pub listen: SocketAddr,
-    /// Whether that may be other than this machine's own loopback: then anybody on the network can move the stylus.
+    /// Allows an address other than this machine's loopback: then anybody on the network can move the
+    /// stylus.
     pub anywhere: bool,
     /// An OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`.
     pub address: String,
-    /// What the arguments mean.
+    /// Meaning of the arguments.
     pub arguments: Arguments,
 }
 
@@ -56,10 +58,10 @@ impl OscOptions {
         Self { listen, anywhere: false, address: address.into(), arguments }
     }
 
-    /// Whether they could be used, without a look at the port.
+    /// Checks the options without opening the port.
     ///
     /// # Errors
-    /// An address pattern that is none; a listening address beyond loopback without `anywhere`.
+    /// An invalid address pattern; a listening address beyond loopback without `anywhere`.
     pub fn check(&self) -> Result<(), HandError> {
         self.pattern().map(drop)
     }
@@ -76,7 +78,8 @@ impl OscOptions {
     }
 }
 
-/// Reads where to listen: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's loopback.
+/// Parses a listening address: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's
+/// loopback.
 ///
 /// # Errors
 /// Anything else.
@@ -95,8 +98,9 @@ pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
     })
 }
 
-/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address too, or one of them is all
-/// addresses of the machine (also those of the other version: a socket at `[::]` may take packets of IPv4). Port 0 is a free one.
+/// Whether two sources cannot listen at these addresses at once: the port is the same, and the IP address
+/// too, or one of them is all addresses (also those of the other IP version: a socket at `[::]` may take
+/// IPv4 packets). Port 0 is a free one.
 pub fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     let (a, b) = (one.ip().to_canonical(), other.ip().to_canonical());
     let all = a.is_unspecified() || b.is_unspecified();
@@ -128,12 +132,7 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandEr
         newest_ns: 0,
         told: false,
     };
-    let thread = std::thread::Builder::new()
-        .name("osc".to_owned())
-        .spawn(move || ear.listen(socket, address))
-        .map_err(|e| {
-            HandError::missing(format!("no thread for OSC: {e}"), "free some memory or processes")
-        })?;
+    let thread = spawn("osc", move || ear.listen(socket, address))?;
     Ok(Handle::new(shared, thread, Some(address)))
 }
 
@@ -158,17 +157,17 @@ struct Ear {
     shared: Arc<Shared>,
     writer: SampleWriter,
     arguments: Arguments,
-    /// The pattern as it was written.
+    /// The pattern as written.
     written: String,
     pattern: Pattern,
-    /// The address that was matched last, and whether it did: senders seldom change it.
+    /// The last address, and whether it matched: senders seldom change it.
     known: (String, bool),
     clock: RemoteClock,
     sender: Option<(SocketAddr, u64)>,
     touched: bool,
     stroke: u32,
     newest_ns: u64,
-    /// Whether a person was told of an address that does not match.
+    /// Whether an address that does not match was reported.
     told: bool,
 }
 
@@ -287,9 +286,9 @@ impl Ear {
     }
 }
 
-/// An NTP time tag in ns since 1900.
+/// NTP time tag in ns since 1900.
 fn ntp_ns(tag: u64) -> f64 {
-    // In integers, and rounded once: a double holds today's count to half a microsecond.
+    // In integers, rounded once: a double holds today's count to half a microsecond.
     let (seconds, fraction) = (tag >> 32, tag & 0xffff_ffff);
     (u128::from(seconds) * 1_000_000_000 + ((u128::from(fraction) * 1_000_000_000) >> 32)) as f64
 }
@@ -299,14 +298,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_a_second_of_a_time_tag_is_half_a_second() {
+    fn time_tag_fraction_converts_to_ns() {
         assert_eq!(ntp_ns((3 << 32) | (1 << 31)), 3.5e9);
         let today = 3_970_000_000u64 << 32;
         assert!((ntp_ns(today + (1 << 22)) - ntp_ns(today) - 976_562.5).abs() < 1000.0);
     }
 
     #[test]
-    fn a_place_to_listen_may_be_a_port_alone() {
+    fn listen_address_may_be_a_port_alone() {
         assert_eq!(parse_listen("9001").unwrap(), "127.0.0.1:9001".parse().unwrap());
         assert_eq!(parse_listen(" localhost:7 ").unwrap(), "127.0.0.1:7".parse().unwrap());
         assert_eq!(parse_listen("0.0.0.0:9").unwrap(), "0.0.0.0:9".parse().unwrap());
@@ -314,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_exclude_each_other_where_a_socket_at_both_would_hear_the_same_packet() {
+    fn addresses_that_hear_the_same_packet_exclude_each_other() {
         for (one, other, excluded) in [
             ("127.0.0.1:9731", "127.0.0.1:9731", true),
             ("127.0.0.1:9731", "127.0.0.1:9732", false),

@@ -1,23 +1,21 @@
-//! Takes a datagram apart without trusting it.
+//! Parses a datagram without trusting it.
 //!
-//! rosc decodes nested bundles by recursion and drops nested arrays by recursion; a datagram of 64 KiB can nest
-//! 3000 bundles or 60,000 arrays, and ends the stack. So bundles are walked here, to a stated depth, and rosc is given single
-//! messages whose type tags are few, which bounds the arrays.
+//! rosc decodes nested bundles and drops nested arrays by recursion. A datagram of 64 KiB can nest 3000
+//! bundles or 60,000 arrays, which overflows the stack. So bundles are walked here to a limited depth, and
+//! rosc gets single messages with few type tags, which bounds the arrays.
 
 use rosc::{OscMessage, OscPacket};
 
-/// How deep bundles may be nested.
+/// Deepest nesting of bundles.
 pub(super) const DEPTH: usize = 8;
-/// How many arguments a message may have.
+/// Most arguments of a message.
 const ARGUMENTS: usize = 256;
 /// "Immediately" as a time tag (OSC 1.0).
 const IMMEDIATELY: u64 = 1;
 
-/// Calls `each` with every message of a datagram in order, and the time tag of the innermost bundle around it (NTP: 32 bits of
-/// seconds, 32 of their fraction), unless that says "immediately".
-///
-/// # Errors
-/// What is wrong with the datagram, for a person; messages before that were handed over.
+/// Calls `each` with every message of a datagram in order, and the time tag of its innermost bundle (NTP:
+/// 32 bits of seconds, 32 of their fraction), unless that is "immediately". Error: the fault in the
+/// datagram, for a person; messages before it were passed on.
 pub(super) fn walk(packet: &[u8], each: &mut impl FnMut(OscMessage, Option<u64>)) -> Result<(), String> {
     bundle_or_message(packet, None, 0, each)
 }
@@ -87,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_has_the_time_of_the_innermost_bundle() {
+    fn message_has_the_time_of_its_innermost_bundle() {
         let m = |a: &str| OscPacket::Message(OscMessage { addr: a.into(), args: vec![OscType::Int(1)] });
         let inner = OscPacket::Bundle(OscBundle { timetag: tag(7, 1 << 31), content: vec![m("/b")] });
         let now = OscPacket::Bundle(OscBundle { timetag: tag(0, 1), content: vec![m("/c")] });
@@ -103,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn three_thousand_nested_bundles_and_sixty_thousand_arrays_are_refused_without_a_stack() {
+    fn deep_nesting_is_refused_without_recursion() {
         let mut packet = Vec::new();
         while packet.len() < 65_000 {
             let left = 65_000 - packet.len();
@@ -130,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cut_and_every_flipped_byte_of_a_bundle_is_borne() {
+    fn cut_or_altered_bundle_never_panics() {
         let m = OscMessage {
             addr: "/pen/1".into(),
             args: vec![

@@ -1,15 +1,15 @@
 //! Address patterns of OSC 1.0.
 //!
-//! rosc has a matcher, which takes `[12]` for one character or more, `*` at the end for at least one, and the first of `{a,ab}` for good;
-//! the specification says one, none or more, and any. So this is our own: it follows all ways through the pattern at
-//! once, so that its time is at most pattern times address, whatever is sent.
+//! rosc's matcher differs from the specification: it takes `[12]` for one or more characters (one), `*` at
+//! the end for at least one (none or more), and only the first fit of `{a,ab}` (any). So this is our own.
+//! It follows all ways through the pattern at once, so its time is at most pattern times address.
 
 use crate::HandError;
 
-/// A longer address is not matched.
+/// Longest address that is matched.
 const LONGEST: usize = 1024;
 
-/// One piece of a pattern. None but `Plain` matches a slash.
+/// A piece of a pattern. Only `Plain` matches a slash.
 #[derive(Clone, Debug, PartialEq)]
 enum Piece {
     Plain(u8),
@@ -28,15 +28,13 @@ fn plain(c: u8) -> bool {
 }
 
 impl Pattern {
-    /// Reads a plain address or a pattern.
-    ///
-    /// # Errors
-    /// What is none.
+    /// Parses a plain address or a pattern. Error: the text is neither.
     pub(super) fn parse(text: &str) -> Result<Self, HandError> {
         Self::pieces(text.as_bytes()).map(Self).ok_or_else(|| {
             HandError::option(
                 format!("`{text}` is no OSC address or address pattern"),
-                "write one such as `/pen`, `/pen/*`, `/pen/{left,right}/[0-9]?`: parts after slashes, without spaces or `#`",
+                "write one such as `/pen`, `/pen/*`, `/pen/{left,right}/[0-9]?`: \
+                 parts after slashes, without spaces or `#`",
             )
         })
     }
@@ -61,13 +59,13 @@ impl Pattern {
         Some(pieces)
     }
 
-    /// Whether a message's address fits. The address itself is plain; one that is a pattern does not fit.
+    /// Whether a message's address matches. An address that is itself a pattern does not.
     pub(super) fn fits(&self, address: &str) -> bool {
         let address = address.as_bytes();
         if address.len() > LONGEST || !address.iter().all(|c| *c == b'/' || plain(*c)) {
             return false;
         }
-        // Where in the address the pieces so far may end.
+        // Possible ends of the pieces so far in the address.
         let mut ends = vec![false; address.len() + 1];
         ends[0] = true;
         for piece in &self.0 {
@@ -82,7 +80,7 @@ impl Pattern {
 }
 
 impl Piece {
-    /// Marks where this may end in `rest`.
+    /// Marks the possible ends of this piece in `rest`.
     fn from(&self, rest: &[u8], ends: &mut [bool]) {
         let one = |fits: &dyn Fn(u8) -> bool, ends: &mut [bool]| {
             if rest.first().is_some_and(|c| fits(*c)) {
@@ -97,7 +95,7 @@ impl Piece {
             }
             Self::Any => {
                 let part = rest.iter().position(|c| *c == b'/').unwrap_or(rest.len());
-                // What is marked already was reached from further left, which marked all the rest of the part.
+                // A marked end was reached from further left, which marked the rest of the part too.
                 for end in ends.iter_mut().take(part + 1) {
                     if std::mem::replace(end, true) {
                         break;
@@ -111,7 +109,7 @@ impl Piece {
     }
 }
 
-/// What stands before the closing sign, which is taken off.
+/// Text before the closing sign, which is removed too.
 fn until<'a>(rest: &mut &'a [u8], close: u8) -> Option<&'a [u8]> {
     let end = rest.iter().position(|c| *c == close)?;
     let (inner, after) = rest.split_at(end);
@@ -152,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn patterns_fit_what_osc_1_0_says() {
+    fn pattern_matches_as_osc_1_0_says() {
         for (pattern, yes, no) in [
             ("/pen", &["/pen"][..], &["/pen/1", "/Pen", "/pe", "/penn", ""][..]),
             ("/pen*", &["/pen", "/pencil"], &["/pen/1", "/apen"]),
@@ -189,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn it_agrees_with_trying_every_way() {
+    fn pattern_match_agrees_with_exhaustive_search() {
         let mut state = 3u64;
         let mut random = |n: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -210,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_made_to_be_slow_is_not() {
+    fn hostile_address_is_matched_fast() {
         let p = Pattern::parse("/*a*a*a*a*a*a*a*a*a*a*b").unwrap();
         assert!(!p.fits(&format!("/{}", "a".repeat(1000))));
         assert!(!p.fits(&format!("/{}b", "a".repeat(100_000))));
@@ -219,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_is_told() {
+    fn invalid_pattern_error_names_it() {
         for bad in [
             "", "pen", "/", "/pen/", "/p en", "/#", "/[", "/[]", "/{a", "/{}", "/{a,}", "/a//b", "/[!]",
             "/[b-a]", "/a]", "/é",

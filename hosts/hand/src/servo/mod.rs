@@ -1,22 +1,27 @@
 //! The force law that a device's servo evaluates at its own rate.
 //!
-//! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), v being the velocity along n; 0 out of contact, never
-//! against n, never larger than the model or the device allows. The velocity is a first difference behind a first-order low-pass
-//! ([`VELOCITY_HZ`]), both by the servo's measured intervals. Around this:
+//! With depth d = n . (p0 - p) in the plane, the force is n (k d - b v), where v is the velocity along n.
+//! It is 0 out of contact, never against n, and never larger than the model or the device allows. The
+//! velocity is a first difference behind a first-order low-pass ([`VELOCITY_HZ`]); both use the servo's
+//! measured intervals. Around this:
 //!
-//! - A model that is older than [`MODEL_AGE`], not valid or not finite, and a position that is not finite: the force goes to 0
-//!   within [`LET_GO`]. When there is something to trust again, it comes back over [`TAKE_HOLD`], as after a start.
-//! - What the hand does is answered at once, but at most at the slew limit. What the graph changes is not: the
-//!   difference that a new model makes at the hand's place is carried on and decays with [`SETTLE`] (95 % in 9 ms), and where that lets
-//!   the force grow, no faster than the greatest force in [`RISE`]. So a plane that appears under the stylus pushes it out, and does not kick.
-//!   The wall's own loop has no delay from this: with an unchanged model nothing is carried.
-//! - Letting go is never slowed where the force would else pull.
+//! - A model that is older than [`MODEL_AGE`], invalid or not finite, or a position that is not finite: the
+//!   force goes to 0 within [`LET_GO`]. When both are valid again, it comes back over [`TAKE_HOLD`], as after
+//!   a start.
+//! - A motion of the hand is answered at once, but at most at the slew limit. A change of the graph is not:
+//!   the difference that a new model makes at the hand's position is carried on and decays with [`SETTLE`]
+//!   (95 % in 9 ms). Where that lets the force grow, it grows no faster than the largest force in [`RISE`].
+//!   So a plane that appears under the stylus pushes it out, and does not kick. With an unchanged model
+//!   nothing is carried: the wall's own loop has no delay from this.
+//! - Releasing is never slowed where the force would pull otherwise.
 //!
-//! What there is beside the plane (friction, drag, a magnet) the graph works out once a tick. It is added as it is told, smoothed with [`SETTLE`], in any
-//! direction, and what is not to be trusted takes it down as well; the sum is held to the greatest force.
+//! The graph computes forces beside the plane (friction, drag, a magnet) once a tick. They are added,
+//! smoothed with [`SETTLE`], in any direction. Invalid input takes them down as well. The sum is limited to
+//! the largest force.
 //!
 //! A step takes about 0.1 us (2 cores of a shared virtual AMD EPYC). On a simulated device of 0.1 kg and
-//! 0.5 N s/m an undamped wall at 1 kHz rings on from 1.001 N/mm (by the eigenvalues of the loop); Colgate's bound says 1.000.
+//! 0.5 N s/m, an undamped wall at 1 kHz rings on from 1.001 N/mm (eigenvalues of the loop); Colgate's bound
+//! is 1.000 N/mm.
 
 pub mod passivity;
 
@@ -24,24 +29,24 @@ use std::time::Duration;
 
 use asperity_live::ForceModel;
 
-/// A model that is older is not trusted.
+/// An older model is invalid.
 pub const MODEL_AGE: Duration = Duration::from_millis(100);
-/// How long the force takes from its greatest to nothing when there is nothing to trust.
+/// Time from the largest force to 0 when the input is invalid.
 pub const LET_GO: Duration = Duration::from_millis(20);
-/// How long it takes from nothing to all of it on a start.
+/// Time from 0 to the full force at a start.
 pub const TAKE_HOLD: Duration = Duration::from_millis(500);
-/// Time constant with which the difference that a new model makes is worked off.
+/// Time constant of the difference that a new model makes.
 pub const SETTLE: Duration = Duration::from_millis(3);
-/// Time in which a new model may let the force grow from nothing to the greatest.
+/// Least time in which a new model lets the force grow from 0 to the largest.
 pub const RISE: Duration = Duration::from_millis(50);
-/// Corner of the velocity's low-pass in Hz.
+/// Corner frequency of the velocity's low-pass [Hz].
 pub const VELOCITY_HZ: f64 = 100.0;
-/// A servo that was not called for so long begins anew.
+/// A longer time between two calls restarts the servo [s].
 const STALL_S: f64 = 0.05;
-/// Time in which the slew limit lets the greatest force come up, unless [`Limits`] say otherwise.
+/// Default time from 0 to the largest force at the slew limit [s].
 const SLEW_S: f64 = 0.004;
 
-/// What a device may be driven to.
+/// Limits of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest force \[N\], at least 0.
@@ -51,14 +56,15 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits of a device with this largest force: all of it within 4 ms. What is not finite or below 0 counts as 0.
+    /// Limits of a device with this largest force, reached within 4 ms. A value that is not finite or below
+    /// 0 counts as 0.
     pub fn of(force_n: f64) -> Self {
         let force_n = if force_n.is_finite() { force_n.max(0.0) } else { 0.0 };
         Self { force_n, slew_n_per_s: (force_n / SLEW_S).max(f64::MIN_POSITIVE) }
     }
 }
 
-/// A trusted model, its normal of length 1 or 0.
+/// A valid model, with a normal of length 1 or 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Plane {
     point: [f64; 3],
@@ -84,7 +90,7 @@ impl Plane {
         Some(Self { point: model.point, normal, stiffness, damping, beside: model.beside_n, most })
     }
 
-    /// The force on a hand at rest or in motion: mm, mm/s, N.
+    /// Force on a hand: mm, mm/s, N.
     fn force(&self, position: [f64; 3], velocity: [f64; 3], most: f64) -> [f64; 3] {
         let depth = dot(self.normal, minus(self.point, position));
         if depth.is_nan() || depth <= 0.0 {
@@ -96,7 +102,7 @@ impl Plane {
     }
 }
 
-/// Evaluates the law. All of it is plain arithmetic: no allocation, no waiting.
+/// Evaluates the law by plain arithmetic: no allocation, no waiting.
 #[derive(Clone, Debug)]
 pub struct Servo {
     limits: Limits,
@@ -104,17 +110,17 @@ pub struct Servo {
     level: f64,
     last: Option<(u64, [f64; 3])>,
     velocity: [f64; 3],
-    /// What the force still is beside what the plane says, since the plane was another.
+    /// Difference of the force from the plane's, since the plane changed.
     carried: [f64; 3],
     wanted: [f64; 3],
     /// Force of the plane.
     force: [f64; 3],
-    /// What is beside it, smoothed.
+    /// Smoothed force beside it.
     beside: [f64; 3],
 }
 
 impl Servo {
-    /// A servo that has not begun.
+    /// A new servo.
     pub fn new(limits: Limits) -> Self {
         Self {
             limits,
@@ -129,7 +135,7 @@ impl Servo {
         }
     }
 
-    /// Begins anew, from no force: the device was lost, or switched its motors off by itself.
+    /// Restarts from no force: the device was lost, or switched its motors off.
     pub fn restart(&mut self) {
         *self = Self::new(self.limits);
     }
@@ -157,25 +163,24 @@ impl Servo {
         self.force()
     }
 
-    /// Lets go: to be called at the servo's rate instead of [`Servo::step`], within [`LET_GO`] the answer is 0.
+    /// Releases the force: called at the servo's rate instead of [`Servo::step`], it reaches 0 within
+    /// [`LET_GO`].
     pub fn let_go(&mut self, now_ns: u64) -> [f64; 3] {
         self.step(now_ns, [f64::NAN; 3], &ForceModel::default())
     }
 
     /// The last force \[N\].
     pub fn force(&self) -> [f64; 3] {
-        let both = plus(self.force, self.beside.map(|x| x * self.level));
-        let over = if size(both) > self.most() { self.most() / size(both) } else { 1.0 };
-        both.map(|x| x * over)
+        at_most(plus(self.force, self.beside.map(|x| x * self.level)), self.most())
     }
 
-    /// The greatest force now.
+    /// Current largest force.
     fn most(&self) -> f64 {
         self.limits.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most })
     }
 
-    /// The part of the last force along the plane's normal \[N\], at least 0: how hard the hand is held up, which at rest is how hard it
-    /// presses.
+    /// Last force along the plane's normal \[N\], at least 0: how hard the hand is held, which at rest is
+    /// how hard it presses.
     pub fn normal_force(&self) -> f64 {
         dot(self.force, self.plane.normal).max(0.0)
     }
@@ -218,7 +223,7 @@ impl Servo {
         let before = plus(target, self.carried);
         let decay = 1.0 - (-dt / SETTLE.as_secs_f64()).exp();
         let step = self.carried.map(|x| x * decay);
-        // The size is convex in how much of the step is made, so that this share of it grows by no more than is allowed.
+        // The size is convex in the share of the step, so this share grows it by no more than allowed.
         let growth = size(minus(before, step)) - size(before);
         let allowed = dt * self.limits.force_n / RISE.as_secs_f64();
         let share = if growth > allowed { allowed / growth } else { 1.0 };
@@ -230,20 +235,21 @@ impl Servo {
 
     fn command(&mut self, dt: f64) {
         let goal = self.wanted.map(|x| x * self.level);
-        let change = minus(goal, self.force);
-        let allowed = self.limits.slew_n_per_s * dt;
-        let share = if size(change) > allowed { allowed / size(change) } else { 1.0 };
-        let slewed = plus(self.force, change.map(|x| x * share));
-        let most = self.most();
-        let over = if size(slewed) > most { most / size(slewed) } else { 1.0 };
-        self.force = push_only(slewed.map(|x| x * over), self.plane.normal);
+        let change = at_most(minus(goal, self.force), self.limits.slew_n_per_s * dt);
+        self.force = push_only(at_most(plus(self.force, change), self.most()), self.plane.normal);
     }
 }
 
-/// The force without what of it would pull into the plane.
+/// Removes the part of a force that pulls into the plane.
 fn push_only(force: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let along = dot(force, normal).min(0.0);
     minus(force, normal.map(|n| n * along))
+}
+
+/// Scales a vector down to a size of at most `most`.
+fn at_most(vector: [f64; 3], most: f64) -> [f64; 3] {
+    let share = if size(vector) > most { most / size(vector) } else { 1.0 };
+    vector.map(|x| x * share)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -1,33 +1,37 @@
-//! Whether a wall of this stiffness can be stable whoever holds the device.
+//! Whether a wall is stable for every hand.
 //!
-//! A spring and damper behind a sampler and a hold are passive where b > K T / 2 + |B|: b is the physical damping of the device, K and B the
-//! wall's stiffness and damping, T the servo's period (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems:
-//! application to haptic interfaces", American Control Conference 1994; Journal of Robotic Systems 14, 1997, pp. 37-47). There the wall's velocity
-//! is a plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's share from
-//! -B cos wT to -B Re(F e^-jwT), which is at most |B| while |F| is at most 1: the bound stays sufficient.
+//! A spring and damper behind a sampler and a hold are passive if b > K T / 2 + |B|: b is the physical
+//! damping of the device, K and B the wall's stiffness and damping, T the servo's period (J. E. Colgate and
+//! G. Schenkel, "Passivity of a class of sampled-data systems: application to haptic interfaces", American
+//! Control Conference 1994; Journal of Robotic Systems 14, 1997, pp. 37-47). There the wall's velocity is a
+//! plain first difference. A low-pass F behind it, as in [`servo`](crate::servo), changes the damper's
+//! share from -B cos wT to -B Re(F e^-jwT). That is at most
+//! |B| while |F| is at
+//! most 1, so the bound stays sufficient.
 //!
-//! A delay d of the loop besides the hold costs K d more, to first order: hand in 1 / (T + 2 d) for the rate.
+//! A delay d of the loop besides the hold costs K d more, to first order: use 1 / (T + 2 d) as the rate.
 //!
-//! The bound is about passivity: any passive hand. A given hand may be stable beyond it, since grips add damping of their own.
+//! The bound is about any passive hand. A given hand may be stable beyond it, since a grip adds damping.
 
-/// Damping of the device itself along the normal, and how it is known.
+/// Damping of the device along the normal, and its source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DeviceDamping {
-    /// Measured, or given by whoever knows the device \[N s/m\].
+    /// Measured or given \[N s/m\].
     Known(f64),
-    /// Inferred from the stiffness \[N/mm\] that its maker recommends at most at a servo rate of 1 kHz: a passive device that holds it has at
-    /// least K T / 2.
+    /// Inferred from the largest stiffness \[N/mm\] that its maker recommends at a servo rate of 1 kHz: a
+    /// passive device that renders it has at least K T / 2.
     Recommended(f64),
-    /// Not known: [`ASSUMED_NS_PER_M`] is taken.
+    /// Unknown: [`ASSUMED_NS_PER_M`] is used.
     Unknown,
 }
 
-/// Damping that is assumed where none is known \[N s/m\]. We found no figure for a Touch or an Inverse3 that could be relied on; this is
-/// a guess on the safe side for a device built to be free of friction, and every sentence made of it says so.
+/// Assumed damping of an unknown device \[N s/m\]. We found no reliable figure for a Touch or an Inverse3.
+/// This is a guess on
+/// the safe side for a device built without friction, and every sentence made of it says so.
 pub const ASSUMED_NS_PER_M: f64 = 0.1;
 
 impl DeviceDamping {
-    /// The figure \[N s/m\].
+    /// Damping \[N s/m\].
     pub fn ns_per_m(self) -> f64 {
         match self {
             Self::Known(b) => b,
@@ -37,18 +41,19 @@ impl DeviceDamping {
     }
 }
 
-/// What the bound says of one wall on one device.
+/// Result of the bound for a wall on a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passivity {
-    /// Damping that the device would need \[N s/m\]: K T / 2 + |B|.
+    /// Damping that the device needs \[N s/m\]: K T / 2 + |B|.
     pub needed_ns_per_m: f64,
-    /// What it has less what it needs \[N s/m\].
+    /// Its damping less the needed damping \[N s/m\].
     pub margin_ns_per_m: f64,
-    /// Whether the bound is met: above 0, and also at 0 where the maker recommends that very stiffness.
+    /// Whether the bound is met: the margin is above 0, or 0 at the very stiffness that the maker
+    /// recommends.
     pub passive: bool,
-    /// Largest stiffness that is passive with this wall damping \[N/mm\]; 0 where the damping alone is too much.
+    /// Largest passive stiffness with this wall damping \[N/mm\]; 0 if the damping alone is too much.
     pub stiffest_n_per_mm: f64,
-    /// The same for a person, with the figures.
+    /// The result as a sentence with figures.
     pub sentence: String,
 }
 
@@ -59,7 +64,8 @@ impl Passivity {
     }
 }
 
-/// Holds a wall's stiffness \[N/mm\] and damping \[N s/m\] against Colgate's bound, at a servo rate in Hz above 0.
+/// Checks a wall's stiffness \[N/mm\] and damping \[N s/m\] against Colgate's bound, at a servo rate in Hz
+/// above 0.
 pub fn passivity(
     stiffness_n_per_mm: f64,
     damping_ns_per_m: f64,
@@ -78,13 +84,14 @@ pub fn passivity(
         DeviceDamping::Unknown => "assumed, since it is not known".to_owned(),
     };
     let margin = has - needed;
-    // "At most" includes the most, whatever rounding makes of it.
+    // The recommended stiffness itself counts as passive, despite rounding.
     let at_most = matches!(device, DeviceDamping::Recommended(_)) && margin > -1e-9;
     let passive = margin > 0.0 || at_most;
     let verdict = if passive { "passive, whoever holds it" } else { "may buzz or be unstable in some hands" };
     let sentence = format!(
-        "a wall of {stiffness_n_per_mm:.3} N/mm and {damping_ns_per_m:.3} N s/m at {servo_hz:.0} Hz needs a device with more than \
-         {needed:.3} N s/m (K T / 2 + |B|); this one has {has:.3} N s/m, {known}: {verdict}; the limit is {stiffest:.3} N/mm",
+        "a wall of {stiffness_n_per_mm:.3} N/mm and {damping_ns_per_m:.3} N s/m at {servo_hz:.0} Hz \
+         needs a device with more than {needed:.3} N s/m (K T / 2 + |B|); \
+         this one has {has:.3} N s/m, {known}: {verdict}; the limit is {stiffest:.3} N/mm",
     );
     Passivity {
         needed_ns_per_m: needed,
@@ -100,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_textbook_wall_needs_half_a_newton_second_per_metre() {
+    fn wall_of_1_n_mm_at_1_khz_needs_half_an_ns_per_m() {
         // 1000 N/m at 1 kHz: 1000 * 0.001 / 2.
         let p = passivity(1.0, 0.0, 1000.0, DeviceDamping::Known(0.6));
         assert!((p.needed_ns_per_m - 0.5).abs() < 1e-12 && (p.margin_ns_per_m - 0.1).abs() < 1e-12);
@@ -113,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stiffness_that_the_maker_recommends_at_most_is_not_too_much() {
+    fn recommended_stiffness_is_passive() {
         for most in [0.3, 0.5, 0.8, 2.31] {
             let device = DeviceDamping::Recommended(most);
             assert!(passivity(most, 0.0, 1000.0, device).holds(), "{most}");
@@ -123,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_it_names_is_just_where_the_margin_is_nought() {
+    fn named_limit_has_margin_0() {
         for device in [DeviceDamping::Known(2.0), DeviceDamping::Recommended(0.8), DeviceDamping::Unknown] {
             let limit = passivity(1.0, 0.05, 1000.0, device).stiffest_n_per_mm;
             assert!(passivity(limit, 0.05, 1000.0, device).margin_ns_per_m.abs() < 1e-12);
@@ -131,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sentence_has_the_figures_and_says_what_is_assumed() {
+    fn sentence_has_the_figures_and_assumptions() {
         let p = passivity(1.0, 0.0, 1000.0, DeviceDamping::Unknown);
         for part in
             ["1.000 N/mm", "1000 Hz", "0.500 N s/m", "0.100 N s/m", "not known", "0.200 N/mm", "may buzz"]

@@ -30,7 +30,7 @@ fn held(limits: Limits, stiffness: f64, z: f64) -> (Servo, u64) {
 }
 
 #[test]
-fn at_rest_the_force_is_stiffness_times_depth_and_nothing_above_the_plane() {
+fn force_at_rest_is_stiffness_times_depth() {
     let (servo, _) = held(Limits::of(10.0), 0.5, -3.0);
     assert!((servo.force[2] - 1.5).abs() < 1e-9 && servo.force[0] == 0.0, "{:?}", servo.force);
     assert!((servo.normal_force() - 1.5).abs() < 1e-9);
@@ -40,7 +40,7 @@ fn at_rest_the_force_is_stiffness_times_depth_and_nothing_above_the_plane() {
 }
 
 #[test]
-fn what_is_beside_the_plane_is_added_smoothly_may_pull_and_goes_with_what_is_not_trusted() {
+fn force_beside_the_plane_is_smooth_and_may_pull() {
     let (mut servo, mut now) = held(Limits::of(10.0), 0.5, -3.0);
     let mut model = floor(0.5, 0.0, now);
     // Friction along x, and a magnet that pulls into the plane.
@@ -71,7 +71,7 @@ fn what_is_beside_the_plane_is_added_smoothly_may_pull_and_goes_with_what_is_not
 }
 
 #[test]
-fn a_steady_descent_feels_the_damper_and_a_steady_rise_is_not_pulled_back() {
+fn damper_resists_descent_and_never_pulls_back() {
     // 20 mm/s into the plane from 10 mm above, 2 N s/m: 0.04 N beside the spring.
     for (speed, expect) in [(-20.0, 0.04), (20.0, -0.04)] {
         let mut servo = Servo::new(Limits::of(10.0));
@@ -88,7 +88,7 @@ fn a_steady_descent_feels_the_damper_and_a_steady_rise_is_not_pulled_back() {
 }
 
 #[test]
-fn a_start_comes_in_over_half_a_second() {
+fn force_starts_over_half_a_second() {
     let mut servo = Servo::new(Limits::of(10.0));
     let mut at = Vec::new();
     for k in 0..=700u64 {
@@ -106,7 +106,7 @@ fn a_start_comes_in_over_half_a_second() {
 }
 
 #[test]
-fn an_old_a_bad_or_an_invalid_model_lets_go_within_20_ms_and_comes_back_slowly() {
+fn untrusted_model_releases_force_within_20_ms() {
     type Spoil = fn(&mut ForceModel);
     let spoil: [(&str, Spoil); 6] = [
         ("invalid", |m| m.valid = false),
@@ -142,7 +142,7 @@ fn an_old_a_bad_or_an_invalid_model_lets_go_within_20_ms_and_comes_back_slowly()
 }
 
 #[test]
-fn a_position_that_is_not_finite_lets_go_and_a_stalled_servo_begins_anew() {
+fn invalid_position_or_stall_releases_force() {
     let (mut servo, mut now) = held(Limits::of(10.0), 1.0, -5.0);
     for _ in 0..21 {
         now += MS;
@@ -155,7 +155,7 @@ fn a_position_that_is_not_finite_lets_go_and_a_stalled_servo_begins_anew() {
 }
 
 #[test]
-fn a_plane_that_appears_under_the_stylus_does_not_kick_and_one_that_goes_lets_go() {
+fn plane_appears_and_vanishes_without_a_step() {
     let most = 4.0;
     let (mut servo, mut now) = held(Limits::of(most), 1.0, 5.0);
     assert_eq!(servo.force, [0.0; 3]);
@@ -181,7 +181,7 @@ fn a_plane_that_appears_under_the_stylus_does_not_kick_and_one_that_goes_lets_go
 }
 
 #[test]
-fn a_wall_that_does_not_change_answers_in_the_same_step() {
+fn unchanged_wall_answers_in_the_same_step() {
     let (mut servo, mut now) = held(Limits::of(10.0), 1.0, -1.0);
     for z in [-1.1, -1.3, -1.2, -1.6] {
         now += MS;
@@ -193,7 +193,7 @@ fn a_wall_that_does_not_change_answers_in_the_same_step() {
 }
 
 #[test]
-fn whatever_comes_the_force_is_finite_within_limits_and_never_pulls() {
+fn force_stays_finite_bounded_and_never_pulls() {
     let mut state = 7u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -224,8 +224,9 @@ fn whatever_comes_the_force_is_finite_within_limits_and_never_pulls() {
     }
 }
 
-/// A mass with a damper, pushed into the wall by a constant force and driven by the servo's through a hold: solved exactly between
-/// servo ticks. Answers the largest deviation from rest in the last half second, in mm.
+/// A mass with a damper, pushed into the wall by a constant force and driven by the servo's through a hold:
+/// solved exactly between servo ticks. Answers the largest deviation from rest in the last half second, in
+/// mm.
 fn ring(mass_kg: f64, device_ns_per_m: f64, stiffness: f64, damping: f64) -> f64 {
     let (period, push) = (1e-3, 1.0);
     let rest = -push / stiffness;
@@ -255,7 +256,8 @@ fn ring(mass_kg: f64, device_ns_per_m: f64, stiffness: f64, damping: f64) -> f64
     worst
 }
 
-/// Largest eigenvalue of the same loop without the damper, worked out apart: (x, v) through the hold with f = -k x.
+/// Largest eigenvalue of the same loop without the damper, worked out apart: (x, v) through the hold with f
+/// = -k x.
 fn growth(mass_kg: f64, device: f64, stiffness: f64) -> f64 {
     let t = 1e-3;
     let e = (-device * t / mass_kg).exp();
@@ -268,7 +270,7 @@ fn growth(mass_kg: f64, device: f64, stiffness: f64) -> f64 {
 }
 
 #[test]
-fn below_colgates_bound_a_knock_dies_away_and_above_it_rings_on() {
+fn knock_decays_below_colgate_bound_and_rings_above() {
     for (mass, device) in [(0.1, 0.5), (0.05, 0.3), (0.3, 1.0)] {
         let limit = passivity(1.0, 0.0, 1000.0, DeviceDamping::Known(device)).stiffest_n_per_mm;
         let (below, above) = (0.6 * limit, 1.6 * limit);
@@ -280,7 +282,7 @@ fn below_colgates_bound_a_knock_dies_away_and_above_it_rings_on() {
 }
 
 #[test]
-fn inside_the_bound_with_a_damper_every_mass_comes_to_rest() {
+fn damped_wall_within_the_bound_comes_to_rest() {
     let device = DeviceDamping::Known(1.0);
     assert!(passivity(1.0, 0.4, 1000.0, device).holds());
     for mass in [0.005, 0.02, 0.1, 0.5] {

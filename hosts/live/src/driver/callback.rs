@@ -1,11 +1,11 @@
 //! Ticks inside the audio callback: the least latency.
 //!
-//! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k) - D: t is the line
-//! of the delay-locked loop, D the device's real period (the frames that one wake-up asks for). A callback runs the ticks that
-//! begin before its end, whose time is that of its beginning plus D at most: the last of them reads the hand at the
-//! callback's own time, and none reads what has not happened. Since t is a line and D steady (it follows a change of the
-//! period by 2 % of time), ticks are evenly spaced in the hand's time, however they bunch in real time. With 64
-//! frames at 48 kHz the delay is 1.3 ms.
+//! Tick k begins at position x_k = k rate / tick rate of the device's frames, and reads the hand at t(x_k)
+//! - D. Here t is the line of the delay-locked loop, and D the device's real period (the frames of one
+//!   wake-up). A callback runs the ticks that begin before its end, which is at most D after its beginning.
+//!   So the last tick reads the hand at the callback's own time, and none reads the future. D follows a
+//!   change of the period by 2 % of time, so ticks are evenly spaced in the hand's time, however they bunch
+//!   in real time. With 64 frames at 48 kHz the delay is 1.3 ms.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,19 +20,19 @@ use super::{Controls, Options, Ticker};
 use crate::dll::{Dll, Heard};
 use crate::ramp::Ramp;
 
-/// Stack that is brought in at the first callback: the thread is the device's, and its stack may be small.
+/// Stack that the device's thread touches at the first callback. Its stack may be small.
 const STACK: usize = 65_536;
-/// How long a tick may keep the ticker from being taken out.
+/// Longest wait for a tick before the ticker is given up.
 const TAKE: Duration = Duration::from_secs(1);
 
-/// A run whose ticks are run by an audio device. Dropped, it asks for a stop.
+/// A run whose ticks an audio device calls. Dropping it requests a stop.
 #[derive(Debug)]
 pub struct Callback<T> {
     slot: Arc<Slot<T>>,
     controls: Arc<Controls>,
 }
 
-/// What the device calls.
+/// The device's side.
 #[derive(Debug)]
 pub struct CallbackHalf<T> {
     slot: Arc<Slot<T>>,
@@ -42,9 +42,9 @@ pub struct CallbackHalf<T> {
 }
 
 impl<T: Ticker> Callback<T> {
-    /// A driver, and what the device is to call. The device must have the ticker's rate and channels.
+    /// A driver and its process for the device, which must have the ticker's rate and channels.
     pub fn new(ticker: T, options: &Options) -> (Self, CallbackHalf<T>) {
-        let controls = Controls::new(options);
+        let controls = Controls::new(options, None);
         let stream = Stream::new(&ticker);
         let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
         let slot = Arc::new(Slot::new(ticker));
@@ -52,20 +52,21 @@ impl<T: Ticker> Callback<T> {
         (Self { slot, controls }, half)
     }
 
-    /// Requests, and how it stands.
+    /// Requests to the driver, and its state.
     pub fn controls(&self) -> &Arc<Controls> {
         &self.controls
     }
 
-    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None` where a tick does not end within a
-    /// second.
+    /// Ramps the output down and returns the ticker, at once if the device no longer calls. `None` if a
+    /// tick does not end within a second.
     pub fn stop(self) -> Option<T> {
         self.controls.request_stop();
         self.controls.wait_until_down();
         self.take()
     }
 
-    /// Takes the ticker out at once: the device is lost. If it calls all the same, its output falls silent.
+    /// Takes the ticker from a lost device, without a ramp. If the device calls all the same, it plays
+    /// silence.
     pub fn take(self) -> Option<T> {
         self.controls.request_stop();
         let began = std::time::Instant::now();
@@ -96,7 +97,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         self.controls.ask::<STACK>();
         let frames = block.frames();
         let heard = self.stream.dll.callback(block.now_ns, frames as u64);
-        self.controls.heard(block.now_ns, frames, self.stream.dll.line());
+        self.controls.heard(block.now_ns, self.stream.dll.line());
         self.controls.steer(&mut self.ramp);
         if heard.lost > 0 {
             self.controls.meters().xruns.add(1);
@@ -117,26 +118,26 @@ impl<T: Ticker> Process for CallbackHalf<T> {
     }
 }
 
-/// The ticker's samples as the device's frames.
+/// Turns the ticker's samples into the device's frames.
 #[derive(Debug)]
 struct Stream {
     rates: Rates,
     dll: Dll,
-    /// Samples of the last tick, and which of them were not played yet (values, not frames).
+    /// Samples of the last tick, and the range not yet played (in values, not frames).
     samples: Vec<f32>,
     left: Range<usize>,
-    /// The ticker's sample at position 0 of the device.
+    /// Sample of the ticker at position 0 of the device.
     origin: i64,
-    /// Frames of time that went by and were not skipped yet: less than a tick.
+    /// Frames of time that passed unplayed and are not skipped yet: less than a tick.
     owed: u64,
-    /// D, in nanoseconds; 0 before the first callback.
+    /// The delay D [ns]; 0 before the first callback.
     delay_ns: f64,
     read_ns: u64,
 }
 
 impl Stream {
     fn new(ticker: &impl Ticker) -> Self {
-        let rates = Rates::of(ticker);
+        let rates = ticker.rates();
         Self {
             rates,
             dll: Dll::new(rates.rate_hz),
@@ -149,7 +150,7 @@ impl Stream {
         }
     }
 
-    /// Fills frames by running ticks; returns how many. Fewer than there is room for if a tick panicked.
+    /// Fills frames by running ticks; returns how many. Fewer than `out` holds if a tick panicked.
     fn fill(
         &mut self,
         ticker: &mut impl Ticker,
@@ -181,7 +182,7 @@ impl Stream {
         }
     }
 
-    /// When a tick reads the hand. Never before the tick before it.
+    /// Time at which a tick reads the hand; never before that of the tick before.
     fn time_of(&mut self, tick: u64, controls: &Controls) -> u64 {
         let line = self.dll.line();
         let period_ns = line.period_frames as f64 * line.frame_ns();
@@ -197,7 +198,7 @@ impl Stream {
         self.read_ns
     }
 
-    /// Time went by without being asked for: goes on with the last tick that had begun by then.
+    /// Skips the ticks of a gap, and goes on with the last tick that had begun by then.
     fn catch_up(&mut self, ticker: &mut impl Ticker, controls: &Controls, heard: Heard) {
         self.owed += heard.lost;
         let (tick, left) = (ticker.next_tick(), (self.left.len() / self.rates.channels) as u64);

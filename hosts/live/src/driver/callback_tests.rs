@@ -31,7 +31,7 @@ impl Device {
 }
 
 #[test]
-fn every_sample_is_played_once_and_in_order_whatever_the_callbacks_ask_for() {
+fn samples_play_once_in_order_for_any_block_size() {
     for (rate_hz, tick_hz) in [
         (44_100, 500),
         (48_000, 100),
@@ -61,7 +61,7 @@ fn every_sample_is_played_once_and_in_order_whatever_the_callbacks_ask_for() {
 }
 
 #[test]
-fn ticks_are_evenly_spaced_in_the_hands_time_a_period_ago_and_not_in_its_future() {
+fn ticks_read_the_hand_evenly_one_period_ago() {
     for (rate_hz, tick_hz, frames) in
         [(48_000, 500, 64), (48_000, 500, 1024), (44_100, 500, 441), (48_000, 4_000, 97), (2_500, 4_000, 5)]
     {
@@ -97,7 +97,7 @@ fn ticks_are_evenly_spaced_in_the_hands_time_a_period_ago_and_not_in_its_future(
 }
 
 #[test]
-fn a_gap_of_callbacks_leaves_out_whole_ticks_and_counts_what_was_never_played() {
+fn callback_gap_skips_whole_ticks_and_counts_lost_samples() {
     for (rate_hz, tick_hz, frames, gap_ms) in
         [(48_000, 500, 64, 14), (48_000, 500, 1024, 150), (44_100, 1_000, 97, 33), (48_000, 100, 64, 7)]
     {
@@ -118,7 +118,8 @@ fn a_gap_of_callbacks_leaves_out_whole_ticks_and_counts_what_was_never_played() 
             }
             assert_eq!(heard, reference.play(frames), "callback {i}");
             if let Some(Some(ticker)) = device.half.slot.enter().as_deref() {
-                // A tick reads the hand a period before the callback's time at its first sample, also after gaps.
+                // A tick reads the hand a period before the callback's time at its first sample, also after
+                // gaps.
                 let (tick, read_ns) = *ticker.times.last().unwrap();
                 let played = frames as f64 + asperity_node::time::first_sample(tick, rate_hz, tick_hz) as f64
                     - reference.next as f64;
@@ -143,7 +144,7 @@ fn a_gap_of_callbacks_leaves_out_whole_ticks_and_counts_what_was_never_played() 
 }
 
 #[test]
-fn a_mute_a_stop_and_a_panic_are_silent_within_20_ms() {
+fn mute_stop_and_panic_are_silent_within_20_ms() {
     for how in ["mute", "stop", "panic"] {
         let options = options(500);
         let mut ticker = Counter::new(48_000, 500, 1, 500);
@@ -180,7 +181,7 @@ fn a_mute_a_stop_and_a_panic_are_silent_within_20_ms() {
 }
 
 #[test]
-fn a_device_with_other_channels_is_silent_and_counts_as_failed() {
+fn device_with_other_channels_fails_in_silence() {
     let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 2, 9), &options(500));
     assert_eq!(call(&mut half, 1, 64, 3), [0.0; 192]);
     assert!(driver.controls().failed());

@@ -1,4 +1,4 @@
-//! What passes between a driver's threads and whoever controls them: atomics alone.
+//! Requests to a driver's threads and their state: atomics alone.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*};
@@ -14,30 +14,27 @@ use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
 
-/// A device that has not called for three periods, but at least and at most this long, while its output is to ramp down, will not.
+/// A device counts as dead after three periods without a call, but at least and at most this long [ns].
 const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 
-/// Requests to a running driver, and how it stands. Any thread.
+/// Requests to a running driver, and its state. Any thread.
 #[derive(Debug)]
 pub struct Controls {
     reins: Reins,
-    /// This driver is to stop; the run may go on under another one.
+    /// This driver must stop; the run may go on under another one.
     stopping: AtomicBool,
     failed: AtomicBool,
-    /// The output is down for good, or there is none.
+    /// The output is down for good.
     down: AtomicBool,
     level: AtomicU8,
-    /// Bits of the largest sample that the device was given since this was last looked at.
-    /// Bits of the largest sample since it was last asked for, and of the last callback's.
+    /// Bits of the largest sample since the last read, and of the last callback's.
     peak: AtomicU32,
     last_peak: AtomicU32,
     heard_ns: AtomicU64,
-    frames: AtomicU32,
-    period_frames: AtomicU32,
     period_ns: AtomicU64,
     lead_ns: AtomicU64,
     asked: Asked,
-    /// What the device's thread asked for, where ticks run on another.
+    /// Request of the device's thread, if ticks run on another.
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
@@ -45,18 +42,9 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// For a driver whose ticks run on one thread, the device's own where there is one.
-    pub(super) fn new(options: &Options) -> Arc<Self> {
-        Arc::new(Self::with(options, None))
-    }
-
-    /// For a driver whose ticks run beside the device's thread.
-    pub(super) fn of_two(options: &Options) -> Arc<Self> {
-        Arc::new(Self::with(options, Some(Asked::default())))
-    }
-
-    fn with(options: &Options, device_asked: Option<Asked>) -> Self {
-        Self {
+    /// Controls of one driver. `device_asked`: for a device's thread beside the one that ticks.
+    pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
+        Arc::new(Self {
             reins: options.reins.clone(),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
@@ -65,8 +53,6 @@ impl Controls {
             peak: AtomicU32::new(0),
             last_peak: AtomicU32::new(0),
             heard_ns: AtomicU64::new(0),
-            frames: AtomicU32::new(0),
-            period_frames: AtomicU32::new(0),
             period_ns: AtomicU64::new(0),
             lead_ns: AtomicU64::new(0),
             asked: Asked::default(),
@@ -74,15 +60,15 @@ impl Controls {
             meters: Arc::clone(&options.meters),
             priority: options.priority,
             guards: options.guards.clone(),
-        }
+        })
     }
 
-    /// Those of the run.
+    /// Control of the run.
     pub fn reins(&self) -> &Reins {
         &self.reins
     }
 
-    /// How the driver stands; never `Lost`, which is for its owner to know.
+    /// State of the driver; never `Lost`, which only the owner of the device knows.
     pub fn condition(&self) -> Condition {
         if self.failed.load(Relaxed) {
             Condition::Failed
@@ -97,34 +83,19 @@ impl Controls {
         }
     }
 
-    /// Whether a tick panicked. The output ramped down then, and nothing is run any more.
+    /// Whether a tick panicked. Then the output ramped down and nothing runs any more.
     pub fn failed(&self) -> bool {
         self.failed.load(Relaxed)
     }
 
-    /// What the thread that ticks got of the real-time priority it asked for, or the device's thread beside it if that got less;
-    /// `NotAsked` before both ran, unless the first was refused already.
+    /// Real-time priority of the tick thread, or of the device's thread if that got less. `NotAsked` until
+    /// both ran, unless the tick thread was refused.
     pub fn priority(&self) -> Grant {
         let device = self.device_asked.as_ref().map(Asked::get);
         worse(self.asked.get(), device)
     }
 
-    /// When the device last called, by [`now_ns`]; 0 for never, or without a device.
-    pub fn last_callback_ns(&self) -> u64 {
-        self.heard_ns.load(Relaxed)
-    }
-
-    /// Frames of the last callback; 0 for none.
-    pub fn callback_frames(&self) -> u32 {
-        self.frames.load(Relaxed)
-    }
-
-    /// Frames that a wake-up of the device really asks for: of all callbacks of a bunch, the most in the last seconds; 0 for none.
-    pub fn period_frames(&self) -> u32 {
-        self.period_frames.load(Relaxed)
-    }
-
-    /// From the time at which a tick reads its inputs to that of the callback which asks for its first sample, in nanoseconds:
+    /// Time between a tick's reading of its inputs and the callback that asks for its first sample [ns]:
     /// the driver's part of the latency.
     pub fn lead_ns(&self) -> u64 {
         self.lead_ns.load(Relaxed)
@@ -139,7 +110,7 @@ impl Controls {
         self.asked.once::<STACK>(self.priority);
     }
 
-    /// The same from the device's thread where ticks run on another.
+    /// The same for the device's thread, if ticks run on another.
     pub(super) fn ask_for_device<const STACK: usize>(&self) {
         if let Some(asked) = &self.device_asked {
             asked.once::<STACK>(self.priority);
@@ -158,11 +129,9 @@ impl Controls {
         self.stopping.load(Relaxed) || self.reins.stopping()
     }
 
-    /// Takes note of a callback.
-    pub(super) fn heard(&self, now_ns: u64, frames: usize, line: &Line) {
+    /// Notes a callback.
+    pub(super) fn heard(&self, now_ns: u64, line: &Line) {
         self.heard_ns.store(now_ns, Relaxed);
-        self.frames.store(frames as u32, Relaxed);
-        self.period_frames.store(line.period_frames as u32, Relaxed);
         self.period_ns.store((line.period_frames as f64 * line.frame_ns()) as u64, Relaxed);
     }
 
@@ -170,24 +139,24 @@ impl Controls {
         self.lead_ns.store(ns as u64, Relaxed);
     }
 
-    /// There is no output that would have to come up.
+    /// For a driver without output.
     pub(super) fn playing(&self) {
         self.level.store(Level::Full as u8, Relaxed);
     }
 
-    /// What the requests mean for the ramp.
+    /// Opens or closes the ramp as requested.
     pub(super) fn steer(&self, ramp: &mut Ramp) {
         ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
     }
 
-    /// The largest sample that the device was given since this was last asked, the last callback's included, of full scale.
+    /// Largest sample since the last read, including the last callback's, of full scale.
     pub fn peak(&self) -> f32 {
-        // It may be asked more often than the device calls; what was given then plays still.
+        // Between two callbacks, the last block still plays.
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
     }
 
-    /// Holds what the device is given to the limits of its channels. One device is open at a time; a block
-    /// that finds another thread with the guards is silent.
+    /// Limits the output by the guards of its channels. One device is open at a time; if another thread has
+    /// the guards, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
         let Some(guards) = &self.guards else { return };
         match guards.0.enter().as_deref_mut() {
@@ -196,10 +165,10 @@ impl Controls {
         }
     }
 
-    /// What the ramp came to, and what the device is given.
+    /// Notes the state of the ramp and the peak of the output.
     pub(super) fn note(&self, ramp: &Ramp, output: &[f32]) {
         let peak = output.iter().fold(0.0_f32, |most, x| x.abs().max(most));
-        // Of numbers above 0 the bits are in the same order.
+        // Bits of positive floats are in the order of the numbers.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
         self.last_peak.store(peak.to_bits(), Relaxed);
         self.level.store(ramp.level() as u8, Relaxed);
@@ -212,13 +181,13 @@ impl Controls {
         self.down.load(Acquire)
     }
 
-    /// Whether the device has not called for so long that nobody need wait for its output to ramp down.
+    /// Whether the device has not called for so long that its ramp need not be waited for.
     pub(super) fn dead(&self) -> bool {
         let patience = (3 * self.period_ns.load(Relaxed)).clamp(DEAD_NS.0, DEAD_NS.1);
         now_ns().saturating_sub(self.heard_ns.load(Relaxed)) > patience
     }
 
-    /// Waits until the output is down or the device dead. Control thread.
+    /// Waits until the output is down or the device is dead. Control thread.
     pub(super) fn wait_until_down(&self) {
         while !self.down() && !self.dead() {
             std::thread::sleep(Duration::from_millis(1));
@@ -226,7 +195,7 @@ impl Controls {
     }
 }
 
-/// Of the grants of two threads, or of one alone, the one that a person should know.
+/// The worse grant of two threads, or the only one.
 fn worse(ticks: Grant, device: Option<Grant>) -> Grant {
     match device {
         Some(device) if device.missing() && !ticks.missing() => device,
@@ -240,8 +209,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_peak_of_a_device_that_calls_less_often_than_it_is_asked_for_stays_what_plays() {
-        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))));
+    fn peak_between_callbacks_stays_that_of_the_last_block() {
+        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))), None);
         let ramp = Ramp::new(48_000, 1, 0.0);
         controls.note(&ramp, &[0.1, -0.75, 0.2]);
         controls.note(&ramp, &[0.25]);
@@ -251,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_of_either_thread_is_told_and_a_grant_only_once_both_have_it() {
+    fn grant_of_two_threads_is_the_worse_one() {
         use Grant::{Granted, NotAsked, NotSupported, Refused};
         for (ticks, device, told) in [
             (Granted, None, Granted),

@@ -1,24 +1,26 @@
-//! What calls the next tick: the audio callback itself, a paced thread, or a timer.
+//! Drivers call the ticks: from the audio callback itself, from a paced thread, or from a timer.
 //!
-//! A driver starts with a [`Ticker`] and gives it back when it stops, so that the same run can go on under another one: a
-//! device is lost, a timer takes over, the device is there again. Each fades its output in and out by a
-//! [`Ramp`](crate::Ramp), and counts in [`Meters`] what it could not play.
+//! A driver starts with a [`Ticker`] and returns it when it stops, so that the same run can go on under
+//! another one: when a
+//! device is lost, a timer takes over until the device is back. A driver with audio fades its output by a
+//! [`Ramp`](crate::Ramp), and counts in [`Meters`] the samples that it could not play.
 
 mod callback;
 mod controls;
 mod paced;
-mod paced_half;
 mod run;
 mod sleep;
 mod slot;
+mod thread;
 mod timer;
 
 pub use callback::{Callback, CallbackHalf};
 pub use controls::Controls;
-pub use paced::Paced;
-pub use paced_half::PacedHalf;
+pub use paced::{PacedHalf, paced};
+pub use run::Rates;
 pub(crate) use slot::Slot;
-pub use timer::Timer;
+pub use thread::TickThread;
+pub use timer::timer;
 
 use std::sync::Arc;
 
@@ -28,61 +30,30 @@ use crate::outlet::Guards;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
-/// A graph that can be run tick by tick. Nothing here may wait, allocate or log; a panic is caught, and ends the output.
+/// A graph that runs tick by tick. No method may wait, allocate or log. A panic is caught and ends the
+/// output.
 pub trait Ticker: Send {
-    /// Ticks a second, at least 1.
-    fn tick_hz(&self) -> u32;
+    /// Rates and channels of the run, which never change.
+    fn rates(&self) -> Rates;
 
-    /// Samples a second of the output.
-    fn rate_hz(&self) -> u32;
-
-    /// Channels of the output, at least 1.
-    fn channels(&self) -> usize;
-
-    /// The number of the tick that is run next.
+    /// Number of the next tick.
     fn next_tick(&self) -> u64;
 
-    /// Runs the next tick. `time_ns`: the virtual time at which inputs are to be read, by [`now_ns`](crate::now_ns). `out`:
-    /// interleaved room for exactly this tick's samples (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be
-    /// filled.
+    /// Runs the next tick. `time_ns`: when inputs are read, by [`now_ns`](crate::now_ns). `out`:
+    /// interleaved samples of exactly
+    /// this tick (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be filled.
     fn tick(&mut self, time_ns: u64, out: &mut [f32]);
 
-    /// Goes on `n` ticks later, without running those between.
+    /// Skips `n` ticks.
     fn skip(&mut self, n: u64);
 }
 
-impl<T: Ticker + ?Sized> Ticker for Box<T> {
-    fn tick_hz(&self) -> u32 {
-        (**self).tick_hz()
-    }
-
-    fn rate_hz(&self) -> u32 {
-        (**self).rate_hz()
-    }
-
-    fn channels(&self) -> usize {
-        (**self).channels()
-    }
-
-    fn next_tick(&self) -> u64 {
-        (**self).next_tick()
-    }
-
-    fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
-        (**self).tick(time_ns, out);
-    }
-
-    fn skip(&mut self, n: u64) {
-        (**self).skip(n);
-    }
-}
-
-/// What drives the ticks.
+/// Clock of the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
     /// The audio callback.
     Callback,
-    /// A thread, evenly, steered by the callback's clock.
+    /// A thread with evenly spaced ticks, steered by the callback's clock.
     Paced,
     /// A thread on the system's clock; no audio.
     Timer,
@@ -99,8 +70,8 @@ impl Clock {
     }
 }
 
-/// The clock that was asked for; else the callback where the device's real period is at most one tick, a paced thread where it
-/// is longer, and a timer where there is no device (`period_frames` 0).
+/// The requested clock. By default: the callback if the device's real period is at most one tick, a paced
+/// thread if it is longer, a timer without a device (`period_frames` 0).
 pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u32) -> Clock {
     let fits = u64::from(period_frames) * u64::from(tick_hz) <= u64::from(rate_hz);
     match (asked, period_frames) {
@@ -111,27 +82,28 @@ pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u
     }
 }
 
-/// How a driver is started.
+/// Options of a driver.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// SCHED_FIFO priority of the thread that ticks and of the device's; `None` asks for nothing.
+    /// SCHED_FIFO priority of the tick thread and the device's thread; `None` requests nothing.
     pub priority: Option<i32>,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// The device's period in frames, for the paced driver; 0: as it is seen, which follows a device that asks in bunches.
+    /// Period of the device in frames, for the paced driver; 0 measures it, and follows a device that calls
+    /// in bunches.
     pub period_frames: u32,
-    /// The device's period in frames as it was seen before, for the paced driver: how much room it makes; 0 where it is not known.
+    /// Period of the device in frames as measured before, to size the paced driver's ring; 0 if unknown.
     pub seen_frames: u32,
-    /// Where times and counts go.
+    /// Times and counts.
     pub meters: Arc<Meters>,
-    /// What mutes and stops it.
+    /// Mutes and stops it.
     pub reins: Reins,
-    /// Guards of the device's channels, if there are any.
+    /// Guards of the device's channels, if any.
     pub guards: Option<Guards>,
 }
 
 impl Options {
-    /// What a run for a person uses.
+    /// Options of a run for a person.
     pub fn new(meters: Arc<Meters>) -> Self {
         Self {
             priority: Some(PRIORITY),
@@ -154,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_callback_ticks_where_its_period_is_at_most_a_tick() {
+    fn clock_is_callback_up_to_a_period_of_one_tick() {
         assert_eq!(choose(None, 96, 48_000, 500), Clock::Callback);
         assert_eq!(choose(None, 97, 48_000, 500), Clock::Paced);
         assert_eq!(choose(None, 64, 48_000, 1_000), Clock::Paced);

@@ -1,126 +1,104 @@
-//! A thread with evenly spaced ticks, steered by the device's clock, through a ring.
+//! A thread with evenly spaced ticks, steered by the device's clock, that feeds the device through a ring.
 //!
-//! A tick that begins at position x of the device's frames is due at t(x) - L: t is the line of the delay-locked loop over
-//! callback times, L the lead: the device's real period, since a callback may ask for that many frames at once, and a margin
-//! for waking up and for callbacks that come early. The ring then holds the period, a tick and the margin at most, whatever
-//! happens: the thread has no other measure than position, so that the fill need not be steered by itself.
+//! A tick that begins at position x of the device's frames is due at t(x) - L. Here t is the line of the
+//! delay-locked loop over callback times, and L the lead: the device's real period, since a callback may
+//! ask for that many frames at once, plus a margin for waking up and for early callbacks. The ring then
+//! never holds more than the period, a tick and the margin. The thread measures by position alone, so the
+//! fill of the ring needs no control of its own.
 //!
-//! Measured with a device of 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine: the hand's times are 2 ms apart
-//! within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead is 22.4 ms, 21.3 of them the period.
-//! With 256 frames beside builds that made it stall, the lead stayed 6.35 to 6.36 ms over five runs, 5.3 of them the period (11.8 ms where what
-//! a late wake-up asks for counted as its period).
+//! Measured with 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine: readings of
+//! the hand are 2 ms apart within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead is 22.4
+//! ms, of which the period is
+//! 21.3 ms. With 256 frames beside builds that stalled the machine, the lead stayed 6.35 to 6.36 ms over
+//! five runs (period 5.3 ms).
 //!
-//! A thread that is late runs what is behind at once; beyond 16 ticks it leaves out whole ticks, as far as the device has
-//! said that their time has gone by.
+//! A late thread runs up to 16 late ticks at once. Beyond that it skips whole ticks, as far as the device
+//! has reported that their time has passed.
 //!
-//! A server that asks faster than time goes by (JACK in freewheel) is more than the thread can keep up with: what it cannot have is
-//! silent and counted, and ticks are left out. A run that was freewheeled for a second left out 29.9 s of samples, all of them counted. The
-//! callback clock renders every one.
+//! A server faster than real time (JACK in freewheel) asks for more than the thread can compute. Missing
+//! samples are silent and counted, and ticks are skipped: a run in freewheel for one second skipped 29.9 s
+//! of samples, all counted. The callback clock renders every sample.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering::*;
-use std::thread::{Builder, JoinHandle};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::*};
 
+use asperity_audio::{Block, Process};
 use asperity_engine::Flushed;
-use ringbuf::traits::{Observer, Producer, Split};
-use ringbuf::{HeapProd, HeapRb};
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use super::paced_half::{PacedHalf, Stream};
 use super::run::{self, RUN_BEHIND, Rates, SLEW};
-use super::timer::join;
-use super::{Controls, Options, Ticker, sleep};
+use super::{Controls, Options, TickThread, Ticker, sleep};
 use crate::dll::{Dll, Line};
 use crate::now_ns;
 use crate::ramp::Ramp;
-use crate::realtime::sleep_sharply;
+use crate::realtime::Asked;
 
-/// What the lead has beyond the period.
+opaque_debug!(PacedHalf);
+
+/// Margin of the lead beyond the period [ns].
 const MARGIN_NS: f64 = 1e6;
-/// Callbacks are listened to for this long before the stream begins.
+/// Callbacks are observed for this long before the stream begins [ns].
 const LISTEN_NS: u64 = 100_000_000;
-/// The longest sleep: requests and a moved clock are looked at between.
+/// Longest sleep [ns]. Between sleeps the thread reads requests and the device's clock.
 const NAP_NS: u64 = 5_000_000;
-/// Seconds of samples the ring has room for at least, beside the ticks that may be run behind: a device that asks in bunches may
-/// begin to do so later.
+/// Least room of the ring in seconds, beside late ticks: a device may begin to call in bunches later.
 const ROOM_S: f64 = 2.0;
-/// Periods it has room for at least. It holds one, a tick and the margin, as far as the period is the one it was made for.
+/// Least room of the ring in periods. It holds one period, a tick and the margin if the period stays as
+/// assumed.
 const ROOM_PERIODS: usize = 3;
-/// Stack that is brought in.
-const STACK: usize = 262_144;
+/// Stack that the device's thread touches at its first callback.
+const DEVICE_STACK: usize = 32_768;
 
-/// A run whose ticks are run by a thread of its own, and played by an audio device. Dropped, it asks for a stop.
-#[derive(Debug)]
-pub struct Paced<T> {
-    thread: Option<JoinHandle<T>>,
-    controls: Arc<Controls>,
+/// Starts a run whose ticks a thread calls, and an audio device plays. The thread listens to the device's
+/// first callbacks, then begins. The device must have the ticker's rate and channels.
+///
+/// # Errors
+/// The system gives no thread; the ticker is lost then.
+pub fn paced<T: Ticker + 'static>(
+    ticker: T,
+    options: &Options,
+) -> std::io::Result<(TickThread<T>, PacedHalf)> {
+    let controls = Controls::new(options, Some(Asked::default()));
+    let rates = ticker.rates();
+    let (to, ring) = HeapRb::new(room(&rates, options)).split();
+    let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
+    let begin = AtomicU64::new(u64::MAX);
+    let stream = Arc::new(Stream { begin, owed: AtomicI64::new(0), skipped: AtomicI64::new(0) });
+    let half = PacedHalf {
+        controls: Arc::clone(&controls),
+        stream: Arc::clone(&stream),
+        ring,
+        lines,
+        dll: Dll::new(rates.rate_hz),
+        ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
+        channels: rates.channels,
+        owed: 0,
+        began: false,
+    };
+    let pace = Pace {
+        controls: Arc::clone(&controls),
+        stream,
+        ring: to,
+        lines: heard,
+        rates,
+        samples: vec![0.0; rates.most()],
+        given_frames: options.period_frames,
+        lead_ns: 0.0,
+        origin: 0.0,
+        read_ns: 0,
+    };
+    Ok((TickThread::start(controls, |_| pace.run(ticker))?, half))
 }
 
-impl<T: Ticker + 'static> Paced<T> {
-    /// Starts the thread; it listens to the device's first callbacks, then begins. The device must have the ticker's
-    /// rate and channels.
-    ///
-    /// # Errors
-    /// Where the system gives no thread; the ticker is lost then.
-    pub fn new(ticker: T, options: &Options) -> std::io::Result<(Self, PacedHalf)> {
-        let controls = Controls::of_two(options);
-        let rates = Rates::of(&ticker);
-        let (to, ring) = HeapRb::new(room(&rates, options)).split();
-        let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
-        let stream = Arc::new(Stream::new());
-        let half = PacedHalf {
-            controls: Arc::clone(&controls),
-            stream: Arc::clone(&stream),
-            ring,
-            lines,
-            dll: Dll::new(rates.rate_hz),
-            ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
-            channels: rates.channels,
-            owed: 0,
-            began: false,
-        };
-        let pace = Pace {
-            controls: Arc::clone(&controls),
-            stream,
-            ring: to,
-            lines: heard,
-            rates,
-            samples: vec![0.0; rates.most()],
-            given_frames: options.period_frames,
-            lead_ns: 0.0,
-            origin: 0.0,
-            read_ns: 0,
-        };
-        let thread = Builder::new().name("asperity-tick".into()).spawn(move || pace.run(ticker))?;
-        Ok((Self { thread: Some(thread), controls }, half))
-    }
-
-    /// Requests, and how it stands.
-    pub fn controls(&self) -> &Arc<Controls> {
-        &self.controls
-    }
-
-    /// Ramps the output down and takes the ticker back; at once where the device no longer calls. `None` where a tick does not end
-    /// within a second.
-    pub fn stop(mut self) -> Option<T> {
-        self.controls.request_stop();
-        self.thread.take().and_then(join)
-    }
-}
-
-impl<T> Drop for Paced<T> {
-    fn drop(&mut self) {
-        self.controls.request_stop();
-    }
-}
-
-/// Values that the ring has room for.
+/// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
     let period = options.period_frames.max(options.seen_frames) as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
     frames * rates.channels + (RUN_BEHIND as usize + 2) * rates.most()
 }
 
-/// The thread's end.
+/// The thread's side.
 struct Pace {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -129,34 +107,32 @@ struct Pace {
     rates: Rates,
     samples: Vec<f32>,
     given_frames: u32,
-    /// L, in nanoseconds.
+    /// The lead L [ns].
     lead_ns: f64,
-    /// The ticker's sample at position 0 of the device.
+    /// Sample of the ticker at position 0 of the device.
     origin: f64,
     read_ns: u64,
 }
 
 impl Pace {
     fn run<T: Ticker>(mut self, mut ticker: T) -> T {
-        let _flushed = Flushed::new();
-        self.controls.ask::<STACK>();
-        sleep_sharply();
         if self.begin(&ticker) {
             while !self.over() && self.next(&mut ticker) {}
         }
-        // The device's end is still fading what it has.
+        // The device still fades its last samples.
         while !self.over() && !self.controls.failed() {
             sleep::until(now_ns() + NAP_NS);
         }
         ticker
     }
 
-    /// Whether nobody hears the next tick.
+    /// Whether the next tick would not be heard.
     fn over(&self) -> bool {
         self.controls.down() || (self.controls.stopping() && self.controls.dead())
     }
 
-    /// Waits for the device and chooses where its frames begin to be ours. False where it was stopped before.
+    /// Waits for the device and chooses the position at which the stream begins. False if it is stopped
+    /// before.
     fn begin(&mut self, ticker: &impl Ticker) -> bool {
         let mut since = None;
         loop {
@@ -176,13 +152,13 @@ impl Pace {
         }
     }
 
-    /// The lead that the device needs as it is now.
+    /// Lead that the device needs now [ns].
     fn lead(&self, line: &Line) -> f64 {
         let period = if self.given_frames > 0 { u64::from(self.given_frames) } else { line.period_frames };
         period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
     }
 
-    /// Sleeps towards the next tick, or runs it where it is due. False where it panicked.
+    /// Sleeps until the next tick, or runs it when it is due. False if it panicked.
     fn next(&mut self, ticker: &mut impl Ticker) -> bool {
         let line = *self.lines.read();
         let tick = ticker.next_tick();
@@ -201,7 +177,7 @@ impl Pace {
         }
         let len = self.rates.len(tick).min(self.samples.len());
         if self.ring.vacant_len() < len {
-            // Nobody plays: the device stands still, or catches up.
+            // The ring is full: the device stands still, or catches up.
             sleep::until(now + NAP_NS);
             return true;
         }
@@ -220,9 +196,10 @@ impl Pace {
         true
     }
 
-    /// Leaves out up to `behind` ticks, as far as their time has gone by unplayed beyond what the ring holds. False for none.
+    /// Skips up to `behind` ticks whose time has passed unplayed beyond the ring's content. False if there
+    /// is none.
     fn skip(&mut self, ticker: &mut impl Ticker, behind: u64) -> bool {
-        // The ring first: see where the device's end drops.
+        // Read the ring before `owed`; `PacedHalf::take` writes them in the opposite order.
         let there = (self.ring.occupied_len() / self.rates.channels) as i64;
         let owed = self.stream.owed.load(Acquire) - self.stream.skipped.load(Relaxed) - there;
         let (tick, Ok(owed)) = (ticker.next_tick(), u64::try_from(owed)) else { return false };
@@ -235,6 +212,120 @@ impl Pace {
         self.controls.meters().skipped_ticks.add(to - tick);
         self.stream.skipped.fetch_add((self.rates.first_sample(to) - here) as i64, Release);
         true
+    }
+}
+
+/// Stream state that both sides share, in frames.
+#[derive(Debug)]
+struct Stream {
+    /// Position of the device at which the stream begins; `u64::MAX` until the thread has chosen it.
+    begin: AtomicU64,
+    /// Frames of time that passed unplayed, less those that the device's side has dropped since.
+    owed: AtomicI64,
+    /// Of these, frames that the thread skipped.
+    skipped: AtomicI64,
+}
+
+/// The device's side: takes samples from the ring, and reports the device's time to the thread.
+///
+/// Position in the stream is position in time. Samples that were missing at their time, or that a gap
+/// passed over, are owed:
+/// as many are dropped, or skipped by the thread, before anything plays again. So latency never grows.
+pub struct PacedHalf {
+    controls: Arc<Controls>,
+    stream: Arc<Stream>,
+    ring: HeapCons<f32>,
+    lines: triple_buffer::Input<Line>,
+    dll: Dll,
+    ramp: Ramp,
+    channels: usize,
+    /// Frames owed, without the thread's skips.
+    owed: i64,
+    began: bool,
+}
+
+impl Process for PacedHalf {
+    fn process(&mut self, block: &mut Block<'_>) {
+        let _flushed = Flushed::new();
+        if block.channels != self.channels {
+            self.controls.fail();
+            return;
+        }
+        // Ticks run on another thread, but a late callback is audible too.
+        self.controls.ask_for_device::<DEVICE_STACK>();
+        let frames = block.frames();
+        let heard = self.dll.callback(block.now_ns, frames as u64);
+        self.lines.write(*self.dll.line());
+        self.controls.heard(block.now_ns, self.dll.line());
+        self.controls.steer(&mut self.ramp);
+        if heard.lost > 0 {
+            self.controls.meters().xruns.add(1);
+            if self.began {
+                self.ramp.broken();
+                self.owe(heard.lost);
+            }
+        }
+        let silent = self.silent_before_begin(heard.position, frames as u64);
+        let (before, rest) = block.output.split_at_mut(silent as usize * self.channels);
+        self.ramp.starve(before);
+        let over = self.controls.down() || self.controls.failed();
+        let got = if over { 0 } else { self.take(rest) };
+        let (played, missing) = rest.split_at_mut(got);
+        self.ramp.play(played);
+        self.ramp.starve(missing);
+        if !missing.is_empty() && !over {
+            self.controls.meters().underruns.add(1);
+            self.owe((missing.len() / self.channels) as u64);
+        }
+        self.controls.hold(block.output, self.channels);
+        self.controls.note(&self.ramp, block.output);
+    }
+}
+
+impl PacedHalf {
+    /// Frames of this block before the stream begins.
+    fn silent_before_begin(&mut self, position: u64, frames: u64) -> u64 {
+        if self.began {
+            return 0;
+        }
+        let begin = self.stream.begin.load(Acquire);
+        let silent = begin.saturating_sub(position).min(frames);
+        if silent < frames {
+            self.began = true;
+            let late = position.saturating_sub(begin);
+            if late > 0 {
+                self.owe(late);
+            }
+        }
+        silent
+    }
+
+    fn owe(&mut self, frames: u64) {
+        self.controls.meters().lost_samples.add(frames);
+        self.owed += frames as i64;
+        self.stream.owed.store(self.owed, Release);
+    }
+
+    /// Drops owed frames, then fills `out`; returns how many values it filled.
+    fn take(&mut self, out: &mut [f32]) -> usize {
+        if self.began {
+            let there = (self.ring.occupied_len() / self.channels) as i64;
+            let owed = self.owed - self.stream.skipped.load(Acquire);
+            let drop = owed.min(there).max(0);
+            if drop > 0 {
+                self.owed -= drop;
+                // Stored before the drop: the thread reads the ring first, so it never sees more owed than
+                // there is.
+                self.stream.owed.store(self.owed, Release);
+                self.ring.skip(drop as usize * self.channels);
+            }
+            // Samples pushed in the meantime are owed too.
+            if owed > drop {
+                return 0;
+            }
+        }
+        // The ring holds whole frames, and `out` is whole frames.
+        self.ring.pop_slice(out)
     }
 }
 

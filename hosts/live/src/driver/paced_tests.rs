@@ -5,8 +5,8 @@ use crate::view::Condition;
 use asperity_node::random::bits;
 use std::time::Duration;
 
-/// A device in real time. What it hears must be the stream at its own position in time, bit for bit, but for what the meters
-/// say was missing.
+/// A device in real time. Its output must be the stream at its own position in time, bit for bit, except
+/// for samples that the meters count as missing.
 struct Device {
     half: PacedHalf,
     options: Options,
@@ -21,10 +21,10 @@ struct Device {
 }
 
 impl Device {
-    fn new(ticker: Counter, options: Options) -> (Paced<Counter>, Self) {
+    fn new(ticker: Counter, options: Options) -> (TickThread<Counter>, Self) {
         let (rate_hz, channels, first) = (ticker.rate_hz, ticker.channels, ticker.first_sample());
         let first_tick = ticker.next;
-        let (driver, half) = Paced::new(ticker, &options).expect("a thread");
+        let (driver, half) = paced(ticker, &options).expect("a thread");
         let reference = Reference::new(rate_hz, channels, first);
         let start_ns = now_ns();
         let device = Self {
@@ -42,7 +42,7 @@ impl Device {
         (driver, device)
     }
 
-    /// One block when it is time for it; what was heard.
+    /// Plays one block when it is due, and returns it.
     fn call(&mut self, frames: usize) -> Vec<f32> {
         sleep::until(self.start_ns + self.frames * 1_000_000_000 / u64::from(self.rate_hz));
         self.frames += frames as u64;
@@ -62,7 +62,7 @@ impl Device {
             (false, true) => position.saturating_sub(begin),
             _ => 0,
         };
-        // What the meters say beyond time that passed is missing at the end of this block.
+        // Lost samples beyond passed time are missing at the end of this block.
         let missing = self.options.meters.lost_samples.get() - before - passed;
         assert!(missing <= frames as u64 - silent, "{missing} of {frames}");
         if began && lost > 0 {
@@ -87,14 +87,14 @@ impl Device {
         }
     }
 
-    /// Until a hundredth of a second was played, however slowly the thread is begun with.
+    /// Runs until 10 ms were played, however slowly the thread begins.
     fn run_until_played(&mut self, sizes: &[usize]) {
         while self.played < u64::from(self.rate_hz / 100) {
             self.run(20, sizes);
         }
     }
 
-    /// Goes on calling while something else happens, as a device does.
+    /// Keeps calling, as a device does, while `what` runs.
     fn while_it<R>(mut self, what: impl FnOnce() -> R) -> (R, Self) {
         let over = std::sync::atomic::AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -111,7 +111,7 @@ impl Device {
     }
 }
 
-/// The samples that were computed are those that were played, those dropped or left out for what was missing, and some ahead.
+/// Computed samples are those played, those dropped or skipped for missing ones, and some ahead.
 fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
     let rate = u64::from(device.rate_hz);
     let passed = device.played + device.options.meters.lost_samples.get();
@@ -123,7 +123,7 @@ fn account(device: &Device, ticker: &Counter, tail_ms: u64) {
 }
 
 #[test]
-fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
+fn paced_stream_keeps_its_place_in_time() {
     for (rate_hz, tick_hz, sizes) in [
         (48_000, 500, &[1024][..]),
         (44_100, 500, &[0, 1, 64, 97, 441, 1024]),
@@ -148,14 +148,14 @@ fn what_is_heard_is_the_stream_at_its_place_in_time_for_any_callbacks() {
 }
 
 #[test]
-fn there_is_room_for_callbacks_of_any_length() {
+fn ring_has_room_for_callbacks_of_any_length() {
     for (rate_hz, tick_hz, channels, frames, seen) in [
         (48_000, 500, 2, 16_384, false),
         (44_100, 500, 1, 65_536, false),
         (48_000, 500, 8, 65_536, true),
         (8_000, 100, 2, 65_536, true),
     ] {
-        let rates = Rates::of(&Counter::new(rate_hz, tick_hz, channels, 0));
+        let rates = Rates { tick_hz, rate_hz, channels };
         let options = Options { seen_frames: if seen { frames } else { 0 }, ..options(tick_hz) };
         let ahead = (MARGIN_NS * 2e-9 * f64::from(rate_hz)) as usize + 1;
         let holds = (frames as usize + ahead) * channels + rates.most();
@@ -164,7 +164,7 @@ fn there_is_room_for_callbacks_of_any_length() {
 }
 
 #[test]
-fn a_callback_of_a_third_of_a_second_is_filled() {
+fn callback_of_a_third_of_a_second_is_filled() {
     for (rate_hz, frames) in [(48_000, 16_384), (96_000, 65_536)] {
         let (driver, mut device) = Device::new(Counter::new(rate_hz, 500, 1, 0), options(500));
         // However busy the machine: without room for them, none would be.
@@ -180,9 +180,9 @@ fn a_callback_of_a_third_of_a_second_is_filled() {
 }
 
 #[test]
-fn the_thread_of_the_device_asks_for_priority_too() {
+fn device_thread_requests_priority_too() {
     let options = Options { priority: Some(5), ..options(500) };
-    let (driver, mut half) = Paced::new(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
+    let (driver, mut half) = paced(Counter::new(48_000, 500, 1, 0), &options).expect("a thread");
     let controls = Arc::clone(driver.controls());
     let asked = move || controls.device_asked.as_ref().map(Asked::get);
     assert_eq!(asked(), Some(Grant::NotAsked));
@@ -196,7 +196,7 @@ fn the_thread_of_the_device_asks_for_priority_too() {
 }
 
 #[test]
-fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
+fn stalled_tick_costs_counted_samples_and_no_latency() {
     for (stall_ms, frames) in [(30, 256), (120, 64), (400, 1024)] {
         let mut ticker = Counter::new(48_000, 500, 1, 0);
         ticker.stall = Some((100, Duration::from_millis(stall_ms)));
@@ -222,7 +222,7 @@ fn a_tick_that_stalls_costs_what_is_counted_and_no_latency_after() {
 }
 
 #[test]
-fn a_device_that_stood_still_plays_nothing_stale() {
+fn device_after_a_standstill_plays_nothing_stale() {
     let (driver, mut device) = Device::new(Counter::new(48_000, 1_000, 1, 0), options(1_000));
     device.run(900, &[128]);
     while !device.half.dll.settled() {
@@ -244,7 +244,7 @@ fn a_device_that_stood_still_plays_nothing_stale() {
 }
 
 #[test]
-fn a_panic_ends_in_silence_and_the_device_goes_on() {
+fn panic_ends_in_silence_and_the_device_goes_on() {
     let mut ticker = Counter::new(48_000, 500, 1, 0);
     ticker.panic_at = Some(60);
     let (driver, mut device) = Device::new(ticker, options(500));
@@ -259,7 +259,7 @@ fn a_panic_ends_in_silence_and_the_device_goes_on() {
 }
 
 #[test]
-fn a_stop_ramps_down_and_a_device_that_is_gone_does_not_hold_it_up() {
+fn stop_ramps_down_and_does_not_wait_for_a_dead_device() {
     let (driver, mut device) = Device::new(Counter::new(48_000, 500, 1, 50), options(500));
     device.run_until_played(&[256]);
     device.run(20, &[256]);

@@ -1,4 +1,4 @@
-//! Running one tick: its place in exact time, its panic caught, its times recorded.
+//! Runs one tick: finds its samples, catches its panic, records its times.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -8,28 +8,23 @@ use super::{Controls, Ticker};
 use crate::meters::Record;
 use crate::now_ns;
 
-/// Ticks that may be behind and are still run, at once: they cost microseconds. Beyond that they are skipped.
+/// Late ticks up to this number run at once, since they cost microseconds. Beyond that they are skipped.
 pub(super) const RUN_BEHIND: u64 = 16;
-/// How fast a delay may move, as a part of time, so that no speed is falsified by more.
+/// Fastest change of a delay, as a share of time. It distorts speeds by as much.
 pub(super) const SLEW: f64 = 0.02;
 
-/// The rates of a ticker, which do not change.
+/// Rates and channels of a run.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rates {
-    pub(super) tick_hz: u32,
-    pub(super) rate_hz: u32,
-    pub(super) channels: usize,
+pub struct Rates {
+    /// Ticks a second, at least 1.
+    pub tick_hz: u32,
+    /// Samples a second of the output.
+    pub rate_hz: u32,
+    /// Channels of the output, at least 1.
+    pub channels: usize,
 }
 
 impl Rates {
-    pub(super) fn of(ticker: &impl Ticker) -> Self {
-        Self {
-            tick_hz: ticker.tick_hz().max(1),
-            rate_hz: ticker.rate_hz(),
-            channels: ticker.channels().max(1),
-        }
-    }
-
     pub(super) fn tick_ns(&self) -> f64 {
         1e9 / f64::from(self.tick_hz)
     }
@@ -38,32 +33,32 @@ impl Rates {
         time::first_sample(tick, self.rate_hz, self.tick_hz)
     }
 
-    /// Values of a tick.
+    /// Values (samples times channels) of a tick.
     pub(super) fn len(&self, tick: u64) -> usize {
         let samples = time::samples(tick, self.rate_hz, self.tick_hz);
         (samples.end - samples.start) as usize * self.channels
     }
 
-    /// The most values of any tick.
+    /// Most values of any tick.
     pub(super) fn most(&self) -> usize {
         time::max_samples(self.rate_hz, self.tick_hz) * self.channels
     }
 
-    /// Samples from `origin` to where a tick begins, without rounding to whole ones: those of 44.1 kHz and 500 Hz are 88 or 89, but the ticks
-    /// are 2 ms apart.
+    /// Samples from `origin` to the start of a tick, not rounded to whole samples: a tick at 44.1 kHz and
+    /// 500 Hz has 88 or 89 samples, but ticks are 2 ms apart.
     pub(super) fn samples_from(&self, origin: u64, tick: u64) -> f64 {
         let (tick_hz, rate_hz) = (i128::from(self.tick_hz), i128::from(self.rate_hz));
         (i128::from(tick) * rate_hz - i128::from(origin) * tick_hz) as f64 / tick_hz as f64
     }
 
-    /// The last tick that begins at or before a sample.
+    /// Last tick that begins at or before a sample.
     pub(super) fn tick_at(&self, sample: u64) -> u64 {
         let next = (u128::from(sample) + 1) * u128::from(self.tick_hz);
         (next.div_ceil(u128::from(self.rate_hz.max(1))) - 1) as u64
     }
 }
 
-/// Runs the next tick into room for it. False if it panicked: the panic is noted, and the ticker not to be run again.
+/// Runs the next tick into `out`. False if it panicked: the ticker must not run again.
 pub(super) fn tick(
     ticker: &mut impl Ticker,
     controls: &Controls,
@@ -73,7 +68,7 @@ pub(super) fn tick(
     let (tick, woke_ns) = (ticker.next_tick(), now_ns());
     out.fill(0.0);
     if let Err(payload) = catch_unwind(AssertUnwindSafe(|| ticker.tick(time_ns, out))) {
-        // Freeing it could run anything; it is once in a run.
+        // Freeing it could run any code. This happens once in a run.
         std::mem::forget(payload);
         controls.fail();
         return false;
@@ -87,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tick_at_a_sample_is_the_last_that_begins_there_or_before() {
+    fn tick_at_a_sample_is_the_last_to_begin_by_then() {
         for (rate_hz, tick_hz) in
             [(48_000, 500), (44_100, 500), (2_500, 4_000), (44_100, 4_000), (96_000, 100)]
         {

@@ -1,21 +1,21 @@
-//! One thing that two threads may take, where neither ever waits for the other.
+//! A value that two threads may take without waiting for each other.
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, Ordering::*};
 
-/// Holds something for whoever comes first.
+/// Holds a value for the thread that enters first.
 #[derive(Debug)]
 pub(crate) struct Slot<T> {
     taken: AtomicBool,
     cell: UnsafeCell<Option<T>>,
 }
 
-// SAFETY: a shared slot gives access to the cell through an `Entered` only, and one exists at a time: `enter` makes it after it alone has seen
-// `taken` go from false to true, and nothing but its drop sets `taken` back. The drop's Release and the next `enter`'s Acquire on the
-// same flag put all that one thread did with the cell before all that the next does. So the `T` is never used by two threads at a time
-// but handed from one to the other, which is what `Send` allows.
+// SAFETY: a shared slot gives access to the cell only through an `Entered`, and only one exists at a time:
+// `enter` makes it after it has changed `taken` from false to true, and only its drop sets `taken` back.
+// The drop's Release and the next `enter`'s Acquire order all accesses. So the `T` moves between threads,
+// which `Send` allows, and is never used by two.
 unsafe impl<T: Send> Sync for Slot<T> {}
 
 impl<T> Slot<T> {
@@ -23,17 +23,16 @@ impl<T> Slot<T> {
         Self { taken: AtomicBool::new(false), cell: UnsafeCell::new(Some(what)) }
     }
 
-    /// What is in the slot, until the answer is dropped; `None` where another thread has it at the moment.
+    /// Access to the value, until the result is dropped; `None` while another thread has access.
     pub(crate) fn enter(&self) -> Option<Entered<'_, T>> {
         (!self.taken.swap(true, Acquire)).then(|| Entered { slot: self, as_if: PhantomData })
     }
 }
 
-/// The sole access to a slot. Let go when it is dropped, also by a panic.
+/// Sole access to a slot. Its drop, also by a panic, releases the slot.
 pub(crate) struct Entered<'a, T> {
     slot: &'a Slot<T>,
-    /// It is what it stands for, a mutable borrow. Without this it would be `Sync` wherever the slot is, for a `T` that is only `Send`, and
-    /// several threads that share it could use the `T` at once.
+    /// Stands for a mutable borrow. Without this, `Entered` would be `Sync` for a `T` that is only `Send`.
     as_if: PhantomData<&'a mut Option<T>>,
 }
 
@@ -64,7 +63,7 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// Has two candidates for `what` where the type is `Sync`, so that naming it does not compile.
+    /// Has two candidates for `what` if the type is `Sync`; then naming it does not compile.
     trait NotSync<Which> {
         fn what() {}
     }
@@ -72,14 +71,14 @@ mod tests {
     impl<T: ?Sized + Sync> NotSync<u8> for T {}
 
     #[test]
-    fn access_to_what_threads_cannot_share_is_not_shared() {
+    fn slot_access_is_send_but_not_sync() {
         <Entered<'static, Cell<u32>> as NotSync<_>>::what();
         fn crosses<T: Send>(_: &T) {}
         crosses(&Slot::new(Cell::new(0)).enter());
     }
 
     #[test]
-    fn two_threads_are_never_in_at_once_and_see_what_the_other_did() {
+    fn slot_admits_one_thread_at_a_time() {
         let slot = Slot::new(Cell::new(0_u64));
         let count = || {
             let mut entered = 0;
@@ -98,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_inside_lets_the_slot_go() {
+    fn panic_inside_releases_the_slot() {
         let slot = Slot::new(1);
         let within = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let _entered = slot.enter().expect("it is free");

@@ -1,4 +1,4 @@
-//! What the tests of all drivers play, and what they hold it against.
+//! Common parts of the drivers' tests: a ticker and its expected output.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -6,19 +6,19 @@ use std::time::Duration;
 use asperity_audio::{Block, Process};
 use asperity_node::time;
 
-use super::{Options, Ticker};
+use super::{Options, Rates, Ticker};
 use crate::meters::Meters;
 use crate::ramp::Ramp;
 
-/// Writes the number of the sample as its value, on every channel but for the sign.
+/// Writes the number of each sample as its value, negative on odd channels.
 pub(super) struct Counter {
     pub(super) tick_hz: u32,
     pub(super) rate_hz: u32,
     pub(super) channels: usize,
     pub(super) next: u64,
-    /// Tick and the time it was told.
+    /// Ticks with the times they were given.
     pub(super) times: Vec<(u64, u64)>,
-    /// A tick that takes so long.
+    /// A tick that takes this long.
     pub(super) stall: Option<(u64, Duration)>,
     pub(super) panic_at: Option<u64>,
 }
@@ -34,22 +34,14 @@ impl Counter {
     }
 }
 
-/// What every channel carries at a sample; exact in f32 for the first five minutes.
+/// Value of a channel at a sample; exact in f32 for the first five minutes.
 pub(super) fn value(sample: u64, channel: usize) -> f32 {
     sample as f32 * if channel.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
 impl Ticker for Counter {
-    fn tick_hz(&self) -> u32 {
-        self.tick_hz
-    }
-
-    fn rate_hz(&self) -> u32 {
-        self.rate_hz
-    }
-
-    fn channels(&self) -> usize {
-        self.channels
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: self.tick_hz, rate_hz: self.rate_hz, channels: self.channels }
     }
 
     fn next_tick(&self) -> u64 {
@@ -77,25 +69,17 @@ impl Ticker for Counter {
 
 /// Options without a slow start and without a priority.
 pub(super) fn options(tick_hz: u32) -> Options {
-    Options {
-        priority: None,
-        start_s: 0.0,
-        period_frames: 0,
-        seen_frames: 0,
-        meters: Arc::new(Meters::new(tick_hz)),
-        guards: None,
-        reins: crate::Reins::default(),
-    }
+    Options { priority: None, start_s: 0.0, ..Options::new(Arc::new(Meters::new(tick_hz))) }
 }
 
-/// Calls a device's end for a block, and returns it.
+/// Calls a device's side for a block, and returns the block.
 pub(super) fn call(half: &mut dyn Process, now_ns: u64, frames: usize, channels: usize) -> Vec<f32> {
     let mut output = vec![0.0; frames * channels];
     half.process(&mut Block { output: &mut output, channels, now_ns, ahead_ns: 0 });
     output
 }
 
-/// What is to be heard: the counter's samples, one after the other, behind an envelope of its own.
+/// Expected output: the counter's samples in order, behind an envelope of its own.
 pub(super) struct Reference {
     pub(super) ramp: Ramp,
     pub(super) next: u64,

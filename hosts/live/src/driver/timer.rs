@@ -1,77 +1,23 @@
-//! A thread on the system's clock, where there is no audio: force or network sinks, or a device that is lost.
+//! Ticks on the system's clock, without audio: for force or network sinks, or while a device is lost.
 
-use std::sync::Arc;
-use std::thread::{Builder, JoinHandle};
-use std::time::{Duration, Instant};
-
-use asperity_engine::Flushed;
-
-use super::run::{self, RUN_BEHIND, Rates};
-use super::{Controls, Options, Ticker, sleep};
+use super::run::{self, RUN_BEHIND};
+use super::{Controls, Options, TickThread, Ticker, sleep};
 use crate::now_ns;
-use crate::realtime::sleep_sharply;
 
-/// The longest sleep: a request to stop is looked at between.
+/// Longest sleep [ns]. Between sleeps the thread looks for a stop request.
 const NAP_NS: u64 = 20_000_000;
-/// Stack that is brought in.
-const STACK: usize = 262_144;
-/// How long a thread may take to end.
-const END: Duration = Duration::from_secs(1);
 
-/// A run without audio. What a tick puts out is computed and dropped. Dropped, it asks for a stop.
-#[derive(Debug)]
-pub struct Timer<T> {
-    thread: Option<JoinHandle<T>>,
-    controls: Arc<Controls>,
-}
-
-impl<T: Ticker + 'static> Timer<T> {
-    /// Starts the thread; the first tick is due at once.
-    ///
-    /// # Errors
-    /// Where the system gives no thread; the ticker is lost then.
-    pub fn new(ticker: T, options: &Options) -> std::io::Result<Self> {
-        let controls = Controls::new(options);
-        let shared = Arc::clone(&controls);
-        let thread = Builder::new().name("asperity-tick".into()).spawn(move || run(ticker, &shared))?;
-        Ok(Self { thread: Some(thread), controls })
-    }
-
-    /// Requests, and how it stands.
-    pub fn controls(&self) -> &Arc<Controls> {
-        &self.controls
-    }
-
-    /// Takes the ticker back, within 20 ms and a tick; `None` where a tick does not end within a second.
-    pub fn stop(mut self) -> Option<T> {
-        self.controls.request_stop();
-        self.thread.take().and_then(join)
-    }
-}
-
-impl<T> Drop for Timer<T> {
-    fn drop(&mut self) {
-        self.controls.request_stop();
-    }
-}
-
-/// What a thread gives back; `None` where it does not end in time: then it is left to itself.
-pub(super) fn join<T>(thread: JoinHandle<T>) -> Option<T> {
-    let began = Instant::now();
-    while !thread.is_finished() {
-        if began.elapsed() > END {
-            return None;
-        }
-        std::thread::sleep(Duration::from_micros(500));
-    }
-    thread.join().ok()
+/// Starts a run without audio: the output of a tick is computed and dropped. The first tick is due at once.
+/// [`TickThread::stop`] takes 20 ms and a tick at most.
+///
+/// # Errors
+/// The system gives no thread; the ticker is lost then.
+pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<TickThread<T>> {
+    TickThread::start(Controls::new(options, None), |controls| run(ticker, controls))
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
-    let _flushed = Flushed::new();
-    controls.ask::<STACK>();
-    sleep_sharply();
-    let rates = Rates::of(&ticker);
+    let rates = ticker.rates();
     let mut samples = vec![0.0; rates.most()];
     let (first, start_ns) = (ticker.next_tick(), now_ns());
     let due_of = |tick: u64| {

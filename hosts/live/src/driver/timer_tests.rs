@@ -1,7 +1,8 @@
 use super::super::testing::{Counter, Reference, call, options};
-use super::super::{Callback, Paced};
+use super::super::{Callback, paced};
 use super::*;
 use crate::view::Condition;
+use std::time::Duration;
 
 /// Until a tick has run.
 fn wait_for(options: &Options, tick: u64) {
@@ -11,9 +12,9 @@ fn wait_for(options: &Options, tick: u64) {
 }
 
 #[test]
-fn a_timer_ticks_on_time_of_its_own_and_gives_the_ticker_back() {
+fn timer_ticks_evenly_and_returns_the_ticker() {
     let options = options(1000);
-    let timer = Timer::new(Counter::new(48_000, 1000, 1, 5), &options).expect("a thread");
+    let timer = timer(Counter::new(48_000, 1000, 1, 5), &options).expect("a thread");
     wait_for(&options, 20);
     assert_eq!(timer.controls().condition(), Condition::Playing);
     let ticker = timer.stop().expect("the ticker");
@@ -23,11 +24,11 @@ fn a_timer_ticks_on_time_of_its_own_and_gives_the_ticker_back() {
 }
 
 #[test]
-fn a_timer_that_is_far_behind_leaves_ticks_out_and_counts_them() {
+fn late_timer_skips_ticks_and_counts_them() {
     let options = options(1000);
     let mut ticker = Counter::new(48_000, 1000, 1, 0);
     ticker.stall = Some((20, Duration::from_millis(60)));
-    let timer = Timer::new(ticker, &options).expect("a thread");
+    let timer = timer(ticker, &options).expect("a thread");
     wait_for(&options, 120);
     let ticker = timer.stop().expect("the ticker");
     let skipped = options.meters.skipped_ticks.get();
@@ -39,7 +40,7 @@ fn a_timer_that_is_far_behind_leaves_ticks_out_and_counts_them() {
 }
 
 #[test]
-fn a_run_goes_on_under_a_timer_while_its_device_is_lost_and_on_another_device_after() {
+fn run_moves_from_lost_device_to_timer_and_back() {
     let first = options(500);
     let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 1, 0), &first);
     (0..30).for_each(|i| drop(call(&mut half, 1_000_000_000 + i * 2_000_000, 96, 1)));
@@ -48,7 +49,7 @@ fn a_run_goes_on_under_a_timer_while_its_device_is_lost_and_on_another_device_af
     assert_eq!(ticker.next, 30);
     assert_eq!(call(&mut half, 1_060_000_000, 0, 1), [] as [f32; 0]);
     let second = options(500);
-    let timer = Timer::new(ticker, &second).expect("a thread");
+    let timer = timer(ticker, &second).expect("a thread");
     wait_for(&second, 40);
     let ticker = timer.stop().expect("the ticker");
     assert!(ticker.next >= 40);
@@ -63,6 +64,6 @@ fn a_run_goes_on_under_a_timer_while_its_device_is_lost_and_on_another_device_af
     while now_ns() < 250_000_000 {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let (paced, _half) = Paced::new(ticker, &options(500)).expect("a thread");
+    let (paced, _half) = paced(ticker, &options(500)).expect("a thread");
     assert_eq!(paced.stop().expect("the ticker").next, next);
 }

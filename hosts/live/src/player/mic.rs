@@ -1,4 +1,4 @@
-//! What the device records, on its way to the tick thread.
+//! Queue of recorded samples from the device to the tick thread.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering::*};
@@ -10,54 +10,50 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::dll::Most;
 
-/// Seconds of samples that may wait for the tick thread.
+opaque_debug!(MicWriter, MicReader);
+
+/// Room of the queue [s].
 const ROOM_S: f64 = 1.0;
 
-/// Figures that both ends keep.
+/// Figures that both sides share.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Frames of the longest block of the last seconds; half the room at most.
+    /// Frames of the longest recent block, at most half the room.
     block: AtomicUsize,
-    /// Frames that found no room.
+    /// Frames lost for want of room.
     lost: AtomicU64,
-    /// Frames that were wanted and not there.
+    /// Frames missing when a tick needed them.
     missing: AtomicU64,
-    /// Bits of the level that is waited for; 0 for none.
+    /// Bits of the level to wait for; 0 for none.
     wanted: AtomicU32,
-    /// When it was heard; 0 for not yet.
+    /// Time at which it was heard; 0 for not yet.
     heard_ns: AtomicU64,
 }
 
-impl Shared {
-    fn gaps(&self) -> u64 {
-        self.lost.load(Relaxed) + self.missing.load(Relaxed)
-    }
-}
-
-/// Looks on while a device records: waits for something to be heard at the first recorded channel, and knows of gaps.
+/// Watches a recording: waits for a sound on the first recorded channel, and counts gaps.
 #[derive(Clone, Debug)]
 pub struct Listener(Arc<Shared>);
 
 impl Listener {
-    /// Frames that were recorded and lost, and frames that were not there when a tick wanted them.
+    /// Recorded frames that were lost, and frames missing when a tick needed them.
     pub fn gaps(&self) -> u64 {
-        self.0.gaps()
+        self.0.lost.load(Relaxed) + self.0.missing.load(Relaxed)
     }
 
-    /// Waits for the first sample whose size is above `level`, which is more than 0.
+    /// Waits for the first sample whose absolute value exceeds `level` (above 0).
     pub fn listen(&self, level: f32) {
         self.0.heard_ns.store(0, Relaxed);
         self.0.wanted.store(level.abs().to_bits(), Release);
     }
 
-    /// When it was there: the time of the call that brought it and its place in the block, by [`now_ns`](crate::now_ns); and how long
-    /// before it was at the device's input, as far as the device says. None while it was not.
+    /// Time of that sample at the device, by [`now_ns`](crate::now_ns): that of the call plus its place in
+    /// the block. The host's input latency is not taken off. `None` until it came.
     pub fn heard_ns(&self) -> Option<u64> {
         Some(self.0.heard_ns.load(Acquire)).filter(|ns| *ns > 0)
     }
 }
 
-/// Where a device puts what it records.
+/// Side of the device.
 pub struct MicWriter {
     to: HeapProd<f32>,
     channels: usize,
@@ -66,20 +62,20 @@ pub struct MicWriter {
     shared: Arc<Shared>,
 }
 
-/// Where the tick thread takes it: as far behind as the longest block of the last seconds is long, so that every tick finds its
-/// samples. What is behind by more is dropped, so that it stays that far behind.
+/// Side of the tick thread. It reads as far behind as the longest recent block is long, so that every tick
+/// finds its samples. Samples further behind are dropped, so that the delay stays.
 pub struct MicReader {
     from: HeapCons<f32>,
     channels: usize,
     /// This tick's frames, interleaved.
     scratch: Vec<f32>,
     flowing: bool,
-    /// Whether a tick has found its frames.
+    /// Whether any tick has found its frames.
     begun: bool,
     shared: Arc<Shared>,
 }
 
-/// A way from a device to a tick thread, for `channels` that are recorded at a rate, in a run of so many ticks a second.
+/// Queue for recorded `channels` at a rate, in a run of `tick_hz` ticks a second.
 pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader) {
     let room = (f64::from(rate_hz) * ROOM_S) as usize;
     let (to, from) = HeapRb::new(room.max(1) * channels.max(1)).split();
@@ -92,12 +88,12 @@ pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader
 }
 
 impl MicWriter {
-    /// Waits for something to be heard, beside what is recorded.
+    /// Watches the recording.
     pub fn listener(&self) -> Listener {
         Listener(self.shared.clone())
     }
 
-    /// Looks for what is waited for.
+    /// Looks for the level to wait for.
     fn look(&self, block: &Captured<'_>, wide: usize) {
         let wanted = f32::from_bits(self.shared.wanted.load(Acquire));
         if wanted == 0.0 {
@@ -119,14 +115,14 @@ impl Capture for MicWriter {
         self.look(block, wide);
         let frames = block.input.len() / wide;
         self.longest.see(frames as f64, block.now_ns as f64);
-        // A tick that waited for more than there is room for would wait for ever.
+        // A tick must not wait for more than the room.
         let half = self.to.capacity().get() / self.channels.max(1) / 2;
         self.shared.block.store((self.longest.get() as usize).min(half), Relaxed);
         let room = self.to.vacant_len() / self.channels.max(1);
         let taken = frames.min(room);
         self.shared.lost.fetch_add((frames - taken) as u64, Relaxed);
         for frame in block.input.chunks_exact(wide).take(taken) {
-            // Whole frames only, so that the channels stay apart.
+            // Whole frames, so that channels are not mixed up.
             let samples = (0..self.channels).map(|c| frame.get(c).copied().unwrap_or(0.0));
             self.to.push_iter(samples);
         }
@@ -134,7 +130,8 @@ impl Capture for MicWriter {
 }
 
 impl MicReader {
-    /// Takes the frames of the next tick. False where they are not there: it then waits until a block and a tick are.
+    /// Takes the frames of the next tick. False if they are missing: then it waits for a block and a tick
+    /// of frames.
     pub(super) fn advance(&mut self, frames: usize) -> bool {
         let wide = self.channels.max(1);
         let wanted = (frames * wide).min(self.scratch.len());
@@ -150,12 +147,12 @@ impl MicReader {
             return false;
         }
         self.flowing = true;
-        // A block may come just before a tick or just after it; what waits beyond that would only be late.
+        // A block may come just before or after a tick. Frames beyond that only add delay.
         let most = 2 * (behind + frames);
         if there > most {
             let late = there - behind - frames;
             self.from.skip(late * wide);
-            // What was there before the first tick was never to be heard.
+            // Frames before the first tick are no loss.
             if self.begun {
                 self.shared.lost.fetch_add(late as u64, Relaxed);
             }
@@ -174,26 +171,9 @@ impl MicReader {
         }
     }
 
-    /// Frames that go by without a tick.
+    /// Skips frames without a tick.
     pub(super) fn skip(&mut self, frames: usize) {
         self.from.skip(frames * self.channels.max(1));
-    }
-
-    /// Frames that were lost or missing so far.
-    pub fn gaps(&self) -> u64 {
-        self.shared.gaps()
-    }
-}
-
-impl std::fmt::Debug for MicWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MicWriter").field("channels", &self.channels).finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for MicReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MicReader").field("channels", &self.channels).finish_non_exhaustive()
     }
 }
 
@@ -213,7 +193,8 @@ mod tests {
         (left[0] as usize, right[0])
     }
 
-    /// Ticks of 96 frames against blocks of 441 of a clock that is off by `ppm`, as far as f32 counts: the longest delay, and what was counted.
+    /// Ticks of 96 frames against blocks of 441 of a clock that is off by `ppm`, as far as f32 counts: the
+    /// longest delay, and what was counted.
     fn drift(ppm: i64) -> (usize, u64, u64) {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         let (mut recorded, mut longest, mut gone, mut next) = (0, 0, 0, None);
@@ -231,11 +212,11 @@ mod tests {
                 longest = longest.max(recorded - at);
             }
         }
-        (longest, gone, reader.gaps())
+        (longest, gone, to.listener().gaps())
     }
 
     #[test]
-    fn a_device_that_is_slower_or_faster_never_grows_the_delay_and_what_that_costs_is_counted() {
+    fn clock_drift_keeps_the_delay_and_counts_gaps() {
         assert_eq!((drift(0).1, drift(0).2), (0, 0));
         for ppm in [100, -100, 1000, -1000] {
             let (longest, gone, counted) = drift(ppm);
@@ -248,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_came_before_the_first_tick_is_no_loss_and_a_device_that_stops_is_counted() {
+    fn recording_before_first_tick_is_no_loss() {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         let listener = to.listener();
         (0..40).for_each(|n| record(&mut to, 441 * n, 441));
@@ -263,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn one_long_block_is_forgotten_and_what_is_recorded_flows_again() {
+    fn recording_flows_again_after_one_long_block() {
         let (mut to, mut reader) = mic(2, 48_000, 500);
         record(&mut to, 0, 47_950);
         let mut flowing = false;

@@ -1,4 +1,4 @@
-//! The engine with all that is around it in real time: one call runs a tick and hands its samples on.
+//! The engine with its real-time inputs and outputs: one call runs a tick and passes its samples on.
 
 mod mic;
 mod node_meters;
@@ -19,18 +19,20 @@ use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
 use crate::ForceModel;
-use crate::driver::Ticker;
+use crate::driver::{Rates, Ticker};
 use crate::now_ns;
 use crate::outlet::Seen;
 
-/// Places of what a host feeds to a node that says where a hand is; see the node kinds themselves.
+opaque_debug!(Player);
+
+/// Input indices of nodes that the host feeds with a hand.
 mod place {
     pub(super) const POSITION: usize = 0;
     pub(super) const FORCE: usize = 1;
     pub(super) const STROKE: usize = 2;
 }
 
-/// The program's clock, for the engine, in a tick; it keeps note of who is called.
+/// The program's clock for the engine during a tick; notes which node is called.
 struct Now<'a> {
     meters: &'a NodeMeters,
     tick: u64,
@@ -52,26 +54,20 @@ impl Drop for Now<'_> {
     }
 }
 
-/// An engine, its inputs, its sinks, and what is seen of it. Made by [`conduct`](crate::conduct); run by a driver.
+/// An engine with its inputs, sinks and meters. [`conduct`](crate::conduct) makes it, a driver runs it.
 pub struct Player {
     engine: Engine,
     wiring: Box<Wiring>,
     mic: Option<MicReader>,
-    /// The coils behind the device.
+    /// Heat of the coils behind the device.
     coils: Arc<Seen>,
     wirings: HeapCons<Box<Wiring>>,
     retired: HeapProd<Box<Wiring>>,
-    /// Over, and not yet given back.
+    /// Replaced, and not yet returned to the control thread.
     over: Option<Box<Wiring>>,
     tick_hz: u32,
     rate_hz: u32,
     channels: usize,
-}
-
-impl std::fmt::Debug for Player {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Player").field("engine", &self.engine).finish_non_exhaustive()
-    }
 }
 
 impl Player {
@@ -89,12 +85,12 @@ impl Player {
         Self { engine, wiring, mic, coils, wirings, retired, over: None, tick_hz, rate_hz, channels }
     }
 
-    /// The engine, for reports when all is over.
+    /// The engine, for reports after the run.
     pub fn engine(&self) -> &Engine {
         &self.engine
     }
 
-    /// Where the hands are at a time, and what the device recorded.
+    /// Feeds the positions of hands at a time, and recorded samples.
     fn feed(&mut self, time_ns: u64) {
         let engine = &mut self.engine;
         for hand in &mut self.wiring.hands {
@@ -115,7 +111,7 @@ impl Player {
         }
     }
 
-    /// Tells limiters how warm their coils are, whatever they have seen of it themselves.
+    /// Sets the limiters' coil heat to that of the device's coils.
     fn warm(&mut self) {
         if self.wired() {
             for (channel, limiter) in self.wiring.limiters.iter().enumerate() {
@@ -126,7 +122,7 @@ impl Player {
         }
     }
 
-    /// Goes on with the nodes of another graph, which the engine has just taken over.
+    /// Takes over the wiring of a graph that the engine has just taken over.
     fn rewire(&mut self) {
         while self.over.is_none() && self.wiring.swap < self.engine.swaps() {
             let Some(mut next) = self.wirings.try_pop() else { break };
@@ -142,12 +138,12 @@ impl Player {
         }
     }
 
-    /// Whether the wiring's indices are those of the graph that runs.
+    /// Whether the wiring belongs to the running graph.
     fn wired(&self) -> bool {
         self.wiring.swap == self.engine.swaps()
     }
 
-    /// What the device is to play in this tick.
+    /// Samples for the device of this tick.
     fn samples(&self, out: &mut [f32]) {
         let channels = self.channels;
         if channels == 0 {
@@ -161,10 +157,11 @@ impl Player {
         }
     }
 
-    /// Hands on what came out of a tick.
+    /// Passes the outputs of a tick on.
     fn hand_on(&mut self, out: &mut [f32]) {
         if !self.wired() {
-            // Indices of another graph: no signal but one behind a limiter may reach a device, and no plane but the one that was meant.
+            // The indices are those of another graph. Only a signal behind a limiter may reach a device,
+            // and only its own plane a stylus.
             for slot in &mut self.wiring.forces {
                 if let Some(writer) = &mut slot.writer {
                     writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
@@ -182,7 +179,7 @@ impl Player {
         }
     }
 
-    /// Tells the devices that push back what they are to push with.
+    /// Sends force models to devices.
     fn push_back(&mut self) {
         let engine = &self.engine;
         for slot in &mut self.wiring.forces {
@@ -199,7 +196,7 @@ impl Player {
                 normal: vector(normal.0),
                 stiffness_n_per_mm: stiffness.0.first().copied().unwrap_or(0.0),
                 damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
-                // What fails beside the wall takes nothing of the wall with it.
+                // An invalid force beside the wall leaves the wall valid.
                 beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
                 max_force_n: slot.max_force_n,
                 valid: plane.1 && normal.1 && stiffness.1 && damping.1,
@@ -210,17 +207,9 @@ impl Player {
 }
 
 impl Ticker for Player {
-    fn tick_hz(&self) -> u32 {
-        self.tick_hz
-    }
-
-    fn rate_hz(&self) -> u32 {
-        self.rate_hz
-    }
-
-    fn channels(&self) -> usize {
+    fn rates(&self) -> Rates {
         // A graph that only records has a device all the same, which plays silence.
-        self.channels.max(1)
+        Rates { tick_hz: self.tick_hz.max(1), rate_hz: self.rate_hz, channels: self.channels.max(1) }
     }
 
     fn next_tick(&self) -> u64 {
@@ -238,7 +227,7 @@ impl Ticker for Player {
         if self.wired() {
             self.wiring.meters.take(&self.engine, &self.wiring.spent);
         } else {
-            // This tick's times are by the numbers of the new graph, in a table of the old one: they are left out.
+            // The times of this tick have the new graph's indices; the old meters skip them.
             self.rewire();
         }
         self.hand_on(out);

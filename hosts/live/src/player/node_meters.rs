@@ -1,4 +1,4 @@
-//! What is seen of every node while it runs: written by the tick thread, read by others, without locks.
+//! Figures of every node while it runs: written by the tick thread, read by others, without locks.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -6,9 +6,10 @@ use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Buffer, Fault};
 
+use crate::meters::add;
 use crate::view::NodeView;
 
-/// Ticks over which the level of audio is averaged, as a first-order mean.
+/// Averaging time of an audio level in ticks (first-order mean).
 const LEVEL_TICKS: f32 = 25.0;
 
 /// Every node of a graph, in the order they run.
@@ -17,11 +18,11 @@ pub(crate) struct NodeMeters {
     nodes: Vec<Meter>,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
-    /// Which node is being called, as [`enter`](Self::enter) puts it; 0 for none.
+    /// The call in progress, as [`enter`](Self::enter) encodes it; 0 for none.
     inside: AtomicU64,
 }
 
-/// Bits of a node's number among those that say which call is under way; the others are of the tick.
+/// Bits of the node's number in `inside`; the others are the tick's.
 const NODE_BITS: u32 = 20;
 
 #[derive(Debug, Default)]
@@ -31,7 +32,7 @@ struct Meter {
     faults: AtomicU64,
     fault: AtomicU64,
     quarantined: AtomicBool,
-    /// Calls whose time was taken, and how long they took. A node that goes on in another graph is timed there from its start.
+    /// Timed calls and their time. A node that continues in another graph starts there from 0.
     timed: AtomicU64,
     spent_ns: AtomicU64,
     longest_ns: AtomicU64,
@@ -40,7 +41,7 @@ struct Meter {
 }
 
 impl NodeMeters {
-    /// Meters of a graph; a node of the graph before that is there again begins with what was seen of it.
+    /// Meters of a graph. A node that the graph before had continues its figures.
     pub(crate) fn new(schedule: &Schedule, before: Option<(&Schedule, &Self)>) -> Self {
         let seen = |node: &ScheduledNode| {
             let (schedule, meters) = before?;
@@ -64,17 +65,17 @@ impl NodeMeters {
         }
     }
 
-    /// Takes note of which node is called. Tick thread.
+    /// Notes the node that is called. Tick thread.
     pub(crate) fn enter(&self, tick: u64, node: usize) {
         self.inside.store(tick << NODE_BITS | (node as u64 + 1), Relaxed);
     }
 
-    /// Takes note that a tick is over. Tick thread.
+    /// Notes the end of a tick. Tick thread.
     pub(crate) fn leave(&self) {
         self.inside.store(0, Relaxed);
     }
 
-    /// The call that is under way, which no other call is equal to, and the node that is called; none between ticks.
+    /// The call in progress (a unique number) and its node; `None` between ticks.
     pub(crate) fn inside(&self) -> Option<(u64, usize)> {
         let call = self.inside.load(Relaxed);
         let node = call & ((1 << NODE_BITS) - 1);
@@ -114,7 +115,7 @@ impl NodeMeters {
         }
     }
 
-    /// What is seen now. `before` holds timed calls and time of each node when it was last asked.
+    /// Figures now. `before`: timed calls and time of each node at the last look.
     pub(crate) fn view(&self, schedule: &Schedule, before: &mut Vec<(u64, u64)>) -> Vec<NodeView> {
         before.resize(self.nodes.len(), (0, 0));
         let of = |((meter, node), was): ((&Meter, _), &mut (u64, u64))| {
@@ -143,7 +144,7 @@ impl NodeMeters {
 }
 
 impl Meter {
-    /// Begins with what was seen of the node in the graph before.
+    /// Continues the figures of the node in the graph before.
     fn go_on(&self, old: &Self) {
         for (new, old) in [
             (&self.calls, &old.calls),
@@ -158,12 +159,7 @@ impl Meter {
     }
 }
 
-/// One writer: no need to lock the bus.
-fn add(to: &AtomicU64, n: u64) {
-    to.store(to.load(Relaxed).wrapping_add(n), Relaxed);
-}
-
-/// What stands for a buffer in a single number: the first value of a control, the mean square of audio, the largest bin.
+/// One figure of a buffer: the first value of a control, the mean square of audio, the largest bin.
 fn level(buffer: &Buffer, before: f32) -> f32 {
     match buffer {
         Buffer::Control { values, .. } => values.first().map_or(0.0, |x| *x as f32),
@@ -207,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_comes_back_in_words() {
+    fn fault_code_reads_back_as_its_text() {
         assert_eq!(fault_text(0), "");
         for fault in [
             Fault::Panicked,
@@ -222,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_level_of_a_steady_tone_is_its_rms_and_falls_in_silence() {
+    fn level_of_a_tone_is_its_rms_and_decays_in_silence() {
         let sine = |n: usize| (0.1 * n as f32).sin();
         let mut level_of = 0.0;
         for k in 0..200 {

@@ -1,4 +1,4 @@
-//! What sinks record, on its way from the tick thread to whoever writes it down.
+//! Queue of recorded values from the tick thread to their writer.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -9,34 +9,30 @@ use asperity_node::{Buffer, Shape, time};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-/// How long a tape holds what nobody takes.
+opaque_debug!(TapeReader);
+
+/// Room for values that nobody reads [s].
 const ROOM_S: f64 = 4.0;
-/// Words before the values of a tick: how many, and where they begin, low half first.
+/// Words before the values of a tick: their count, and their start, low half first.
 const HEAD: usize = 3;
 
-/// The end of the tick thread.
+/// Side of the tick thread.
 pub(crate) struct TapeWriter {
     node: usize,
-    /// Recorded is what a probe reads, and what another sink puts out.
+    /// A probe records its input, another sink its output.
     input: bool,
     shape: Shape,
     to: HeapProd<u32>,
     lost: Arc<AtomicU64>,
 }
 
-/// The end of whoever writes it down.
+/// Side of the reader.
 pub struct TapeReader {
     from: HeapCons<u32>,
     lost: Arc<AtomicU64>,
 }
 
-impl std::fmt::Debug for TapeReader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TapeReader").finish_non_exhaustive()
-    }
-}
-
-/// A tape for what a sink records; none for one whose type is not settled.
+/// Tape for a sink; `None` if the type of its signal is not settled.
 pub(crate) fn tape(at: usize, node: &ScheduledNode, tick_hz: u32) -> Option<(TapeWriter, TapeReader)> {
     let input = node.outputs.is_empty();
     let shape = if input { node.inputs.first()?.port.as_ref()?.shape } else { node.outputs[0].port.shape };
@@ -73,7 +69,7 @@ impl TapeWriter {
         }
     }
 
-    /// A tick is taken down whole, or lost and counted.
+    /// Records a tick whole, or counts it as lost.
     fn push(&mut self, start: u64, values: impl ExactSizeIterator<Item = f32>) {
         let count = values.len();
         if self.to.vacant_len() < count + HEAD {
@@ -108,11 +104,11 @@ impl Iterator for Pairs<'_> {
 impl ExactSizeIterator for Pairs<'_> {}
 
 impl TapeReader {
-    /// Takes the values of the next tick that was taken down, and answers where they begin: a tick for controls, a sample
+    /// Takes the values of the next recorded tick, and returns their start: a tick for controls, a sample
     /// at the signal's rate for audio and frames.
     pub fn next(&mut self, values: &mut Vec<f32>) -> Option<u64> {
         values.clear();
-        // The values are pushed behind their head, perhaps a moment later.
+        // The values may come a moment after their head.
         let count = *self.from.iter().next()? as usize;
         if self.from.occupied_len() < count + HEAD {
             return None;
@@ -123,12 +119,12 @@ impl TapeReader {
         Some(u64::from(head[1]) | u64::from(head[2]) << 32)
     }
 
-    /// Whether nothing more will come.
+    /// Whether nothing more can come.
     pub(crate) fn ended(&self) -> bool {
         !self.from.write_is_held() && self.from.is_empty()
     }
 
-    /// Ticks that found no room.
+    /// Ticks lost for want of room.
     pub fn lost(&self) -> u64 {
         self.lost.load(Relaxed)
     }
@@ -146,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_is_on_the_tape_whole_or_lost_and_counted() {
+    fn tape_holds_a_tick_whole_or_counts_it_lost() {
         let (mut to, mut from) = blank(20);
         let mut values = Vec::new();
         // A start beyond 32 bits; and so often that it goes round.
@@ -162,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tape_ends_when_it_is_read_to_the_end_and_nobody_writes() {
+    fn tape_without_writer_ends_when_read() {
         let (mut to, mut from) = blank(20);
         let bins = [asperity_node::Complex::new(1.0, 2.0), asperity_node::Complex::new(3.0, 4.0)];
         to.push(7, Pairs(bins.iter(), None));

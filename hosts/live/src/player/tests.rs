@@ -94,7 +94,7 @@ fn wiring(
 }
 
 #[test]
-fn a_graph_whose_wiring_is_not_there_yet_lets_go_is_not_looked_at_and_then_goes_on() {
+fn graph_without_its_wiring_releases_forces_and_scopes() {
     let first = compiled(2.0);
     let (writer, mut model) = crate::force_model();
     let (begin, mut seen) = wiring(0, &first, writer);

@@ -1,4 +1,4 @@
-//! Which nodes of a graph meet the world, and where.
+//! Connections of a graph's nodes with devices, recordings and meters.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -12,36 +12,37 @@ use super::{NodeMeters, TapeWriter};
 use crate::ForceWriter;
 use crate::timeline::{Reading, Timeline};
 
-/// The places of one graph. Made beforehand; taken over in the tick in which the engine takes over that graph.
+/// Connections of one graph. Made beforehand; taken over in the tick in which the engine takes over that
+/// graph.
 pub(crate) struct Wiring {
-    /// [`Engine::swaps`] from which on it holds.
+    /// [`Engine::swaps`] from which it applies.
     pub(crate) swap: u64,
     /// `audio_out` nodes, one a channel.
     pub(crate) outs: Vec<usize>,
     /// The limiter before each of them.
     pub(crate) limiters: Vec<Option<usize>>,
     pub(crate) hands: Vec<HandSlot>,
-    /// `audio_in` nodes, and which of the recorded channels each reads.
+    /// `audio_in` nodes, each with its recorded channel.
     pub(crate) mics: Vec<(usize, usize)>,
     pub(crate) forces: Vec<ForceSlot>,
     pub(crate) scopes: Vec<Scope>,
     pub(crate) tapes: Vec<TapeWriter>,
     pub(crate) meters: Arc<NodeMeters>,
-    /// Room for the times of a tick.
+    /// Buffer for the times of a tick.
     pub(crate) spent: Vec<u64>,
 }
 
-/// A node that says where a hand is.
+/// A node with the position of a hand.
 pub(crate) struct HandSlot {
     pub(crate) node: usize,
-    /// `None` in a wiring under way whose node goes on with what it had.
+    /// `None` in a new wiring whose node continues that of the slot `from`.
     pub(crate) timeline: Option<Timeline>,
-    /// The slot of the wiring before that it goes on with.
+    /// Slot of the wiring before that it continues.
     pub(crate) from: Option<usize>,
     pub(crate) meter: Arc<SourceMeter>,
 }
 
-/// A sink that a device pushes back with.
+/// A sink whose force a device renders.
 pub(crate) struct ForceSlot {
     pub(crate) node: usize,
     pub(crate) max_force_n: f64,
@@ -49,15 +50,15 @@ pub(crate) struct ForceSlot {
     pub(crate) from: Option<usize>,
 }
 
-/// A signal that is looked at. What finds no room is left out.
+/// A signal on a scope. Samples without room are dropped.
 pub(crate) struct Scope {
     pub(crate) node: usize,
     pub(crate) output: usize,
-    /// A control's value is its length: a speed, a force.
+    /// Samples; a vector control gives its length (a speed, a force).
     pub(crate) to: HeapProd<f32>,
 }
 
-/// What is seen of a source.
+/// Figures of a source.
 #[derive(Debug, Default)]
 pub(crate) struct SourceMeter {
     pub(crate) samples: AtomicU64,
@@ -68,7 +69,7 @@ pub(crate) struct SourceMeter {
 }
 
 impl Wiring {
-    /// Takes over what goes on from the wiring before. Tick thread: nothing is dropped here.
+    /// Takes over continued slots from the wiring before. Tick thread: nothing is dropped here.
     pub(super) fn take_from(&mut self, before: &mut Self) {
         for hand in &mut self.hands {
             if let Some(old) = hand.from.and_then(|i| before.hands.get_mut(i)) {

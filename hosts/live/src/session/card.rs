@@ -1,4 +1,4 @@
-//! A device while it is open.
+//! An open device.
 
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -11,33 +11,34 @@ use crate::driver::Slot;
 use crate::player::MicWriter;
 use crate::realtime::{ask_priority, touch_stack};
 
-/// The longest that a device that is closed may take to play what it holds.
+/// Longest wait for a closing device to play its buffer.
 const PLAY_OUT: Duration = Duration::from_millis(500);
-/// How much longer than it says a device may take to play what it holds.
+/// Margin on top of the device's own latency figure.
 const MARGIN: Duration = Duration::from_millis(20);
 
-/// An open device, which plays silence until it is given something to play.
+/// An open device. It plays silence until it is given a process.
 pub(super) struct Card {
-    stream: Stream,
+    pub(super) stream: Stream,
     events: Receiver<Event>,
     give: Give,
-    playing: bool,
-    opened: Instant,
+    /// Whether its driver has begun.
+    pub(super) playing: bool,
+    pub(super) opened: Instant,
 }
 
-/// Where what is recorded goes: the same place for a device and for the one that is opened after it was lost.
+/// Destination of recorded samples: the same for a device and for its replacement after a loss.
 #[derive(Clone)]
 pub(super) struct Recorder {
     to: Arc<Slot<MicWriter>>,
-    /// What the device's thread is still to ask for.
+    /// Priority that the device's thread still has to request.
     priority: Option<i32>,
 }
 
-/// Stack that is brought in at the first callback.
+/// Stack that the device's thread touches at its first callback.
 const STACK: usize = 32_768;
 
 impl Recorder {
-    /// With the priority that every device's thread asks for.
+    /// `priority`: requested by the thread of every device.
     pub(super) fn new(writer: MicWriter, priority: Option<i32>) -> Self {
         Self { to: Arc::new(Slot::new(writer)), priority }
     }
@@ -46,11 +47,11 @@ impl Recorder {
 impl Capture for Recorder {
     fn capture(&mut self, block: &Captured<'_>) {
         if let Some(priority) = self.priority.take() {
-            // Where it is refused, so it is to the threads whose answer is told.
+            // If this is refused, so are the requests of the ticking threads, which are reported.
             let _ = ask_priority(priority);
             touch_stack::<STACK>();
         }
-        // Nobody holds it but a device that is being closed; it is never waited for, and a panic there does not end it here.
+        // Only a closing device may hold it. This thread never waits for it.
         if let Some(Some(writer)) = self.to.enter().as_deref_mut() {
             writer.capture(block);
         }
@@ -64,7 +65,7 @@ impl Drop for Card {
 }
 
 impl Card {
-    /// Opens the device that is asked for, and starts it.
+    /// Opens the requested device and starts it.
     pub(super) fn open(request: &Request, recorder: Option<&Recorder>) -> Result<Self, OpenError> {
         let (give, switch) = switch();
         let (to, events) = events();
@@ -75,50 +76,35 @@ impl Card {
         Ok(Self { stream, events, give, playing: false, opened: Instant::now() })
     }
 
-    /// The request for exactly this device.
+    /// Request for exactly this device.
     pub(super) fn pinned(&self, request: &Request) -> Request {
         let (device, input_device) = (Some(self.stream.id()), self.stream.input_id());
         Request { host: None, device, input_device, ..request.clone() }
     }
 
-    pub(super) fn stream(&self) -> &Stream {
-        &self.stream
-    }
-
-    /// Wake-ups that were listened to, and frames that one asks for as far as is known: 0 before the first call.
+    /// Wake-ups so far, and frames a wake-up; 0 before the first call.
     pub(super) fn wakes(&self) -> (u64, u32) {
         let (wakes, frames) = self.give.heard();
         (wakes, frames.max(self.stream.period().unwrap_or(0)))
     }
 
-    /// Whether its host may cut what one wake-up asks for into several calls. JACK never does: there, calls that come at once are a
-    /// machine that was late, and say nothing of the period.
+    /// Whether its host may split a wake-up into several calls. JACK never does: calls in quick succession
+    /// come from a late machine there.
     pub(super) fn bunches(&self) -> bool {
         matches!(self.stream.host(), "pulseaudio" | "pipewire" | "alsa")
     }
 
-    /// The device for a person, with its host.
+    /// Name of the device with its host, for a person.
     pub(super) fn name(&self) -> String {
         format!("{} ({})", self.stream.name(), self.stream.host())
     }
 
-    pub(super) fn since(&self) -> Duration {
-        self.opened.elapsed()
-    }
-
-    pub(super) fn playing(&self) -> bool {
-        self.playing
-    }
-
-    pub(super) fn note_playing(&mut self) {
-        self.playing = true;
-    }
-
+    /// Gives the device what it plays.
     pub(super) fn give(&mut self, process: Box<dyn Process>) {
         self.give.give(process);
     }
 
-    /// Waits until what was played last is heard: a device that is closed drops what it still holds.
+    /// Waits until the last samples are heard: a closed device drops its buffer.
     fn play_out(&self) {
         if self.playing && self.stream.lost().is_none() {
             let left = Duration::try_from_secs_f64(self.stream.stats().latency_ms * 1e-3).unwrap_or_default();
@@ -126,7 +112,7 @@ impl Card {
         }
     }
 
-    /// Why the device is lost, if it is. What else it said is counted by the stream itself.
+    /// Why the device is lost, if it is. The stream itself counts other events.
     pub(super) fn lost(&mut self) -> Option<String> {
         let lost = self.events.try_iter().find_map(|e| match e {
             Event::Lost { reason } => Some(reason),

@@ -1,4 +1,4 @@
-//! Keeps the heat of a device's coils from one run to the next.
+//! Keeps the heat of a device's coils between runs.
 
 use std::time::{Duration, Instant};
 
@@ -6,13 +6,13 @@ use asperity_node::Diagnostic;
 
 use crate::outlet::{Guards, Outlet, Seen, Standing};
 
-/// How often the coils' heat is taken down.
+/// Time between two notes of the coils' heat.
 const EVERY: Duration = Duration::from_secs(1);
 
-/// A device that was opened, and plays silence.
+/// An open device that plays silence.
 #[derive(Clone, Debug)]
 pub struct Opened {
-    /// Names it for a request, the same each time.
+    /// Stable id for a request.
     pub id: String,
     /// Its name for a person, with its host.
     pub name: String,
@@ -25,32 +25,32 @@ pub struct Opened {
 /// Start values of a run: heat of the coils, its share, guards of the machine.
 #[derive(Debug, Default)]
 pub struct Terms {
-    /// How warm each coil is \[A^2\].
+    /// Heat of each coil \[A^2\].
     pub heat: Vec<f64>,
-    /// This run's part of every limit, from 0 to 1; none for all of it.
+    /// This run's share of every limit, 0 to 1; `None` for all of it.
     pub share: Option<f32>,
-    /// Guards that hold on their channels whatever graph plays, in the place of the graph's own.
+    /// Guards that replace the graph's own on their channels, for any graph.
     pub machine: Outlet,
     /// Messages for a person.
     pub notices: Vec<String>,
 }
 
-/// Keeps the heat of a device's coils between runs, and says who may drive them. Control thread.
+/// Keeps the heat of coils between runs, and decides who may drive them. Control thread.
 pub trait Keeper: Send + std::fmt::Debug {
-    /// A device is open, the first time in this run.
+    /// The device is open for the first time in this run.
     ///
     /// # Errors
-    /// Why it may not be played on.
+    /// Why playing on it is not allowed.
     fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic>;
 
-    /// Takes down how warm each coil is \[A^2\]: once a second, and before the end.
+    /// Notes the heat of each coil \[A^2\]: once a second, and before the end.
     fn note(&mut self, heat: &[f64]);
 
-    /// The run ends as it should: what was taken down last holds.
+    /// The run ends in order: the last note is valid.
     fn ended(&mut self);
 }
 
-/// A keeper for as long as a run lasts.
+/// The keeper during a run.
 #[derive(Debug)]
 pub(super) struct Custody {
     keeper: Option<Box<dyn Keeper>>,
@@ -64,7 +64,7 @@ impl Custody {
         Self { keeper, guards, opened: false, noted: Instant::now() }
     }
 
-    /// A device is open, and nothing plays on it yet. Answers what a person should know.
+    /// The device is open and does not play yet. Returns notices for a person.
     pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
         let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
         let terms = keeper.opened(device)?;
@@ -77,14 +77,14 @@ impl Custody {
         Ok(terms.notices)
     }
 
-    /// A device is back that nothing was played on for so long.
+    /// A device is back after this time without playing.
     pub(super) fn back(&mut self, away: Duration) {
         if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
             gate.rest(away.as_secs_f64());
         }
     }
 
-    /// Takes down how the coils stand, where it is time.
+    /// Notes the heat of the coils when it is time.
     pub(super) fn tend(&mut self, seen: &Seen) {
         if self.noted.elapsed() >= EVERY {
             self.note(seen);
@@ -101,9 +101,9 @@ impl Custody {
 
 impl Drop for Custody {
     fn drop(&mut self) {
-        // A panic is no end as it should be.
+        // A panic is not an orderly end.
         if let (Some(keeper), true, false) = (&mut self.keeper, self.opened, std::thread::panicking()) {
-            // Nothing plays any more: a session that is dropped stops its driver before this.
+            // Nothing plays any more: a dropped session stops its driver first.
             if let Some(Some(gate)) = self.guards.0.enter().as_deref() {
                 keeper.note(&gate.heat());
                 keeper.ended();

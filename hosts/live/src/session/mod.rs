@@ -1,4 +1,4 @@
-//! A run from its start to its end: a device is opened, a clock chosen, a lost device waited for.
+//! A run from start to end: opens a device, chooses a clock, waits for a lost device.
 
 mod card;
 mod custody;
@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 use asperity_audio::{OpenError, Request, Stats};
 use asperity_node::Diagnostic;
 
-use crate::driver::{Callback, Clock, Controls, Options, Paced, Timer, choose};
+use crate::driver::{Callback, Clock, Options, choose, paced, timer};
 use crate::latency::of_graph;
 use crate::meters::Meters;
 use crate::player::MicWriter;
-use crate::realtime::{Grants, Machine, PRIORITY};
+use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
 use crate::{Conductor, Listener, Player, Reins, now_ns};
 use card::Card;
@@ -26,39 +26,41 @@ pub use custody::{Keeper, Opened, Terms};
 use running::{Driver, Running};
 use xruns::Xruns;
 
-/// How often a lost device is looked for.
+opaque_debug!(Session);
+
+/// Time between two attempts to open a lost device.
 const RETRY: Duration = Duration::from_millis(500);
-/// Longest that a device may take to show its period before a clock is chosen without it.
+/// Longest wait for a device's period before a clock is chosen without it.
 const LISTEN: Duration = Duration::from_millis(1000);
-/// Wake-ups after which its period is known.
+/// Wake-ups after which the period is known.
 const ENOUGH: u64 = 8;
 
-/// How a run is started.
+/// Options of a run.
 #[derive(Debug)]
 pub struct SessionOptions {
-    /// The device; none runs without audio.
+    /// The device; `None` runs without audio.
     pub device: Option<Request>,
-    /// What ticks keep time with; chosen by the device's period unless given.
+    /// Clock of the ticks; `None` chooses by the device's period.
     pub clock: Option<Clock>,
-    /// Whether a lost device is waited for.
+    /// Whether to wait for a lost device.
     pub reconnect: bool,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// Whether the system is asked for real-time priority, locked memory and waking cores.
+    /// Whether to request real-time priority, locked memory and waking cores.
     pub realtime: bool,
-    /// What mutes and stops it, whatever the thread that tends it is doing.
+    /// Mutes and stops it from any thread.
     pub reins: Reins,
-    /// Who knows of the device's coils; none knows nothing, and lets anybody play.
+    /// Knows the heat of the device's coils; `None` lets anybody play.
     pub keeper: Option<Box<dyn Keeper>>,
 }
 
-/// Why there is no run, or no longer one.
+/// Why a run does not start or ends.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The device cannot be had.
+    /// The device cannot be opened.
     Device(OpenError),
-    /// The device may not be played on.
+    /// Playing on the device is not allowed.
     Refused(Diagnostic),
     /// The system gives no thread.
     Thread(std::io::Error),
@@ -76,59 +78,70 @@ impl std::fmt::Display for SessionError {
 
 impl std::error::Error for SessionError {}
 
-/// A run. Dropped, it ramps down and ends as by [`stop`](Session::stop).
+/// A lost device, until it is back.
+struct Loss {
+    since: Instant,
+    /// When it was last looked for.
+    tried: Instant,
+    /// Why it could not be opened then; a new reason is told.
+    reason: String,
+    /// Opens it, which may take seconds.
+    opening: Option<JoinHandle<Result<Card, OpenError>>>,
+}
+
+/// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
 pub struct Session {
     conductor: Conductor,
     driver: Running,
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
-    /// Looks on while the device records.
+    /// Watches what the device records.
     listener: Option<Listener>,
     meters: Arc<Meters>,
     machine: Option<Machine>,
-    /// What was refused has been said.
+    /// Whether refusals of the system were reported.
     told: bool,
-    /// Since when the device has been lost, or was last looked for.
-    lost: Option<Instant>,
-    /// Since when nothing is played on it.
-    away: Option<Instant>,
-    /// Why it was not back when it was last looked for.
-    why: String,
-    /// A lost device that is being opened, which may take seconds.
-    opening: Option<JoinHandle<Result<Card, OpenError>>>,
-    /// What a device said of itself while it was there, for the view.
+    /// Set while the device is lost.
+    loss: Option<Loss>,
+    /// Name of the device for a person, kept while it is lost.
     name: String,
     notices: Vec<String>,
     looked: Instant,
     views: u64,
     xruns: Xruns,
-    /// Dropped last: the output is down then.
+    /// Dropped last, when the output is down.
     custody: Custody,
 }
 
-impl std::fmt::Debug for Session {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("device", &self.name).finish_non_exhaustive()
+impl Loss {
+    /// Notes why the device could not be opened, and tells a new reason.
+    fn failed(&mut self, reason: String, name: &str, notices: &mut Vec<String>) {
+        self.tried = Instant::now();
+        if self.reason != reason {
+            notices.push(format!("`{name}` is not back: {reason}"));
+            self.reason = reason;
+        }
     }
 }
 
-/// What is left of a run.
+/// Remains of a run.
 #[derive(Debug)]
 pub struct Ended {
-    /// The engine and all around it; none where a tick never ended.
+    /// The engine with its wiring; `None` if a tick never ended.
     pub player: Option<Player>,
-    /// What controlled it.
+    /// Its control side.
     pub conductor: Conductor,
     /// Figures of the whole run.
     pub view: View,
 }
 
 impl Session {
-    /// Opens the device and starts to play, or starts a timer without one. `mic` is where what the device records goes.
+    /// Opens the device and starts to play, or starts a timer without a device. `mic`: queue for recorded
+    /// samples.
     ///
     /// # Errors
-    /// What the device or the system says; nothing runs then.
+    /// The reason of the device or the system; nothing runs then.
     pub fn start(
         conductor: Conductor,
         player: Player,
@@ -147,10 +160,7 @@ impl Session {
             machine: options.realtime.then(Machine::ask),
             options,
             told: false,
-            lost: None,
-            away: None,
-            why: String::new(),
-            opening: None,
+            loss: None,
             name: String::new(),
             notices: Vec::new(),
             looked: Instant::now(),
@@ -163,15 +173,15 @@ impl Session {
                 let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
                 it.name = card.name();
                 let opened = Opened {
-                    id: card.stream().id(),
+                    id: card.stream.id(),
                     name: it.name.clone(),
-                    channels: it.conductor.channels_of(card.stream().channels()),
+                    channels: it.conductor.channels_of(card.stream.channels()),
                     coils: it.conductor.gate().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
-                // What comes back after a loss is this one, though it was a default that was asked for.
+                // After a loss, exactly this device is reopened, even if the request named a default.
                 it.options.device = Some(card.pinned(&request));
-                it.notices.extend(card.stream().notes().iter().cloned());
+                it.notices.extend(card.stream.notes().iter().cloned());
                 it.card = Some(card);
                 it.advance()?;
             }
@@ -180,28 +190,28 @@ impl Session {
         Ok(it)
     }
 
-    /// What controls the graph.
+    /// Control side of the graph.
     pub fn conductor(&mut self) -> &mut Conductor {
         &mut self.conductor
     }
 
-    /// What mutes and stops it.
+    /// Mutes and stops it.
     pub fn reins(&self) -> &Reins {
         &self.options.reins
     }
 
-    /// Whether the run goes on: no tick panicked, and there is or may be a device where one was asked for.
+    /// Whether the run goes on: no tick panicked, and the requested device is there or may come back.
     pub fn goes_on(&self) -> bool {
-        let gone = matches!(self.driver.0, Driver::Gone) || self.controls().is_some_and(|c| c.failed());
-        let given_up = self.lost.is_some() && !self.options.reconnect;
+        let gone = self.driver.gone() || self.driver.controls().is_some_and(|c| c.failed());
+        let given_up = self.loss.is_some() && !self.options.reconnect;
         !(gone || given_up)
     }
 
-    /// Looks after the device: what it said, whether it is lost, whether it is back. To be called some tens of times a second.
-    /// Answers what a person should know, once.
+    /// Checks the device: reads its events, handles a loss, reopens it. Call it some tens of times a
+    /// second. Returns notices for a person, each once.
     ///
     /// # Errors
-    /// Where the system gives no thread.
+    /// The system gives no thread.
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.conductor.collect();
         self.count_xruns();
@@ -217,34 +227,34 @@ impl Session {
 
     /// How the run stands.
     pub fn condition(&self) -> Condition {
-        match (self.controls(), self.lost) {
+        match (self.driver.controls(), &self.loss) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
-            (None, _) if matches!(self.driver.0, Driver::Gone) => Condition::Failed,
+            (None, _) if self.driver.gone() => Condition::Failed,
             _ if self.reins().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
             _ if self.reins().muted() => Condition::Muted,
-            // A device that is back and not yet played on.
-            _ if self.card.as_ref().is_some_and(|card| !card.playing()) => Condition::Starting,
+            // The device is back and does not play yet.
+            _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
             (None, None) => Condition::Starting,
         }
     }
 
-    /// Figures of the moment.
+    /// Figures now.
     pub fn view(&mut self) -> View {
         let since = self.looked.elapsed();
         self.looked = Instant::now();
         self.views += 1;
         let schedule = self.conductor.schedule().clone();
         let ticks = self.meters.next_tick();
-        let stats = self.card.as_ref().map(|c| c.stream().stats());
+        let stats = self.card.as_ref().map(|c| c.stream.stats());
         let mut view = View {
             number: self.views,
             condition: self.condition(),
             muted: self.reins().muted(),
-            clock: self.clock().map_or("", Clock::name).into(),
+            clock: self.driver.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
-            period_frames: self.card.as_ref().and_then(|c| c.stream().period()).unwrap_or(0),
+            period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),
             ticks,
             seconds: ticks as f64 / f64::from(schedule.tick_hz),
             timing: self.meters.timing(),
@@ -255,7 +265,7 @@ impl Session {
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
             recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
-            peak: self.controls().map_or(0.0, |c| c.peak()),
+            peak: self.driver.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
         self.conductor.look(&mut view, since);
@@ -264,28 +274,28 @@ impl Session {
     }
 
     fn count_xruns(&mut self) -> u64 {
-        let reported = self.card.as_ref().map_or(0, |card| card.stream().stats().xruns);
+        let reported = self.card.as_ref().map_or(0, |card| card.stream.stats().xruns);
         self.xruns.count(self.meters.xruns.get(), reported, now_ns())
     }
 
-    /// Latency from a hand to the actuator, item by item, in milliseconds.
+    /// Items of the latency from the hand to the actuator, in milliseconds.
     fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
-        if self.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
+        if self.driver.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
             // Nothing is heard.
             return Vec::new();
         }
         let delay = view.sources.iter().map(|s| s.delay_ms).fold(0.0, f64::max);
         let mut items = Vec::new();
         if !view.sources.is_empty() {
-            items.push(("hand: read behind".to_owned(), delay));
+            items.push(("hand: reading delay".to_owned(), delay));
         }
         let schedule = self.conductor.schedule();
-        items.push(("tick: half of one, until the next".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
-        let lead = self.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
-        items.push(("clock: read before the callback".to_owned(), lead));
+        items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
+        let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
+        items.push(("clock: lead before the callback".to_owned(), lead));
         items.extend(of_graph(schedule));
         if let Some(stats) = stats {
-            items.push(("device: from callback to sound".to_owned(), stats.latency_ms));
+            items.push(("device: callback to sound".to_owned(), stats.latency_ms));
         }
         items
     }
@@ -296,35 +306,17 @@ impl Session {
         let player = self.driver.take();
         self.custody.note(&self.conductor.gate().seen);
         let mut view = self.view();
-        // Who is gone says nothing any more.
+        // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
         Ended { player, conductor: self.conductor, view }
     }
 
-    /// What was asked of the system, and what it gave.
+    /// Answers of the system to the real-time requests.
     pub fn grants(&self) -> Option<Grants> {
-        let priority = self.controls()?.priority();
+        let priority = self.driver.controls()?.priority();
         Some(self.machine.as_ref()?.grants(priority))
-    }
-
-    fn clock(&self) -> Option<Clock> {
-        match &self.driver.0 {
-            Driver::Callback(_) => Some(Clock::Callback),
-            Driver::Paced(_) => Some(Clock::Paced),
-            Driver::Timer(_) => Some(Clock::Timer),
-            Driver::Waiting(_) | Driver::Gone => None,
-        }
-    }
-
-    fn controls(&self) -> Option<&Arc<Controls>> {
-        match &self.driver.0 {
-            Driver::Callback(d) => Some(d.controls()),
-            Driver::Paced(d) => Some(d.controls()),
-            Driver::Timer(d) => Some(d.controls()),
-            Driver::Waiting(_) | Driver::Gone => None,
-        }
     }
 
     fn driver_options(&self) -> Options {
@@ -338,17 +330,17 @@ impl Session {
         options
     }
 
-    /// Hands the ticks to the device once its period is known.
+    /// Starts the driver once the device's period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
-        let Some(card) = self.card.as_ref().filter(|card| !card.playing()) else { return Ok(()) };
+        let Some(card) = self.card.as_ref().filter(|card| !card.playing) else { return Ok(()) };
         let (wakes, period) = card.wakes();
         let known = self.options.clock.is_some() || wakes >= ENOUGH;
-        if !known && card.since() < LISTEN {
+        if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
-        let (rate_hz, tick_hz) = (card.stream().rate_hz(), self.conductor.schedule().tick_hz);
-        // A device that has not called yet may do so in any pieces.
-        let called = if card.bunches() { period } else { card.stream().period().unwrap_or(period) };
+        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.conductor.schedule().tick_hz);
+        // A device that has not called yet may call with any number of frames.
+        let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
         let Some(player) = self.driver.take() else { return Ok(()) };
@@ -361,13 +353,15 @@ impl Session {
                 Driver::Callback(driver)
             }
             Clock::Paced => {
-                let (driver, half) = Paced::new(player, &options).map_err(SessionError::Thread)?;
+                let (driver, half) = paced(player, &options).map_err(SessionError::Thread)?;
                 card.give(Box::new(half));
-                Driver::Paced(driver)
+                Driver::Thread(clock, driver)
             }
-            Clock::Timer => Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?),
+            Clock::Timer => {
+                Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?)
+            }
         };
-        card.note_playing();
+        card.playing = true;
         Ok(())
     }
 
@@ -375,7 +369,7 @@ impl Session {
     fn keep_time(&mut self) -> Result<(), SessionError> {
         let Some(player) = self.driver.take_from_lost() else { return Ok(()) };
         let options = self.driver_options();
-        self.driver.0 = Driver::Timer(Timer::new(player, &options).map_err(SessionError::Thread)?);
+        self.driver.0 = Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?);
         Ok(())
     }
 
@@ -384,58 +378,41 @@ impl Session {
         let what = if self.options.reconnect { "; it will go on when the device is back" } else { "" };
         self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
         if let Some(card) = self.card.take() {
-            self.xruns.close(self.meters.xruns.get(), card.stream().stats().xruns, now_ns());
+            self.xruns.close(self.meters.xruns.get(), card.stream.stats().xruns, now_ns());
         }
-        self.lost = Some(Instant::now());
-        self.away.get_or_insert_with(Instant::now);
-        // Hands and forces go on.
+        let now = Instant::now();
+        self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
+        // Ticks go on, for hands and forces.
         self.keep_time()
     }
 
     /// Opens a lost device again, the same one, when it is there.
     fn come_back(&mut self) {
-        if let Some(opening) = self.opening.take_if(|opening| opening.is_finished()) {
-            self.opened(opening.join().ok());
-            return;
-        }
-        let waited = self.lost.is_some_and(|since| since.elapsed() >= RETRY);
-        if !waited || !self.options.reconnect || self.opening.is_some() {
-            return;
-        }
-        let (request, mic) = (self.options.device.clone(), self.mic.clone());
-        let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
-        self.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
-    }
-
-    /// What came of looking for a lost device; none where that panicked.
-    fn opened(&mut self, card: Option<Result<Card, OpenError>>) {
-        match card {
-            Some(Ok(card)) => {
-                self.name = card.name();
-                self.notices.push(format!("`{}` is back", self.name));
-                self.card = Some(card);
-                self.custody.back(self.away.take().map_or(Duration::ZERO, |since| since.elapsed()));
-                self.lost = None;
-                self.why.clear();
+        let Some(loss) = &mut self.loss else { return };
+        if let Some(opening) = loss.opening.take_if(|opening| opening.is_finished()) {
+            match opening.join() {
+                Ok(Ok(card)) => {
+                    self.name = card.name();
+                    self.notices.push(format!("`{}` is back", self.name));
+                    self.custody.back(loss.since.elapsed());
+                    (self.card, self.loss) = (Some(card), None);
+                    return;
+                }
+                Ok(Err(error)) => loss.failed(error.to_string(), &self.name, &mut self.notices),
+                Err(_) => loss.failed("opening it failed".into(), &self.name, &mut self.notices),
             }
-            Some(Err(error)) => self.still_lost(error.to_string()),
-            None => self.still_lost("opening it failed".into()),
+        }
+        if loss.tried.elapsed() >= RETRY && self.options.reconnect && loss.opening.is_none() {
+            let (request, mic) = (self.options.device.clone(), self.mic.clone());
+            let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
+            loss.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
         }
     }
 
-    /// A lost device could not be opened: why, where that is news.
-    fn still_lost(&mut self, why: String) {
-        self.lost = Some(Instant::now());
-        if self.why != why {
-            self.notices.push(format!("`{}` is not back: {why}", self.name));
-            self.why = why;
-        }
-    }
-
-    /// What the system refused, once it is known.
+    /// Reports refusals of the system once.
     fn tell_refusals(&mut self) {
-        let asked = |c: &Arc<Controls>| c.priority() != crate::realtime::Grant::NotAsked;
-        if self.told || !self.controls().is_some_and(asked) {
+        let asked = self.driver.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
+        if self.told || !asked {
             return;
         }
         self.told = true;

@@ -1,4 +1,5 @@
-//! A device that plays silence until it is given something to play; meanwhile its wake-ups are listened to.
+//! A process that plays silence until it is given another one, and measures the device's wake-ups
+//! meanwhile.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::*};
@@ -9,7 +10,7 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::dll::{BUNCH, LONGEST_BUNCH_NS};
 
-/// What a device calls from its start on.
+/// Process that a device calls from its start on.
 pub(super) struct Switch {
     from: HeapCons<Box<dyn Process>>,
     process: Option<Box<dyn Process>>,
@@ -17,22 +18,22 @@ pub(super) struct Switch {
     heard: Arc<Heard>,
 }
 
-/// Gives a device what it is to play, once.
+/// Gives the device its process, once.
 pub(super) struct Give {
     to: HeapProd<Box<dyn Process>>,
     heard: Arc<Heard>,
 }
 
-/// What was heard so far.
+/// Measurements so far.
 #[derive(Debug, Default)]
 struct Heard {
-    /// The device's rate; 0 while it is not known, and nothing is listened to.
+    /// Rate of the device; 0 until it is known, and before that nothing is measured.
     rate_hz: AtomicU32,
     wakes: AtomicU32,
     period_frames: AtomicU32,
 }
 
-/// A switch, and the hand on it.
+/// A switch and its control.
 pub(super) fn switch() -> (Give, Switch) {
     let (to, from) = HeapRb::new(1).split();
     let heard = Arc::new(Heard::default());
@@ -41,19 +42,19 @@ pub(super) fn switch() -> (Give, Switch) {
 }
 
 impl Give {
-    /// Listens to a device of this rate from now on.
+    /// Measures a device of this rate from now on.
     pub(super) fn listen(&self, rate_hz: u32) {
         self.heard.rate_hz.store(rate_hz, Relaxed);
     }
 
-    /// Wake-ups of the device that are over, and frames that a wake-up asks for, all calls of a bunch together; 0 for none.
+    /// Finished wake-ups, and frames a wake-up (all calls of a bunch together); 0 for none.
     pub(super) fn heard(&self) -> (u64, u32) {
         let heard = &self.heard;
         (u64::from(heard.wakes.load(Acquire)), heard.period_frames.load(Relaxed))
     }
 
     pub(super) fn give(&mut self, process: Box<dyn Process>) {
-        // There is room: it is given once.
+        // There is room, since this is called once.
         let _ = self.to.try_push(process);
     }
 }
@@ -75,20 +76,20 @@ impl Process for Switch {
     }
 }
 
-/// Tells wake-ups from calls, as the delay-locked loop does: a server asks in bunches.
+/// Groups calls into wake-ups as the delay-locked loop does: a server calls in bunches.
 #[derive(Debug, Default)]
 struct Wakes {
-    /// Wake-ups that are over.
+    /// Finished wake-ups.
     count: u32,
-    /// When the one that is not over began, and the frames that were asked for since.
+    /// Start of the current wake-up, and its frames so far.
     began_ns: f64,
     frames: u32,
-    /// The most that wake-ups asked for, largest first.
+    /// Largest wake-ups in frames, largest first.
     most: [u32; 3],
 }
 
 impl Wakes {
-    /// Takes note of a call; true where it is the first of a wake-up, so that the one before it is over.
+    /// Notes a call. True if it starts a new wake-up, so that the one before is finished.
     fn callback(&mut self, now_ns: u64, frames: usize, rate_hz: u32) -> bool {
         let (now, span) = (now_ns as f64, f64::from(self.frames) * 1e9 / f64::from(rate_hz));
         let bunched = now - self.began_ns < BUNCH * span && span < LONGEST_BUNCH_NS;
@@ -108,8 +109,8 @@ impl Wakes {
         over
     }
 
-    /// What wake-ups ask for again and again. The two largest alone say nothing: a device fills its buffer at the start, and makes up for
-    /// a call that came late.
+    /// Frames that wake-ups ask for repeatedly: the third largest. The two largest may be exceptions, since
+    /// a device fills its buffer at the start and makes up for a late call.
     fn period(&self) -> u32 {
         self.most.iter().rev().copied().find(|frames| *frames > 0).unwrap_or(0)
     }
@@ -119,7 +120,8 @@ impl Wakes {
 mod tests {
     use super::*;
 
-    /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have come due.
+    /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have
+    /// come due.
     fn listen(every: u64, frames: u64, prefill: u64, late: &[u64]) -> Wakes {
         let (mut wakes, mut asked) = (Wakes::default(), 0);
         let mut now = 1_000_000_000;
@@ -137,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_that_come_in_bunches_are_one_wake_up() {
+    fn bunched_calls_are_one_wake_up() {
         let wakes = listen(128, 73, 292, &[]);
         assert_eq!((wakes.period(), wakes.count), (146, 15));
         // 96 frames are a tick of 2 ms: a call fits, a wake-up of this device does not.
@@ -146,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_buffer_at_the_start_and_a_late_call_are_not_the_period() {
+    fn first_fill_and_late_call_are_not_the_period() {
         assert_eq!(listen(64, 64, 256, &[]).period(), 64);
         assert_eq!(listen(64, 64, 64, &[9]).period(), 64);
         assert_eq!(listen(64, 64, 256, &[9]).period(), 64);
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_heard_before_something_is_given_is_told() {
+    fn switch_reports_wake_ups_until_it_is_given_work() {
         let (mut give, mut switch) = switch();
         let mut call = |now_ns| {
             let mut output = [1.0; 64];

@@ -1,23 +1,24 @@
-//! Gaps that are seen by two.
+//! Xruns that two observers may see.
 
-/// What is this long after all else is another gap, in nanoseconds.
+/// A change after this much quiet is a new gap [ns].
 const QUIET_NS: u64 = 300_000_000;
 
-/// Xruns of all streams of a run. The loop over callback times sees a gap, and some hosts report one: most often the same. Between two
-/// times of quiet the larger of both counts is taken, so that a gap that both know of counts once.
+/// Xruns of all streams of a run. The loop over callback times sees a gap, and some hosts report one, most
+/// often the same.
+/// Between two quiet times the larger of both counts is taken, so that a gap that both see counts once.
 #[derive(Debug, Default)]
 pub(super) struct Xruns {
-    /// Before the last quiet.
+    /// Xruns before the last quiet time.
     before: u64,
-    /// What was seen and reported then, and at the last look.
+    /// Counts of loop and host at that time, and at the last look.
     then: [u64; 2],
     last: [u64; 2],
-    /// When that had last changed.
+    /// Time of the last change.
     changed_ns: u64,
 }
 
 impl Xruns {
-    /// All so far: `seen` by the loops of all streams, `reported` by the host of the open one. To be called as often as it is told.
+    /// All xruns so far. `seen`: by the loops of all streams. `reported`: by the host of the open stream.
     pub(super) fn count(&mut self, seen: u64, reported: u64, now_ns: u64) -> u64 {
         if [seen, reported] != self.last {
             if now_ns.saturating_sub(self.changed_ns) > QUIET_NS {
@@ -28,7 +29,7 @@ impl Xruns {
         self.total()
     }
 
-    /// The open stream is closed, whose host had reported so many: the next one's begins at 0.
+    /// The open stream closes; the count of the next stream's host starts at 0.
     pub(super) fn close(&mut self, seen: u64, reported: u64, now_ns: u64) {
         self.before = self.count(seen, reported, now_ns);
         self.last = [seen, 0];
@@ -46,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gap_that_the_host_reports_and_the_loop_sees_counts_once() {
+    fn gap_seen_by_host_and_loop_counts_once() {
         let ms = |ms: u64| 5_000_000_000 + ms * 1_000_000;
         let mut xruns = Xruns::default();
         assert_eq!(xruns.count(0, 0, ms(0)), 0);

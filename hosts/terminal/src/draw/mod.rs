@@ -1,6 +1,5 @@
-//! Draws a [`Board`].
+//! One frame of a [`Board`].
 
-mod help;
 mod nodes;
 pub(crate) mod pane;
 mod parameters;
@@ -14,17 +13,18 @@ use std::time::Duration;
 use ratatui::buffer::Buffer;
 
 use crate::board::{Board, Tab};
+use crate::keys::HELP;
 use pane::{ALARM, BOLD, FAINT, PLAIN, Pane};
 
-/// The least terminal that all fits in.
-pub(crate) const LEAST: (usize, usize) = (72, 20);
-/// From this many rows on, nodes, scopes and parameters are seen at once.
+/// Least size of the terminal.
+const LEAST: (usize, usize) = (72, 20);
+/// From this many rows on, nodes, scopes and parameters are all visible.
 const TALL: usize = 36;
 /// From this many columns on, they stand side by side.
 const WIDE: usize = 110;
 
 impl Board {
-    /// Draws everything as it is at `time` into an empty buffer.
+    /// Draws the frame of `time` into an empty buffer.
     pub(crate) fn draw(&mut self, buffer: &mut Buffer, time: Duration) {
         let mut all = Pane::all(buffer);
         let (width, height) = (all.width(), all.height());
@@ -39,7 +39,7 @@ impl Board {
         self.draw_notes(&mut all.part(0, 2 + body, width, notes));
         title::draw_keys(self, &mut all.part(0, height - 1, width, 1), height < TALL);
         if self.help {
-            help::draw(&mut all);
+            draw_help(&mut all);
         }
     }
 
@@ -59,7 +59,7 @@ impl Board {
             }
             return;
         }
-        // Nodes and parameters take what they need, scopes the rest, but never less than a third.
+        // Nodes and parameters take the rows they need. Scopes get the rest, at least a third.
         let list = (self.layout.nodes.len() + 2).max(9).min(rest * 3 / 5);
         if width >= WIDE {
             let wanted = self.names.iter().sum::<usize>() + nodes::REST;
@@ -79,7 +79,7 @@ impl Board {
         let (width, height) = (top.width(), top.height());
         if width >= WIDE {
             let timing = (width * 2 / 5).max(48);
-            // What sources need is left to them.
+            // The rest is for the sources.
             let latency = width.saturating_sub(timing + 42).clamp(22, 44);
             timing::draw(self, &mut top.part(0, 0, timing, height), time);
             side::latency(self, &mut top.part(timing + 1, 0, latency, height));
@@ -116,6 +116,19 @@ impl Board {
         }
         all.put(0, height.saturating_sub(1).max(4), width, "q stop  space mute", FAINT);
     }
+}
+
+/// The help: all keys, over the rest of the frame.
+fn draw_help(all: &mut Pane) {
+    let (width, height) = (62.min(all.width()), (HELP.len() + 5).min(all.height()));
+    let (left, top) = ((all.width() - width) / 2, (all.height() - height) / 2);
+    let mut pane = all.part(left, top, width, height);
+    pane.frame(" keys ");
+    for (row, (keys, action)) in HELP.iter().enumerate() {
+        pane.put(3, row + 2, 16, keys, BOLD);
+        pane.put(20, row + 2, width - 22, action, PLAIN);
+    }
+    pane.put(3, height - 2, width - 6, "! marks a loss or a deadline miss of the last 2 s.", FAINT);
 }
 
 #[cfg(test)]

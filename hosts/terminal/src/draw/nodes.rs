@@ -1,4 +1,4 @@
-//! The nodes, in the order they run.
+//! The nodes, in the order of their calls.
 
 use std::time::Duration;
 
@@ -6,11 +6,11 @@ use super::pane::{ALARM, FAINT, PLAIN, Pane};
 use crate::board::{Board, Row};
 use crate::text::{clean, count, micros, number, percent};
 
-/// Figures of a node: title and columns, from left to right.
+/// Figures of a node: title and width in columns, from left to right.
 const FIGURES: [(&str, usize); 6] =
     [("us", 6), ("max us", 7), ("% tick", 7), ("calls", 7), ("asleep", 7), ("faults", 7)];
 const VALUE: usize = 19;
-/// What a pane is wide beside the names of nodes, with room for a fault.
+/// Width of a pane beside the names of nodes, with room for a fault.
 pub(super) const REST: usize = 41 + VALUE + 24;
 
 pub(crate) fn draw(board: &mut Board, pane: &mut Pane, time: Duration) {
@@ -30,7 +30,7 @@ pub(crate) fn draw(board: &mut Board, pane: &mut Pane, time: Duration) {
     pane.head("nodes", &more);
     let figures: usize = FIGURES.iter().map(|(_, width)| width).sum();
     let names = pane.width().saturating_sub(figures + VALUE + 2);
-    // Where both do not fit, the id says more.
+    // Where not both fit, the id has priority.
     let [longest_id, longest_kind] = board.names;
     let kind = longest_kind.clamp(4, names.saturating_sub(longest_id + 1).max(names * 2 / 5).max(4));
     let id = longest_id.max(2).min(names.saturating_sub(kind + 1));

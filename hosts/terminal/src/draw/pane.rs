@@ -1,36 +1,38 @@
-//! A rectangle to write in; what does not fit is left out.
+//! A rectangle to write in. Text that does not fit is left out.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Clear, Widget};
 
 use crate::text::{clean, columns};
 
 /// Plain text in the terminal's own colours.
 pub(crate) const PLAIN: Style = Style::new();
-/// What labels and explains.
+/// Labels and explanations.
 pub(crate) const FAINT: Style = Style::new().add_modifier(Modifier::DIM);
-/// What is to be found first.
+/// The most important text.
 pub(crate) const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
-/// What went wrong; always with a word or a sign beside it.
+/// Faults and losses; always with a word or a sign beside it.
 pub(crate) const ALARM: Style = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
-/// Curves and bars. Magenta and cyan are told from each other, and from the ground, on light and on dark terminals.
+/// Curves and bars. Magenta and cyan are distinct from each other and from light and dark backgrounds.
 pub(crate) const CURVE: Style = Style::new().fg(Color::Cyan);
 /// The second kind of bars.
 pub(crate) const CURVE_2: Style = Style::new().fg(Color::Magenta);
-/// A word on a coloured ground.
+/// A word on a coloured background.
 pub(crate) const fn badge(color: Color) -> Style {
     Style::new().fg(color).add_modifier(Modifier::BOLD.union(Modifier::REVERSED))
 }
 
-/// Where something may be drawn.
+/// A rectangle of the frame.
 pub(crate) struct Pane<'a> {
     buffer: &'a mut Buffer,
     area: Rect,
 }
 
 impl<'a> Pane<'a> {
-    /// All of a buffer.
+    /// The whole buffer.
     pub(crate) fn all(buffer: &'a mut Buffer) -> Self {
         let area = buffer.area;
         Self { buffer, area }
@@ -44,7 +46,7 @@ impl<'a> Pane<'a> {
         usize::from(self.area.height)
     }
 
-    /// A part of it, cut to what there is.
+    /// A part of the pane, cut to its size.
     pub(crate) fn part(&mut self, column: usize, row: usize, width: usize, height: usize) -> Pane<'_> {
         let (column, row) = (column.min(self.width()), row.min(self.height()));
         let area = Rect {
@@ -56,7 +58,7 @@ impl<'a> Pane<'a> {
         Pane { buffer: self.buffer, area }
     }
 
-    /// Writes at most `width` columns, and says how many it took.
+    /// Writes at most `width` columns. Returns how many it took.
     pub(crate) fn put(&mut self, column: usize, row: usize, width: usize, text: &str, style: Style) -> usize {
         if column >= self.width() || row >= self.height() {
             return 0;
@@ -68,14 +70,14 @@ impl<'a> Pane<'a> {
         usize::from(end - x)
     }
 
-    /// Writes so that it ends before column `end`, on at most `width` columns.
+    /// Writes at most `width` columns that end before column `end`.
     pub(crate) fn put_right(&mut self, end: usize, row: usize, width: usize, text: &str, style: Style) {
         let text = clean(text, width);
         let columns = columns(&text);
         self.put(end.saturating_sub(columns), row, columns, &text, style);
     }
 
-    /// A title with a line after it: the head of a pane. What follows the title in `more` is plain.
+    /// The head of a pane: a bold title, plain text and a line.
     pub(crate) fn head(&mut self, title: &str, more: &str) {
         let width = self.width();
         let line = "─".repeat(width);
@@ -87,14 +89,14 @@ impl<'a> Pane<'a> {
         }
     }
 
-    /// Writes words one after another, each with its style, and says where the last one ends.
+    /// Writes words one after another, each with its style. Returns the column after the last.
     pub(crate) fn words(&mut self, column: usize, row: usize, words: &[(&str, Style)]) -> usize {
         words
             .iter()
             .fold(column, |column, (word, style)| column + self.put(column, row, usize::MAX, word, *style))
     }
 
-    /// Gives what stands there another style.
+    /// Gives a row another style.
     pub(crate) fn restyle(&mut self, row: usize, style: Style) {
         if row < self.height() {
             let area = Rect { y: self.area.y + row as u16, height: 1, ..self.area };
@@ -102,16 +104,15 @@ impl<'a> Pane<'a> {
         }
     }
 
-    /// Makes it blank.
-    pub(crate) fn blank(&mut self) {
-        let line = " ".repeat(self.width());
-        for row in 0..self.height() {
-            self.put(0, row, self.width(), &line, Style::reset());
-        }
+    /// Clears the pane and draws a border with a title.
+    pub(crate) fn frame(&mut self, title: &str) {
+        Clear.render(self.area, self.buffer);
+        let title = Line::styled(title.to_owned(), Style::reset().patch(BOLD));
+        Block::bordered().border_style(FAINT).title(title).render(self.area, self.buffer);
     }
 }
 
-/// A bar of `width` columns, `share` of it full, to half a column.
+/// A bar that fills `share` of `width` columns, to half a column.
 pub(crate) fn bar(share: f64, width: usize) -> String {
     let halves = (share.clamp(0.0, 1.0) * 2.0 * width as f64).round() as usize;
     let mut bar = "━".repeat(halves / 2);

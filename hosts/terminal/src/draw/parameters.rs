@@ -1,4 +1,4 @@
-//! What may be changed while the graph runs: parameters and materials.
+//! Live parameters and materials.
 
 use asperity_live::view::{LiveLayout, Materials};
 use ratatui::style::Color;
@@ -46,7 +46,7 @@ fn draw_one(node: &str, live: &LiveLayout, chosen: bool, line: &mut Pane) {
     } else {
         live.words.join(" ")
     };
-    // Names take what bars and figures leave; the range is the first to go.
+    // Names take the columns that bars and figures leave. The range is left out first.
     let ranged = if width >= 56 { (width / 4).min(30) } else { 0 };
     let bars = if width >= 36 { 10 } else { 0 };
     let names = width.saturating_sub(bars + ranged + 14);
@@ -79,7 +79,7 @@ fn draw_materials(materials: &Materials, chosen: bool, line: &mut Pane) {
     let of = format!("{place} of {} ", materials.names.len());
     column += line.put(column, 0, usize::MAX, &of, FAINT);
     column += 1 + line.put(column, 0, usize::MAX, &format!(" {} ", materials.chosen), badge(Color::Reset));
-    // What `n` would bring next, as far as there is room.
+    // The next materials, as far as there is room.
     let many = materials.names.len();
     for k in (1..many).map(|k| (at.unwrap_or(0) + k) % many) {
         if column + 3 > width {

@@ -1,4 +1,4 @@
-//! Charts of signals, drawn with the dots of braille characters: two by four in a cell.
+//! Charts of signals, drawn with braille characters: two by four dots in a cell.
 
 use super::pane::{CURVE, FAINT, PLAIN, Pane};
 use crate::board::Board;
@@ -14,7 +14,7 @@ pub(crate) fn draw(board: &Board, pane: &mut Pane) {
     let many = board.traces.len();
     let (width, height) = (pane.width(), pane.height().saturating_sub(1));
     let fit = ((width / LEAST.1).max(1), (height / LEAST.0).max(1));
-    // Nine columns a row look best, which are some four dots wide to one high; places without a chart look worst.
+    // Nine columns to a row look best: about four dots wide to one high. Empty places look worst.
     let odd = |across: usize| {
         let down = many.div_ceil(across).clamp(1, fit.1);
         let form = (width * down) as f64 / (across * height.max(1)) as f64 / 9.0;
@@ -68,7 +68,7 @@ fn scale_beside(scale: Scale, pane: &mut Pane, rows: usize) {
     }
 }
 
-/// The lines of a chart `rows` high. Every column is filled from its least to its greatest, and meets the one before it.
+/// The lines of a chart. Each column is filled from its least to its greatest value and meets the one before.
 fn dots(columns: &[Option<[f32; 2]>], scale: Scale, rows: usize) -> Vec<String> {
     const DOTS: [[u8; 4]; 2] = [[0x01, 0x02, 0x04, 0x40], [0x08, 0x10, 0x20, 0x80]];
     let height = 4 * rows;
@@ -114,20 +114,20 @@ mod tests {
     }
 
     #[test]
-    fn a_rising_line_rises() {
+    fn rising_line_rises() {
         let ramp: Vec<_> = (0..8).map(|k| Some([k as f32; 2])).collect();
         assert_eq!(dots(&ramp, scale(7.0, false), 2), ["  ⡠⠊", "⡠⠊  "]);
     }
 
     #[test]
-    fn a_jump_is_joined_and_a_gap_is_not() {
+    fn jump_is_joined_and_gap_is_not() {
         let jump = [Some([0.0; 2]), Some([3.0; 2])];
         assert_eq!(dots(&jump, scale(3.0, false), 1), ["⡸"]);
         assert_eq!(dots(&[Some([0.0; 2]), None, Some([3.0; 2])], scale(3.0, false), 1), ["⡀⠁"]);
     }
 
     #[test]
-    fn a_signed_scale_reaches_from_minus_to_plus() {
+    fn signed_scale_reaches_below_zero() {
         let swing = [Some([-1.0, 1.0]), Some([0.0, 9.0])];
         assert_eq!(dots(&swing, scale(1.0, true), 1), ["⡿"]);
     }

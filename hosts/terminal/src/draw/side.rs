@@ -1,4 +1,4 @@
-//! Latency, item by item, and the sources of a hand's motion.
+//! Latency, item by item, and the sources of motion.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ pub(crate) fn latency(board: &Board, pane: &mut Pane) {
     }
 }
 
-/// One line an item, with a bar of its part of the sum.
+/// One line for each item, with a bar of its share of the sum.
 fn latency_list(items: &[(String, f64)], sum: f64, pane: &mut Pane) {
     let width = pane.width();
     let names = items.iter().map(|(name, _)| columns(name)).max().unwrap_or(0).clamp(4, (width / 2).max(4));
@@ -74,7 +74,7 @@ pub(crate) fn sources(board: &Board, pane: &mut Pane, time: Duration) {
     let hidden = sources.len().saturating_sub(rows);
     pane.head("sources", &if hidden > 0 { format!("{rows} of {}", sources.len()) } else { String::new() });
     if sources.is_empty() {
-        pane.put(1, 1, usize::MAX, "none: no hand moves it", FAINT);
+        pane.put(1, 1, usize::MAX, "none: no hand", FAINT);
         return;
     }
     let id = width.saturating_sub(30).min(24);
@@ -82,7 +82,7 @@ pub(crate) fn sources(board: &Board, pane: &mut Pane, time: Duration) {
     for (end, title) in [(9, "Hz"), (16, "age ms"), (22, "delay"), (29, "stalls")] {
         pane.put_right(id + end, 1, 7, title, FAINT);
     }
-    // A source that stalls is never the one that is out of sight. One that has not begun does not stall.
+    // Stalled sources come first, so that they are visible. A source that has not begun is not stalled.
     let stalls = |s: &SourceView| s.stalled && s.samples > 0;
     let stalled = |k: &usize| stalls(&sources[*k]) || board.stalls.get(*k).is_some_and(|s| s.risen(time) > 0);
     let order = (0..sources.len()).filter(stalled).chain((0..sources.len()).filter(|k| !stalled(k)));

@@ -9,14 +9,14 @@ use ratatui::style::Color;
 
 use super::*;
 
-#[path = "../../examples/demo/plausible.rs"]
+#[path = "plausible.rs"]
 mod plausible;
 
 const NOW: Duration = Duration::from_secs(5);
 const SIZES: [(u16, u16); 9] =
     [(80, 24), (120, 40), (200, 60), (40, 10), (72, 20), (80, 50), (110, 36), (300, 21), (1, 1)];
 
-/// What a terminal of this size shows, after the way that a terminal takes: cells that changed, and no others.
+/// The screen of a terminal of this size, drawn through a backend that takes changed cells only.
 fn show(board: &mut Board, (width, height): (u16, u16)) -> TestBackend {
     let mut terminal = ratatui::Terminal::new(TestBackend::new(width, height)).unwrap();
     terminal.draw(|frame| board.draw(frame.buffer_mut(), NOW)).unwrap();
@@ -49,7 +49,7 @@ fn assert_shows(text: &str, wanted: &[&str]) {
 }
 
 #[test]
-fn a_small_terminal_shows_the_run_and_one_pane_at_a_time() {
+fn small_terminal_shows_one_pane_at_a_time() {
     let mut board = playing();
     let all = [
         "graphs/live.ron",
@@ -78,7 +78,7 @@ fn a_small_terminal_shows_the_run_and_one_pane_at_a_time() {
 }
 
 #[test]
-fn a_large_terminal_shows_everything_at_once() {
+fn large_terminal_shows_everything_at_once() {
     for size in [(120, 40), (200, 60), (80, 50)] {
         let shown = text(&mut playing(), size);
         let wanted = ["timing", "latency", "sources", "nodes 12", "parameters 1 of 7", "materials", "scopes"];
@@ -92,7 +92,7 @@ fn a_large_terminal_shows_everything_at_once() {
 }
 
 #[test]
-fn a_terminal_that_is_too_small_says_so_and_how_the_run_stands() {
+fn tiny_terminal_shows_the_condition() {
     let mut board = playing();
     board.view.condition = Condition::Failed;
     let shown = text(&mut board, (40, 10));
@@ -100,7 +100,7 @@ fn a_terminal_that_is_too_small_says_so_and_how_the_run_stands() {
 }
 
 #[test]
-fn figures_of_a_node_stand_under_their_titles() {
+fn node_figures_are_below_their_titles() {
     let lines = lines(&show(&mut playing(), (120, 40)));
     let title = lines.iter().position(|line| line.contains("% tick")).unwrap();
     let texture = lines.iter().find(|line| line.contains("texture_")).unwrap();
@@ -112,7 +112,7 @@ fn figures_of_a_node_stand_under_their_titles() {
 }
 
 #[test]
-fn conditions_are_words_on_colours_of_the_terminals_own() {
+fn conditions_are_words_in_terminal_colours() {
     use Condition::*;
     let named = [Color::Reset, Color::Red, Color::Green, Color::Cyan, Color::Magenta];
     let words = [
@@ -135,7 +135,7 @@ fn conditions_are_words_on_colours_of_the_terminals_own() {
 }
 
 #[test]
-fn an_underrun_and_a_stall_of_one_view_are_marked_for_two_seconds() {
+fn underrun_and_stall_are_marked_for_two_seconds() {
     let mut board = playing();
     let mut view = plausible::view(83.1, 0.1);
     view.underruns = 3;
@@ -159,7 +159,7 @@ fn an_underrun_and_a_stall_of_one_view_are_marked_for_two_seconds() {
 }
 
 #[test]
-fn a_node_that_is_out_of_use_is_red_and_says_why() {
+fn quarantined_node_is_red_with_its_fault() {
     let mut board = playing();
     let mut view = plausible::view(83.1, 0.1);
     view.nodes[6].quarantined = true;
@@ -176,7 +176,7 @@ fn a_node_that_is_out_of_use_is_red_and_says_why() {
 }
 
 #[test]
-fn bars_beyond_the_deadline_are_told_from_those_before() {
+fn bars_beyond_the_deadline_are_red() {
     let mut board = playing();
     let timing = |late: Vec<u64>| TimingView {
         deadline_us: 2000.0,
@@ -220,7 +220,7 @@ fn nodes_scroll_by_pages_and_not_past_the_end() {
 }
 
 #[test]
-fn the_chosen_parameter_is_always_in_sight() {
+fn chosen_parameter_is_always_visible() {
     let live = |k: usize| LiveLayout { name: format!("p{k:02}"), most: 1.0, ..LiveLayout::default() };
     let node = NodeLayout { id: "n".into(), live: (0..80).map(live).collect(), ..NodeLayout::default() };
     let mut board = Board { tab: Tab::Parameters, ..Board::default() };
@@ -235,7 +235,7 @@ fn the_chosen_parameter_is_always_in_sight() {
 }
 
 #[test]
-fn an_arrow_chooses_at_once_where_the_parameters_are_in_sight() {
+fn arrow_chooses_where_parameters_are_visible() {
     for (size, chosen) in [((80, 24), 0), ((120, 40), 1)] {
         let mut board = playing();
         text(&mut board, size);
@@ -245,7 +245,7 @@ fn an_arrow_chooses_at_once_where_the_parameters_are_in_sight() {
 }
 
 #[test]
-fn nothing_at_all_can_be_drawn() {
+fn empty_board_is_drawn() {
     for size in SIZES {
         for tab in [Tab::Nodes, Tab::Scopes, Tab::Parameters] {
             let mut board = Board { tab, help: true, ..Board::default() };
@@ -254,13 +254,11 @@ fn nothing_at_all_can_be_drawn() {
             text(&mut board, size);
         }
     }
-    assert_shows(
-        &text(&mut Board::default(), (80, 24)),
-        &["no device", "not known yet", "no hand", "STARTING"],
-    );
+    let wanted = ["no device", "not known yet", "no hand", "STARTING"];
+    assert_shows(&text(&mut Board::default(), (80, 24)), &wanted);
 }
 
-/// Figures no run should have, names no file should have, and more of everything than fits.
+/// Extreme figures, hostile names, and more of everything than fits.
 fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
     let name = name.to_string();
     let live = |words: &[&str]| LiveLayout {
@@ -344,7 +342,7 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
 }
 
 #[test]
-fn no_figure_and_no_name_breaks_the_picture() {
+fn hostile_figures_and_names_are_drawn() {
     let long = "n".repeat(300);
     let wide = "触覚レンダリング".repeat(40);
     let names =
@@ -364,7 +362,7 @@ fn no_figure_and_no_name_breaks_the_picture() {
 }
 
 #[test]
-fn the_title_keeps_condition_and_time_beside_any_name() {
+fn title_keeps_condition_and_time_beside_long_names() {
     let wide = "触覚レンダリング".repeat(40);
     let (mut layout, view) = hostile(1.0, 3, &wide);
     layout.file = format!("{wide}/weave.ron");
@@ -376,10 +374,10 @@ fn the_title_keeps_condition_and_time_beside_any_name() {
     }
 }
 
-/// No assertion on time, which machines differ in; `cargo test -- --ignored --nocapture` prints it.
+/// Prints the time of a frame: `cargo test -p asperity-terminal -- --ignored --nocapture`.
 #[test]
 #[ignore = "prints a measurement"]
-fn how_long_a_frame_takes() {
+fn time_of_a_frame_is_printed() {
     for size in [(80, 24), (200, 60)] {
         let mut board = playing();
         let view = plausible::view(84.0, 1.0 / 30.0);
@@ -395,4 +393,11 @@ fn how_long_a_frame_takes() {
         times.sort();
         println!("{size:?}: median {:?}, longest {:?}", times[250], times[499]);
     }
+}
+
+/// Prints the frame in docs/live.md: `cargo test -p asperity-terminal -- --ignored --nocapture`.
+#[test]
+#[ignore = "prints a frame"]
+fn frame_of_the_docs_is_printed() {
+    println!("{}", text(&mut playing(), (104, 44)));
 }

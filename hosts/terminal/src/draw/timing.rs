@@ -1,4 +1,4 @@
-//! How long ticks take and how late they wake, against the deadline.
+//! Computing time and lateness of ticks, against the deadline.
 
 use std::time::Duration;
 
@@ -61,7 +61,8 @@ fn draw_misses(board: &Board, line: &mut Pane, time: Duration) {
     line.words(0, 0, &words);
 }
 
-/// Two rows of bars above one logarithmic axis of time. Heights are logarithmic too: one late tick in a million is seen.
+/// Two histograms above one logarithmic time axis. Heights are logarithmic too: one late tick in a million
+/// is visible.
 fn draw_histogram(timing: &TimingView, pane: &mut Pane) {
     let Some(axis) = Axis::of(timing, pane.width().saturating_sub(NAMES + 1)) else { return };
     let rows = pane.height().saturating_sub(1);
@@ -105,7 +106,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// From the decade of the quickest tick to that of the slowest, or of the deadline; none where there are no bins.
+    /// From the decade of the fastest tick to that of the slowest, or of the deadline. `None` without bins.
     fn of(timing: &TimingView, width: usize) -> Option<Self> {
         let many = timing.late_counts.len().max(timing.compute_counts.len());
         let edges = &timing.edges_us;
@@ -128,21 +129,21 @@ impl Axis {
         if low > high {
             return None;
         }
-        // So that a deadline never stands at the very end, where nothing could be later.
+        // Leaves room for ticks later than the deadline.
         let low = (low + 1e-9).floor() as i32;
         let high = ((high + 0.05).ceil() as i32).clamp(low + 1, low + 12);
         Some(Self { low, high, width })
     }
 
-    /// The column of a time; none for times that are none.
+    /// The column of a time; `None` for a time that is not positive and finite.
     fn column(&self, us: f64) -> Option<usize> {
         let place = (us.log10() - f64::from(self.low)) / f64::from(self.high - self.low);
         (us > 0.0 && place.is_finite())
             .then(|| ((place.max(0.0) * self.width as f64) as usize).min(self.width - 1))
     }
 
-    /// How many ticks each column stands for, and whether all of them were later than the deadline. Of bins narrower than a
-    /// column the fullest counts; a wide bin fills its columns.
+    /// Ticks of each column, and whether all of them missed the deadline. Of several bins in a column the
+    /// fullest counts; a wide bin fills its columns.
     fn columns(&self, timing: &TimingView, counts: &[u64]) -> Vec<(u64, bool)> {
         let edges = &timing.edges_us;
         let mut columns = vec![(0, false); self.width];

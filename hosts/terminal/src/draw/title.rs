@@ -9,11 +9,11 @@ use super::pane::{ALARM, BOLD, CURVE, FAINT, PLAIN, Pane, badge, bar};
 use crate::board::{Board, Tab};
 use crate::text::{clock, columns, count, dbfs, decibels};
 
-/// Lowest level of the meter in dBFS.
+/// Lowest level of the meter in dBFS, and its columns.
 const FLOOR_DB: f64 = -60.0;
 const METER: usize = 10;
 
-/// A condition as a word, and how it looks.
+/// A condition as a word, with its style.
 pub(crate) fn condition(condition: Condition) -> (&'static str, Style) {
     match condition {
         Condition::Starting => ("STARTING", badge(Color::Cyan)),
@@ -45,7 +45,7 @@ pub(crate) fn draw(board: &Board, pane: &mut Pane, time: Duration) {
     });
     about.retain(|text| !text.is_empty());
     let about = about.join(" · ");
-    // The end of a path says most, and leaves room for what stands beside it.
+    // The end of a path says most. Room is left for the text beside it.
     let file = tail(&layout.file, room.saturating_sub(columns(&about) + 3).max(room / 3));
     let column = 1 + pane.put(1, 0, room, &file, BOLD);
     pane.put(column, 0, room.saturating_sub(column), &format!(" · {about}"), PLAIN);
@@ -71,7 +71,7 @@ fn tail(name: &str, width: usize) -> String {
 fn draw_meter(board: &Board, pane: &mut Pane) {
     let held = board.peak.value();
     let full = |peak: f32| 1.0 - decibels(peak).clamp(FLOOR_DB, 0.0) / FLOOR_DB;
-    // From 1 on samples were clipped, or worse: not numbers.
+    // From 1 on samples were clipped; NaN is worse.
     let over = held >= 1.0 || held.is_nan();
     let style = if over { ALARM } else { CURVE };
     let column = 1 + pane.put(1, 0, 5, "peak ", FAINT);
@@ -103,7 +103,7 @@ fn draw_counts(board: &Board, pane: &mut Pane, time: Duration) {
             (name, format!("{}{}", count(held.now), if risen { "!" } else { "" }), style)
         })
         .collect();
-    // Where not all fit, what is 0 goes first.
+    // Where not all fit, zeros are left out first.
     let wanted = |counts: &[(&str, String, Style)]| -> usize {
         counts.iter().map(|(name, text, _)| name.len() + text.len() + 1 + gap).sum()
     };

@@ -13,44 +13,45 @@ use crate::data::Data;
 use crate::failure::Failure;
 use crate::stages::mean_vector;
 
-/// How often images of places that were held apart are given their material's name.
+/// Accuracy of names for images of held-out places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Naming {
     /// Images.
     pub images: usize,
-    /// Names there are.
+    /// Number of names.
     pub classes: usize,
-    /// Part that the classifier names rightly; none without its file.
+    /// Part named right by the classifier; none without its file.
     pub classifier: Option<f64>,
-    /// Whether the classifier was judged earlier, when its file was there, by the same images and vectors.
+    /// Whether this is an earlier figure of the classifier, on the same images and vectors.
     #[serde(default)]
     pub judged_earlier: bool,
-    /// Part whose nearest stored vector is their material's.
+    /// Part with their own material's vector nearest.
     pub vector: f64,
-    /// Part that a linear classifier of plain image statistics names rightly.
+    /// Part named right by a linear classifier of plain image statistics.
     pub statistics: f64,
-    /// Materials that the classifier names worst, or else the vectors: name, part named rightly, what they
-    /// are taken for most often.
+    /// Materials with most errors of the classifier, or else of the vectors: name, part named right,
+    /// most frequent wrong name.
     pub worst: Vec<(String, f64, String)>,
 }
 
 /// Nearest neighbours of surfaces that were never trained on.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Strangers {
-    /// Each of them.
+    /// Held-out surfaces.
     pub surfaces: Vec<Stranger>,
-    /// What neighbours tell of families, where materials have them.
+    /// Families of neighbours, if materials have families.
     pub families: Option<Families>,
 }
 
-/// How often what is near is of the right family.
+/// Accuracy of the nearest material's family.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Families {
     /// Part of surfaces, by the mean of their images' vectors.
     pub surfaces: f64,
     /// Part of single images.
     pub images: f64,
-    /// Part of images that a linear classifier of plain image statistics takes for a material of the family.
+    /// Part of images that the linear classifier of plain statistics gives a material of the right
+    /// family.
     pub statistics: f64,
     /// By chance.
     pub chance: f64,
@@ -65,18 +66,18 @@ pub(crate) struct Stranger {
     pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
     pub neighbour: (String, Option<String>),
-    /// Mean |error| of magnitudes in dB, each of some images by itself: with its neighbour's vector. None
-    /// where nothing could be judged.
+    /// Mean |error| of magnitudes in dB with its neighbour's vector, each of some images alone. None if
+    /// nothing could be judged.
     pub nearest_db: Option<f64>,
     /// With the image's own vector.
     pub raw_db: Option<f64>,
     /// With a blend of the nearest, by one over distance.
     pub blend_db: Option<f64>,
-    /// With the vector of the trained material that is best of all: what no choice of neighbour can beat.
+    /// With the best vector of any trained material: a bound for every choice of neighbour.
     pub best_db: Option<f64>,
 }
 
-/// Images of a surface that are each judged alone.
+/// Images of a surface to judge alone.
 pub(crate) const ALONE: usize = 8;
 
 fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &Image)> {
@@ -88,12 +89,12 @@ fn vectors(encoder: &Encoder, images: &[(usize, &Image)]) -> Result<Vec<[f32; VE
     Ok(images.par_iter().map(|(_, image)| encoder.encode(image)).collect::<Result<_, _>>()?)
 }
 
-/// The baseline, trained on what the model was trained on.
+/// The baseline, trained on the model's training data.
 pub(super) fn statistics(data: &Data) -> Statistics {
     Statistics::trained(&all(&data.seen, |s| &s.images.train), data.seen.len())
 }
 
-/// The number of the material whose vector is nearest.
+/// Index of the material with the nearest vector.
 fn nearest(library: &Library, vector: &[f32; VECTOR_LEN]) -> usize {
     let near = library.nearest(vector, 1);
     let name = near.first().map(|n| n.material.name.as_str());
@@ -103,7 +104,7 @@ fn nearest(library: &Library, vector: &[f32; VECTOR_LEN]) -> usize {
 /// Judges names.
 ///
 /// # Errors
-/// An encoder or a network that does not run.
+/// An encoder or a network that fails to run.
 pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
     let by_vector: Vec<usize> =
@@ -151,7 +152,7 @@ pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) ->
 }
 
 impl Naming {
-    /// An earlier judgement that knew the classifier, if this one does not and all else is the same.
+    /// An earlier result with the classifier, if this one lacks it and all else is the same.
     fn or_earlier(self, earlier: Option<&Self>) -> Self {
         let same = |e: &&Self| {
             let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
@@ -167,10 +168,10 @@ impl Naming {
     }
 }
 
-/// Judges the neighbours of what was never trained on, whose true magnitudes are given.
+/// Judges the neighbours of held-out surfaces by their true magnitudes.
 ///
 /// # Errors
-/// An encoder or a network that does not run.
+/// An encoder or a network that fails to run.
 pub(super) fn strangers(
     written: &Written,
     statistics: &Statistics,
@@ -198,7 +199,7 @@ pub(super) fn strangers(
         let mean = mean_vector(&own);
         let first = nearest(&written.library, &mean);
         let judged = Judged::of(truth, judge.target);
-        // what a user has is one image: the mean of what some of them come to
+        // A user has one image, so this is the mean over single images.
         let images: Vec<&[f32]> = own.chunks_exact(VECTOR_LEN).collect();
         let some = images.iter().step_by((images.len() / ALONE).max(1)).take(ALONE);
         let alone: Vec<[f32; VECTOR_LEN]> = some.map(|v| mean_vector(v)).collect();

@@ -9,9 +9,9 @@ use crate::data::Reach;
 use crate::failure::Failure;
 use crate::loss::Target;
 
-/// Bins are judged where the true magnitude is at least this [m/s^2] ..
+/// Least true magnitude of a judged bin [m/s^2].
 pub(crate) const AUDIBLE_M_S2: f64 = 0.01;
-/// .. and at most this far below the frame's largest [dB].
+/// Largest distance of a judged bin below the frame's largest [dB].
 pub(crate) const RANGE_DB: f64 = 40.0;
 /// Neighbours of the smoother lookup.
 const SMOOTH: usize = 20;
@@ -21,7 +21,7 @@ const SMOOTH: usize = 20;
 pub(crate) struct Score {
     /// Name of the material.
     pub material: String,
-    /// Judged bins; of none, nothing else here counts.
+    /// Judged bins; without any the other figures are invalid.
     pub bins: usize,
     /// The model: mean of |error|.
     pub model_db: f64,
@@ -35,28 +35,27 @@ pub(crate) struct Score {
     pub nearest_db: f64,
     /// The mean of the twenty nearest.
     pub smooth_db: f64,
-    /// Two signals of the same touch at two places, where there are two.
+    /// Two signals of the same touch at two places, if there are two.
     pub floor_db: Option<f64>,
 }
 
 impl Score {
-    /// Whether the model is better than the constant, than the nearest touch, and than the mean of the
-    /// twenty nearest.
+    /// Whether the model beats the constant, the nearest touch, and the mean of the twenty nearest.
     pub(crate) fn beats(&self) -> [bool; 3] {
         [self.constant_db, self.nearest_db, self.smooth_db].map(|db| self.model_db < db)
     }
 }
 
-/// How magnitudes scatter, truly and as a network answers it.
+/// Scatter of magnitudes, true and answered.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Scatter {
     /// Mean over root mean square magnitude.
     pub ratio: f64,
-    /// The same as answered.
+    /// Answered value.
     pub ratio_answered: f64,
     /// Variance of a frame's power over its squared mean.
     pub variance: f64,
-    /// The same as answered.
+    /// Answered value.
     pub variance_answered: f64,
 }
 
@@ -70,7 +69,7 @@ fn decibels(x: f64) -> f64 {
 }
 
 impl Judged {
-    /// Those of expectations, as a target takes them.
+    /// True magnitudes of expectations for a target.
     pub(crate) fn of(expectations: Vec<Expectation>, target: Target) -> Self {
         let frame = |e: Expectation| {
             let truth = match target {
@@ -85,10 +84,10 @@ impl Judged {
         Self { frames: expectations.into_iter().map(frame).collect() }
     }
 
-    /// Power of a network's answers over the true one, over all frames, in dB; none where nothing is felt.
+    /// Power of a network's answers over the true one, over all frames, in dB; none for silence.
     ///
     /// # Errors
-    /// A network that does not run.
+    /// A network that fails to run.
     pub(crate) fn level_db(&self, network: &Network, vector: &[f32]) -> Result<Option<f64>, Failure> {
         let mut answered = 0.0;
         let mut touched = network.with(vector)?;
@@ -98,17 +97,17 @@ impl Judged {
         Ok(self.over_truth(answered))
     }
 
-    /// Power of the true mean magnitudes over the true one: what a network that aimed at them without an
-    /// error would come to, in dB.
+    /// Power of the true mean magnitudes over the true one in dB: the level of a perfect network for
+    /// means.
     pub(crate) fn mean_level_db(&self) -> Option<f64> {
         self.over_truth(self.frames.iter().map(|(e, _)| power(&e.mean)).sum())
     }
 
-    /// Scatter, true and as a network answers it. Ratios are weighted by the true power of their bins,
-    /// variances by that of their frames. None where the truth is not known.
+    /// Scatter, true and answered by a network. Ratios are weighted by their bins' true power,
+    /// variances by their frames'. None if the truth is not known.
     ///
     /// # Errors
-    /// A network that does not run.
+    /// A network that fails to run.
     pub(crate) fn scatter(&self, network: &Network, vector: &[f32]) -> Result<Option<Scatter>, Failure> {
         let mut touched = network.with(vector)?;
         let (mut sums, mut total) = ([0.0; 4], 0.0);
@@ -151,14 +150,14 @@ impl Errors {
         self.0.extend(judged);
     }
 
-    /// Their mean size; none where nothing was judged.
+    /// Their mean size; none if nothing was judged.
     fn mean(&self) -> Option<f64> {
         let sum: f64 = self.0.iter().map(|e| e.abs()).sum();
         (!self.0.is_empty()).then(|| sum / self.0.len() as f64)
     }
 }
 
-/// A network that is judged, and what it aims at.
+/// A network under test and its target.
 pub(crate) struct Judge<'a> {
     pub(crate) network: &'a Network,
     pub(crate) target: Target,
@@ -166,10 +165,10 @@ pub(crate) struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Mean |error| in dB of the network's answers with a vector; none where nothing is felt.
+    /// Mean |error| in dB of the network's answers with a vector; none for silence.
     ///
     /// # Errors
-    /// A network that does not run.
+    /// A network that fails to run.
     pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<Option<f64>, Failure> {
         Ok(self.errors(vector, judged)?.mean())
     }
@@ -186,7 +185,7 @@ impl Judge<'_> {
     /// All figures of a material.
     ///
     /// # Errors
-    /// A network that does not run.
+    /// A network that fails to run.
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
         let average = |of: &mut dyn Iterator<Item = &Example>| {
@@ -244,7 +243,7 @@ impl Judge<'_> {
     }
 }
 
-/// Newest force and speed of a touch, in parts of their trained ranges, to which they are held.
+/// Newest force and speed of a touch as parts of their trained ranges, clamped to them.
 fn action(example: &Example, reach: Reach) -> (f64, f64) {
     let (vx, vy) = (example.velocity[HISTORY - 1], example.velocity[2 * HISTORY - 1]);
     let (force, speed) = (f64::from(example.force[HISTORY - 1]), f64::from(vx.hypot(vy)));
@@ -255,10 +254,10 @@ fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
     (a.0 - b.0).powi(2) + (a.1 - b.1).powi(2)
 }
 
-/// The largest magnitude answered to strokes without force and to forces without speed, over all materials.
+/// Largest magnitude answered to strokes without force and to forces without speed, over all materials.
 ///
 /// # Errors
-/// A network that does not run.
+/// A network that fails to run.
 pub(crate) fn loudest_silence(network: &Network, library: &Library, reach: Reach) -> Result<f64, Failure> {
     let mut loudest = 0.0_f32;
     for material in library.materials() {

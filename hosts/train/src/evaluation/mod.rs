@@ -1,4 +1,4 @@
-//! How good a written model is: everything that its card says.
+//! Evaluation of a written model: everything on its card.
 
 mod looks;
 mod magnitudes;
@@ -24,92 +24,92 @@ use crate::loss::{Target, square_of_noise};
 use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
-/// A model as it was written.
+/// A written model.
 pub(crate) struct Written {
     /// From an image to a vector.
     pub encoder: Encoder,
-    /// From forces, velocities and a vector to magnitudes, aimed at the settings' target.
+    /// From forces, velocities and a vector to magnitudes for the settings' target.
     pub network: Network,
-    /// The same aimed at the other target, if it was trained.
+    /// Network for the other target, if it was trained.
     pub other: Option<Network>,
-    /// What stage one came to, of the run's folder.
+    /// Result of stage one, from the run's folder.
     pub namer: Option<Namer>,
     /// Vectors.
     pub library: Library,
-    /// Names as they were judged before, if they were.
+    /// Earlier result of naming, if any.
     pub named: Option<Naming>,
 }
 
-/// Everything that was found.
+/// All results.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Evaluation {
-    /// Names by images that were held apart.
+    /// Naming of held-out images.
     pub naming: Naming,
-    /// Surfaces that were never seen.
+    /// Held-out surfaces.
     pub strangers: Strangers,
-    /// Errors of magnitudes on held-out strokes, a material.
+    /// Errors of magnitudes on held-out strokes, for each material.
     pub scores: Vec<Score>,
-    /// The same beyond the trained range of force and speed, inputs held to the range.
+    /// The same beyond the trained range of force and speed, with inputs clamped to it.
     pub beyond: Vec<Score>,
-    /// What the two targets come to, a family.
+    /// Levels of the two targets, for each family.
     pub levels: Vec<Level>,
-    /// How magnitudes scatter, a material: none where the truth is not known.
+    /// Scatter of each material's magnitudes; none if the truth is not known.
     pub scatter: Vec<(String, Option<Scatter>)>,
-    /// The same, a family.
+    /// Scatter by family.
     pub scatter_by_family: Vec<(String, Option<Scatter>)>,
     /// Largest magnitude answered to no force, or to no speed, in m/s^2.
     pub silence_m_s2: f64,
 }
 
-/// Power of answers over the true power, over a family's materials, in dB. None where nothing is felt.
+/// Power of answers over the true power, over a family's materials, in dB. None for silence.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Level {
     /// The family.
     pub family: String,
-    /// Of the true means: what a network that aims at them comes to at best.
+    /// Level of the true means: the best result of a network for means.
     pub exact_mean_db: Option<f64>,
-    /// Of the network that aims at the mean.
+    /// Level of the network for means.
     pub mean_db: Option<f64>,
-    /// Of the network that aims at power.
+    /// Level of the network for power.
     pub rms_db: Option<f64>,
 }
 
-/// What the mean magnitude of a random texture lacks to its root mean square: sqrt(4 / pi), in dB.
+/// Root mean square over mean magnitude of a random texture: sqrt(4 / pi), in dB.
 pub(crate) const MEAN_GAIN_DB: f64 = 1.05;
 
-/// Strokes that are judged by; and how many places of each piece.
+/// Test strokes, and places of each piece.
 const STROKES: usize = 6;
 const STROKE_S: f64 = 3.0;
 const PLACES: usize = 8;
 
-/// Over how many places of pieces that were held apart each touch of a made surface is judged: within the
-/// trained range, and beyond.
+/// Number of places of held-out pieces for each touch of a made surface: within the trained range, and
+/// beyond.
 pub(crate) fn places(settings: &Settings) -> [usize; 2] {
     let pieces = made_settings(settings).pieces[1];
     [PLACES * pieces, PLACES / 2 * pieces]
 }
 
-/// What is known of a subject that is judged.
+/// Truth of a subject under test.
 struct Known {
     within: Vec<Expectation>,
-    /// Beyond the trained range, where it can be known.
+    /// Beyond the trained range, if it can be known.
     beyond: Option<Vec<Expectation>>,
 }
 
-/// What all subjects of the data are judged by.
+/// Truths of all subjects of the data.
 struct Truths {
     seen: Vec<Known>,
     unseen: Vec<Vec<Expectation>>,
 }
 
-/// Made surfaces are stroked anew, at many places; of others the held-out examples stand for themselves.
+/// Made surfaces get new strokes at many places; other subjects use their held-out examples.
 fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
     let read = |s: &Subject| s.examples.held.iter().map(|e| target_of(e, s.truth)).collect::<Vec<_>>();
     if settings.data != Origin::Made {
         let seen = data.seen.iter().map(|s| Known { within: read(s), beyond: None }).collect();
         return Ok(Truths { seen, unseen: data.unseen.iter().map(read).collect() });
     }
-    // the same for all seeds, so that models can be compared
+    // The same for all seeds, to compare models.
     let random = &mut Random::new(0x4e1d_00a7);
     let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
     let outside =
@@ -127,19 +127,19 @@ fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
     })
 }
 
-/// An example as an expectation of its own.
+/// An example as its own expectation.
 fn target_of(example: &Example, truth: Truth) -> Expectation {
     let [mean, rms] = [Target::Mean, Target::Rms].map(|t| example.magnitudes.map(|m| t.of(m, truth)));
-    // What one frame is like says nothing of how others are.
+    // One frame tells nothing of the scatter of others.
     let square = (truth == Truth::Rms).then(|| square_of_noise(&rms)).filter(|square| *square > 0.0);
     let variance = square.map(|square| square - 1.0);
     Expectation { mean, rms, variance, example: Example { other: None, ..example.clone() } }
 }
 
-/// Judges a model by data it was not trained on.
+/// Evaluates a model on held-out data.
 ///
 /// # Errors
-/// A network that does not run; a material that the library has not.
+/// A network that fails to run; a material missing in the library.
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
     let truths = truths(settings, data)?;
     let judge = Judge { network: &written.network, target: settings.target, reach: data.reach };
@@ -239,7 +239,7 @@ fn levels(
     Ok(by_family(all).into_iter().map(level).collect())
 }
 
-/// Means of figures over each family's materials that have them, and last over all; nothing without
+/// Means of figures over each family's materials with figures, and last over all; nothing without
 /// materials.
 fn by_family<const N: usize>(
     all: Vec<(Option<String>, [Option<f64>; N])>,

@@ -6,7 +6,7 @@ use asperity_texture::{Answer, Choice, Model, Precision, Range, Runner, hold_mag
 
 use crate::failure::Failure;
 
-/// A texture network as it was written, run as the node runs it.
+/// A written texture network, run as the node runs it.
 pub(crate) struct Network(Model);
 
 /// A network with one vector.
@@ -24,7 +24,7 @@ impl Network {
         Ok(Self(Model::load(path)?))
     }
 
-    /// Whether it answers how magnitudes scatter.
+    /// Whether it answers the scatter of magnitudes.
     pub(super) fn answers_scatter(&self) -> bool {
         self.0.answers_scatter()
     }
@@ -40,7 +40,7 @@ impl Network {
 }
 
 impl Touched {
-    /// Magnitudes in m/s^2 after the forces and velocities of an example, which are held to the trained range.
+    /// Magnitudes in m/s^2 after the forces and velocities of an example, clamped to the trained range.
     ///
     /// # Errors
     /// A network that fails to run.
@@ -50,7 +50,7 @@ impl Touched {
         Ok(held)
     }
 
-    /// The same with how they scatter.
+    /// Magnitudes and their scatter.
     ///
     /// # Errors
     /// A network that fails to run.

@@ -14,13 +14,13 @@ use rustfft::{Fft, FftPlanner};
 
 use crate::layer::{Layer, numbers};
 
-/// Edge of the square in the middle whose spectrum is taken.
+/// Edge of the middle square for the spectrum.
 const SIDE: usize = 192;
 /// Rings of spatial frequency, of equal ratio, from one period a side to half the side.
 const RINGS: usize = 24;
 /// Numbers of an image: mean, deviation and rings of each colour.
 const NUMBERS: usize = 3 * (2 + RINGS);
-/// Steps of the classifier's training, each by all images.
+/// Training steps of the classifier, each on all images.
 const STEPS: usize = 400;
 
 /// A linear classifier of an image's mean colours, their deviations, and their radial power spectra in dB.
@@ -31,7 +31,7 @@ pub(super) struct Statistics {
 }
 
 impl Statistics {
-    /// One trained to name images, given with their class.
+    /// Trains a classifier on images with their class.
     pub(super) fn trained(images: &[(usize, &Image)], classes: usize) -> Self {
         let all = of(images);
         let count = all.len().max(1) as f32;
@@ -58,7 +58,7 @@ impl Statistics {
         baseline
     }
 
-    /// The classes it takes images for.
+    /// Classes of images by the classifier.
     pub(super) fn names(&self, images: &[(usize, &Image)]) -> Vec<usize> {
         let scores = self.layer.forward(self.scaled(&of(images), &Device::flex()));
         let [_, classes] = scores.dims();
@@ -75,7 +75,7 @@ impl Statistics {
     }
 }
 
-/// The numbers of images.
+/// Statistics of images.
 fn of(images: &[(usize, &Image)]) -> Vec<[f32; NUMBERS]> {
     let fft = FftPlanner::new().plan_fft_forward(SIDE);
     images.par_iter().map(|(_, image)| numbers_of(image, &fft)).collect()
@@ -98,7 +98,8 @@ fn numbers_of(image: &Image, fft: &Arc<dyn Fft<f32>>) -> [f32; NUMBERS] {
     all
 }
 
-/// Mean power over rings of spatial frequency in dB, of a square under Hann's window both ways.
+/// Mean power over rings of spatial frequency in dB, of a square under Hann's window in both
+/// directions.
 fn rings(square: &[f32], mean: f32, fft: &Arc<dyn Fft<f32>>) -> [f32; RINGS] {
     let window = |i: usize| (0.5 - 0.5 * (TAU * (i as f64 + 0.5) / SIDE as f64).cos()) as f32;
     let mut lines: Vec<Complex32> = square

@@ -1,4 +1,4 @@
-//! Stage two: texture encoder and the network of every tick.
+//! Stage two: texture encoder and tick network.
 
 use asperity_data::{Example, HISTORY, Subject, Truth};
 use asperity_dsp::frame::BINS;
@@ -18,14 +18,14 @@ use crate::failure::Failure;
 use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, foreseen, square_of_noise, two_of};
 use crate::network::{Network, Scaling};
 
-/// Texture encoder and the network of every tick.
+/// Texture encoder and tick network.
 #[derive(Module, Debug)]
 pub(crate) struct Feeler {
     pub(crate) texture: Head,
     pub(crate) network: Network,
 }
 
-/// A [`Feeler`], and where each material's vectors are to lie.
+/// A [`Feeler`] and the centre of each material's vectors.
 #[derive(Module, Debug)]
 pub(crate) struct Learner {
     pub(crate) feeler: Feeler,
@@ -33,13 +33,13 @@ pub(crate) struct Learner {
     centres: Param<Tensor<2>>,
 }
 
-/// A vector's score for a material falls by this for every squared unit that it lies away from the
-/// material's centre.
+/// Fall of a vector's score for a material with each squared unit of distance from the material's
+/// centre.
 const SHARPNESS: f32 = 1.0;
 
 impl Learner {
-    /// One to be trained, its texture encoder up to the last layer the classifier of stage one, by which
-    /// materials can be told already.
+    /// A learner with initial weights. Its texture encoder is the classifier of stage one up to the
+    /// last layer, so it already separates materials.
     pub(crate) fn new(classifier: &Head, looks: &Looks, seed: u64, device: &Device) -> Self {
         let random = &mut random(seed, 2, usize::MAX);
         let texture = Head::texture(classifier, (&looks.seen, looks.scale), random, device);
@@ -51,8 +51,8 @@ impl Learner {
         Self { feeler: Feeler { texture, network }, centres }
     }
 
-    /// Scores \[n, classes\] of vectors: up to what is the same for all classes, minus [`SHARPNESS`] times
-    /// the squared distance.
+    /// Scores \[n, classes\] of vectors: minus [`SHARPNESS`] times the squared distance, up to a term
+    /// common to all classes.
     fn scores(&self, vectors: Tensor<2>) -> Tensor<2> {
         let centres = self.centres.val();
         let squares: Tensor<2> = centres.clone().powi_scalar(2).sum_dim(1).transpose();
@@ -60,7 +60,7 @@ impl Learner {
     }
 }
 
-/// One of the rows of `width` numbers.
+/// A random row of `width` numbers.
 fn drawn<'a>(rows: &'a [f32], width: usize, random: &mut Random) -> &'a [f32] {
     let row = random.below(rows.len() / width);
     &rows[row * width..(row + 1) * width]
@@ -75,18 +75,18 @@ pub(crate) struct Touching {
     pub each: usize,
     /// Seed of the examples drawn.
     pub seed: u64,
-    /// What is aimed at.
+    /// Target.
     pub target: Target,
-    /// How errors are weighed.
+    /// Weighting of errors.
     pub aim: Aim,
-    /// What forces and velocities are made.
+    /// Scaling of forces and velocities.
     pub scaling: Scaling,
 }
 
-/// One touch in so many is one of nothing: force without speed, or speed without force.
+/// Share of silent touches: force without speed, or speed without force.
 const SILENT: f64 = 0.08;
 
-/// What is felt, and how errors about it are weighed.
+/// Felt magnitudes and the weights of their errors.
 struct Felt<'a> {
     subjects: &'a [Subject],
     scales: Vec<Scales>,
@@ -99,7 +99,7 @@ struct Touches {
     speed: Vec<f32>,
     target: Vec<f32>,
     weight: Vec<f32>,
-    /// Magnitudes and powers of two signals; 0 where there are none.
+    /// Magnitudes and powers of two signals; 0 without two signals.
     two: [Vec<f32>; 2],
     powers: [Vec<f32>; 2],
 }
@@ -115,7 +115,7 @@ impl<'a> Felt<'a> {
         Self { subjects, scales, settings }
     }
 
-    /// Touches of as many materials as the settings say: which they are, and what they feel like.
+    /// Touches of the settings' number of materials: their indices and examples.
     fn draw(&self, random: &mut Random) -> (Vec<usize>, Touches) {
         let Touching { groups, each, .. } = self.settings;
         let count = groups * each;
@@ -169,9 +169,9 @@ impl<'a> Felt<'a> {
     }
 }
 
-/// Stage two: trains texture encoder and network to say what a touch feels like, and with `naming_weight`
-/// the texture encoder to bring images of one material close together, and those that are strange close to
-/// their family.
+/// Stage two: trains texture encoder and network to predict a touch's vibration. With `naming_weight`
+/// the encoder also brings images of one material close together, and strange ones close to their
+/// family.
 ///
 /// # Errors
 /// As [`Stage::descend`].
@@ -217,7 +217,7 @@ pub(crate) fn feel(
     stage.descend(learner, draw, loss, report)
 }
 
-/// The last of stage two: trains the network alone, from vectors \[subject\]\[n, 256\] that no longer change.
+/// End of stage two: trains only the network, from fixed vectors \[subject\]\[n, 256\].
 ///
 /// # Errors
 /// As [`Stage::descend`].
@@ -258,7 +258,7 @@ impl Touches {
             (Truth::Draws, None) => ([[0.0; BINS]; 2], [0.0; 2]),
             (Truth::Rms, _) => {
                 let rms = &example.magnitudes;
-                // Where nothing is felt, both are 0.
+                // Both are 0 in silence.
                 let spread = square_of_noise(rms).max(1.0).sqrt();
                 let two = two_of(RAYLEIGH).map(|one| rms.map(|m| m * one));
                 (two, two_of(spread.recip()).map(|one| power(rms) * one))
@@ -270,7 +270,7 @@ impl Touches {
     }
 }
 
-/// A touch like another but without force or without speed: nothing is felt.
+/// A copy of a touch without force or without speed: nothing is felt.
 fn silent(example: &Example, random: &mut Random) -> Example {
     let mut silent = Example { magnitudes: [0.0; BINS], other: None, ..example.clone() };
     if random.chance(0.5) {

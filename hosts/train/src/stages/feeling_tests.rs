@@ -20,7 +20,7 @@ fn learner(looks: &Looks, device: &Device) -> Learner {
 }
 
 #[test]
-fn scores_differ_by_a_sharpness_times_the_difference_of_squared_distances() {
+fn scores_differ_by_sharpness_times_squared_distances() {
     let device = Device::flex();
     let learner = learner(&looks(), &device);
     let centres = numbers(learner.centres.val());
@@ -38,7 +38,7 @@ fn scores_differ_by_a_sharpness_times_the_difference_of_squared_distances() {
 }
 
 #[test]
-fn without_a_weight_on_names_the_loss_is_of_vibration_alone() {
+fn zero_name_weight_leaves_only_vibration_loss() {
     let device = Device::flex().autodiff();
     let looks = looks();
     let example = Example {

@@ -1,21 +1,21 @@
-//! Families: what a surface that is not known is still known by.
+//! Families, the recognisable part of unknown surfaces.
 
 use burn::tensor::activation::{log_softmax, softmax};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-/// Which classes are of one family.
+/// Classes by family.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Kin {
-    /// The family's number, a class.
+    /// Number of each class's family.
     of: Vec<usize>,
     families: usize,
 }
 
-/// Least part of a family: what its logarithm is taken of is never 0.
+/// Least probability of a family, so its logarithm is finite.
 const LEAST: f32 = 1e-6;
 
 impl Kin {
-    /// From the family of each class, unless one has none or there is but one.
+    /// From each class's family; none if a family is missing or there is only one.
     pub(crate) fn of<'a>(families: impl Iterator<Item = Option<&'a str>>) -> Option<Self> {
         let mut names: Vec<&str> = Vec::new();
         let number = |family: Option<&'a str>| -> Option<usize> {
@@ -30,7 +30,8 @@ impl Kin {
         (names.len() > 1).then_some(Self { of, families: names.len() })
     }
 
-    /// Minus the logarithm of the part that scores \[n, classes\] give to all classes of the right class's family.
+    /// Minus the logarithm of the probability by scores \[n, classes\] of the right class's whole
+    /// family.
     pub(super) fn loss(&self, scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
         let belongs =
             self.of.iter().flat_map(|of| (0..self.families).map(move |f| f32::from(u8::from(f == *of))));
@@ -41,7 +42,7 @@ impl Kin {
     }
 }
 
-/// Minus the logarithm of the part that scores \[n, classes\] give to the right class.
+/// Minus the logarithm of the right class's probability by scores \[n, classes\].
 pub(super) fn naming_loss(scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
     log_softmax(scores, 1).gather(1, numbers(classes, device)).mean().neg()
 }
@@ -71,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn subjects_are_kin_only_where_all_families_are_known_and_there_is_more_than_one() {
+    fn kin_needs_all_families_known_and_more_than_one() {
         let of = |families: &[Option<&'static str>]| Kin::of(families.iter().copied());
         assert_eq!(of(&[Some("a"), Some("b"), Some("a")]), Some(Kin { of: vec![0, 1, 0], families: 2 }));
         assert_eq!(of(&[Some("a"), None]), None);

@@ -8,23 +8,24 @@ use super::sight::strange;
 use crate::encoder::{ImageEncoder, features};
 use crate::progress::Teller;
 
-/// What stage two knows of images, once the image encoder is frozen: [`FEATURES`](crate::encoder::FEATURES) numbers of each, all times `scale`.
+/// Images for stage two after the image encoder is frozen: [`FEATURES`](crate::encoder::FEATURES)
+/// numbers of each, all times `scale`.
 #[derive(Debug)]
 pub(crate) struct Looks {
-    /// Of training images, \[subject\]\[image, 8960\].
+    /// Features of training images, \[subject\]\[image, 8960\].
     pub seen: Vec<Vec<f32>>,
-    /// Of training images made strange; nothing where families are not known.
+    /// Features of training images made strange; empty if families are not known.
     pub strange: Vec<Vec<f32>>,
-    /// What they were multiplied by, to come to a root mean square of 1: a texture encoder that begins with numbers of any size may never
-    /// come to life.
+    /// Factor to a root mean square of 1. A texture encoder may never start to learn from numbers of
+    /// another size.
     pub scale: f32,
 }
 
-/// One training image in so many is made strange.
+/// Share of training images made strange: one in this many.
 const STRANGE_EVERY: usize = 3;
 
 impl Looks {
-    /// Those of subjects' training images.
+    /// Features of subjects' training images.
     pub(crate) fn of(
         encoder: &ImageEncoder,
         subjects: &[Subject],

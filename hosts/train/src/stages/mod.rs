@@ -1,4 +1,4 @@
-//! The two stages: naming the texture, and predicting what it feels like.
+//! The two stages: naming a texture, and predicting its vibration.
 
 mod feeling;
 mod kin;
@@ -18,7 +18,7 @@ pub(crate) use naming::{Namer, Naming, name};
 use crate::encoder::{FEATURES, Head};
 use crate::layer::numbers;
 
-/// Random numbers of a step: another seed or step, others.
+/// Random numbers of a step, different for each seed and step.
 fn random(seed: u64, stage: u64, step: usize) -> Random {
     let mut mixed = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ (stage << 56) ^ step as u64);
     Random::new(mixed.bits())

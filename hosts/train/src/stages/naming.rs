@@ -20,14 +20,14 @@ pub(crate) struct Namer {
 }
 
 impl Namer {
-    /// One to be trained to tell `classes`.
+    /// A namer of `classes` with initial weights.
     pub(crate) fn new(preset: Preset, classes: usize, seed: u64, device: &Device) -> Self {
         let random = &mut random(seed, 1, usize::MAX);
         let encoder = ImageEncoder::new(preset, random, device);
         Self { encoder, classifier: Head::classifier(preset, classes, random, device) }
     }
 
-    /// The classes that it takes images for.
+    /// Classes of images by the classifier.
     pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
         let images: Vec<&Image> = images.collect();
         let features = features(&self.encoder, &images, device);
@@ -36,7 +36,7 @@ impl Namer {
         scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
     }
 
-    /// Part of held-out images that are named rightly, if there are any.
+    /// Part of held-out images named right, if there are any.
     pub(crate) fn named_rightly(&self, subjects: &[Subject], device: &Device) -> Option<f64> {
         let right = |(class, subject): (usize, &Subject)| {
             let names = self.names(subject.images.held.iter(), device);
@@ -50,15 +50,17 @@ impl Namer {
 /// Settings of stage one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Naming<'a> {
-    /// Images a step that are to be named.
+    /// Images to name in a step.
     pub batch: usize,
     /// Seed of the images drawn.
     pub seed: u64,
-    /// Families, where they are known: a quarter as many images are then made [strange], and only their families are to be told.
+    /// Families, if known: then a quarter as many [strange] images are added, with only their families
+    /// to tell.
     pub kin: Option<&'a Kin>,
 }
 
-/// Stage one: trains a [`Namer`] to name the subjects by their images, and to tell the families of images that are [strange].
+/// Stage one: trains a [`Namer`] to name the subjects by their images, and to tell the families of
+/// images that are [strange].
 ///
 /// # Errors
 /// As [`Stage::descend`].
@@ -121,6 +123,6 @@ pub(super) const STRANGE_WEIGHT: f32 = 0.5;
 struct Sight {
     pixels: Vec<f32>,
     classes: Vec<usize>,
-    /// What features are multiplied by: 0 for half of them.
+    /// Factors of features: 0 for half of them.
     kept: Vec<f32>,
 }

@@ -1,14 +1,14 @@
-//! Images as a stage sees them: shifted, stretched, some features missing.
+//! Training images of a stage: shifted, stretched, some features missing.
 
 use asperity_numbers::Random;
 use asperity_texture::picture::Image;
 
 use crate::encoder::FEATURES;
 
-/// Most that an image is shifted by, in rows and columns.
+/// Largest shift of an image in rows and columns.
 pub(super) const SHIFT: [usize; 2] = [12, 16];
 
-/// An image shifted down and to the right; what comes in is the edge.
+/// An image shifted down and to the right; the edge repeats.
 pub(super) fn shifted(image: &Image, [down, right]: [isize; 2]) -> Image {
     let [rows, columns] = image.size;
     let from = |at: usize, by: isize, count: usize| at.saturating_add_signed(-by).min(count - 1);
@@ -19,25 +19,26 @@ pub(super) fn shifted(image: &Image, [down, right]: [isize; 2]) -> Image {
     Image { size: image.size, pixels: pixels.collect() }
 }
 
-/// How far an image is stretched, at random, and its colours away from their mean, to show another surface of the family: finer or coarser, flatter
-/// or higher.
+/// Random stretch of an image and of its colours' contrast, for another surface of the family: finer or
+/// coarser, flatter or higher.
 const STRETCH: [f64; 2] = [0.7, 1.5];
 const CONTRAST: [f64; 2] = [0.6, 1.6];
 
-/// An image as a surface of the same family that is not known might look.
+/// An image like one of an unknown surface of the same family.
 pub(crate) fn strange(image: &Image, random: &mut Random) -> Image {
     let mut within = |[least, most]: [f64; 2]| (least * (most / least).powf(random.unit())) as f32;
     stretched(image, within(STRETCH), within(CONTRAST))
 }
 
-/// An image larger by `stretch` about its middle, mirrored where there is nothing, and its colours as far from their means as `contrast` says.
+/// An image larger by `stretch` about its middle, mirrored beyond its edges, with `contrast` times the
+/// colours' distance from their means.
 fn stretched(image: &Image, stretch: f32, contrast: f32) -> Image {
     let [rows, columns] = image.size;
     let all = (rows * columns) as f32;
     let mean: [f32; 3] = std::array::from_fn(|channel| {
         image.pixels.iter().skip(channel).step_by(3).map(|p| f32::from(*p)).sum::<f32>() / all
     });
-    // the pixel before a place of the other image, the one after it, and how far it is from the first to the second
+    // Pixels before and after a place of the other image, and the part of the way between them.
     let between = |at: usize, count: usize| {
         let (middle, last) = (0.5 * (count - 1) as f32, (count - 1) as f32);
         let place = (middle + (at as f32 - middle) / stretch).abs();
@@ -56,7 +57,7 @@ fn stretched(image: &Image, stretch: f32, contrast: f32) -> Image {
                 };
                 let line = |row| pixel(row, left) + along * (pixel(row, right) - pixel(row, left));
                 let here = line(above) + down * (line(below) - line(above));
-                // a float is clamped to a byte
+                // A cast clamps a float to a byte.
                 pixels.push((mean + contrast * (here - mean)).round() as u8);
             }
         }
@@ -64,7 +65,8 @@ fn stretched(image: &Image, stretch: f32, contrast: f32) -> Image {
     Image { size: image.size, pixels }
 }
 
-/// Dropout of features (Srivastava et al. 2014), as AlexNet has it before its first full layer: each is 0 by chance of a half, or doubled.
+/// Dropout of features (Srivastava et al. 2014), as before AlexNet's first full layer: each is 0 or
+/// doubled with equal chance.
 pub(super) fn dropout(batch: usize, random: &mut Random) -> Vec<f32> {
     let count = batch * FEATURES;
     let words = (0..count.div_ceil(64)).flat_map(|_| {
@@ -79,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shifted_image_has_its_edge_where_nothing_is_known() {
+    fn shifted_image_repeats_its_edge_outside() {
         let pixels = (0..12).flat_map(|i| [i, i + 100, i + 200]).collect();
         let image = Image { size: [3, 4], pixels };
         let red = |by| shifted(&image, by).pixels.into_iter().step_by(3).collect::<Vec<u8>>();
@@ -97,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stretched_image_is_coarser_by_that_and_mirrored_where_nothing_is_known() {
+    fn stretched_image_is_coarser_and_mirrored_at_unknown_edges() {
         let image =
             Image { size: [1, 9], pixels: (0..9).flat_map(|i| [10 * i, 100, 200 - 10 * i]).collect() };
         let red = |stretch, contrast| {

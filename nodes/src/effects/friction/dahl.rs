@@ -50,7 +50,8 @@ impl Dahl {
 
     /// Energy in the bristle \[mJ\].
     pub fn stored_mj(&self) -> f64 {
-        0.5 * self.stiffness_n_per_mm * crate::effects::bounds::dot(self.bristle.bent_mm, self.bristle.bent_mm)
+        0.5 * self.stiffness_n_per_mm
+            * crate::effects::bounds::dot(self.bristle.bent_mm, self.bristle.bent_mm)
     }
 
     /// Unbends the bristle.

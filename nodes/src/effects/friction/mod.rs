@@ -52,13 +52,9 @@ impl Law {
     fn read(settings: &Settings) -> Result<Self, Diagnostic> {
         let number = |name| settings.number(name);
         let law = match settings.form() {
-            "viscous_coulomb" => {
-                ViscousCoulomb::new(number("coefficient"), number("viscosity_s_per_mm"))
-                    .map(Self::ViscousCoulomb)
-            }
-            "dahl" => {
-                Dahl::new(number("coefficient"), number("bristle_stiffness_n_per_mm")).map(Self::Dahl)
-            }
+            "viscous_coulomb" => ViscousCoulomb::new(number("coefficient"), number("viscosity_s_per_mm"))
+                .map(Self::ViscousCoulomb),
+            "dahl" => Dahl::new(number("coefficient"), number("bristle_stiffness_n_per_mm")).map(Self::Dahl),
             _ => LuGre::new(LuGreSettings {
                 static_coefficient: number("static_coefficient"),
                 kinetic_coefficient: number("kinetic_coefficient"),
@@ -105,12 +101,10 @@ fn effect() -> Effect {
         Param::number("viscosity_s_per_mm", usual, 0.0..=10.0, "part of the normal force per speed")
             .unit("s/mm")
     };
-    let viscous_coulomb = Form::new(
-        "viscous_coulomb",
-        "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)",
-    )
-    .field(coefficient("coefficient", 0.3))
-    .field(viscosity(ViscousCoulomb::VISCOSITY_S_PER_MM));
+    let viscous_coulomb =
+        Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)")
+            .field(coefficient("coefficient", 0.3))
+            .field(viscosity(ViscousCoulomb::VISCOSITY_S_PER_MM));
     let dahl = Form::new("dahl", "dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)")
         .field(coefficient("coefficient", 0.3))
         .field(bristle(1.0));
@@ -145,9 +139,8 @@ fn effect() -> Effect {
         .needs("tangents", "tangents")
         .check(|settings| Law::read(settings).map(drop))
         .law(Direction::Surface, |settings, normal_force_n| {
-            Law::read(settings).map_or_else(|_| asperity_node::Law::default(), |law| {
-                law.near_rest(settings, normal_force_n)
-            })
+            Law::read(settings)
+                .map_or_else(|_| asperity_node::Law::default(), |law| law.near_rest(settings, normal_force_n))
         })
 }
 

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use super::super::HeightSpline;
-use crate::effects::path::Smoothing;
 use super::*;
+use crate::effects::path::Smoothing;
 use asperity_surfaces::topography::HeightField;
 
 const RATE: u32 = 48_000;

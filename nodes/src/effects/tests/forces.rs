@@ -3,10 +3,10 @@
 use asperity_node::Unit;
 
 use super::bench::{Bench, Script, refused};
+use crate::effects;
 use crate::effects::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
 use crate::effects::magnet::Pull;
 use crate::effects::viscosity::Drag;
-use crate::effects;
 
 /// Out of contact, in contact with one surface, with another, out, and with the last one again.
 fn touched(tick: u64) -> f64 {

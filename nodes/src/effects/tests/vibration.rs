@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use asperity_node::Unit;
 
 use super::bench::{Bench, Script, largest_step, refused};
-use crate::effects::vibration::Sine;
 use crate::effects;
+use crate::effects::vibration::Sine;
 
 const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)", "(frequency_hz: 77.7, amplitude_m_s2: 3)", "(frequency_hz: 300, amplitude_m_s2: 1)"]"#;
 

@@ -90,8 +90,13 @@ fn effect() -> Effect {
                 .nested("segments")
                 .nested("recording")
                 .field(
-                    Param::number("spacing_mm", 0.05, 1e-4..=100.0, "distance of the values made of segments")
-                        .unit("mm"),
+                    Param::number(
+                        "spacing_mm",
+                        0.05,
+                        1e-4..=100.0,
+                        "distance of the values made of segments",
+                    )
+                    .unit("mm"),
                 )
                 .field(
                     Param::number("crossfade_mm", 0.0, 0.0..=1e5, "how much of the end fades into the start")
@@ -99,8 +104,13 @@ fn effect() -> Effect {
                 )
                 .field(Param::choice("quantity", &["acceleration", "height"], "quantity of segments"))
                 .field(
-                    Param::number("reference_speed_mm_s", 100.0, 0.1..=5000.0, "sounds as drawn at this speed")
-                        .unit("mm/s"),
+                    Param::number(
+                        "reference_speed_mm_s",
+                        100.0,
+                        0.1..=5000.0,
+                        "sounds as drawn at this speed",
+                    )
+                    .unit("mm/s"),
                 )
                 .field(Param::number("speed_exponent", 1.0, 0.0..=2.0, "the level's power of the speed"))
                 .field(gain()),
@@ -125,7 +135,9 @@ enum Values {
 
 fn values(settings: &Settings) -> Result<Values, Diagnostic> {
     match (settings.nested("segments"), settings.nested("recording")) {
-        (Some(list), None) => list.list()?.iter().map(segment).collect::<Result<_, _>>().map(Values::Segments),
+        (Some(list), None) => {
+            list.list()?.iter().map(segment).collect::<Result<_, _>>().map(Values::Segments)
+        }
         (None, Some(value)) => {
             for name in ["spacing_mm", "quantity", "reference_speed_mm_s"] {
                 if settings.is_set(name) {

@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use crate::effects::path::Smoothing;
 use super::*;
 use crate::effects::bounds::EffectError;
+use crate::effects::path::Smoothing;
 
 const RATE: u32 = 48_000;
 const SPACING_MM: f64 = 0.05;

@@ -7,20 +7,20 @@ use asperity_node::{
     Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit, random,
 };
 
-/// How many there are in a graph.
+/// Number of injectors in a graph.
 pub(super) const INJECTORS: usize = 16;
 
 thread_local! {
-    /// How often each has failed in an engine of this thread.
+    /// Failures of each injector in an engine of this thread.
     static INJECTED: [Cell<u64>; INJECTORS] = const { [const { Cell::new(0) }; INJECTORS] };
 }
 
-/// How often an injector failed.
+/// Failures of an injector.
 pub(super) fn injected(number: usize) -> u64 {
     INJECTED.with(|all| all[number].get())
 }
 
-/// How often all of them did.
+/// Failures of all injectors.
 pub(super) fn injected_all() -> u64 {
     INJECTED.with(|all| all.iter().map(Cell::get).sum())
 }
@@ -30,7 +30,8 @@ pub(super) fn forget() {
     INJECTED.with(|all| all.iter().for_each(|count| count.set(0)));
 }
 
-/// Decides when to fail. It counts all calls since it was made, so that a reset is no return to the same fault.
+/// Decides when to fail. It counts all calls since it was made, so that a reset is no return to the same
+/// fault.
 struct Dice {
     number: usize,
     one_in: u64,

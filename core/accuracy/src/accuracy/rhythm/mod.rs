@@ -1,13 +1,13 @@
-//! Pulses, repetition and steadiness: all that a long-term spectrum does not see.
+//! Pulses, repetition and steadiness, which a long-term spectrum does not show.
 //!
 //! A texture at constant speed and force is close to Gaussian noise: its envelope fluctuates without a
 //! rhythm. A renderer that repeats itself, or that pulses with its frames, can have the right spectrum and
-//! still feel like a rattle. [`Rhythm`] holds the figures of one signal, [`Rhythm::of_noise_like`] those of
-//! Gaussian noise of its spectrum, [`compare`] holds a rendered signal against the truth.
+//! still feel like a rattle. [`Rhythm`] has the figures of one signal, [`Rhythm::of_noise_like`] those of
+//! Gaussian noise of its spectrum. [`compare`] compares a rendered signal with the truth.
 //!
 //! All figures are of the wave between [`FIRST_HZ`] and [`END_HZ`], or half the rate where that is less. The
-//! band-pass is a mask on the whole signal's Fourier transform: it has no phase, and treats the signal as if
-//! it began anew at its end. The wave is then looked at 8000 times a second, whatever rate it came with.
+//! band-pass is a mask on the whole signal's Fourier transform: it has no phase, and treats the signal as
+//! periodic. The wave is resampled to 8000 Hz.
 
 mod wave;
 
@@ -26,13 +26,13 @@ pub const MODULATIONS: usize = 5;
 pub const MODULATION_EDGES_HZ: [f64; MODULATIONS + 1] = [2.0, 4.0, 8.0, 15.0, 25.0, 50.0];
 /// The band of modulation in which pulses of 50 ms lie.
 pub const PULSES: usize = 3;
-/// A modulation depth less than this counts as this where depths are compared.
+/// Smallest modulation depth in comparisons: smaller ones count as this.
 pub const LEAST_MODULATION: f64 = 0.01;
-/// Shortest and longest lag in seconds at which a repetition is looked for.
+/// Shortest and longest lag of a repetition \[s\].
 pub const LAGS_S: (f64, f64) = (0.02, 0.2);
-/// Length of a piece in seconds, of which the level is taken.
+/// Length of a piece whose level is taken \[s\].
 pub const PIECE_S: f64 = 0.05;
-/// How far below the loudest piece a piece still counts, in dB.
+/// Range below the loudest piece in which pieces count \[dB\].
 pub const PIECE_RANGE_DB: f64 = 40.0;
 /// Shortest signal in seconds.
 pub const SHORTEST_S: f64 = 0.5;
@@ -52,9 +52,9 @@ pub struct Rhythm {
     /// in the band over the envelope's mean. 0 is steady. `1 + m sin` has `m / sqrt 2`. A depth is 0 or
     /// more; above 1 only single events stand out of silence.
     pub modulation: [f64; MODULATIONS],
-    /// Largest autocorrelation of the envelope over [`LAGS_S`], 0 to 1. The envelope is taken without what
-    /// is slower than 5 Hz, the inverse of the longest lag: that cannot repeat within it. It is how speed
-    /// and force change along the stroke. 0 where what is left is below [`LEAST_MODULATION`].
+    /// Largest autocorrelation of the envelope over [`LAGS_S`], 0 to 1. Frequencies below 5 Hz, the inverse
+    /// of the longest lag, are removed first: they show how speed and force change along the stroke. 0 where
+    /// the rest is below [`LEAST_MODULATION`].
     pub envelope_repetition: f64,
     /// Largest autocorrelation of the wave over the same lags, 0 to 1. A tone has 1, a narrow band of noise
     /// a little less.
@@ -62,9 +62,8 @@ pub struct Rhythm {
     /// Kurtosis of the wave, `mean x^4 / (mean x^2)^2`, 1 or more: a sine has 1.5, Gaussian noise 3, single
     /// pulses much more.
     pub kurtosis: f64,
-    /// Standard deviation in dB of the level of pieces of [`PIECE_S`]. Silent pieces, and those more than
-    /// [`PIECE_RANGE_DB`] below the loudest, are left out: they are pauses. What is left over at the end and
-    /// is shorter than a piece does not count.
+    /// Standard deviation of the level of pieces of [`PIECE_S`] \[dB\]. Silent pieces, and those more than
+    /// [`PIECE_RANGE_DB`] below the loudest, are pauses and left out, as is an incomplete piece at the end.
     pub level_deviation_db: f64,
 }
 
@@ -82,8 +81,8 @@ impl Rhythm {
         Self::up_to(axes, rate_hz, END_HZ)
     }
 
-    /// The same of a band that ends at `end_hz`, at most [`END_HZ`] and half the rate: a truth of a low rate
-    /// says nothing of what is above.
+    /// As [`new`](Self::new), with a band that ends at `end_hz`, at most [`END_HZ`] and half the rate: for a
+    /// truth of a low rate.
     ///
     /// # Errors
     /// Those of [`new`](Self::new).
@@ -186,7 +185,7 @@ impl Rhythm {
     }
 }
 
-/// An envelope, to be looked at.
+/// An envelope, for plots.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
     /// Samples a second.
@@ -258,7 +257,7 @@ fn deviation_db(wave: &Wave) -> f64 {
     mean(levels.iter().map(|db| (db - middle).powi(2))).sqrt()
 }
 
-/// How far the rhythm of a rendered signal is off that of the truth. 0 is right in all.
+/// Errors of a rendered signal's rhythm against the truth; 0 is right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RhythmAgreement {
     /// Root mean square over the bands of modulation of `20 log10 (m_r / m_t)` in dB, 0 to [`LIMIT_DB`].
@@ -273,8 +272,8 @@ pub struct RhythmAgreement {
     pub steadiness_db: f64,
 }
 
-/// Holds a rendered signal against several draws of the truth: errors against each are averaged with their
-/// signs, so that chance in the draws averages out. Bands should be the same: see [`Rhythm::up_to`].
+/// Compares a rendered signal with several draws of the truth. Signed errors are averaged over the draws, so
+/// that chance averages out. Bands should be the same: see [`Rhythm::up_to`].
 ///
 /// Two silent signals agree. Where one alone is silent, repetition is off by 1, all else by [`LIMIT_DB`].
 ///

@@ -213,7 +213,7 @@ fn noise_like_noise_has_the_same_figures() {
     assert_eq!(Rhythm::of_noise(&[1.0], 0.0, 8.0), Err(AccuracyError::Rate(0.0)));
 }
 
-/// What SciPy 1.17 says:
+/// The reference is SciPy 1.17:
 ///
 /// ```python
 /// import numpy as np, scipy.signal as ss, scipy.stats as st
@@ -235,7 +235,7 @@ fn noise_like_noise_has_the_same_figures() {
 /// p = 10 * np.log10((y.reshape(-1, 400) ** 2).mean(1)); print(p[p >= p.max() - 40].std())
 /// ```
 #[test]
-fn figures_are_those_of_scipy() {
+fn figures_match_scipy() {
     let signal = made(8000.0, 2.0, |t| {
         let sum: f64 = (1..61).map(f64::from).map(|k| (TAU * 23.7 * k * t + k * k).sin() / k).sum();
         sum * (1.0 + 0.6 * (TAU * 19.3 * t).sin())
@@ -332,7 +332,7 @@ fn agreement_is_known_of_tones_and_of_silence() {
 }
 
 #[test]
-fn bad_signals_are_errors_and_never_a_panic() {
+fn invalid_signal_is_an_error() {
     let x = noise(1, 2500, 1.0);
     let of = |x: &[f64], rate| Rhythm::new(&[x], rate);
     assert_eq!(of(&x[..1249], 2500.0), Err(AccuracyError::TooShort));
@@ -363,7 +363,7 @@ fn bad_signals_are_errors_and_never_a_panic() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(48))]
     #[test]
-    fn figures_are_in_their_ranges_for_any_signal(
+    fn figures_are_in_range_for_any_signal(
         seed in 0u64..1000,
         db in -170.0..170.0f64,
         rate in 100.0..5000.0f64,

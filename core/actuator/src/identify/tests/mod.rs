@@ -13,7 +13,8 @@ use super::*;
 
 const RATE: f64 = 48_000.0;
 
-/// A profile with these figures: m_a \[g\], k, c, k_f; the rest is a HapCoil-One's, with limits wide enough for a sweep.
+/// A profile with these figures: m_a \[g\], k, c, k_f. The rest is a HapCoil-One's, with limits wide
+/// enough for a sweep.
 fn profile(m_a: f64, k: f64, c: f64, k_f: f64) -> ActuatorProfile {
     let q = |value| Quantity { value, source: "made up".into(), estimate: false };
     ActuatorProfile {
@@ -36,14 +37,14 @@ fn hapcoil() -> ActuatorProfile {
     profile(4.4, 702.97, 0.629, 1.78)
 }
 
-/// How a simulated measurement is made.
+/// A simulated measurement.
 #[derive(Clone, Copy, Debug)]
 struct Scene {
     drive: Drive,
     handle_g: f64,
     /// Samples between drive and acceleration.
     delay: f64,
-    /// Power of the acceleration over that of white noise and a hum of 50 Hz, half of each.
+    /// Signal to noise \[dB\]. The noise is half white, half a hum of 50 Hz.
     snr_db: f64,
     amplitude: f64,
     seconds: f64,
@@ -51,7 +52,7 @@ struct Scene {
     seed: u64,
 }
 
-/// What a simulated plant needs.
+/// Settings for a simulated plant.
 fn held() -> IdentifySettings {
     IdentifySettings { held: true, handle_mass_uncertainty: 0.002, ..IdentifySettings::default() }
 }
@@ -83,7 +84,7 @@ impl Scene {
         Sweep::new(settings, RATE).unwrap()
     }
 
-    /// Drive behind the limiter, acceleration, and whether the limiter acted.
+    /// Plays the sweep through limiter and plant.
     fn play(&self, actuator: &ActuatorProfile) -> Tape {
         let dynamics = Dynamics::new(actuator, self.handle_g).unwrap();
         let mut limiter = Limiter::new(&dynamics, self.drive, RATE, LimiterSettings::default()).unwrap();
@@ -121,7 +122,7 @@ impl Tape {
     }
 }
 
-/// `x` later by any number of samples, by the phase of its spectrum.
+/// Delays `x` by any number of samples, by the phase of its spectrum.
 fn delayed(x: &[f64], samples: f64) -> Vec<f64> {
     let len = (x.len() + 4096).next_multiple_of(2048);
     let mut plan = RealFftPlanner::<f64>::new();
@@ -149,14 +150,14 @@ impl Noise {
     }
 }
 
-/// White noise and, of the same power, a hum of 50 Hz; or white noise alone.
+/// Adds white noise and a hum of 50 Hz of the same power, or white noise alone.
 fn add_noise(x: &mut [f64], scene: &Scene) {
     let power = x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
     let all = power / 10f64.powf(scene.snr_db / 10.0);
     let (white, hum) = if scene.hum { ((0.5 * all).sqrt(), all.sqrt()) } else { (all.sqrt(), 0.0) };
     let mut noise = Noise(scene.seed);
     for (n, x) in x.iter_mut().enumerate() {
-        // Twelve uniform numbers make a normal one well enough.
+        // The sum of twelve uniform numbers is nearly normal.
         *x += white * 0.5 * (0..12).map(|_| noise.next()).sum::<f64>()
             + hum * (TAU * 50.0 * n as f64 / RATE + scene.seed as f64).sin();
     }

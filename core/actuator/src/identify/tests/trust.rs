@@ -24,7 +24,7 @@ fn noise_as_strong_as_the_signal_is_poor() {
 }
 
 #[test]
-fn another_channel_is_poor() {
+fn wrong_channel_is_poor() {
     let mut tape = Scene::new(100.0).play(&hapcoil());
     for seed in 1..6 {
         tape.acceleration = noise(tape.drive.len(), seed);
@@ -32,13 +32,13 @@ fn another_channel_is_poor() {
         assert_eq!(f.trust, Trust::Poor);
         assert!(says(&f, "does not follow the drive"), "{:?}", f.notes);
     }
-    // A channel with nothing but hum.
+    // Only hum.
     tape.acceleration = (0..tape.drive.len()).map(|n| (TAU * 50.0 * n as f64 / RATE).sin() as f32).collect();
     assert_eq!(judged(&tape).trust, Trust::Poor);
 }
 
 #[test]
-fn the_drive_itself_in_place_of_the_accelerometer_is_poor() {
+fn drive_as_acceleration_is_poor() {
     let mut tape = Scene::new(100.0).play(&hapcoil());
     tape.acceleration = tape.drive.clone();
     let f = judged(&tape);
@@ -47,7 +47,7 @@ fn the_drive_itself_in_place_of_the_accelerometer_is_poor() {
 }
 
 #[test]
-fn a_clipping_input_is_poor() {
+fn clipped_input_is_poor() {
     let whole = Scene { snr_db: 40.0, ..Scene::new(100.0) }.play(&hapcoil());
     let peak = whole.acceleration.iter().fold(0.0f32, |m, x| m.max(x.abs()));
     for part in [0.98, 0.9, 0.6, 0.3] {
@@ -56,17 +56,17 @@ fn a_clipping_input_is_poor() {
         assert_eq!(f.trust, Trust::Poor, "{part} {f:?}");
         assert!(says(&f, "clips"), "{:?}", f.notes);
     }
-    // A sine without noise, whose peaks are all alike, does not clip.
+    // A noiseless sine has equal peaks, but does not clip.
     let clean = Scene { snr_db: 300.0, ..Scene::new(100.0) }.play(&hapcoil());
     assert!(!says(&judged(&clean), "clips"));
-    // A coarse converter is not a clipping one: 9 bits.
+    // A coarse converter of 9 bits does not clip.
     let coarse = |x: &f32| (x / peak * 255.0).round() / 255.0 * peak;
     let f = judged(&Tape { acceleration: whole.acceleration.iter().map(coarse).collect(), ..whole.clone() });
     assert!(!says(&f, "clips") && f.trust == Trust::Good, "{:?}", f.notes);
 }
 
 #[test]
-fn what_is_called_good_is_right() {
+fn good_findings_are_right() {
     let truth = hapcoil();
     let mut good = 0;
     for (seed, snr_db) in [-10.0, -3.0, 3.0, 6.0, 10.0, 14.0, 17.0, 25.0, 40.0].into_iter().enumerate() {
@@ -88,7 +88,7 @@ fn what_is_called_good_is_right() {
 }
 
 #[test]
-fn an_accelerometer_upside_down_and_a_limiter_that_acted_are_told_and_do_not_matter() {
+fn inversion_and_limiting_are_noted_and_do_not_matter() {
     let truth = hapcoil();
     let mut tape = Scene { amplitude: 0.58, ..Scene::new(100.0) }.play(&truth);
     assert!(tape.limited);
@@ -107,8 +107,8 @@ fn distortion_is_measured() {
     let clean = scene.play(&truth);
     let linear = judged(&clean).recordings[0].distortion.unwrap();
     assert!(linear < 0.005, "{linear}");
-    // The push grows with the square of the current too. A flat sweep of amplitude 1 would make half of `part` of the push
-    // its second harmonic, and so of the response, where the push alone counts.
+    // The push has a part that grows with the square of the current. A flat sweep of amplitude 1 would
+    // turn half of `part` of the push into its second harmonic.
     let settings = SweepSettings { seconds: 4.0, from_hz: 100.0, amplitude: 0.1, ..SweepSettings::default() };
     let sweep = Sweep::new(settings, RATE).unwrap();
     let drive: Vec<f32> = (0..sweep.samples()).map(|n| sweep.sample(n) as f32).collect();
@@ -127,7 +127,7 @@ fn distortion_is_measured() {
 }
 
 #[test]
-fn a_resonance_outside_of_the_sweep_is_poor() {
+fn resonance_outside_the_sweep_is_poor() {
     // 9 Hz on 100 g.
     let f = judged(&Scene::new(100.0).play(&profile(30.0, 75.0, 0.3, 1.0)));
     let settings = IdentifySettings { band_hz: (20.0, 2000.0), ..held() };
@@ -138,7 +138,7 @@ fn a_resonance_outside_of_the_sweep_is_poor() {
 }
 
 #[test]
-fn handles_too_much_alike_fall_back_to_the_base() {
+fn similar_handles_fall_back_to_the_base() {
     let truth = hapcoil();
     let tapes = [100.0, 106.0].map(|g| Scene::new(g).play(&truth));
     let f = identify(
@@ -152,7 +152,7 @@ fn handles_too_much_alike_fall_back_to_the_base() {
 }
 
 #[test]
-fn a_long_latency_is_found() {
+fn long_latency_is_found() {
     let mut tape = Scene { delay: 0.25, ..Scene::new(100.0) }.play(&hapcoil());
     tape.acceleration.rotate_right(19_200);
     let f = judged(&tape);
@@ -160,7 +160,7 @@ fn a_long_latency_is_found() {
 }
 
 #[test]
-fn what_cannot_be_computed_from_is_refused_in_a_sentence() {
+fn unusable_recordings_are_refused() {
     let tape = Scene { seconds: 1.0, ..Scene::new(100.0) }.play(&hapcoil());
     let whole = tape.recording();
     let refused = |r: Recording<'_>| identify(&[r], &hapcoil(), held()).unwrap_err().to_string();
@@ -179,7 +179,7 @@ fn what_cannot_be_computed_from_is_refused_in_a_sentence() {
 }
 
 #[test]
-fn a_written_profile_reads_back_with_what_was_measured() {
+fn written_profile_reads_back_with_measured_figures() {
     let truth = hapcoil();
     let mut base = profile(5.0, 900.0, 1.0, 1.0);
     base.name = "a \"quoted\"\nname \\ with \u{e4}".into();
@@ -196,12 +196,12 @@ fn a_written_profile_reads_back_with_what_was_measured() {
     assert!((p.stiffness.value / both.stiffness.value - 1.0).abs() < 1e-4);
     assert!((p.moving_mass.value / both.moving_mass.value - 1.0).abs() < 1e-4);
     assert_eq!(p.inductance.value, base.inductance.value);
-    // One recording: the moving mass stays the base's.
+    // With one recording the moving mass is the base's.
     let one = identify(&[tapes[0].recording()], &base, held()).unwrap();
     let p = read(write_profile(&one, &base, None));
     assert!(p.moving_mass.estimate && p.moving_mass.value == base.moving_mass.value);
     assert!(p.stiffness.source.contains("with the moving mass given here"), "{}", p.stiffness.source);
-    // What is poor is not a measurement, whatever came out.
+    // Poor findings are never marked as measured.
     let mut wrong = Scene::new(100.0).play(&truth);
     wrong.acceleration = noise(wrong.drive.len(), 3);
     let poor = identify(&[wrong.recording()], &base, held()).unwrap();
@@ -210,7 +210,7 @@ fn a_written_profile_reads_back_with_what_was_measured() {
 }
 
 #[test]
-fn a_handle_whose_mass_was_not_changed_in_between_is_poor() {
+fn unchanged_handle_mass_is_poor() {
     let tape = Scene::new(100.0).play(&hapcoil());
     let recorded = tape.recording();
     for (other, uncertainty) in [(50.0, 0.01), (200.0, 0.002), (107.0, 0.01)] {

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Errors of moving mass, stiffness, damping and force factor, as parts of them.
+/// Relative errors of moving mass, stiffness, damping and force factor.
 fn errors(f: &Findings, truth: &ActuatorProfile) -> [f64; 4] {
     [
         f.moving_mass.value / truth.moving_mass.value - 1.0,
@@ -14,7 +14,7 @@ fn within(f: &Findings, truth: &ActuatorProfile, most: f64) -> bool {
     errors(f, truth).iter().all(|e| e.abs() < most)
 }
 
-/// Actuators from 1 to 30 g, 40 to 400 Hz, damping ratios of 0.03 to 0.8, and what they are measured on.
+/// Actuators of 1 to 30 g, 40 to 400 Hz, damping ratios 0.03 to 0.8, with their handles and latencies.
 fn various() -> Vec<(ActuatorProfile, [f64; 2], f64)> {
     vec![
         (hapcoil(), [50.0, 200.0], 0.0),
@@ -27,9 +27,9 @@ fn various() -> Vec<(ActuatorProfile, [f64; 2], f64)> {
 }
 
 #[test]
-fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
+fn two_handles_give_all_figures_within_5_percent() {
     for (truth, masses, delay) in various() {
-        // The base is of another class: nothing is taken from it.
+        // The base is of another class: nothing comes from it.
         let mut base = profile(4.0, 1000.0, 1.0, 1.0);
         base.moving_mass.estimate = true;
         let tapes = masses.map(|g| Scene { delay, seed: g as u64, ..Scene::new(g) }.play(&truth));
@@ -46,7 +46,7 @@ fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
 }
 
 #[test]
-fn one_recording_gives_them_with_the_moving_mass_of_the_base() {
+fn one_recording_gives_all_with_the_base_moving_mass() {
     for (truth, masses, delay) in various() {
         for mass in masses {
             let tape = Scene { delay, ..Scene::new(mass) }.play(&truth);
@@ -58,7 +58,7 @@ fn one_recording_gives_them_with_the_moving_mass_of_the_base() {
 }
 
 #[test]
-fn a_voltage_gives_them_where_resistance_and_inductance_are_known() {
+fn voltage_gives_all_figures_with_a_known_coil() {
     let settings = IdentifySettings { drive: Drive::Voltage, ..held() };
     for truth in [hapcoil(), profile(10.0, 5000.0, 2.0, 1.0), profile(2.0, 2000.0, 1.0, 0.5)] {
         let tapes = [20.0, 200.0].map(|g| {
@@ -66,7 +66,7 @@ fn a_voltage_gives_them_where_resistance_and_inductance_are_known() {
         });
         let f = identify(&tapes.each_ref().map(Tape::recording), &truth, settings).unwrap();
         assert!(f.moving_mass_measured && within(&f, &truth, 0.05), "{:?} {f:?}", errors(&f, &truth));
-        // A resistance that is off by 2 % makes the damping by k_f^2 / R look like the suspension's.
+        // With a resistance 2 % off, k_f^2 / R looks like the suspension's damping.
         let mut off = truth.clone();
         off.resistance.value *= 1.02;
         let g = identify(&tapes.each_ref().map(Tape::recording), &off, settings).unwrap();
@@ -82,7 +82,7 @@ fn a_voltage_gives_them_where_resistance_and_inductance_are_known() {
 }
 
 #[test]
-fn one_recording_cannot_tell_the_moving_mass_and_says_so() {
+fn one_recording_notes_the_unknown_moving_mass() {
     let truth = hapcoil();
     let tape = Scene::new(100.0).play(&truth);
     let mut base = truth.clone();
@@ -92,7 +92,8 @@ fn one_recording_cannot_tell_the_moving_mass_and_says_so() {
     assert!(!f.moving_mass_measured && (f.moving_mass.value / base.moving_mass.value - 1.0).abs() < 1e-3);
     assert_eq!(f.trust, Trust::Fair);
     assert!(f.notes.iter().any(|n| n.contains("cannot tell the moving mass")), "{:?}", f.notes);
-    // Too great by as much, but the intervals know, and what one recording tells is right.
+    // Too large by as much, but the intervals cover the truth, and the single recording's figures are
+    // right.
     assert!(f.stiffness.value > 1.2 * truth.stiffness.value && f.stiffness.low < truth.stiffness.value);
     assert!(f.damping.low < truth.damping.value);
     let d = Dynamics::new(&truth, 100.0).unwrap();
@@ -102,7 +103,7 @@ fn one_recording_cannot_tell_the_moving_mass_and_says_so() {
 }
 
 #[test]
-fn a_handle_that_is_not_well_known_widens_what_follows_from_it() {
+fn uncertain_handle_mass_widens_intervals() {
     let truth = hapcoil();
     let tapes = [20.0, 200.0].map(|g| Scene::new(g).play(&truth));
     let recordings = tapes.each_ref().map(Tape::recording);
@@ -112,12 +113,12 @@ fn a_handle_that_is_not_well_known_widens_what_follows_from_it() {
     let (well, badly) = (at(0.001), at(0.1));
     assert!(badly.stiffness.relative() > 5.0 * well.stiffness.relative());
     assert!(badly.force_factor.relative() > 0.03 && well.force_factor.relative() < 0.01);
-    // The resonances are what they are.
+    // The resonances stay.
     assert!(badly.recordings[0].natural_hz.relative() < 0.002);
 }
 
 #[test]
-fn the_fitted_response_is_the_transfer_function() {
+fn fitted_response_is_the_transfer_function() {
     let truth = hapcoil();
     let tape = Scene { delay: 12.6, ..Scene::new(100.0) }.play(&truth);
     let f = identify(&[tape.recording()], &truth, held()).unwrap();
@@ -125,7 +126,7 @@ fn the_fitted_response_is_the_transfer_function() {
     let turned = |a: f64| (a + 3.0 * PI).rem_euclid(TAU) - PI;
     assert!(f.curves[0].len() > 100);
     for p in &f.curves[0] {
-        // The simulated plant's hold delays what the mover does by half a sample.
+        // The simulated plant's hold delays the mover by half a sample.
         let push = -truth.force_factor.value / 0.1;
         let late = Complex64::from_polar(1.0, -PI * p.hz / RATE);
         let h = (closed.response(p.hz) - push) * late + push;
@@ -139,10 +140,11 @@ fn the_fitted_response_is_the_transfer_function() {
     }
 }
 
-/// SciPy 1.17: the same sweep, plant (`cont2discrete`, `dlsim`) and noise, white at 3 dB, and `least_squares` on the bins
-/// from 5 to 2000 Hz with gain, resonance, damping ratio and latency free. Its intervals are 0.42, 0.16 and 0.93 %.
+/// SciPy 1.17: the same sweep, plant (`cont2discrete`, `dlsim`) and noise, white at 3 dB.
+/// `least_squares` on the bins from 5 to 2000 Hz fits gain, resonance, damping ratio and latency. Its
+/// intervals are 0.42, 0.16 and 0.93 %.
 #[test]
-fn the_fit_is_that_of_scipy_to_a_fraction_of_its_interval() {
+fn fit_agrees_with_scipy_within_a_quarter_interval() {
     let truth = hapcoil();
     let scene = Scene { delay: 500.0, snr_db: 3.0, seconds: 2.0, hum: false, seed: 11, ..Scene::new(100.0) };
     let asked: Vec<f32> = (0..scene.sweep().samples()).map(|n| scene.sweep().sample(n) as f32).collect();
@@ -187,7 +189,7 @@ fn intervals_hold_the_truth_about_19_times_in_20() {
 }
 
 #[test]
-fn the_slopes_of_the_model_are_its_differences() {
+fn model_slopes_are_its_differences() {
     for drive in [Drive::Current, Drive::Voltage] {
         let coil = Coil { drive, resistance: 4.5, inductance: 128e-6, hold: 1.0 / RATE };
         let at = |p: [f64; 6]| model::Model {

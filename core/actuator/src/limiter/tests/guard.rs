@@ -1,10 +1,10 @@
-//! The limits on what a device gets in the end, whatever limiters made it.
+//! The limits on a device's samples, whichever limiters made them.
 
 use asperity_node::{Coil, Guard};
 
 use super::*;
 
-/// Input that goes as far as it can: 100 A along the mover's motion, squares, noise, and DC.
+/// Extreme input: 100 A along the mover's motion, squares, noise and DC.
 struct Hostile {
     seed: u32,
     n: u64,
@@ -35,7 +35,7 @@ impl Hostile {
 fn guard_leaves_samples_of_a_limiter_to_the_bit() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut limiter = limiter(drive);
-        // As a card has it: 0.75 A or V at full scale, which is no power of two.
+        // Full scale is 0.75 A or V, as on a card: no power of two.
         let unit = 0.75 * limiter.limits().peak;
         let mut guard = limiter.guard();
         let (mut hostile, mut judge) =
@@ -57,7 +57,7 @@ fn guard_leaves_samples_of_a_limiter_to_the_bit() {
 }
 
 #[test]
-fn guard_holds_limiters_that_know_nothing_of_the_coil() {
+fn guard_holds_new_limiters_on_a_warm_coil() {
     for (every, drive) in [(0.05, Drive::Current), (0.3, Drive::Current), (0.3, Drive::Voltage)] {
         let mut it = limiter(drive);
         let mut guard = it.guard();
@@ -78,7 +78,7 @@ fn guard_holds_limiters_that_know_nothing_of_the_coil() {
             judge.see(y[0]).unwrap();
         }
         judge.verdict(0.01, 5.0).unwrap();
-        // Limiters alone come over the rating, or the stroke.
+        // Limiters alone exceed the rating or the stroke.
         assert!(alone.verdict(0.01, 5.0).is_err(), "{} {}", alone.worst_rms, alone.worst_stroke);
         assert!(judge.worst_rms > 0.9, "too careful: {}", judge.worst_rms);
     }
@@ -118,7 +118,7 @@ fn guard_of_another_profile_goes_on_from_the_coil() {
     let mut warm = 0.0;
     for n in 0..480_000 {
         let mut y = [hostile.next(judge.coil.relative_speed())];
-        // Each in turn, for half a second.
+        // The guards alternate every half second.
         if n % 24_000 == 0 {
             let (from, to): (&ChannelGuard, &mut ChannelGuard) =
                 if n / 24_000 % 2 == 0 { (&second, &mut first) } else { (&first, &mut second) };
@@ -128,7 +128,7 @@ fn guard_of_another_profile_goes_on_from_the_coil() {
         guard.hold(&mut y, 1, 1.0);
         let _ = judge.see(y[0]);
         if n % 48_000 > 24_000 {
-            // 0.1 A are rated: a coil that the first has made warmer gets nothing.
+            // 0.1 A are rated: a coil warmed by the first guard gets nothing.
             let heat = guard.coil().heat;
             warm = f64::max(warm, heat);
             assert!(heat < 0.01 || y[0].abs() < 0.1, "{heat} {}", y[0]);

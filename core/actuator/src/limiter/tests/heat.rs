@@ -1,9 +1,10 @@
-//! Coils that once came over their rated current.
+//! Coils that once exceeded their rated current.
 
 use super::*;
 
-/// A coil under a voltage in SI units (moving and handle mass, stiffness, damping, force factor; resistance, inductance, stroke; thermal time
-/// constant, rated and peak current, peak voltage), the sample rate and the limit of slew \[Hz\].
+/// A coil under a voltage in SI units (moving and handle mass, stiffness, damping, force factor;
+/// resistance, inductance, stroke; thermal time constant, rated and peak current, peak voltage), the
+/// sample rate and the slew limit \[Hz\].
 type Row = ([f64; 12], f64, f64);
 
 fn coil(row: [f64; 12]) -> Dynamics {
@@ -26,8 +27,9 @@ fn coil(row: [f64; 12]) -> Dynamics {
     }
 }
 
-/// The rms current, as a part of the rated one, and the part of the stroke that a coil comes to, as judged, in turns of 0.4 s: driven as its mover goes, so as to put
-/// in most energy, or by squares of its resonance or of 40 times that; and muted for as long, or not.
+/// Rms current and displacement as parts of their limits. Input in turns of 0.4 s: along the mover's
+/// motion, for most energy; squares of its resonance; squares of 40 times that. With or without muting
+/// in every other turn.
 fn came_to(d: Dynamics, rate: f64, slew_hz: f64, mutes: bool) -> (f64, f64) {
     let settings = LimiterSettings { slew_hz, ..LimiterSettings::default() };
     let mut limiter = Limiter::new(&d, Drive::Voltage, rate, settings).unwrap();
@@ -50,7 +52,8 @@ fn came_to(d: Dynamics, rate: f64, slew_hz: f64, mutes: bool) -> (f64, f64) {
     (judge.worst_rms, judge.worst_stroke)
 }
 
-/// Holds coils to their limits, and the limiter to using so much of the rated current.
+/// Checks that coils stay within their limits, and that the limiter uses this part of the rated
+/// current.
 fn held(rows: &[Row], mutes: bool, least: f64) {
     for &(row, rate, slew_hz) in rows {
         let (rms, stroke) = came_to(coil(row), rate, slew_hz, mutes);
@@ -126,14 +129,16 @@ const THAT_WARM_AT_ONCE: [Row; 4] = [
     ),
 ];
 
-/// The wall let a coil swing so far that what muting, by shorting it, turned into heat came on top of a coil that was as warm as may be.
+/// The wall once allowed a swing whose heat, after muting shorted the coil, came on top of a coil at
+/// its limit.
 #[test]
-fn muting_a_coil_that_moves_does_not_take_it_over_its_rated_current() {
+fn muting_a_moving_coil_stays_within_rated_current() {
     held(&THAT_MOVE, true, 0.3);
 }
 
-/// The wall to the heat asked for what a current that follows its voltage in milliseconds could not do, of a coil that warms in a hundred.
+/// The heat wall once asked for more than a current can follow that lags its voltage by milliseconds,
+/// on a coil that warms within a hundred.
 #[test]
-fn a_coil_that_warms_nearly_as_fast_as_its_current_follows_stays_within_its_rated_current() {
+fn fast_warming_coil_stays_within_rated_current() {
     held(&THAT_WARM_AT_ONCE, false, 0.7);
 }

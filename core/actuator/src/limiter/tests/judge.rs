@@ -1,9 +1,9 @@
-//! What holds a limiter's output against its promises: an actuator of its own, integrated by Runge-Kutta.
+//! Checks a limiter's output on an actuator of its own, integrated by Runge-Kutta.
 
 use super::*;
 use crate::testing::RungeKutta;
 
-/// Holds an output against every promise, sample by sample.
+/// Checks an output against every promise, sample by sample.
 pub(super) struct Judge {
     limits: Limits,
     pub(super) coil: RungeKutta,
@@ -18,7 +18,7 @@ pub(super) struct Judge {
 
 impl Judge {
     pub(super) fn new(limits: Limits, dynamics: Dynamics, drive: Drive, rate: f64) -> Self {
-        // Runge-Kutta is stable and accurate while a substep is below the coil's own time constant.
+        // Runge-Kutta is stable and accurate for substeps below the coil's time constant.
         let substeps = (dynamics.resistance / dynamics.inductance / rate).ceil().max(4.0) as u32;
         let coil = RungeKutta::new(dynamics, drive, rate, substeps);
         Self {

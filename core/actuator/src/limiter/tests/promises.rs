@@ -1,4 +1,4 @@
-//! Whatever comes in, and whatever the actuator is: where a limiter agrees to guard, it keeps its promises.
+//! A limiter keeps its promises for any input and any actuator that it accepts.
 
 use proptest::prelude::*;
 
@@ -14,7 +14,7 @@ enum Piece {
     Pulses(f64),
     Constant(f32),
     Bits(u32),
-    /// What makes the mover move most, whatever the limiter does: it looks at the judge's coil.
+    /// Drives along the motion of the judge's coil, which moves it most.
     Spite(f64),
     Mute(bool),
     Missing,
@@ -73,7 +73,7 @@ proptest! {
         d.thermal_time_constant = tau;
         let drive = if voltage { Drive::Voltage } else { Drive::Current };
         let settings = LimiterSettings { slew_hz, dc_corner_hz, ..LimiterSettings::default() };
-        // Where it agrees to guard, it must.
+        // It must protect every actuator it accepts.
         let made = Limiter::new(&d, drive, rate, settings);
         let Ok(mut limiter) = made else { return Ok(()) };
         let peak = limiter.limits().peak;

@@ -1,8 +1,8 @@
-//! Movers that once were driven past their stroke.
+//! Movers that were once driven past their stroke.
 
 use super::*;
 
-/// What part of its stroke the mover came to, as judged, while the input was a constant of so many peaks.
+/// Part of the stroke that a mover reaches under a constant input of so many peaks.
 fn reached_by_a_step(d: Dynamics, drive: Drive, rate: f64, slew_hz: f64, peaks: f64, samples: usize) -> f64 {
     let settings = LimiterSettings { slew_hz, dc_corner_hz: 0.5, ..LimiterSettings::default() };
     let mut limiter = Limiter::new(&d, drive, rate, settings).unwrap();
@@ -14,9 +14,9 @@ fn reached_by_a_step(d: Dynamics, drive: Drive, rate: f64, slew_hz: f64, peaks: 
     judge.worst_stroke
 }
 
-/// The wall once let the drive make up for what the damping takes at the speed that was foreseen, not at the speed that is.
+/// The wall once took the damping at the foreseen speed, not at the actual one.
 #[test]
-fn a_step_does_not_push_a_heavily_damped_mover_past_its_stroke() {
+fn step_keeps_a_damped_mover_within_its_stroke() {
     for (grams, k_f, stiffness, zeta, stroke_mm, rate, slew_hz) in [
         (1963.747, 5.7801, 836.33, 1.8134, 1.4942, 8000.0, 7890.07),
         (777.2, 2.548, 416.8, 1.7561, 1.064, 8000.0, 2901.0),
@@ -39,10 +39,10 @@ fn a_step_does_not_push_a_heavily_damped_mover_past_its_stroke() {
     }
 }
 
-/// The wall once let a drive of any size meet a mover that was coming back ever so slowly, as it takes energy out: until the
-/// mover has turned, within the same sample.
+/// The wall once allowed any drive against a mover that came back very slowly, as it removes energy.
+/// The mover then turned within the same sample.
 #[test]
-fn turning_a_mover_around_at_its_wall_does_not_pump_it_past_its_stroke() {
+fn turning_a_mover_at_its_wall_keeps_the_stroke() {
     for (k_f, stiffness, stroke_mm) in [(10.0, 120.0, 4.0), (10.0, 200.0, 2.5), (9.0, 120.0, 3.0)] {
         for zeta in [0.02, 0.5, 1.4] {
             let mut d = hapcoil(100.0);

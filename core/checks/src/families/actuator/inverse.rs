@@ -1,26 +1,26 @@
-//! The inverse in front of an actuator that is as it was made for, and of one that is not.
+//! The inverse before the actuator that it was made for, and before others.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use asperity_actuator::{Drive, Dynamics, Plant};
 use asperity_dsp::filter::{Complex64, Section};
 use asperity_node::Unit;
 
-use super::response::{self, lock_in};
 use super::{ACTUATORS, inverses, shipped};
-use crate::case::{Found, Not, holds, not_applicable};
+use crate::case::{Found, Not, holds};
 use crate::played::Played;
-use crate::small::Small;
+use crate::rig::CaseGraph;
 use crate::subject::Subject;
 
 const TICK_HZ: u32 = 500;
 const RATE_HZ: u32 = 48_000;
 const RATE: f64 = RATE_HZ as f64;
-/// Each sine lasts two seconds; the second is looked at.
+/// Samples of a second. Each sine lasts two seconds, of which the second is measured.
 const SECOND: u64 = RATE_HZ as u64;
 
-/// The drive \[A or V\] that a kind makes of sines of 1 m/s^2, one after the other of 2 s each, then of a constant of 1 m/s^2 and of silence, 1 s each.
+/// The drive \[A or V\] that a kind makes of sines of 1 m/s^2, 2 s each, then of a constant of 1 m/s^2 and of
+/// silence, 1 s each.
 fn driven(
     subject: &Subject<'_>,
     kind: &str,
@@ -39,7 +39,7 @@ fn driven(
         }
     });
     let word = if drive == Drive::Current { "current" } else { "voltage" };
-    let mut rig = Small::new(TICK_HZ, RATE_HZ)
+    let mut rig = CaseGraph::new(TICK_HZ, RATE_HZ)
         .plays("wanted", Played::audio("sines from memory", Unit::METRE_PER_SECOND_SQUARED, wanted))?
         .node(
             "inverse",
@@ -58,16 +58,16 @@ fn driven(
     Ok(out)
 }
 
-/// What the handle of an actuator does under a drive \[m/s^2\].
+/// Acceleration of the handle under a drive \[m/s^2\].
 fn felt(d: &Dynamics, drive: Drive, driven: &[f32]) -> Vec<f64> {
     let mut plant = Plant::new(d, drive, RATE);
     driven.iter().map(|u| plant.step(f64::from(*u)).acceleration).collect()
 }
 
-/// The answer to each tone.
+/// The response to each tone.
 fn answers(felt: &[f64], tones: &[u32]) -> Vec<Complex64> {
     let seconds = felt.chunks(SECOND as usize).skip(1).step_by(2);
-    tones.iter().zip(seconds).map(|(hz, y)| lock_in(y, 0, f64::from(*hz), RATE)).collect()
+    tones.iter().zip(seconds).map(|(hz, y)| lock_in(y, f64::from(*hz), RATE)).collect()
 }
 
 fn db(x: f64) -> f64 {
@@ -75,10 +75,7 @@ fn db(x: f64) -> f64 {
 }
 
 pub(super) fn band(subject: &Subject<'_>) -> Found {
-    let kinds = inverses(subject.registry());
-    if kinds.is_empty() {
-        return not_applicable("there is no inverse of an actuator");
-    }
+    let kinds = inverses(subject)?;
     let tones: &[u32] = subject.by_effort(
         &[1, 20, 40, 65, 1000, 12_000, 23_999],
         &[1, 2, 5, 10, 20, 40, 65, 71, 90, 200, 500, 1000, 3000, 8000, 15_000, 20_000, 23_000, 23_999],
@@ -96,17 +93,17 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
             let felt = felt(&d, drive, &driven);
             for (hz, got) in tones.iter().zip(answers(&felt, tones)) {
                 let f = f64::from(*hz);
-                let stated = response::inverse(&d, drive, f, RATE) * response::plant(&d, drive, f, RATE);
+                let stated = inverse(&d, drive, f, RATE) * plant(&d, drive, f, RATE);
                 let off = (got - stated).norm();
-                // What f32 rounds away is 10^-5 of what is asked at the most.
+                // f32 rounds away 10^-5 of what is asked at most.
                 if kind == "actuator_inverse" {
                     worst = worst.max((off - 1e-5).max(0.0) / stated.norm());
                     holds(off <= 1e-3 * stated.norm() + 1e-5, || {
                         format!("{}: {got:.5} and not {stated:.5}", place(*hz))
                     })?;
                 }
-                let analog = Section::high_pass(response::CORNER.0, response::CORNER.1).response(f).norm();
-                // Below, half a sample of the hold is no longer small beside what little the two push.
+                let analog = Section::high_pass(CORNER.0, CORNER.1).response(f).norm();
+                // Below 5 Hz both push so little that half a sample of the hold is no longer small beside it.
                 if (5.0..=1000.0).contains(&f) {
                     holds((db(got.norm()) - db(analog)).abs() <= 0.3, || {
                         format!("{}: {:.2} dB, stated {:.2} dB", place(*hz), db(got.norm()), db(analog))
@@ -130,10 +127,7 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn off(subject: &Subject<'_>) -> Found {
-    let kinds = inverses(subject.registry());
-    if kinds.is_empty() {
-        return not_applicable("there is no inverse of an actuator");
-    }
+    let kinds = inverses(subject)?;
     let count = subject.by_effort(6, 16, 60);
     let tone = |k: u32| (20.0 * 20.0_f64.powf(f64::from(k) / f64::from(count - 1))).round() as u32;
     let tones: Vec<u32> = (0..count).map(tone).collect();
@@ -164,8 +158,7 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
                 let felt = felt(&other, drive, &driven);
                 for ((hz, got), right) in tones.iter().zip(answers(&felt, &tones)).zip(&right) {
                     let f = f64::from(*hz);
-                    let stated =
-                        response::inverse(&d, drive, f, RATE) * response::plant(&other, drive, f, RATE);
+                    let stated = inverse(&d, drive, f, RATE) * plant(&other, drive, f, RATE);
                     if kind == "actuator_inverse" {
                         let off = (got - stated).norm() / stated.norm();
                         worst = worst.max(off);
@@ -186,9 +179,88 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
         }
     }
     Ok(format!(
-        "off its closed form by at most {:.4} %; {:.1} dB off at {} Hz, nowhere more; {left:.0e} m/s^2 left 0.5 s after the end",
+        "off its closed form by at most {:.4} %; {:.1} dB off at {} Hz, nowhere more; {left:.0e} m/s^2 \
+         left 0.5 s after the end",
         100.0 * worst,
         apart.0,
         apart.1
     ))
+}
+
+/// Corner \[Hz\] and damping ratio of the inverse's high-pass: its defaults.
+const CORNER: (f64, f64) = (20.0, std::f64::consts::FRAC_1_SQRT_2);
+
+/// Drive per acceleration of the inverse of `d` \[A or V per m/s^2\], by the bilinear transform that is
+/// exact at the resonance w: `s = j c tan(pi f / rate)`, `c = w / tan(w / 2 rate)`.
+fn inverse(d: &Dynamics, drive: Drive, hz: f64, rate_hz: f64) -> Complex64 {
+    let w = d.natural_rad_s();
+    let c = w / (w / 2.0 / rate_hz).tan();
+    let s = Complex64::new(0.0, c * (PI * hz / rate_hz).tan());
+    let (mu, wc) = (d.reduced_mass(), TAU * CORNER.0);
+    let corner = s * s + s * (2.0 * CORNER.1 * wc) + wc * wc;
+    let current =
+        -(d.handle_mass / d.force_factor) * (s * s + s * (d.damping / mu) + d.stiffness / mu) / corner;
+    match drive {
+        Drive::Current => current,
+        Drive::Voltage => {
+            let emf = -(d.force_factor * d.handle_mass / mu) * s / corner;
+            let roof = s / (TAU * (rate_hz / 4.0).min(10_000.0)) + 1.0;
+            ((s * d.inductance + d.resistance) * current + emf) / roof
+        }
+    }
+}
+
+/// Acceleration per drive of the actuator \[m/s^2 per A or V\]; the drive is held from sample to sample.
+///
+/// By partial fractions: the hold makes `r (e^(p T) - 1) / p / (z - e^(p T))` of a part `r / (s - p)`.
+fn plant(d: &Dynamics, drive: Drive, hz: f64, rate_hz: f64) -> Complex64 {
+    let (mu, push) = (d.reduced_mass(), d.force_factor / d.handle_mass);
+    let (b, ww) = (d.damping / mu, d.stiffness / mu);
+    // A/u = direct + part / den, highest power first; den is monic.
+    let (direct, part, den) = match drive {
+        Drive::Current => (-push, vec![push * b, push * ww], vec![1.0, b, ww]),
+        Drive::Voltage => {
+            let (r, l) = (d.resistance, d.inductance);
+            let brake = d.force_factor * d.force_factor / mu;
+            (0.0, vec![-push / l, 0.0, 0.0], vec![1.0, r / l + b, r * b / l + ww + brake / l, r * ww / l])
+        }
+    };
+    let derivative: Vec<f64> =
+        den.iter().zip((1..den.len()).rev()).map(|(a, power)| a * power as f64).collect();
+    let z = Complex64::from_polar(1.0, TAU * hz / rate_hz);
+    let parts = roots(&den).into_iter().map(|p| {
+        let held = (p / rate_hz).exp();
+        at(&part, p) / at(&derivative, p) * (held - 1.0) / p / (z - held)
+    });
+    parts.sum::<Complex64>() + direct
+}
+
+fn at(polynomial: &[f64], s: Complex64) -> Complex64 {
+    polynomial.iter().fold(Complex64::new(0.0, 0.0), |sum, a| sum * s + *a)
+}
+
+/// The roots of a monic polynomial, all at once (K. Weierstrass 1891, E. Durand 1960, I. Kerner 1966).
+fn roots(monic: &[f64]) -> Vec<Complex64> {
+    let degree = monic.len() - 1;
+    // A circle around all of them (Fujiwara).
+    let radius = monic.iter().enumerate().skip(1).map(|(k, a)| 2.0 * a.abs().powf(1.0 / k as f64));
+    let radius = radius.fold(0.0, f64::max);
+    let start = |k: usize| Complex64::from_polar(radius, TAU * k as f64 / degree as f64 + 0.4);
+    let mut all: Vec<Complex64> = (0..degree).map(start).collect();
+    for _ in 0..500 {
+        for k in 0..degree {
+            let others = (0..degree).filter(|i| *i != k).map(|i| all[k] - all[i]);
+            let step = at(monic, all[k]) / others.product::<Complex64>();
+            all[k] -= step;
+        }
+    }
+    all
+}
+
+/// Amplitude and phase of the part of `y` at `hz`, against a sine, over whole periods.
+fn lock_in(y: &[f64], hz: f64, rate_hz: f64) -> Complex64 {
+    // The phase by the remainder, which is exact for whole numbers.
+    let turn = |n: u64| (hz * n as f64) % rate_hz / rate_hz;
+    let sum: Complex64 = y.iter().zip(0..).map(|(y, n)| Complex64::from_polar(*y, -TAU * turn(n))).sum();
+    sum * Complex64::new(0.0, 2.0 / y.len().max(1) as f64)
 }

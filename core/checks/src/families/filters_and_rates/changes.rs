@@ -7,25 +7,25 @@ use asperity_engine::{CROSSFADE_S, Controller, Engine, Options};
 use asperity_node::{Buffer, Descriptor, ParamKind, PortType};
 
 use super::filters;
-use crate::case::{Found, Not, holds, not_applicable};
+use crate::case::{Found, Not, fails, holds, not_applicable};
 use crate::played::{Played, Samples};
-use crate::small::Small;
+use crate::rig::CaseGraph;
 use crate::subject::Subject;
 
 const TICK_HZ: u32 = 500;
 const RATE_HZ: u32 = 48_000;
 /// Ticks before each change: a quarter of a second, whole periods.
 const TICKS: usize = 125;
-/// Of the signal that is put in, which is of 0.1 or 60 mm/s and more.
+/// Level below which a signal counts as silent; the input is 0.1, or 60 mm/s and more.
 const SILENT_DB: f64 = -80.0;
-/// Ticks from a change to the half second whose level is looked at.
+/// Ticks from a change to the half second whose level is measured.
 const RECOVERS: usize = 2 * TICKS;
-/// The steepest of a crossfade by 1, from sample to sample: twice a straight line, as far as fades may be curved.
+/// Largest step of a crossfade by 1, from sample to sample: twice a straight line, since fades may be curved.
 const STEEPEST: f64 = 2.0 / (CROSSFADE_S * RATE_HZ as f64);
 /// The same of a control, from tick to tick.
 const CONTROL_STEEPEST: f64 = 2.0 / (CROSSFADE_S * TICK_HZ as f64);
 
-/// An engine that is changed while it runs, and what was heard of the node `it`.
+/// An engine whose graph changes while it runs, and the output of the node `it`.
 struct Running {
     controller: Controller,
     engine: Engine,
@@ -33,13 +33,13 @@ struct Running {
 }
 
 impl Running {
-    fn new(subject: &Subject<'_>, graph: &Small) -> Result<Self, Not> {
+    fn new(subject: &Subject<'_>, graph: &CaseGraph) -> Result<Self, Not> {
         let compiled = subject.compiled(&graph.graph, &graph.kinds)?;
         let (controller, engine) = Engine::controlled(compiled, Options::default());
         Ok(Self { controller, engine, heard: Vec::new() })
     }
 
-    /// The type of what is heard.
+    /// The type of that output.
     fn port(&self) -> Option<PortType> {
         let schedule = self.engine.schedule();
         schedule.nodes.get(schedule.index_of("out")?)?.inputs.first()?.port.clone()
@@ -48,7 +48,7 @@ impl Running {
     fn run(&mut self, ticks: usize) -> Result<(), Not> {
         for _ in 0..ticks {
             self.engine.tick();
-            // At the sink, where a crossfade is heard.
+            // Read at the sink, behind a crossfade.
             let out = self.engine.schedule().index_of("out").unwrap_or(0);
             match self.engine.input(out, 0) {
                 Some(Buffer::Audio { samples, len, .. }) => {
@@ -76,14 +76,14 @@ fn level_db(half: &[f64]) -> f64 {
     10.0 * (half.iter().map(|x| x * x).sum::<f64>() / half.len().max(1) as f64).log10()
 }
 
-/// The level that a steady signal has come to; none where it still changes, or is as good as silent.
+/// The level of a steady signal; none where it still changes or is silent.
 fn settled_db(heard: &[f64]) -> Option<f64> {
     let (before, last) = heard.split_at(heard.len() / 2);
     let (before, last) = (level_db(before), level_db(last));
     (last > SILENT_DB && (last - before).abs() < 0.1).then_some(last)
 }
 
-/// Values of a number, to be gone through one after the other, as RON texts.
+/// Values for each parameter, as RON texts.
 fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
     let of = |kind: &ParamKind| match kind {
         ParamKind::Number(r) => Some(vec![format!("{:?}", r.end()), format!("{:?}", r.start())]),
@@ -95,10 +95,11 @@ fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
     d.params.iter().filter_map(|p| Some((p.name.to_string(), of(&p.kind)?))).collect()
 }
 
-/// Changes one parameter of `it` from its default to each value and back. The largest step, as a part of what it may be.
+/// Changes a parameter of `it` from its default to each value and back. Answers the largest step as a part
+/// of its bound.
 fn change(
     subject: &Subject<'_>,
-    graph: &Small,
+    graph: &CaseGraph,
     (param, values): (&str, &[String]),
     steepest: f64,
 ) -> Result<Option<f64>, Not> {
@@ -106,7 +107,7 @@ fn change(
     for value in values {
         let mut other = graph.clone();
         other.graph.set(&format!("it.{param}={value}"), "the case")?;
-        // What it refuses is no change, and another type of output is another signal.
+        // A value that it refuses is no change, and another type of output is another signal.
         let Ok(mut steady) = Running::new(subject, &other) else { continue };
         let mut running = Running::new(subject, graph)?;
         if steady.port() != running.port() {
@@ -125,15 +126,16 @@ fn change(
             let from = running.heard.len();
             let compiled = subject.compiled(&to.graph, &to.kinds)?;
             if let Err(e) = running.controller.swap(compiled, &[]) {
-                return Err(Not::Held(format!("`{param}` to {value}: {e}")));
+                return fails(format!("`{param}` to {value}: {e}"));
             }
             running.run(TICKS)?;
             let step = largest_step(&running.heard[from.saturating_sub(1)..]);
-            // The louder of the two fades to or from nothing at worst; what it adopts decays from where it was.
+            // At worst the louder of the two fades to or from nothing.
             let bound = 1.01 * steps + 2.0 * loudest * steepest;
             holds(step <= bound, || {
                 format!(
-                    "`{param}` to {value}: a step of {step:.4}, and {bound:.4} is the most of both signals and a crossfade"
+                    "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make \
+                     {bound:.4} at most"
                 )
             })?;
             let part = if bound > 0.0 { step / bound } else { 0.0 };
@@ -144,7 +146,8 @@ fn change(
             let now = level_db(&running.heard[from..]);
             holds(level.is_none_or(|db| (now - db).abs() < 1.0), || {
                 format!(
-                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB without a change",
+                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB \
+                     without a change",
                     level.unwrap_or(0.0)
                 )
             })?;
@@ -176,13 +179,13 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             tell(&kind.kind, &param, part);
         }
     }
-    // A stylus that goes to and fro at 3 Hz.
+    // A stylus that moves to and fro at 3 Hz.
     if let Ok(velocity) = subject.kind("velocity") {
         let place = Arc::new(|tick: u64, at: &mut [f64]| {
             at.fill(0.0);
             at[0] = 10.0 * (TAU * 3.0 * tick as f64 / f64::from(TICK_HZ)).sin();
         });
-        let graph = Small::new(TICK_HZ, RATE_HZ)
+        let graph = CaseGraph::new(TICK_HZ, RATE_HZ)
             .plays(
                 "source",
                 Played::control("a stylus from memory", 3, asperity_node::Unit::MILLIMETRE, place),
@@ -192,7 +195,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             .chain(&["source", "it"])
             .wire("it.velocity", "out");
         for (param, mut values) in values(velocity.descriptor()) {
-            // Its upper end is beyond half the ticks.
+            // Its upper end is above half the tick rate.
             values.extend(["200.0".into(), "5.0".into()]);
             let part = change(subject, &graph, (&param, &values), CONTROL_STEEPEST)
                 .map_err(|e| e.after("`velocity`"))?;

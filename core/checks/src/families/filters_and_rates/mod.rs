@@ -1,93 +1,91 @@
-//! Every rate there may be, and filters that end, or change while they ring.
+//! Every rate, and filters that end or change while they ring.
 
-mod blocks;
 mod changes;
-mod hops;
 mod rates;
-mod tails;
 
 use std::sync::Arc;
 
-use asperity_node::{Descriptor, FrameLayout, FrameRate, RateSpec, Registry, ShapeSpec, Unit, UnitSpec};
+use asperity_node::{
+    Descriptor, FrameLayout, FrameRate, Latency, NodeKind, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
+};
 
+use super::phase::{Method, methods};
 use crate::buffers::denormals;
-use crate::case::{Case, Family, Not};
-use crate::played::{Played, Samples};
-use crate::rig::Rig;
-use crate::small::{Small, has_to_be_set};
+use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::played::{Frames, Motion, Played, Samples};
+use crate::rig::{CaseGraph, Rig, has_to_be_set};
+use crate::subject::Subject;
+
+const FILTERS: Family = Family("filters_and_rates");
 
 pub(super) const CASES: &[Case] = &[
-    Case {
-        family: Family::FiltersAndRates,
-        name: "rates_of_graph",
-        hard: "the graph at other rates than it was made for: ticks from 100 to 4000 a second, every one of them where there is time for it, and audio from 8 to 192 kHz, odd ones among them",
-        must: "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick; or it is refused with a place in the file, as where a window of 0.1 s would not be whole; at its \
-               own rates it runs",
-        of_graph: true,
-        run: rates::graph,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "rates_of_kinds",
-        hard: "every kind that retrieves phase, with overlap-add, resampling, inverse and limiter behind it, at such rates, windows of rate / 10 samples where that is whole",
-        must: "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick; what is refused says why, at a place",
-        of_graph: false,
-        run: rates::kinds,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "uneven_hops",
-        hard: "frames that begin 88 or 89 samples apart (44.1 kHz at 500 frames/s), and ticks of 0 or 1 samples (2.5 kHz synthesis at 4000 ticks/s)",
-        must: "eight tones through every kind that retrieves phase are together as loud as with even hops, within 3 dB, of which the random phases of some take most",
-        of_graph: false,
-        run: hops::run,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "any_tick_length",
-        hard: "the same signal in ticks of 480 samples and of 12, of 44 or 45, of 0 or 1",
-        must: "every kind of filter gives the same samples, within 10^-6 of its largest, wherever it says that its latency is the same",
-        of_graph: false,
-        run: blocks::run,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "tail_of_filters",
-        hard: "60 s of silence after noise, through every kind of filter; 8 s in `selftest` unless it is told to take its time",
-        must: "no sample is ever denormal, and 5 s behind its declared tail it is silent, to the bit, and stays so",
-        of_graph: false,
-        run: tails::kinds,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "tail_of_graph",
-        hard: "a stylus that stroked for 1 s is lifted and held still for 60 s; for 10 s in `selftest` unless it is told to take its time",
-        must: "no value on any wire is ever denormal, and after 6 s nothing is played any more: every sample of every sound card is zero, and stays so",
-        of_graph: true,
-        run: tails::graph,
-    },
-    Case {
-        family: Family::FiltersAndRates,
-        name: "change_while_ringing",
-        hard: "every number of every kind of filter, and of `velocity`, changes while a signal of 100 Hz runs through: to either end of its range, and back",
-        must: "no step is larger than those of the signals before and after, and of a crossfade between them in 10 ms; half a second later the level is that of a run without a change, within 1 dB, where that has come to one; nothing fails",
-        of_graph: false,
-        run: changes::run,
-    },
+    FILTERS.graph(
+        "rates_of_graph",
+        rates::graph,
+        "the graph runs at other rates than its own: 100 to 4000 ticks a second (with effort `long` every \
+         one of them), audio from 8 to 192 kHz, odd rates among them",
+        "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick. Or it is \
+         refused with a place in the file, as where a window of 0.1 s would not be whole. At its own rates \
+         it runs",
+    ),
+    FILTERS.kinds(
+        "rates_of_kinds",
+        rates::kinds,
+        "every kind that retrieves phase runs at such rates, before an overlap-add, a resampler, an \
+         inverse and a limiter. Its windows have rate / 10 samples, where that is whole",
+        "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick. A refusal \
+         has a reason and a place",
+    ),
+    FILTERS.kinds(
+        "uneven_hops",
+        uneven_hops,
+        "frames begin 88 or 89 samples apart (44.1 kHz at 500 frames/s), or ticks have 0 or 1 samples (2.5 \
+         kHz synthesis at 4000 ticks/s)",
+        "eight tones through every kind that retrieves phase have the level of even hops within 3 dB, most \
+         of which random phases take",
+    ),
+    FILTERS.kinds(
+        "any_tick_length",
+        any_tick_length,
+        "the same signal comes in ticks of 480 samples, of 12, of 44 or 45, of 0 or 1",
+        "every kind of filter gives the same samples, within 10^-6 of the largest, where it declares the \
+         same latency",
+    ),
+    FILTERS.kinds(
+        "tail_of_filters",
+        tails_of_kinds,
+        "60 s of silence follow noise through every kind of filter (8 s with effort `quick`)",
+        "no sample is ever denormal. From 5 s after its declared tail the output is silent, to the bit",
+    ),
+    FILTERS.graph(
+        "tail_of_graph",
+        tail_of_graph,
+        "a stylus that stroked for 1 s is lifted and held still for 60 s (10 s with effort `quick`)",
+        "no value on any wire is ever denormal. From 6 s on every sample of every sound card is zero",
+    ),
+    FILTERS.kinds(
+        "change_while_ringing",
+        changes::run,
+        "every number of every kind of filter, and of `velocity`, changes while a signal of 100 Hz runs \
+         through: to either end of its range, and back",
+        "no step is larger than the steps of both signals and of a crossfade between them in 10 ms. Half a \
+         second later the level is that of a run without a change, within 1 dB, if that has settled. \
+         Nothing fails",
+    ),
 ];
 
 /// A kind with one signal in and one out.
-pub(super) struct Filter {
-    pub(super) kind: String,
+struct Filter {
+    kind: String,
     /// Of its input.
     unit: Unit,
-    /// Whether its input takes audio of any rate, or the graph's alone.
+    /// Whether its input takes audio of any rate.
     any_rate: bool,
 }
 
 impl Filter {
-    /// What plays into it: at a rate of its own, or at the graph's.
-    fn source(&self, rate_hz: Option<u32>, samples: Samples) -> Arc<dyn asperity_node::NodeKind> {
+    /// A source for it, at a rate of its own or at the graph's.
+    fn source(&self, rate_hz: Option<u32>, samples: Samples) -> Arc<dyn NodeKind> {
         match rate_hz {
             Some(hz) => Played::audio_at("a signal from memory", hz, self.unit.clone(), samples),
             None => Played::audio("a signal from memory", self.unit.clone(), samples),
@@ -101,8 +99,8 @@ impl Filter {
         rate_hz: Option<u32>,
         samples: Samples,
         params: &[(&str, &str)],
-    ) -> Result<Small, Not> {
-        let graph = Small::new(tick_hz, audio_hz)
+    ) -> Result<CaseGraph, Not> {
+        let graph = CaseGraph::new(tick_hz, audio_hz)
             .plays("source", self.source(rate_hz, samples))?
             .node("it", &self.kind, params)?
             .node("out", "probe", &[])?;
@@ -110,8 +108,8 @@ impl Filter {
     }
 }
 
-/// Every kind of filter that needs no parameter: one signal in, one out.
-pub(super) fn filters(registry: &Registry) -> Vec<Filter> {
+/// Every kind of filter that needs no parameter.
+fn filters(registry: &Registry) -> Vec<Filter> {
     registry.iter().filter_map(|kind| filter(kind.descriptor())).collect()
 }
 
@@ -132,23 +130,7 @@ fn filter(d: &Descriptor) -> Option<Filter> {
     Some(Filter { kind: d.kind.to_string(), unit, any_rate })
 }
 
-/// A kind that retrieves phase.
-pub(super) struct Retriever {
-    kind: String,
-    /// Whether it answers spectra, and an overlap-add follows.
-    spectrum: bool,
-}
-
-/// Every kind that retrieves phase and needs no parameter.
-pub(super) fn retrievers(registry: &Registry) -> Vec<Retriever> {
-    let retriever = |d: &Descriptor| {
-        let how = d.retrieval().filter(|_| !has_to_be_set(d, &[]))?;
-        Some(Retriever { kind: d.kind.to_string(), spectrum: how.spectrum })
-    };
-    registry.iter().filter_map(|kind| retriever(kind.descriptor())).collect()
-}
-
-/// Windows of 0.1 s at a rate that can be parted so, 500 times a second or as often as there are ticks; with how many ticks a frame.
+/// Windows of 0.1 s, about 500 a second, and the ticks per frame. None where a window is not whole.
 fn windows(rate_hz: u32, tick_hz: u32) -> Option<(FrameLayout, u32)> {
     let every = (tick_hz / 500).max(1);
     let length = rate_hz.is_multiple_of(10).then_some(rate_hz / 10)?;
@@ -156,42 +138,279 @@ fn windows(rate_hz: u32, tick_hz: u32) -> Option<(FrameLayout, u32)> {
     Some((FrameLayout { rate_hz, length, bins: (length / 2 + 1).min(101), frame_rate }, every))
 }
 
-impl Retriever {
-    /// A graph from magnitudes to what drives a coil.
-    fn chain(
-        &self,
-        (tick_hz, audio_hz): (u32, u32),
-        (layout, every): (FrameLayout, u32),
-        frames: crate::played::Frames,
-    ) -> Result<Small, Not> {
-        let mut graph = Small::new(tick_hz, audio_hz)
-            .plays("magnitudes", Played::magnitudes("magnitudes from memory", layout, frames))?
-            .node("phase", &self.kind, &[])?
-            .node("audio rate", "resample", &[])?
-            .node("inverse", "actuator_inverse", &[])?
-            .node("limiter", "limiter", &[])?
-            .node("out", "audio_out", &[])?
-            .wire("magnitudes", "phase");
-        graph.graph.set(&format!("magnitudes.every={every}"), "the case")?;
-        let after = if self.spectrum { "overlap" } else { "phase" };
-        if self.spectrum {
-            graph = graph.node("overlap", "overlap_add", &[])?.wire("phase", "overlap");
+/// A graph from magnitudes through a method to the drive of a coil.
+fn chain(
+    method: &Method,
+    (tick_hz, audio_hz): (u32, u32),
+    (layout, every): (FrameLayout, u32),
+    frames: Frames,
+) -> Result<CaseGraph, Not> {
+    let mut graph = CaseGraph::new(tick_hz, audio_hz)
+        .plays("magnitudes", Played::magnitudes("magnitudes from memory", layout, frames))?
+        .node("phase", method.kind(), &[])?
+        .node("audio rate", "resample", &[])?
+        .node("inverse", "actuator_inverse", &[])?
+        .node("limiter", "limiter", &[])?
+        .node("out", "audio_out", &[])?
+        .wire("magnitudes", "phase");
+    graph.graph.set(&format!("magnitudes.every={every}"), "the case")?;
+    let after = if method.spectrum { "overlap" } else { "phase" };
+    if method.spectrum {
+        graph = graph.node("overlap", "overlap_add", &[])?.wire("phase", "overlap");
+    }
+    Ok(graph.chain(&[after, "audio rate", "inverse", "limiter", "out"]))
+}
+
+/// Sample `n` of noise between -1 and 1.
+fn noise(seed: u64, n: u64) -> f32 {
+    (2.0 * asperity_node::random::uniform(seed, n) - 1.0) as f32
+}
+
+/// Tick rates: 96 samples at 48 kHz as the reference, then 480, 12, 19 or 20, 144 or 145, 48 or 49.
+const TICKS_HZ: [u32; 6] = [500, 100, 4000, 2500, 333, 997];
+
+/// The first samples of a filter.
+fn heard(rig: &mut Rig, samples: usize) -> Result<Vec<f32>, Not> {
+    let mut out = Vec::with_capacity(samples + 2000);
+    while out.len() < samples {
+        let before = rig.engine.next_tick();
+        rig.run(1, |rig, _| {
+            out.extend_from_slice(rig.audio("it", 0));
+            Ok(())
+        })?;
+        holds(before < 1_000_000, || "it gives no output".into())?;
+    }
+    rig.sound()?;
+    out.truncate(samples);
+    Ok(out)
+}
+
+fn any_tick_length(subject: &Subject<'_>) -> Found {
+    let kinds = filters(subject.registry());
+    let (mut compared, mut worst) = (0, 0.0_f64);
+    // Loud, then silent, then quiet: so that nodes limit and sleep.
+    let sound: Samples = Arc::new(|first, out| {
+        for (x, n) in out.iter_mut().zip(first..) {
+            *x = noise(3, n) * [2.0, 0.0, 0.1][(n / 7001 % 3) as usize];
         }
-        Ok(graph.chain(&[after, "audio rate", "inverse", "limiter", "out"]))
+    });
+    for kind in &kinds {
+        for (rate_hz, audio_hz) in
+            [(None, 48_000), (None, 44_100), (Some(2500), 48_000), (Some(4410), 44_100)]
+        {
+            if rate_hz.is_some() && !kind.any_rate {
+                continue;
+            }
+            // A filter that has to wait longer for short ticks declares another latency.
+            let mut known: Vec<(Latency, Vec<f32>)> = Vec::new();
+            for tick_hz in TICKS_HZ {
+                let graph = kind.alone((tick_hz, audio_hz), rate_hz, sound.clone(), &[])?;
+                // Another case looks at refusals.
+                let place = || format!("`{}`, {tick_hz} ticks/s, {:?} Hz of {audio_hz}", kind.kind, rate_hz);
+                let mut rig = match graph.rig(subject) {
+                    Ok(rig) => rig,
+                    Err(_) if rate_hz.is_some() || tick_hz != TICKS_HZ[0] => continue,
+                    Err(e) => return Err(e.after(&place())),
+                };
+                // The rate of the output.
+                let node = rig.schedule.index_of("it").unwrap_or(0);
+                let port = rig.schedule.nodes[node].outputs.first().map(|o| o.port.shape);
+                let Some(asperity_node::Shape::Audio { rate_hz: out_hz }) = port else { continue };
+                let samples = (subject.by_effort(0.4, 1.0, 10.0) * f64::from(out_hz)) as usize;
+                let now = heard(&mut rig, samples).map_err(|e| e.after(&place()))?;
+                let latency = rig.schedule.nodes[node].latency;
+                let Some((_, first)) = known.iter().find(|(l, _)| *l == latency) else {
+                    known.push((latency, now));
+                    continue;
+                };
+                let largest = first.iter().fold(0.0_f32, |m, x| m.max(x.abs())).max(1e-12);
+                let off = first.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest;
+                holds(off <= 1e-6, || format!("{}: {off:.1e} of its largest sample off", place()))?;
+                (compared, worst) = (compared + 1, worst.max(f64::from(off)));
+            }
+        }
+    }
+    if compared == 0 {
+        return not_applicable("there is no filter");
+    }
+    Ok(format!(
+        "{} kinds, compared {compared} times: at most {worst:.0e} of the largest sample off",
+        kinds.len()
+    ))
+}
+
+/// Bins of eight tones, 100 to 800 Hz at windows of 0.1 s. With so many, random phases even out.
+const BINS: [usize; 8] = [10, 20, 30, 40, 50, 60, 70, 80];
+/// Allowed difference of levels \[dB\].
+const WITHIN_DB: f64 = 3.0;
+
+/// Rates of synthesis, ticks and audio: uneven, then even.
+const PLACES: [[(u32, u32, u32); 2]; 3] = [
+    [(44_100, 500, 44_100), (48_000, 500, 48_000)],
+    [(2500, 4000, 48_000), (2500, 500, 48_000)],
+    [(4410, 997, 44_100), (4410, 882, 44_100)],
+];
+
+/// Rms of tones of amplitude 1 through a method \[m/s^2\].
+fn level(
+    subject: &Subject<'_>,
+    kind: &Method,
+    (rate_hz, tick_hz, audio_hz): (u32, u32, u32),
+    seconds: f64,
+) -> Result<f64, Not> {
+    let Some(windows) = windows(rate_hz, tick_hz) else { return not_applicable("no windows are whole") };
+    // A periodic Hann window's transform of a sine on a bin.
+    let tone: Frames = Arc::new(|_, bins| {
+        bins.fill(0.0);
+        for at in BINS {
+            for (bin, x) in [(at - 1, 0.5), (at, 1.0), (at + 1, 0.5)] {
+                if let Some(bin) = bins.get_mut(bin) {
+                    *bin = x;
+                }
+            }
+        }
+        true
+    });
+    let mut rig = chain(kind, (tick_hz, audio_hz), windows, tone)?.rig(subject)?;
+    let (mut sum, mut count) = (0.0, 0_u64);
+    let (settled, ticks) = (rig.ticks(0.4), rig.ticks(0.4 + seconds));
+    rig.run(ticks, |rig, tick| {
+        if tick >= settled {
+            let samples = rig.audio("audio rate", 0);
+            sum += samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+            count += samples.len() as u64;
+        }
+        Ok(())
+    })?;
+    holds(rig.engine.faults() == 0, || {
+        format!("`{}` failed at {tick_hz} ticks/s, {rate_hz} Hz", kind.kind())
+    })?;
+    Ok((sum / count.max(1) as f64).sqrt())
+}
+
+fn uneven_hops(subject: &Subject<'_>) -> Found {
+    let kinds = methods(subject, false)?;
+    let places = subject.by_effort(&PLACES[..2], &PLACES[..], &PLACES[..]);
+    let seconds = subject.by_effort(0.5, 1.0, 10.0);
+    let (mut most, mut where_most) = (0.0_f64, String::new());
+    for kind in &kinds {
+        for [uneven, even] in places {
+            let [a, b] = [level(subject, kind, *uneven, seconds)?, level(subject, kind, *even, seconds)?];
+            let db = 20.0 * (a.max(1e-9) / b.max(1e-9)).log10();
+            let place = || format!("`{}` at {} Hz, {} ticks/s", kind.kind(), uneven.0, uneven.1);
+            holds(db.abs() <= WITHIN_DB, || {
+                format!("{}: {db:.1} dB off the level with even hops ({a:.3} and {b:.3})", place())
+            })?;
+            if db.abs() >= most {
+                (most, where_most) = (db.abs(), place());
+            }
+        }
+    }
+    Ok(format!("{} kinds, at most {most:.2} dB apart: {where_most}", kinds.len()))
+}
+
+/// Duration of the silence \[s\].
+const SILENCE_S: f64 = 60.0;
+/// Time beyond its declared tail in which a filter falls silent \[s\]: a first-order high-pass at 2.3 Hz
+/// falls to 10^-30 in 5 s.
+const FILTER_S: f64 = 5.0;
+/// The same of a graph \[s\], with the time of a 20 Hz low-pass until the stylus is still.
+const GRAPH_S: f64 = 6.0;
+/// Duration of the sound before \[s\].
+const SOUND_S: f64 = 1.0;
+
+fn tails_of_kinds(subject: &Subject<'_>) -> Found {
+    let kinds = filters(subject.registry());
+    if kinds.is_empty() {
+        return not_applicable("there is no filter");
+    }
+    let silence = subject.by_effort(8.0, SILENCE_S, SILENCE_S);
+    let mut longest = (0.0_f64, String::new());
+    for kind in &kinds {
+        for rate_hz in [None, Some(2500)] {
+            if rate_hz.is_some() && !kind.any_rate {
+                continue;
+            }
+            let end = (SOUND_S * f64::from(rate_hz.unwrap_or(48_000))) as u64;
+            let sound: Samples = Arc::new(move |first, out| {
+                for (x, n) in out.iter_mut().zip(first..) {
+                    *x = if n < end { noise(4, n) } else { 0.0 };
+                }
+            });
+            let mut rig = match kind.alone((500, 48_000), rate_hz, sound, &[])?.rig(subject) {
+                Ok(rig) => rig,
+                // It may take other rates than this one.
+                Err(_) if rate_hz.is_some() => continue,
+                Err(e) => return Err(e.after(&format!("`{}`", kind.kind))),
+            };
+            let tails = rig.schedule.nodes.iter().map(|n| n.tail);
+            let tail = tails.fold(Latency::ZERO, |all, one| all + one).ms().max(0.0) * 1e-3;
+            let last =
+                last_sound(&mut rig, SOUND_S + silence, |rig| rig.audio("it", 0).iter().any(|x| *x != 0.0))
+                    .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
+            let after = last - SOUND_S - tail;
+            holds(after <= FILTER_S, || {
+                format!(
+                    "`{}` is not silent until {after:.2} s after the end and its tail of {tail:.3} s",
+                    kind.kind
+                )
+            })?;
+            if after > longest.0 {
+                longest = (after, kind.kind.clone());
+            }
+        }
+    }
+    Ok(format!("{} kinds; the last, `{}`, is silent after {:.2} s", kinds.len(), longest.1, longest.0))
+}
+
+/// Time of the last sound \[s\].
+fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, Not> {
+    let (mut last, mut wrong) = (0, None);
+    let ticks = rig.ticks(seconds);
+    let ran = rig.run(ticks, |rig, tick| {
+        if let Some(output) = rig.first_output(|b| denormals(b) > 0) {
+            wrong.get_or_insert(format!("`{output}` is denormal in tick {tick}"));
+        }
+        if sounds(rig) {
+            last = tick + 1;
+        }
+        Ok(())
+    });
+    let faults = rig.engine.faults();
+    match (wrong, ran.is_ok() && faults == 0) {
+        (Some(wrong), _) => Err(wrong.into()),
+        (None, false) => Err(format!("{faults} faults").into()),
+        (None, true) => Ok(last as f64 / f64::from(rig.schedule.tick_hz)),
     }
 }
 
-/// The first output that holds a denormal number: node and output.
-fn first_denormal(rig: &Rig) -> Option<String> {
-    let nodes = rig.schedule.nodes.iter().enumerate();
-    let mut outputs =
-        nodes.flat_map(|(i, n)| n.outputs.iter().enumerate().map(move |(o, port)| (i, n, o, port)));
-    let (_, node, _, port) =
-        outputs.find(|(i, _, o, _)| rig.engine.output(*i, *o).is_some_and(|b| denormals(b) > 0))?;
-    Some(format!("{}.{}", node.id, port.name))
-}
-
-/// Noise between -1 and 1, of which every sample follows from its number.
-fn noise(seed: u64, n: u64) -> f32 {
-    (2.0 * asperity_node::random::uniform(seed, n) - 1.0) as f32
+fn tail_of_graph(subject: &Subject<'_>) -> Found {
+    let hz = f64::from(subject.its_graph()?.tick_hz);
+    let until = (SOUND_S * hz) as u64;
+    let stroke = |touches: bool| -> Motion {
+        Arc::new(move |tick| {
+            let turn = 3.0 * tick.min(until) as f64 / hz;
+            let z = if touches && tick < until { -1.0 } else { 100.0 };
+            [20.0 * turn.cos(), 20.0 * turn.sin(), z]
+        })
+    };
+    let played = |rig: &Rig| rig.drive().flatten().any(|x| *x != 0.0);
+    let mut never = Rig::new(subject, stroke(false), &[])?;
+    if !never.drives() {
+        return not_applicable("nothing in this graph plays on a sound card");
+    }
+    if last_sound(&mut never, 2.0, played)? > 0.0 {
+        return not_applicable("this graph plays without being touched");
+    }
+    let mut rig = Rig::new(subject, stroke(true), &[])?;
+    let silence = subject.by_effort(10.0, SILENCE_S, SILENCE_S);
+    let last = last_sound(&mut rig, SOUND_S + silence, played)?;
+    holds(last - SOUND_S <= GRAPH_S, || format!("something is played until {:.2} s after", last - SOUND_S))?;
+    if last == 0.0 {
+        return not_applicable("nothing was played while the stylus stroked");
+    }
+    Ok(format!(
+        "silent {:.2} s after the stylus is lifted, for the rest of {silence} s; nothing denormal",
+        last - SOUND_S
+    ))
 }

@@ -1,4 +1,4 @@
-//! Rates that a graph and its kinds are put at.
+//! Rates at which a graph and its kinds run.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,49 +7,50 @@ use asperity_graph::GraphFile;
 use asperity_node::random::bits;
 use asperity_node::{NodeKind, time};
 
-use super::{noise, retrievers, windows};
-use crate::case::{Found, Not, holds, not_applicable};
-use crate::played::Frames;
+use super::{chain, noise, windows};
+use crate::case::{Found, Not, holds};
+use crate::families::phase::methods;
+use crate::played::{Frames, Motion};
 use crate::rig::Rig;
 use crate::subject::Subject;
 
-/// Ticks a second: the ends, what is usual, and what parts no rate; 14 of them.
+/// 14 tick rates: the ends, usual ones, and ones that divide no audio rate.
 const TICKS_HZ: [u32; 14] = [500, 4000, 100, 441, 1000, 101, 250, 499, 2500, 333, 2000, 997, 3999, 3001];
-/// Audio rates: likewise, 15 of them, so that each meets each tick rate within 210.
+/// 15 audio rates, so that each meets each tick rate within 210 runs.
 const AUDIO_HZ: [u32; 15] = [
     48_000, 44_100, 8000, 192_000, 8001, 96_000, 11_025, 47_999, 16_000, 88_200, 191_999, 22_050, 44_101,
     32_000, 176_400,
 ];
-/// Seconds of each run: more than two windows.
+/// Duration of each run: more than two windows \[s\].
 const SECONDS: f64 = 0.25;
 
-/// Each of the lists with each.
+/// Number of pairs of the lists.
 const LISTED: u64 = 210;
-/// Every tick rate, after those of the lists.
+/// The same, and then every tick rate.
 const EVERY: u64 = LISTED + 3901;
 
-/// Rates to be tried, of ticks and audio: each of the lists with each, then every tick rate with an audio rate by chance.
+/// Pairs of a tick rate and an audio rate: all of the lists, then every tick rate with a random audio rate.
 fn pairs(count: u64) -> impl Iterator<Item = (u32, u32)> {
     (0..count).map(|i| {
         let at = |n: usize| (i % n as u64) as usize;
         if i < LISTED {
             return (TICKS_HZ[at(14)], AUDIO_HZ[at(15)]);
         }
-        // Far apart one after the other, and each once.
+        // Each once, in steps that are far apart.
         (100 + ((i - LISTED) * 1000 % 3901) as u32, 8000 + (bits(2, i) % 184_001) as u32)
     })
 }
 
-/// What came of all rates.
+/// Results of all rates.
 #[derive(Default)]
 struct Tally {
     ran: u64,
-    /// Why it was refused, and how often.
+    /// Reasons of refusals, and their numbers.
     refused: BTreeMap<String, u64>,
 }
 
 impl Tally {
-    /// Runs a graph, if it is not refused for a reason.
+    /// Runs a graph, or counts its refusal.
     fn run(
         &mut self,
         subject: &Subject<'_>,
@@ -111,7 +112,7 @@ impl Tally {
 
 pub(super) fn graph(subject: &Subject<'_>) -> Found {
     let own = subject.its_graph()?;
-    let circle = |hz: f64| -> crate::played::Motion {
+    let circle = |hz: f64| -> Motion {
         Arc::new(move |tick| {
             let turn = 3.0 * tick as f64 / hz;
             [20.0 * turn.cos(), 20.0 * turn.sin(), -1.0]
@@ -120,7 +121,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
     let mut tally = Tally::default();
     let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(5, 60, EVERY)));
     for (k, (tick_hz, audio_hz)) in rates.enumerate() {
-        // A graph that plays by itself does so here.
+        // A graph without a stylus plays by itself.
         let moved = Rig::with_stylus(own, subject.registry(), &circle(f64::from(tick_hz)));
         let (mut graph, kinds) = moved.unwrap_or_else(|_| (own.clone(), Vec::new()));
         (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
@@ -131,10 +132,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn kinds(subject: &Subject<'_>) -> Found {
-    let all = retrievers(subject.registry());
-    if all.is_empty() {
-        return not_applicable("no kind retrieves phase");
-    }
+    let all = methods(subject, false)?;
     let mut tally = Tally::default();
     let texture: Frames = Arc::new(|frame, bins| {
         for (i, bin) in bins.iter_mut().enumerate() {
@@ -144,11 +142,11 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
     });
     let count = subject.by_effort(14, 100, 1000);
     for (i, (tick_hz, audio_hz)) in pairs(count).enumerate() {
-        // Mostly at a synthesis rate that a resampler brings up; now and then at the audio rate itself.
+        // Mostly at a synthesis rate below the audio rate, now and then at the audio rate itself.
         let rate_hz = if i % 8 == 3 { audio_hz } else { [2500, 2000, 8000, 4410][i % 4] };
         let Some(windows) = windows(rate_hz, tick_hz) else { continue };
         for kind in &all {
-            let chain = kind.chain((tick_hz, audio_hz), windows, texture.clone())?;
+            let chain = chain(kind, (tick_hz, audio_hz), windows, texture.clone())?;
             tally.run(subject, &chain.graph, &chain.kinds)?;
         }
     }

@@ -1,17 +1,19 @@
-//! Graphs drawn at random.
+//! Random graphs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use asperity_diagnostics::Source;
+use asperity_diagnostics::{Diagnostic, Source};
 use asperity_graph::GraphFile;
 use asperity_node::random::bits;
-use asperity_node::{Descriptor, Fault, FrameLayout, FrameRate, Input, NodeKind, Output, ParamKind, Unit};
+use asperity_node::{
+    Descriptor, Fault, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Output, ParamKind, RateSpec,
+    ShapeSpec, Unit, UnitSpec, Var,
+};
 
-use super::types::Types;
 use crate::buffers::finite;
-use crate::case::{Found, Not, holds};
+use crate::case::{Found, Not, fails, holds};
 use crate::played::Played;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -20,35 +22,35 @@ use crate::subject::Subject;
 const MOST: usize = 40;
 /// Ticks of each run.
 const TICKS: u64 = 60;
-/// What such a graph is called.
+/// The name of such a graph.
 const NAME: &str = "drawn.ron";
 
-/// A graph that was drawn, as a file.
+/// A random graph, as a file.
 #[derive(Clone, Debug)]
 pub struct Drawn {
-    /// The file.
+    /// The text of the file.
     pub text: String,
     /// Ticks a second.
     tick_hz: u32,
 }
 
-/// What became of it.
+/// The result of a random graph.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Became {
-    /// It ran, with so many nodes; how often a loop of it went beyond all bounds.
+    /// It ran.
     Ran {
-        /// Nodes.
+        /// Number of nodes.
         nodes: usize,
-        /// Whether there is a loop in it.
+        /// Whether it has a loop.
         looped: bool,
-        /// Faults that were contained.
+        /// Faults of a loop beyond all bounds, which were contained.
         contained: u64,
     },
-    /// It was refused, and this was said.
+    /// It was refused, for this reason.
     Refused(String),
 }
 
-/// What plays in such graphs, beside the subject's own kinds.
+/// Kinds that play in such graphs, beside the subject's own.
 fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
     let noise = |n: u64| (2.0 * asperity_node::random::uniform(9, n) - 1.0) as f32;
     let control = |name: &str, count, unit| {
@@ -86,21 +88,22 @@ fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
     all
 }
 
-/// Draws a graph of a subject's kinds. `choose` answers a number below the one it is given, and where it answers 0 the graph is the simpler for it.
+/// Draws a graph of a subject's kinds. `choose` answers a number below the one that it is given; 0 makes the
+/// graph simpler.
 pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> Drawn {
     let tick_hz = [500, 1000, 100, 4000, 441][choose(5)];
     let audio_hz = [48_000, 44_100, 8000, 96_000][choose(4)];
     let players = players(tick_hz);
-    // What must be told a file, a material or a place is left out.
+    // Kinds that need a file, a material or a place are left out.
     let simple = |d: &&Descriptor| d.params.iter().all(|p| p.default.is_some() || p.optional);
     let kinds: Vec<&Descriptor> =
         players.iter().chain(subject.registry().iter()).map(|k| k.descriptor()).filter(simple).collect();
     let mut types = Types::new(audio_hz);
     let mut wires = Vec::new();
-    // Inputs that get something from a node that comes after: a loop.
+    // Inputs from later nodes: loops.
     let mut later = Vec::new();
     for to in 0..1 + choose(MOST) {
-        // Mostly one for which there is something to wire to.
+        // Mostly a kind whose inputs can be wired.
         let mut d = kinds[choose(kinds.len())];
         let tries = if choose(200) == 199 { 0 } else { 40 };
         for _ in 0..tries {
@@ -138,7 +141,7 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
         let _ =
             writeln!(text, "    \"n{i}\": (kind: {kind:?}, {every}params: ({}{unknown})),", params.concat());
     }
-    // What nobody hears does not run: whatever ends somewhere is looked at.
+    // A node without a sink does not run, so every loose end gets a probe.
     let heard: BTreeSet<usize> = wires.iter().map(|(from, ..)| *from).collect();
     let ends = nodes.iter().enumerate().filter(|(i, _)| !heard.contains(i));
     let ends = ends.filter_map(|(i, d)| Some((i, d.outputs.first()?)));
@@ -158,7 +161,7 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
     Drawn { text, tick_hz }
 }
 
-/// Wires an input to one of the nodes before `reach`: mostly one that fits, now and then any.
+/// Wires an input to one of the nodes before `reach`: mostly to one that fits.
 fn wire<'d>(
     types: &mut Types<'d>,
     reach: usize,
@@ -174,9 +177,9 @@ fn wire<'d>(
     Some((from, output, to, input))
 }
 
-/// A parameter as the file has it, if it does: mostly it is left out.
+/// The text of a parameter, or none: mostly it is left out.
 fn param(name: &str, kind: &ParamKind, choose: &mut dyn FnMut(usize) -> usize) -> Option<String> {
-    // Factors, so that a loop through a few of them ends.
+    // Factors that let most loops end.
     match name {
         "gain" => return Some(format!("gain: {}, ", ["0.5", "-0.9", "1.0", "0.0"][choose(4)])),
         "inputs" => return Some(format!("inputs: {}, gains: [0.4], ", 2 + choose(2))),
@@ -201,13 +204,13 @@ fn param(name: &str, kind: &ParamKind, choose: &mut dyn FnMut(usize) -> usize) -
 }
 
 impl Drawn {
-    /// Loads it, and runs it if it does.
+    /// Loads and runs it.
     ///
     /// # Errors
-    /// What must hold and does not.
+    /// Something that must hold does not.
     pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Not> {
         let source = Source::new(NAME, self.text.as_str());
-        let told = |e: &asperity_diagnostics::Diagnostic| {
+        let told = |e: &Diagnostic| {
             holds(!e.message.trim().is_empty() && e.place.is_some(), || {
                 format!("refused without a place: {e}")
             })?;
@@ -229,14 +232,13 @@ impl Drawn {
         let nodes = rig.schedule.nodes.len();
         let looped = rig.schedule.nodes.iter().any(|n| n.closes_cycle);
         rig.run(TICKS, |rig, tick| {
-            for (i, node) in rig.schedule.nodes.iter().enumerate() {
-                for (o, port) in node.outputs.iter().enumerate() {
-                    holds(rig.engine.output(i, o).is_some_and(finite), || {
-                        format!("`{}.{}` ({}) is not finite in tick {tick}", node.id, port.name, node.kind)
-                    })?;
+            match rig.outputs().find(|&(i, o)| !rig.engine.output(i, o).is_some_and(finite)) {
+                Some((i, o)) => {
+                    let (name, kind) = (rig.name(i, o), &rig.schedule.nodes[i].kind);
+                    fails(format!("`{name}` ({kind}) is not finite in tick {tick}"))
                 }
+                None => Ok(()),
             }
-            Ok(())
         })?;
         let mut contained = 0;
         for (i, node) in rig.schedule.nodes.iter().enumerate() {
@@ -252,7 +254,7 @@ impl Drawn {
     }
 }
 
-/// What a refusal says, but for whom it names and its numbers: `_` for each.
+/// A refusal with `_` for its names and numbers.
 fn gist(why: &str) -> String {
     let plain = |(i, part): (usize, &str)| match i % 2 {
         0 => part.split_inclusive(|c: char| c.is_ascii_digit()).fold(String::new(), |mut all, piece| {
@@ -298,7 +300,190 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     let often = often.join("; ");
     holds(3 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
     Ok(format!(
-        "{ran} of {graphs} ran, of {} nodes on average, {loops} with a loop, which went beyond all bounds in {beyond}; the others said why, such as, {often}",
+        "{ran} of {graphs} ran, of {} nodes on average, {loops} with a loop, which went beyond all bounds in \
+         {beyond}; the others were refused, such as, {often}",
         nodes as u64 / ran.max(1)
     ))
+}
+
+/// A shape, as far as it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Known {
+    Control(usize),
+    Audio(Option<u32>),
+    Magnitude(Option<FrameLayout>),
+    Spectrum(Option<FrameLayout>),
+}
+
+/// Values of a node's variables.
+#[derive(Clone, Debug, Default)]
+struct Bound {
+    shapes: BTreeMap<Var, Known>,
+    rates: BTreeMap<Var, u32>,
+    layouts: BTreeMap<Var, FrameLayout>,
+    units: BTreeMap<Var, Unit>,
+}
+
+impl Bound {
+    fn shape(&self, spec: &ShapeSpec, audio_hz: u32) -> Option<Known> {
+        let rate = |rate: &RateSpec| match rate {
+            RateSpec::Graph => Some(audio_hz),
+            RateSpec::Hz(hz) => Some(*hz),
+            RateSpec::Of(var) => self.rates.get(var).copied(),
+        };
+        let layout = |layout: &LayoutSpec| match layout {
+            LayoutSpec::Is(layout) => Some(*layout),
+            LayoutSpec::Of(var) => self.layouts.get(var).copied(),
+        };
+        Some(match spec {
+            ShapeSpec::Like(var) => return self.shapes.get(var).copied(),
+            ShapeSpec::Control(count) => Known::Control(*count),
+            ShapeSpec::Audio(hz) => Known::Audio(rate(hz)),
+            ShapeSpec::Magnitude(of) => Known::Magnitude(layout(of)),
+            ShapeSpec::Spectrum(of) => Known::Spectrum(layout(of)),
+        })
+    }
+
+    fn unit<'s>(&'s self, spec: &'s UnitSpec) -> Option<&'s Unit> {
+        match spec {
+            UnitSpec::Is(unit) => Some(unit),
+            UnitSpec::Of { var, .. } => self.units.get(var),
+        }
+    }
+
+    fn bind(&mut self, shape: &ShapeSpec, known: Option<Known>, unit: &UnitSpec, is: Option<&Unit>) {
+        match (shape, known) {
+            (ShapeSpec::Like(var), Some(known)) => {
+                self.shapes.insert(*var, known);
+            }
+            (ShapeSpec::Audio(RateSpec::Of(var)), Some(Known::Audio(Some(hz)))) => {
+                self.rates.insert(*var, hz);
+            }
+            (
+                ShapeSpec::Magnitude(LayoutSpec::Of(var)) | ShapeSpec::Spectrum(LayoutSpec::Of(var)),
+                Some(Known::Magnitude(Some(layout)) | Known::Spectrum(Some(layout))),
+            ) => {
+                self.layouts.insert(*var, layout);
+                self.rates.insert(*var, layout.rate_hz);
+            }
+            _ => {}
+        }
+        if let (UnitSpec::Of { var, .. }, Some(unit)) = (unit, is) {
+            self.units.insert(*var, unit.clone());
+        }
+    }
+}
+
+/// The known one of two values. An error where they differ.
+fn both<T: PartialEq>(a: Option<T>, b: Option<T>) -> Result<Option<T>, ()> {
+    match (a, b) {
+        (Some(a), Some(b)) if a != b => Err(()),
+        (a, b) => Ok(a.or(b)),
+    }
+}
+
+fn same(a: Known, b: Known) -> Result<Known, ()> {
+    Ok(match (a, b) {
+        (Known::Control(m), Known::Control(n)) if m == n => Known::Control(m),
+        (Known::Audio(m), Known::Audio(n)) => Known::Audio(both(m, n)?),
+        (Known::Magnitude(m), Known::Magnitude(n)) => Known::Magnitude(both(m, n)?),
+        (Known::Spectrum(m), Known::Spectrum(n)) => Known::Spectrum(both(m, n)?),
+        _ => return Err(()),
+    })
+}
+
+/// The nodes of a graph that is drawn, and the known types of their ports: nearly those of the compiler.
+struct Types<'d> {
+    nodes: Vec<&'d Descriptor>,
+    bound: Vec<Bound>,
+    audio_hz: u32,
+}
+
+impl<'d> Types<'d> {
+    fn new(audio_hz: u32) -> Self {
+        Self { nodes: Vec::new(), bound: Vec::new(), audio_hz }
+    }
+
+    fn add(&mut self, node: &'d Descriptor) {
+        self.nodes.push(node);
+        self.bound.push(Bound::default());
+    }
+
+    /// Whether every input that needs a wire can have one.
+    fn serves(&self, node: &Descriptor) -> bool {
+        let new = Bound::default();
+        let served =
+            |input: &Input| self.outputs().any(|(i, o)| self.is_sure(i, o) && self.joins(i, o, &new, input));
+        node.inputs.iter().filter(|input| !input.optional).all(served)
+    }
+
+    /// All outputs, with their nodes.
+    fn outputs(&self) -> impl Iterator<Item = (usize, &'d Output)> + '_ {
+        self.nodes.iter().enumerate().flat_map(|(i, d)| d.outputs.iter().map(move |o| (i, o)))
+    }
+
+    /// Whether an output always exists: a node of a file or a message often has its first output only.
+    fn is_sure(&self, node: usize, output: &Output) -> bool {
+        self.nodes.get(node).is_some_and(|d| {
+            d.inputs.iter().any(|i| !i.optional && !i.fed)
+                || d.outputs.first().is_some_and(|f| f.name == output.name)
+        })
+    }
+
+    /// Whether an output fits an input of a node, as far as is known.
+    fn fits(&self, from: usize, output: &Output, to: usize, input: &Input) -> bool {
+        self.bound.get(to).is_some_and(|bound| self.joins(from, output, bound, input))
+    }
+
+    fn joins(&self, from: usize, output: &Output, to: &Bound, input: &Input) -> bool {
+        let Some(bound) = self.bound.get(from) else { return false };
+        let shapes = match (bound.shape(&output.shape, self.audio_hz), to.shape(&input.shape, self.audio_hz))
+        {
+            (Some(a), Some(b)) => same(a, b).is_ok(),
+            (Some(_), None) => true,
+            // The type of a later node is unknown: only a node that closes a loop is wired to it.
+            (None, b) => b.is_some() && self.nodes.get(from).is_some_and(|d| d.feedback.is_some()),
+        };
+        let among = |spec: &UnitSpec, unit: &Unit| match spec {
+            UnitSpec::Is(_) => true,
+            UnitSpec::Of { among, .. } => among.is_empty() || among.contains(unit),
+        };
+        let units = match (bound.unit(&output.unit), to.unit(&input.unit)) {
+            (Some(a), Some(b)) => a == b,
+            (Some(a), None) => among(&input.unit, a),
+            (None, Some(b)) => among(&output.unit, b),
+            (None, None) => true,
+        };
+        shapes && units && (!input.limited || output.limited)
+    }
+
+    /// Binds the types of both ends of a wire.
+    fn join(&mut self, from: usize, output: &Output, to: usize, input: &Input) {
+        let (Some(a), Some(b)) = (self.bound.get(from), self.bound.get(to)) else { return };
+        let shapes = (a.shape(&output.shape, self.audio_hz), b.shape(&input.shape, self.audio_hz));
+        let shape = match shapes {
+            (Some(a), Some(b)) => same(a, b).ok(),
+            (a, b) => a.or(b),
+        };
+        let unit = a.unit(&output.unit).or(b.unit(&input.unit)).cloned();
+        for (node, shape_spec, unit_spec) in
+            [(from, &output.shape, &output.unit), (to, &input.shape, &input.unit)]
+        {
+            if let Some(bound) = self.bound.get_mut(node) {
+                bound.bind(shape_spec, shape, unit_spec, unit.as_ref());
+            }
+        }
+    }
+
+    /// Whether the type of an output is known.
+    fn knows(&self, node: usize, output: &Output) -> bool {
+        self.bound.get(node).is_some_and(|b| b.shape(&output.shape, self.audio_hz).is_some())
+    }
+
+    /// Whether a node carries audio, and so runs in every tick.
+    fn hears(&self, node: usize) -> bool {
+        let (Some(d), Some(bound)) = (self.nodes.get(node), self.bound.get(node)) else { return false };
+        let specs = d.inputs.iter().map(|i| &i.shape).chain(d.outputs.iter().map(|o| &o.shape));
+        specs.into_iter().any(|spec| matches!(bound.shape(spec, self.audio_hz), Some(Known::Audio(_))))
+    }
 }

@@ -6,37 +6,37 @@ use asperity_accuracy::accuracy::AccuracyError;
 use asperity_accuracy::accuracy::rhythm::{Rhythm, envelope_likeness};
 use asperity_texture::{Library, LibraryMaterial};
 
-use super::beside::{motion, networks, sounds};
+use super::{motion, networks, sounds};
 use crate::case::{Found, Not, holds};
 use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
 
-/// Radius of the circle in mm: so large that a direction lasts longer than a pulse.
+/// Radius of the circle \[mm\]: so large that a direction lasts longer than a pulse.
 const RADIUS_MM: f64 = 30.0;
-/// How deep the stylus is \[mm\].
+/// Depth of the stylus \[mm\].
 const DEPTH_MM: f64 = 2.0;
-/// What settles before anything is measured \[s\].
+/// Time to settle before a measurement \[s\].
 const SETTLE_S: f64 = 0.5;
-/// How much more of the envelope may repeat than of noise of the same spectrum and length.
+/// Allowed repetition of the envelope beyond that of noise of the same spectrum and length.
 const MORE_REPETITION: f64 = 0.25;
-/// How many times as deep as that noise's the modulation from 15 to 25 Hz may be: single grains of a coarse
-/// sandpaper make it twice as deep.
+/// Allowed modulation from 15 to 25 Hz, as a multiple of that noise's: single grains of a coarse sandpaper
+/// make it twice as deep.
 const MORE_MODULATION: f64 = 2.5;
 
-/// Root mean square in m/s^2 below which nothing sounds.
+/// Rms below which nothing sounds \[m/s^2\].
 const SILENT_M_S2: f64 = 1e-6;
-/// Bumps whose distances vary by less than this part come evenly along the way: their rhythm is the surface's.
+/// Bumps whose distances vary by less than this part are regular: their rhythm is the surface's.
 const EVEN: f64 = 0.25;
-/// Bumps farther apart than this in mm are met one by one, as the pores of wood. They pulse by right, but not
+/// Distance from which on bumps are met one by one, as the pores of wood \[mm\]. They may pulse, but not
 /// twice after the same time.
 const SINGLE_MM: f64 = 0.4;
 
-/// Speeds in mm/s at which what repeats with place repeats after other times: no two are as small whole
-/// numbers, so that few lags are multiples of all.
+/// Speeds at which a repetition with place has other lags \[mm/s\]. Their ratios are not simple, so that few
+/// lags are multiples at all of them.
 const SPEEDS_MM_S: [f64; 3] = [60.0, 82.4, 131.0];
 
-/// A material that is set.
+/// A material of the graph.
 struct Setting {
     name: String,
     changes: Vec<String>,
@@ -55,7 +55,8 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             let Some((lag_s, more)) = same_at_all_speeds(subject, changes, seconds)? else { continue };
             holds(more <= MORE_REPETITION, || {
                 format!(
-                    "{name}: after {:.0} ms the envelope repeats by {more:.2} more than that of noise, at {SPEEDS_MM_S:?} mm/s alike",
+                    "{name}: after {:.0} ms the envelope repeats by {more:.2} more than that of noise, at \
+                     {SPEEDS_MM_S:?} mm/s alike",
                     1e3 * lag_s
                 )
             })?;
@@ -75,7 +76,8 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             let times = if *single { 0.0 } else { ours.pulses() / noise.pulses() };
             holds(more <= MORE_REPETITION && times <= MORE_MODULATION, || {
                 format!(
-                    "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by {:.2} from 15 to 25 Hz, noise by {:.2}",
+                    "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by \
+                     {:.2} from 15 to 25 Hz, noise by {:.2}",
                     ours.envelope_repetition,
                     noise.envelope_repetition,
                     ours.pulses(),
@@ -90,13 +92,15 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
         return Err(Not::Applicable("no stroke sounds".into()));
     }
     Ok(format!(
-        "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, and is modulated {:.1} times as deep; what repeats with place repeats after the same time at all speeds by at most {same:.2}",
+        "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, \
+         and is modulated {:.1} times as deep; at the same lag at all speeds it repeats by at most \
+         {same:.2}",
         worst.0, worst.1
     ))
 }
 
-/// The time after which the envelope repeats most at all speeds alike, and by how much more than that of
-/// noise: what repeats with place repeats after another time at each. None where nothing sounds.
+/// The lag at which the envelope repeats most at all speeds alike, and by how much more than that of noise. A
+/// repetition with place has another lag at each speed. None where nothing sounds.
 fn same_at_all_speeds(
     subject: &Subject<'_>,
     changes: &[String],
@@ -129,7 +133,7 @@ fn rhythms(signal: &[f64], rate_hz: f64) -> Result<(Rhythm, Rhythm), AccuracyErr
     Ok((Rhythm::new(&[signal], rate_hz)?, Rhythm::of_noise_like(&[signal], rate_hz)?))
 }
 
-/// The acceleration of a motion once it has settled, and its rate in Hz.
+/// The acceleration of a motion that has settled, and its rate \[Hz\].
 fn signal(
     subject: &Subject<'_>,
     motion: &Motion,
@@ -149,7 +153,7 @@ fn signal(
     Ok((signal, rate_hz))
 }
 
-/// Strokes of constant speed, with it in mm/s: wide circles on a floor, else where the network sounds.
+/// Strokes of constant speed \[mm/s\]: wide circles on a floor, else a circle at which the network sounds.
 fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
     if sounds(&mut Rig::new(subject, circle(subject, 80.0)?, &[])?)? {
         let speeds: &[f64] = subject.by_effort(&[80.0], &[60.0, 160.0], &[40.0, 80.0, 160.0, 280.0]);
@@ -158,7 +162,7 @@ fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
     Ok(vec![(60.0, motion(subject)?)])
 }
 
-/// A wide circle on a floor at a speed in mm/s.
+/// A wide circle on a floor at a speed \[mm/s\].
 fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Not> {
     let hz = f64::from(subject.its_graph()?.tick_hz);
     Ok(Arc::new(move |tick| {
@@ -167,8 +171,8 @@ fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Not> {
     }))
 }
 
-/// The materials to be set: of those in the library that repeat with place and of those that do not, the
-/// first one of each family. Where nothing can be set, the graph as it is.
+/// The first material of each family in the library, both of those that repeat with place and of the others.
+/// The graph as it is where it has no library.
 fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let most = subject.by_effort(2, 4, 100);

@@ -1,8 +1,10 @@
 //! A device that falls on the walls of a graph and rests there.
 //!
-//! A fall bounces until the speed that is left, which falls by e^(-pi z) every time, lifts it no more: v m w < f. Where two walls meet and one of them is felt at a time,
-//! they take turns: a force of the push's size P that changes its side when one is h deeper than the other. Every turn gives P h sqrt(2), and between two of them
-//! the damping takes 2 b v^3 m / (3 P), as in friction that turns late: no faster than the cube root of 3 sqrt(2) h P^2 / (2 b m), and two ticks of the push.
+//! Each bounce leaves e^(-pi z) of the speed, until the device no longer leaves the wall: v m w < f. Where
+//! two walls meet and one of them is felt at a time, they take turns: a force of the push's size P changes
+//! its side when one is h deeper than the other. A turn gives P h sqrt(2), and between two turns the damping
+//! takes 2 b v^3 m / (3 P), as with friction that turns late. So the speed is at most the cube root of 3
+//! sqrt(2) h P^2 / (2 b m), and two ticks of the push.
 
 use std::f64::consts::PI;
 
@@ -12,21 +14,21 @@ use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Column, Near, Spot, Wall, pitch_mm};
 
-/// What it rests under \[N\].
+/// Push on the device \[N\].
 const PUSH_N: f64 = 0.3;
-/// From how high it falls \[mm\].
+/// Height of the fall \[mm\].
 const HEIGHT_MM: f64 = 2.0;
-/// Steps of the device between two ticks.
+/// Steps of the device per tick.
 const STEPS: usize = 5;
-/// How long it may take to come to rest, and for how long it lies still before that is believed \[s\].
+/// Time that it has to come to rest, and time without motion that counts as rest \[s\].
 const TIME_S: (f64, f64) = (6.0, 0.3);
-/// How much deeper a wall must be than the one that is felt before it is felt instead, unless a scene says otherwise \[mm\].
+/// Default hysteresis between two walls \[mm\]: so much deeper must one be to be felt instead of the other.
 const HYSTERESIS_MM: f64 = 0.1;
 
-/// The last place of a level wall, where it ends or goes over into another.
+/// The last place of a level wall before its end or another wall.
 struct Edge {
     on_mm: [f64; 2],
-    /// The way on, where there a higher one begins: the two make a corner.
+    /// The direction of a higher wall that makes a corner with it.
     corner: Option<[f64; 2]>,
 }
 
@@ -63,15 +65,15 @@ fn edges(wall: &mut Wall, columns: &[Column], most: usize) -> Vec<Edge> {
     all
 }
 
-/// What became of a fall.
+/// Figures of a fall.
 #[derive(Default)]
 struct Rest {
-    /// How often contact was made, and broken.
+    /// Number of times that contact was made, and broken.
     makes: u32,
     breaks: u32,
     /// Changes in the last half of the time.
     late: u32,
-    /// How often, in the last half, what is touched turned to another side, and how fast the device still was \[mm/s\].
+    /// Turns of the normal in the last half, and the speed of the device then \[mm/s\].
     turns: u32,
     fast_mm_s: f64,
     /// It went over an edge.
@@ -130,7 +132,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     }
     let near = level.iter().map(|spot| wall.near(*spot));
     let near: Vec<Near> = applicable(near, "no level wall was found in this graph")?;
-    // What does not push out is fallen through.
+    // The device falls through a wall that does not push out.
     level.retain(|spot| !near.iter().any(|n| n.spot.alike(spot)));
     for column in &mut columns {
         column.spot = column.spot.filter(|s| !level.iter().any(|through| through.alike(s)));
@@ -139,7 +141,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     let (needed, dry) = (most(|n| n.needed_ns_per_m(0.0)), most(quantum::needed_n));
     let stiffest = most(|n| n.law.stiffness_n_per_mm);
     let device = Device { mass_kg: 0.1, damping_ns_per_m: 2.0 * needed, friction_n: 1.5 * dry };
-    // How fast it comes, were there nothing to take it.
+    // Its speed at the wall without damping.
     let fast = (2e-3 * PUSH_N * HEIGHT_MM / device.mass_kg).sqrt();
     let (k, sampled) = (1e3 * stiffest, needed);
     let z = (device.damping_ns_per_m - sampled) / (2.0 * (k * device.mass_kg).sqrt());
@@ -153,7 +155,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     let down = [0.0, 0.0, -PUSH_N];
     let mut falls: Vec<([f64; 2], [f64; 3])> = Vec::new();
     for Edge { on_mm, corner } in &edges {
-        // On it, on either side of it by parts of a step of the sensor, and well on it.
+        // On the edge, beside it by parts of a step of the sensor, and well on the wall.
         falls.extend([0.0, 0.4, -0.4, 3.0].map(|part| (on_mm.map(|x| x + part * quantum::STEP_MM), down)));
         if let Some(way) = corner {
             // Pressed into the corner.
@@ -200,9 +202,11 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
         }
         worst = worst.max(it.makes);
     }
-    holds(wall.faults() == 0, || format!("{} faults", wall.faults()))?;
+    wall.sound()?;
     Ok(format!(
-        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went over the edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most ({fastest:.1})",
+        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went \
+         over the edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most \
+         ({fastest:.1})",
         falls.len(),
         edges.len()
     ))

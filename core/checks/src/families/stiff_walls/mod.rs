@@ -1,122 +1,127 @@
-//! Walls: what a sampled wall gives to a device that is held by nobody, or by a hand.
+//! Walls: the energy that a sampled wall gives to a device, alone or under a hand.
 //!
-//! Every wall here is that of a graph, and the device is simulated around it ([`crate::handle`]). Walls of a kind are floors of all kinds in the registry
-//! that are one, at 500 and 1000 Hz; a user's own is what the graph answers to its stylus, at its own rate.
+//! Every wall is that of a graph, and the device around it is simulated ([`crate::handle`]). Walls of a kind
+//! are all kinds of floors in the registry, at 500 and 1000 Hz. A user's own wall is the answer of the graph
+//! to its stylus, at its own rate.
+//!
+//! # Energy
+//!
+//! A force F_k that is read at x_k and held over a tick gives `F_k (x_k+1 - x_k)`. A device's damping b
+//! takes least at a speed that is constant from tick to tick: `b sum (x_k+1 - x_k)^2 / T`. The cases play
+//! such motions, so no device with this damping can take what they find. A wall `F = -K x` gives
+//!
+//! ```text
+//! -K x_k (x_k+1 - x_k) = U(x_k) - U(x_k+1) + K (x_k+1 - x_k)^2 / 2,    U = K x^2 / 2
+//! ```
+//!
+//! Over a closed way this equals a damping of K T/2, and no more where the wall is left on the way, since U
+//! is convex. A damper B gives `-B (x_k - x_k-1) (x_k+1 - x_k) / T`, at most `B sum (x_k+1 - x_k)^2 / T`. So
+//! the bound is K T/2 + B for any way and any device, also where either force is cut off at 0 or at a
+//! largest force.
 
 mod chatter;
-mod energy;
 mod quantum;
-mod under_a_hand;
+#[cfg(test)]
+mod tests;
 
+use std::f64::consts::TAU;
+
+use asperity_node::random;
 use asperity_scene::effect::passivity::Passivity;
 
 use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
-use crate::handle::Device;
-use crate::subject::Subject;
-use crate::wall::{Near, Wall, floors, pitch_mm};
-
-use energy::{Fall, Fallen, Swings, by_chance, fall, swings};
+use crate::handle::{Device, Hand, Handle, Loop};
+use crate::subject::{Effort, Subject};
+use crate::wall::{Curve, Near, Wall, floors, pitch_mm};
 
 /// Rates at which walls of a kind are looked at \[Hz\].
 const RATES_HZ: [u32; 2] = [500, 1000];
 
+const WALLS: Family = Family("stiff_walls");
+
 pub(super) const CASES: &[Case] = &[
-    Family::StiffWalls.case(
+    WALLS.kinds(
         "wall_inside_its_bound",
-        false,
         |s| each_floor(s, inside),
-        [
-            "a device without a hand is thrown at a wall and falls on it, with 2 % more damping than b = K T/2 + B, the wall's steps in time read by an ideal sensor",
-            "no energy: in no tick have device and wall together more than at first (1e-4: the wall's energy is measured); with twice the damping it lies still after 60 m / b",
-        ],
+        "a device without a hand is thrown at a wall and falls on it. Its damping is 2 % above b = K T/2 + \
+         B. The wall runs in ticks, the sensor is ideal",
+        "no energy is made: in no tick have device and wall together more than at first (within 1e-4, to \
+         which the energy of the wall is measured). With twice the damping it lies still after 60 m / b",
     ),
-    Family::StiffWalls.case(
-        "wall_outside_its_bound",
-        false,
-        |s| floor(s, "virtual_floor", outside),
-        [
-            "the same with less damping than the bound: were none made there, the case inside would show nothing",
-            "energy is made: motions of constant speed from tick to tick take out within 0.1 % of what K T/2 stands for at every frequency, and a device with 0.8 of that damping leaves the wall faster than it came",
-        ],
-    ),
-    Family::StiffWalls.case(
+    WALLS.kinds(
         "wall_late",
-        false,
         |s| each_floor(s, late),
-        [
-            "forces come 1/2, 1 and 2 ticks late",
-            "a delay counts as K t_d: with 2 % more damping than K (T/2 + t_d) + B no energy is made, with 0.8 of it a device leaves the wall faster than it came",
-        ],
+        "forces come 1/2, 1 and 2 ticks late",
+        "a delay t_d counts as K t_d. With 2 % more damping than K (T/2 + t_d) + B no energy is made. With \
+         0.8 of that damping a device leaves the wall faster than it came",
     ),
-    Family::StiffWalls.case(
+    WALLS.kinds(
         "wall_in_steps",
-        false,
         |s| each_floor(s, quantum::below),
-        [
-            "the sensor tells places in steps D = 0.055 mm, and the device's dry friction c is below K D / 2 (13.8 mN at 0.5 N/mm): the wall trembles",
-            "on 1.5 and 4 times the damping b that is needed, once 40 m / (b - K T/2) have gone by, it trembles within a tenth no further than (D/2 + c/K) coth(pi z / (2 sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - c) / (b - K T/2); at rest between two steps a device without dry friction is no slower than f / b sqrt(1 - tanh(s/2) / (s/2)), f the least that K D is off there, s = b T/m; motions to and fro over the border of a step take out what K D / 2 stands for within 0.1 %",
-        ],
+        "the sensor tells places in steps D = 0.055 mm, and the dry friction c of the device is below K D \
+         / 2 (13.8 mN at 0.5 N/mm): the wall trembles. The device has 1.5 and 4 times the damping b that \
+         it needs",
+        "after 40 m / (b - K T/2) it trembles within 10 % no further than (D/2 + c/K) coth(pi z / (2 \
+         sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - \
+         c) / (b - K T/2). At rest between two steps, without dry friction, its speed is at least f / b \
+         sqrt(1 - tanh(s/2) / (s/2)), where f is the least error of the force there and s = b T/m. Motions \
+         across the border of a step take out what K D / 2 stands for within 0.1 %",
     ),
-    Family::StiffWalls.case(
+    WALLS.kinds(
         "wall_in_steps_held_by_friction",
-        false,
         |s| each_floor(s, quantum::above),
-        [
-            "the same with dry friction above K D / 2",
-            "it lies still, to the last bit, after as many swings as friction needs for it: A K / (4 (c - K D / 2)) and one more",
-        ],
+        "the same sensor, with dry friction c above K D / 2",
+        "it lies still, to the last bit, after as many swings as friction needs: A K / (4 (c - K D / 2)) \
+         and one more",
     ),
-    Family::StiffWalls.case(
+    WALLS.kinds(
         "wall_under_a_hand",
-        false,
-        |s| each_floor(s, under_a_hand::holds_on),
-        [
-            "a hand in a pen grip presses the device into the wall and lets it go, light and heavy, loose and firm (9 hands; 3 in a quick look, 27 in a long one)",
-            "with 2 % more damping than the bound no energy is made, and it lies still to 1 um once 24 M / B of hand, device and arm have gone by (8 s of the usual hand); with a sensor in steps its rms speed is within the bound of the wall in steps",
-        ],
+        |s| each_floor(s, under_a_hand),
+        "a hand in a pen grip presses the device into the wall and lets it go: light and heavy, loose and \
+         firm. There are 9 hands, 3 with effort `quick` and 27 with `long`. The damping is 2 % above the \
+         bound",
+        "no energy is made. Once 24 M / B of hand, device and arm have gone by (8 s of the usual hand), it \
+         lies still to 1 um. With a sensor in steps its rms speed is within the bound of the wall in steps",
     ),
-    Family::StiffWalls.case(
+    WALLS.graph(
         "own_wall_energy",
-        true,
         |s| own(s, inside),
-        [
-            "a device without a hand is thrown at the graph's own walls, at the graph's own rate, with 2 % more damping than b = K (T/2 + t_d) + B, K as the force at rest has it, B as the wall tells it (more where drags add to it), t_d as the graph declares",
-            "no energy: in no tick have device and wall together more than at first (1e-4: the wall's energy is measured); no motion takes out more than the bound",
-        ],
+        "a device without a hand is thrown at the graph's own walls, at the graph's own rate. Its damping \
+         is 2 % above b = K (T/2 + t_d) + B: K from the force at rest, B as the wall tells it (more where \
+         drags add to it), t_d as the graph declares",
+        "no energy is made: in no tick have device and wall together more than at first (within 1e-4, to \
+         which the energy of the wall is measured). No motion takes out more than the bound",
     ),
-    Family::StiffWalls.case(
+    WALLS.graph(
         "own_wall_in_steps",
-        true,
         |s| own(s, |w, n, s| Ok(format!("{}; {}", quantum::below(w, n, s)?, quantum::above(w, n, s)?))),
-        [
-            "the graph's own walls, by a sensor that tells places in steps of 0.055 mm",
-            "they tremble within the bounds of a wall in steps, and lie still where dry friction is above K D / 2",
-        ],
+        "the graph's own walls, with a sensor that tells places in steps of 0.055 mm",
+        "they tremble within the bounds of `wall_in_steps`, and lie still where dry friction is above K D \
+         / 2",
     ),
-    Family::StiffWalls.case(
+    WALLS.graph(
         "own_wall_under_a_hand",
-        true,
-        |s| own(s, under_a_hand::holds_on),
-        [
-            "a hand in a pen grip presses a device into the graph's own walls, light and heavy, loose and firm (9 hands; 3 in a quick look, 27 in a long one)",
-            "no energy is made, it lies still to 1 um once 24 M / B of hand, device and arm have gone by, and with a sensor in steps its rms speed is within the bound of the wall in steps",
-        ],
+        |s| own(s, under_a_hand),
+        "a hand in a pen grip presses a device into the graph's own walls: light and heavy, loose and firm \
+         (9 hands, 3 with effort `quick`, 27 with `long`)",
+        "no energy is made. Once 24 M / B of hand, device and arm have gone by, it lies still to 1 um. \
+         With a sensor in steps its rms speed is within the bound of the wall in steps",
     ),
-    Family::StiffWalls.case(
+    WALLS.graph(
         "contact_chatter",
-        true,
         chatter::rests,
-        [
-            "a device of 0.1 kg falls on the walls of the graph at their edges, in their middle and into their corners, and rests there under f = 0.3 N, with a sensor in steps of 0.055 mm",
-            "contact is made at most 2 + ln(v m w / f) / (pi z) times, and neither made nor broken in the last half of 6 s; where what is touched takes turns, between two walls or the slopes of one, it is no faster than (3 sqrt(2) h f^2 / (2 b m))^(1/3) + 2 f T / m, h = 0.1 mm being the usual hysteresis",
-        ],
+        "a device of 0.1 kg falls on the walls of the graph: at their edges, in their middle, into their \
+         corners. It rests there under f = 0.3 N, with a sensor in steps of 0.055 mm",
+        "contact is made at most 2 + ln(v m w / f) / (pi z) times, and neither made nor broken in the last \
+         half of 6 s. Where two walls, or two slopes of one, take turns, the device is no faster than (3 \
+         sqrt(2) h f^2 / (2 b m))^(1/3) + 2 f T / m, with the usual hysteresis h = 0.1 mm",
     ),
 ];
 
-/// Something about a wall near its surface.
+/// A check of a wall near its surface.
 type About = fn(&mut Wall, &Near, &Subject<'_>) -> Found;
 
-/// Asks it of a kind of floor, at all rates.
+/// Checks a kind of floor at all rates.
 fn floor(subject: &Subject<'_>, kind: &str, about: About) -> Found {
     let mut found = Vec::new();
     for tick_hz in RATES_HZ {
@@ -129,17 +134,17 @@ fn floor(subject: &Subject<'_>, kind: &str, about: About) -> Found {
     Ok(format!("`{kind}` {}", found.join("; ")))
 }
 
-/// Asks it of every kind of floor.
+/// Checks every kind of floor.
 fn each_floor(subject: &Subject<'_>, about: About) -> Found {
     let kinds = floors(subject);
-    // What needs parameters to be anything is looked at in a graph that has it.
+    // A kind that needs parameters is only checked in a graph that has it.
     let plain = kinds.iter().map(|k| &k.descriptor().kind);
     let plain = plain.filter(|kind| Wall::of_floor(subject, kind, &[], RATES_HZ[0]).is_ok());
     let all = plain.map(|kind| floor(subject, kind, about));
     Ok(applicable(all, "there is no kind of floor")?.join("; "))
 }
 
-/// Asks it of the graph's own walls, those that need most damping first.
+/// Checks the graph's own walls, those that need most damping first.
 fn own(subject: &Subject<'_>, about: About) -> Found {
     let mut wall = Wall::of_graph(subject)?;
     let spots = wall.walls(pitch_mm(subject));
@@ -173,7 +178,8 @@ fn own(subject: &Subject<'_>, about: About) -> Found {
     Ok(format!("{tells} (the first of {count} that differ); {}", found.join("; ")))
 }
 
-/// Throws and drops of devices on a wall: masses that swing in it from slowly to once in a few ticks, from places all over a tick's way.
+/// Throws devices at a wall: masses that swing in it from slowly to once in a few ticks, from places all
+/// over a tick's way.
 fn thrown(
     wall: &mut Wall,
     near: &Near,
@@ -199,7 +205,7 @@ fn thrown(
     Ok(())
 }
 
-/// Where a wall's energy is measured, it is known so well.
+/// Accuracy of a wall's measured energy.
 const KNOWN: f64 = 1e-4;
 
 fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
@@ -207,12 +213,13 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     let Swings { most_ns_per_m, at_hz, .. } = swings(wall, near);
     holds(most_ns_per_m <= bound * (1.0 + 1e-6), || {
         format!(
-            "a motion of {at_hz:.0} Hz takes out what {most_ns_per_m:.4} N s/m stand for; the bound is {bound:.4}"
+            "a motion of {at_hz:.0} Hz takes out the energy of {most_ns_per_m:.4} N s/m; the bound is \
+             {bound:.4}"
         )
     })?;
     let chance = by_chance(wall, near, subject.by_effort(10, 50, 2000));
     holds(chance <= bound * (1.0 + 1e-6), || {
-        format!("a way in and out takes out what {chance:.4} N s/m stand for; the bound is {bound:.4}")
+        format!("a way in and out takes out the energy of {chance:.4} N s/m; the bound is {bound:.4}")
     })?;
     let damping_ns_per_m = 1.02 * bound;
     let mut worst = f64::MIN;
@@ -230,7 +237,7 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     thrown(wall, near, (damping_ns_per_m, (0, 1)), &[0.05, 0.3, 1.0, 2.5], |done, it| {
         check(done, it, &mut worst)
     })?;
-    // A fall, with bounces, for seconds.
+    // A fall with bounces, for seconds.
     let curve = wall.curve(near);
     let seconds = subject.by_effort(1.0, 4.0, 600.0);
     let (mut left, mut contacts) = (0.0_f64, 0);
@@ -238,7 +245,7 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
         let mass_kg = near.mass_kg(0.2);
         let push_n = 0.2 * near.law.stiffness_n_per_mm * near.deep_mm;
         let device = Device { mass_kg, damping_ns_per_m: part * bound, friction_n: 0.0 };
-        // What it falls through is what the spring takes half as deep as Hooke's law holds.
+        // The spring takes the energy of the fall at half the depth to which Hooke's law holds.
         let from_mm = 0.125 * near.law.stiffness_n_per_mm * near.deep_mm.powi(2) / push_n;
         let it = Fall { near, curve: &curve, device, push_n, late: (0, 1), from_mm, speed_mm_s: 0.0 };
         let seconds = if seconds > 0.0 { seconds } else { 60.0 * mass_kg / device.damping_ns_per_m };
@@ -248,33 +255,15 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     }
     holds(left <= 1e-6, || format!("60 m / b after a fall {left:.2e} of its energy still moves"))?;
     Ok(format!(
-        "a motion takes out {:.4} of the bound at most, a way by chance {:.4}; thrown and dropped ({contacts} contacts) a device has {:+.1e} of its energy more at most",
+        "a motion takes out {:.4} of the bound at most, a random way {:.4}; thrown and dropped ({contacts} \
+         contacts) a device gains {:+.1e} of its energy at most",
         most_ns_per_m / bound,
         chance / bound,
         worst,
     ))
 }
 
-fn outside(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
-    let bound = near.needed_ns_per_m(0.0);
-    holds(near.law.damping_ns_per_m == 0.0, || {
-        format!("speed adds {:.3} N s/m to Hooke's force", near.law.damping_ns_per_m)
-    })?;
-    let found = swings(wall, near);
-    holds(found.off_ns_per_m <= 1e-3 * bound, || {
-        format!("a motion takes out what is {:.2e} N s/m off the closed form", found.off_ns_per_m)
-    })?;
-    holds(found.most_ns_per_m >= 0.999 * bound, || {
-        format!("no motion takes out more than {:.4} N s/m; the bound is {bound:.4}", found.most_ns_per_m)
-    })?;
-    let gain = gained(wall, near, 0.8 * bound, (0, 1))?;
-    Ok(format!(
-        "every motion takes out {bound:.4} N s/m within {:.1e}; with 0.8 of it thrown devices come back with {gain:+.4} of their energy",
-        found.off_ns_per_m
-    ))
-}
-
-/// What devices that swing slowly in a wall come back with at least, in parts of their energy.
+/// Least gain of energy of devices that swing slowly in a wall, as a part of it.
 fn gained(wall: &mut Wall, near: &Near, damping_ns_per_m: f64, late: (usize, usize)) -> Result<f64, Not> {
     let mut least = f64::MAX;
     thrown(wall, near, (damping_ns_per_m, late), &[0.05], |done, _| {
@@ -294,7 +283,7 @@ fn late(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
         let bound = near.needed_ns_per_m(late_s);
         let mut worst = f64::MIN;
         thrown(wall, near, (1.02 * bound, late), &[0.02, 0.1, 0.5, 1.0], |done, it| {
-            // A late force has not come yet when the device is in: what counts is what it leaves with.
+            // A late force comes after contact: only the energy after it counts.
             let more = done.back_mj / done.first_mj - 1.0;
             worst = worst.max(more);
             holds(more <= KNOWN, || {
@@ -315,4 +304,257 @@ fn late(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
         ));
     }
     Ok(found.join(", "))
+}
+
+/// Positions of a swing.
+const POINTS: u32 = 64;
+
+/// Moves twice through places outside the surface \[mm\], one per run of the wall, at constant speed between
+/// them. Answers the energy that the wall gave on the second round, and that a damper of 1 N s/m would take
+/// \[mJ\].
+fn round(wall: &mut Wall, near: &Near, places_mm: &[f64]) -> (f64, f64) {
+    let (every, tick_s) = (wall.every(), near.tick_s());
+    let (mut given, mut taken) = (0.0, 0.0);
+    wall.reset();
+    for n in 0..2 * places_mm.len() {
+        let (Some(&x), Some(&to)) =
+            (places_mm.get(n % places_mm.len()), places_mm.get((n + 1) % places_mm.len()))
+        else {
+            continue;
+        };
+        let part = (to - x) / every as f64;
+        for k in 0..every {
+            let force = wall.above(&near.spot, x + k as f64 * part);
+            if n >= places_mm.len() {
+                given += force * part;
+            }
+        }
+        if n >= places_mm.len() {
+            taken += 1e-3 * (to - x).powi(2) / tick_s;
+        }
+    }
+    (given, taken)
+}
+
+/// Amplitude and middle of a swing \[mm\], so that Hooke's law holds all over it, with the force of the
+/// damping.
+fn swing(near: &Near) -> (f64, f64) {
+    let (middle, law) = (0.5 * near.deep_mm, near.law);
+    let by_speed = 2e-3 * law.damping_ns_per_m.abs() / near.tick_s();
+    let most = middle * law.stiffness_n_per_mm / (law.stiffness_n_per_mm + by_speed);
+    (0.5 * most, -middle)
+}
+
+/// Energy that swings take out of a wall, as a missing damping \[N s/m\], at every frequency up to half the
+/// rate: measured, and by the closed form `K T/2 sin((1/2 + n) w T) / sin(w T / 2) - B cos((1 + n) w T)` for
+/// a delay of n ticks.
+struct Swings {
+    /// Largest measured value.
+    pub most_ns_per_m: f64,
+    /// Its frequency \[Hz\].
+    pub at_hz: f64,
+    /// Largest difference from the closed form.
+    pub off_ns_per_m: f64,
+}
+
+fn swings(wall: &mut Wall, near: &Near) -> Swings {
+    let (size, middle) = swing(near);
+    let tick_s = near.tick_s();
+    let late = near.sampling.delay_s / tick_s;
+    let mut it = Swings { most_ns_per_m: f64::MIN, at_hz: 0.0, off_ns_per_m: 0.0 };
+    for turns in 1..=POINTS / 2 {
+        let angle = TAU * f64::from(turns) / f64::from(POINTS);
+        let places: Vec<f64> = (0..POINTS).map(|k| middle + size * (angle * f64::from(k)).cos()).collect();
+        let (given, taken) = round(wall, near, &places);
+        let found = given / taken;
+        let spring =
+            0.5e3 * near.law.stiffness_n_per_mm * tick_s * ((0.5 + late) * angle).sin() / (0.5 * angle).sin();
+        let want = spring - near.law.damping_ns_per_m * ((1.0 + late) * angle).cos();
+        it.off_ns_per_m = it.off_ns_per_m.max((found - want).abs());
+        if found > it.most_ns_per_m {
+            (it.most_ns_per_m, it.at_hz) = (found, angle / TAU / tick_s);
+        }
+    }
+    it
+}
+
+/// The same on random ways in and out, from outside and back: the largest value \[N s/m\].
+fn by_chance(wall: &mut Wall, near: &Near, ways: u64) -> f64 {
+    let mut most = f64::MIN;
+    for way in 0..ways {
+        let random = |k: u64| random::uniform(0x5717_ff00 + way, k);
+        // From small steps to steps that go in and out at once.
+        let step = near.deep_mm * 10.0_f64.powf(-2.0 * random(0));
+        let mut x = near.deep_mm;
+        let mut places = vec![x];
+        for k in 1..200 {
+            x = (x + step * (2.0 * random(k) - 1.0)).clamp(-0.8 * near.deep_mm, near.deep_mm);
+            // A drift inwards and back.
+            x -= 0.02 * near.deep_mm * (TAU * k as f64 / 200.0).sin();
+            places.push(x);
+        }
+        let (given, taken) = round(wall, near, &places);
+        most = most.max(given / taken);
+    }
+    most
+}
+
+/// A device on a wall.
+struct Fall<'a> {
+    /// The wall.
+    pub near: &'a Near,
+    /// Its energy by place.
+    pub curve: &'a Curve,
+    /// The device.
+    pub device: Device,
+    /// A force into the wall beside its own \[N\].
+    pub push_n: f64,
+    /// Delay beside the graph's own, as a fraction of a tick.
+    pub late: (usize, usize),
+    /// First place \[mm\], outside.
+    pub from_mm: f64,
+    /// First speed \[mm/s\], outwards.
+    pub speed_mm_s: f64,
+}
+
+/// Figures of a fall.
+#[derive(Clone, Copy, Debug)]
+struct Fallen {
+    /// Energy of device and wall at first \[mJ\].
+    pub first_mj: f64,
+    /// The largest energy in any tick.
+    pub most_mj: f64,
+    /// Kinetic energy after the first contact, a tick after the wall let go \[mJ\].
+    pub back_mj: f64,
+    /// Largest kinetic energy in the last quarter \[mJ\].
+    pub last_mj: f64,
+    /// Number of contacts.
+    pub contacts: u32,
+}
+
+/// Lets a device go for so many ticks.
+///
+/// # Errors
+/// The motion is not finite.
+fn fall(wall: &mut Wall, it: &Fall<'_>, ticks: u64) -> Result<Fallen, Not> {
+    wall.reset();
+    let (late, of) = it.late;
+    let steps = of.max(1) * if it.device.friction_n > 0.0 { 40 } else { 1 };
+    let late = late * steps / of.max(1);
+    let step_s = 1.0 / wall.tick_hz() / steps as f64;
+    let mut servo = Loop::new(Handle::new(it.device, None, step_s), steps, late, 0.0);
+    servo.handle.put(it.from_mm, it.speed_mm_s, 0.0);
+    let energy = |h: &Handle| h.energy_mj() + it.push_n * h.x_mm() + it.curve.energy_mj(h.x_mm());
+    let first_mj = energy(&servo.handle);
+    let mut done = Fallen { first_mj, most_mj: f64::MIN, back_mj: 0.0, last_mj: 0.0, contacts: 0 };
+    let (mut inside, mut left) = (false, None);
+    let lets_go = it.late.0.div_ceil(of.max(1)) as u64 + wall.every();
+    for tick in 0..ticks {
+        servo.tick(|x| wall.above(&it.near.spot, x), -it.push_n, |_| {});
+        let (now, moves) = (energy(&servo.handle), servo.handle.energy_mj());
+        holds(now.is_finite(), || format!("the device is nowhere after {tick} ticks"))?;
+        done.most_mj = done.most_mj.max(now);
+        if 4 * tick >= 3 * ticks {
+            done.last_mj = done.last_mj.max(moves);
+        }
+        let enters = servo.handle.x_mm() < 0.0;
+        done.contacts += u32::from(enters && !inside);
+        if inside && !enters {
+            left.get_or_insert(tick);
+        }
+        if left.is_some_and(|left| tick == left + lets_go) {
+            done.back_mj = moves;
+        }
+        inside = enters;
+    }
+    Ok(done)
+}
+
+/// Steps of the device per tick under a hand and a sensor in steps.
+const HAND_STEPS: usize = 4;
+/// Largest motion of a device that lies still \[mm\].
+const STILL_MM: f64 = 1e-3;
+
+/// The usual hand, with half to twice its mass, grip and arm.
+fn hands(effort: Effort) -> Vec<Hand> {
+    let part = |n: usize| [0.5, 1.0, 2.0].get(n % 3).copied().unwrap_or(1.0);
+    let all = (0..27).map(|n| [part(n), part(n / 3), part(n / 9)]);
+    let quick = |v: &[f64; 3]| match effort {
+        Effort::Quick => v[0] == v[1] && v[1] == v[2],
+        Effort::Full => v[1] == v[2],
+        Effort::Long => true,
+    };
+    all.filter(quick).map(|v| Hand::PEN.varied(v)).collect()
+}
+
+fn under_a_hand(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
+    let curve = wall.curve(near);
+    let bound = near.needed_ns_per_m(0.0);
+    let (mut worst, mut trembles, mut fastest) = (f64::MIN, 0.0_f64, 0.0_f64);
+    let hands = hands(subject.allowed());
+    for hand in &hands {
+        // A third of the wall's force where Hooke's law ends.
+        let push_n = 0.3 * near.law.stiffness_n_per_mm * near.deep_mm;
+        let wants_mm = -1e3 * push_n / hand.arm[0];
+        // The hand swings on its arm with the device: e^-12 of that is left.
+        let mass_kg = near.mass_kg(0.14);
+        let settle_s = 24.0 * (hand.mass_kg + mass_kg) / hand.arm[1];
+        for step_mm in [0.0, quantum::STEP_MM] {
+            if step_mm > 0.0 && !quantum::is_deep(near) {
+                continue;
+            }
+            let part = if step_mm > 0.0 { 1.5 } else { 1.02 };
+            let device = Device { mass_kg, damping_ns_per_m: part * bound, friction_n: 0.0 };
+            let steps = if step_mm > 0.0 { HAND_STEPS } else { 1 };
+            let handle = Handle::new(device, Some(*hand), 1.0 / wall.tick_hz() / steps as f64);
+            let mut servo = Loop::new(handle, steps, 0, step_mm);
+            wall.reset();
+            servo.handle.put(0.5 * near.deep_mm, 0.0, wants_mm);
+            let energy = |h: &Handle| h.energy_mj() + curve.energy_mj(h.x_mm());
+            let first = energy(&servo.handle);
+            let (mut most, mut span) = (f64::MIN, (f64::MAX, f64::MIN));
+            let (mut square, mut looked) = (0.0, 0_u32);
+            let ticks = (settle_s * wall.tick_hz()) as u64;
+            let look = (0.5 * wall.tick_hz()) as u64;
+            for tick in 0..ticks + look {
+                servo.tick(
+                    |x| wall.above(&near.spot, x),
+                    0.0,
+                    |h| {
+                        if tick >= ticks {
+                            span = (span.0.min(h.x_mm()), span.1.max(h.x_mm()));
+                            (square, looked) = (square + h.v_mm_s().powi(2), looked + 1);
+                        }
+                    },
+                );
+                most = most.max(energy(&servo.handle));
+            }
+            let moves = span.1 - span.0;
+            let told = || {
+                format!(
+                    "{:.2} kg of hand, grip {:.0} N/m, arm {:.0} N/m",
+                    hand.mass_kg, hand.grip[0], hand.arm[0]
+                )
+            };
+            if step_mm == 0.0 {
+                worst = worst.max(most / first - 1.0);
+                holds(most <= first * (1.0 + KNOWN), || {
+                    format!("{}: {:.4} of the energy at first", told(), most / first)
+                })?;
+                holds(moves <= STILL_MM, || format!("{}: it still moves by {moves:.4} mm", told()))?;
+            } else {
+                let rms = (square / f64::from(looked.max(1))).sqrt();
+                let (_, fast) = quantum::bounds(near, device);
+                holds(rms <= fast, || {
+                    format!("{}: it trembles with {rms:.2} mm/s; the bound is {fast:.2}", told())
+                })?;
+                (trembles, fastest) = (trembles.max(moves), fastest.max(rms));
+            }
+        }
+    }
+    Ok(format!(
+        "under {} hands the energy grows by {worst:+.1e} of the first at most; in steps it trembles by \
+         {trembles:.4} mm at most, {fastest:.2} mm/s",
+        hands.len()
+    ))
 }

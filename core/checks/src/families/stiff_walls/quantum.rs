@@ -1,18 +1,21 @@
 //! A wall under a sensor that tells places in steps.
 //!
-//! A place that is off by e, half a step at most, is a force that is off by `K e + B (e_k - e_k-1) / T`, at most `P = K D/2 + B D/T`, and gives P for every length of
-//! way at most: dry friction c of the device takes that away where c > P. Below that the rest of the balance is
+//! An error e of the place, at most half a step, is an error of the force of `K e + B (e_k - e_k-1) / T`, at
+//! most `P = K D/2 + B D/T`. It gives at most P per length of way, which the dry friction c of the device
+//! takes where c > P. Below that the balance is
 //!
 //! ```text
 //! dE/dt <= (P - c) |v| - (b - K T/2 - B) v^2
 //! ```
 //!
-//! so that over a time in which the energy comes back to where it was the rms speed is (P - c) / (b - K T/2 - B) at most. How far it goes: a mass in a spring that is
-//! disturbed by no more than F goes no further than F times the integral of the size of its impulse response, `coth(pi z / (2 sqrt(1 - z^2))) / K`, with
-//! z the damping ratio; dry friction counts as part of the disturbance.
+//! so that the rms speed is at most (P - c) / (b - K T/2 - B) over a time after which the energy is the same
+//! again. The distance: a disturbance of at most F moves a mass in a spring by at most F times the integral
+//! of the absolute impulse response, `coth(pi z / (2 sqrt(1 - z^2))) / K`, with the damping ratio z. Dry
+//! friction is part of the disturbance.
 //!
-//! Without dry friction it cannot lie still between two steps, where forces are those of the one or the other: with f the least that they differ from the push, a
-//! speed that follows `m dv/dt + b v = +-f` or more over a tick has an rms of `f / b sqrt(1 - tanh(s/2) / (s/2))` at least, s = b T/m, whatever it begins with.
+//! Without dry friction the device cannot lie still between two steps, where the force is that of one or the
+//! other. Let f be the least difference from the push. A speed that follows `m dv/dt + b v = +-f` or more
+//! over a tick has an rms of at least `f / b sqrt(1 - tanh(s/2) / (s/2))`, s = b T/m, from any start.
 
 use std::f64::consts::{PI, TAU};
 
@@ -27,7 +30,7 @@ use crate::wall::{Near, Wall};
 pub(super) const STEP_MM: f64 = 0.055;
 /// Steps of the device between two ticks.
 const STEPS: usize = 40;
-/// Where the closed form of a spring is not quite that of one in ticks.
+/// Allowance for the difference between a spring and one in ticks.
 const NEARLY: f64 = 1.1;
 
 /// The dry friction that a wall needs of a device \[N\].
@@ -35,13 +38,13 @@ pub(super) fn needed_n(near: &Near) -> f64 {
     Quantisation::of(near.law, near.sampling, STEP_MM, 0.0).needed_n
 }
 
-/// Whether Hooke's law holds deep enough for steps to be seen.
+/// Whether Hooke's law holds deep enough for steps to matter.
 pub(super) fn is_deep(near: &Near) -> bool {
     near.deep_mm >= 20.0 * STEP_MM
 }
 
-/// What motions take out by their way \[N\], beyond what the bound without steps takes: out and in over the borders of steps, one a tick, out before and
-/// in behind them; over one border to and fro, and over more.
+/// Energy per way that motions take out beyond the bound without steps \[N\]. They go out and in over 1 to 8
+/// borders of steps, one a tick: out just before them, in just behind them.
 fn taken_n(wall: &mut Wall, near: &Near) -> f64 {
     let middle = ((0.5 * near.deep_mm) / STEP_MM).floor();
     let (little, tick_s, every) = (1e-6 * STEP_MM, near.tick_s(), wall.every());
@@ -74,16 +77,17 @@ fn taken_n(wall: &mut Wall, near: &Near) -> f64 {
     most
 }
 
-/// How a device trembles around its rest.
+/// Motion of a device around its rest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Trembles {
-    /// How far it goes from there at most \[mm\].
+    /// Largest distance from rest \[mm\].
     far_mm: f64,
     /// Root mean square of the speed \[mm/s\].
     rms_mm_s: f64,
 }
 
-/// Lets a device fall into rest under a push, and looks at it after a time. The push is that of a depth of so many steps.
+/// Lets a device settle under a push, and measures how it trembles after that. The push is the wall's force
+/// at a depth of so many steps.
 fn tremble(
     wall: &mut Wall,
     near: &Near,
@@ -115,7 +119,7 @@ fn tremble(
     it
 }
 
-/// What a device is held to \[mm, mm/s\]: how far it goes, and its rms speed.
+/// Bounds of a device: distance \[mm\] and rms speed \[mm/s\].
 pub(super) fn bounds(near: &Near, device: Device) -> (f64, f64) {
     let law = near.law;
     let (k, most) = (1e3 * law.stiffness_n_per_mm, needed_n(near));
@@ -127,13 +131,13 @@ pub(super) fn bounds(near: &Near, device: Device) -> (f64, f64) {
     (NEARLY * far, NEARLY * 1e3 * (most - device.friction_n).max(0.0) / spare)
 }
 
-/// A device that swings in the wall by so many radians a tick, with so many times the damping that the bound asks for.
+/// A device that swings by so many radians a tick, with a multiple of the damping that it needs.
 fn device(near: &Near, radians: f64, times: f64, friction_n: f64) -> Device {
     let damping_ns_per_m = times * near.needed_ns_per_m(0.0);
     Device { mass_kg: near.mass_kg(radians), damping_ns_per_m, friction_n }
 }
 
-/// How slow a device without dry friction may be (rms) that rests at a depth of so many steps \[mm/s\].
+/// Least rms speed of a device without dry friction that rests at a depth of so many steps \[mm/s\].
 fn least_mm_s(near: &Near, device: Device, steps: f64) -> f64 {
     let off_n = (steps - steps.round()).abs() * STEP_MM * near.law.stiffness_n_per_mm;
     let half = 0.5 * device.damping_ns_per_m * near.tick_s() / device.mass_kg;
@@ -142,7 +146,7 @@ fn least_mm_s(near: &Near, device: Device, steps: f64) -> f64 {
 
 pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     if !is_deep(near) {
-        return Ok(format!("no deeper than {:.3} mm Hooke's law holds: no steps are seen", near.deep_mm));
+        return Ok(format!("Hooke's law holds to {:.3} mm only: steps do not matter", near.deep_mm));
     }
     let needed = needed_n(near);
     let taken = taken_n(wall, near);
@@ -167,7 +171,7 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
     for ((times, radians), part) in times.flat_map(|it| [0.0, 0.5].map(|part| (it, part))) {
         let device = device(near, radians, times, part * needed);
         let (far, fast) = bounds(near, device);
-        // 20 times as long as its swings take to fall to 1/e.
+        // 20 times the time in which its swings fall to 1/e.
         let settle_s = 40.0 * device.mass_kg / (device.damping_ns_per_m - near.needed_ns_per_m(0.0));
         let look_s = subject.by_effort(1.0, 4.0, 600.0);
         for rest in [8.0, 8.3, 8.5] {
@@ -202,7 +206,8 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
         }
     }
     Ok(format!(
-        "steps of {STEP_MM} mm take {:.1} mN of dry friction and a motion gets {:.4} of it; without any a device trembles by {:.4} mm ({:.2} of the bound) and {:.2} mm/s",
+        "steps of {STEP_MM} mm take {:.1} mN of dry friction, of which a motion gets {:.4}; without \
+         friction a device trembles by {:.4} mm ({:.2} of the bound) and {:.2} mm/s",
         1e3 * needed,
         taken / needed,
         most.0,
@@ -213,7 +218,7 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
 
 pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
     if !is_deep(near) {
-        return Ok("no steps are seen".to_owned());
+        return Ok("steps do not matter".to_owned());
     }
     let needed = needed_n(near);
     let mut last = 0.0_f64;
@@ -227,7 +232,8 @@ pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Fou
                 let it = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
                 holds(it.rms_mm_s == 0.0, || {
                     format!(
-                        "{:.3} kg with {:.1} mN of dry friction, {part} times what is needed, still moves after {still_s:.2} s: {:.2e} mm/s",
+                        "{:.3} kg with {:.1} mN of dry friction, {part} times the needed one, still moves \
+                         after {still_s:.2} s: {:.2e} mm/s",
                         device.mass_kg,
                         1e3 * device.friction_n,
                         it.rms_mm_s

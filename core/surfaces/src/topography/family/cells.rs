@@ -1,20 +1,20 @@
-//! Points scattered over a patch that repeats, and who is near.
+//! Scattered points on a repeating patch, and their neighbours.
 
 use super::Grid;
 use asperity_numbers::Random;
 
-/// Points on a square lattice, each moved at random, and looked up by place.
+/// Randomly moved points of a square lattice, found by place.
 pub(super) struct Cells {
     /// Cells along an edge.
     pub(super) count: usize,
     /// Edge of a cell in millimetres.
     pub(super) pitch_mm: f64,
-    /// A point a cell, as its place within the cell in parts of it.
+    /// Place of each cell's point as parts of the cell.
     places: Vec<[f64; 2]>,
 }
 
 impl Cells {
-    /// One point every `pitch_mm` or so; `jitter` 0 is the lattice, 1 anywhere in the cell.
+    /// One point about every `pitch_mm`; `jitter` 0 is the lattice, 1 anywhere in the cell.
     pub(super) fn new((side, step_mm): Grid, pitch_mm: f64, jitter: f64, random: &mut Random) -> Self {
         let length = side as f64 * step_mm;
         let count = ((length / pitch_mm).round() as usize).max(1);
@@ -31,7 +31,8 @@ impl Cells {
         })
     }
 
-    /// The two nearest points: number and distance in millimetres. Exact for points that lie within a cell's edge.
+    /// Number and distance in millimetres of the two nearest points, exact for points within a cell's
+    /// edge.
     pub(super) fn two_nearest(&self, x_mm: f64, y_mm: f64) -> [(usize, f64); 2] {
         // Squares of distances, in cells.
         let mut nearest = [(0, f64::INFINITY); 2];

@@ -7,13 +7,13 @@ use asperity_numbers::Random;
 /// Straight ridges along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grating {
-    /// From ridge to ridge in millimetres; rounded so that whole periods go around the patch.
+    /// Distance of ridges in millimetres, rounded to whole periods around the patch.
     pub period_mm: f64,
     /// From groove to ridge in millimetres.
     pub depth_mm: f64,
-    /// Part of a period that is ridge, at half height.
+    /// Part of a period in ridges, at half height.
     pub duty: f64,
-    /// Part of a period that each flank takes: near 0 is square, 0.5 is a triangle with a duty of 0.5.
+    /// Part of a period in each flank: near 0 is square, 0.5 is a triangle with a duty of 0.5.
     pub edge: f64,
     /// Root mean square roughness on top, in millimetres.
     pub roughness_mm: f64,
@@ -26,7 +26,7 @@ impl Grating {
     }
 }
 
-/// Ridges whose flanks rise as half a cosine, with a fine roughness.
+/// Ridges with flanks of half a cosine and a fine roughness.
 pub fn grating(grid: Grid, of: &Grating, random: &mut Random) -> HeightField {
     let period = of.period_on(grid);
     let mut field = HeightField::from_fn(grid.0, grid.1, |x, _| {

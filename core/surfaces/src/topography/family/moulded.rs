@@ -5,7 +5,7 @@ use super::cells::Cells;
 use asperity_numbers::Elementary as _;
 use asperity_numbers::Random;
 
-/// What a moulded texture was taken from.
+/// Original of a moulded texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mould {
     /// Eroded or etched metal: waves of about one length.
@@ -17,13 +17,14 @@ pub enum Mould {
 /// A moulded texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pebbled {
-    /// What it was taken from.
+    /// Original.
     pub mould: Mould,
-    /// From pebble to pebble in millimetres.
+    /// Distance of pebbles in millimetres.
     pub pitch_mm: f64,
     /// From valley to top in millimetres.
     pub height_mm: f64,
-    /// How flat tops are: of waves, 0 is as they come and 4 all but steps, valleys as flat as tops; of a hide, 1 is domes and 4 plateaus.
+    /// Flatness of tops. Waves: 0 is unchanged and 4 almost steps, with valleys as flat as tops. Hide:
+    /// 1 is domes and 4 plateaus.
     pub flatness: f64,
     /// Root mean square height of the fine matt on top, in millimetres.
     pub matt_mm: f64,
@@ -56,7 +57,7 @@ fn waves(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
     field
 }
 
-/// Pebbles around scattered points, each as high as it grew, round at the edge; the creases between them wander.
+/// Round pebbles of different heights around scattered points, with wandering creases between them.
 fn hide(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let cells = Cells::new(grid, of.pitch_mm, 0.9, random);
@@ -77,16 +78,16 @@ fn hide(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
     field
 }
 
-/// A sheet without a texture that the eye would name.
+/// A sheet without a visible texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheet {
     /// Root mean square height in millimetres.
     pub height_mm: f64,
-    /// Where the spectrum begins to fall, in cycles per millimetre.
+    /// Roll-off of the spectrum in cycles per millimetre.
     pub roll_off_per_mm: f64,
     /// Hurst exponent of the fall, 0 to 1.
     pub hurst: f64,
-    /// How much longer than wide its marks are, along y: 1 for none, 20 for a brushed sheet.
+    /// Length over width of its marks along y: 1 for none, 20 for a brushed sheet.
     pub lay: f64,
 }
 

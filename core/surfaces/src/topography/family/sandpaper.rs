@@ -11,8 +11,9 @@ use asperity_numbers::Random;
 /// Spread of the logarithm of grain sizes of one grade.
 const SPREAD: f64 = 0.15;
 
-/// Coated abrasive of a mean grain size in millimetres (FEPA 43: P60 is 0.269, P120 0.125, P240 0.0585). Grains are three-sided
-/// pyramids with blunted tops, as high as 0.6 of their size, one every 1.25 sizes; resin rounds them; the backing waves a little.
+/// Coated abrasive of a mean grain size in millimetres (FEPA 43: P60 is 0.269, P120 0.125, P240
+/// 0.0585). Grains are blunted three-sided pyramids, 0.6 of their size high, one every 1.25 sizes.
+/// Resin rounds them, and the backing waves a little.
 pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let mut field = HeightField::flat(side, step);
@@ -26,7 +27,7 @@ pub fn sandpaper(grid: Grid, grain_mm: f64, random: &mut Random) -> HeightField 
     field
 }
 
-/// Stands a grain up where it is higher than what is there.
+/// Places a grain where it is higher than the field.
 fn stand(field: &mut HeightField, middle: [f64; 2], size: f64, random: &mut Random) {
     let base = 0.6 * size;
     let turn = TAU * random.unit();

@@ -1,4 +1,4 @@
-//! Putting small shapes on a patch that repeats, and strands of fibres among them.
+//! Stamps of small shapes on a repeating patch, and strands of fibres.
 
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
@@ -6,8 +6,9 @@ use std::f64::consts::TAU;
 use super::super::HeightField;
 use asperity_numbers::Random;
 
-/// Changes the heights within `reach_mm` of a place (a square): `height(dx, dy, there)` says of a point, in millimetres from the place, what its height
-/// becomes. A reach is at most half the patch.
+/// Changes the heights in a square of `reach_mm` around a place, at most half the patch. `height(dx,
+/// dy, there)` gives a point's new height from its distance to the place in millimetres and its old
+/// height.
 pub(super) fn stamp(
     field: &mut HeightField,
     [x, y]: [f64; 2],
@@ -32,15 +33,15 @@ pub(super) fn stamp(
 
 /// A strand that lies on a patch.
 pub(super) struct Strand {
-    /// Where it begins, in millimetres.
+    /// Start in millimetres.
     pub(super) from: [f64; 2],
     /// Its length in millimetres.
     pub(super) length_mm: f64,
     /// Its radius in millimetres.
     pub(super) radius_mm: f64,
-    /// How far it turns over a length of a hundred radii, root mean square, in radians.
+    /// Turn over a length of a hundred radii, root mean square, in radians.
     pub(super) curl: f64,
-    /// Height of its axis; `None` if it lies on what is there.
+    /// Height of its axis; `None` lays it on the field.
     pub(super) axis_mm: Option<f64>,
 }
 

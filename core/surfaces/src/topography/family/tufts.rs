@@ -8,7 +8,7 @@ use super::cells::Cells;
 use super::stamp::{Strand, lay, stamp};
 use asperity_numbers::Random;
 
-/// What stands on a backing.
+/// Kinds of pile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pile {
     /// Loops of yarn, in rows along y.
@@ -17,22 +17,23 @@ pub enum Pile {
     Curl,
     /// Bunches of cut ends.
     Cut,
-    /// Fibres that lie across each other.
+    /// Crossed fibres.
     Felt,
 }
 
 /// Tufts on a backing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carpet {
-    /// What the tufts are.
+    /// Kind of tufts.
     pub pile: Pile,
-    /// From tuft to tuft in millimetres; for a felt the length of its fibres.
+    /// Distance of tufts in millimetres; for a felt the length of its fibres.
     pub pitch_mm: f64,
     /// Height of a tuft over the backing, in millimetres.
     pub height_mm: f64,
-    /// How far tufts stand off their lattice, 0 to 1.
+    /// Disorder of the tufts' lattice, 0 to 1.
     pub disorder: f64,
-    /// From ply to ply along a loop's yarn, the width of a cut end, or of a felt's fibre, in millimetres.
+    /// Distance of plies along a loop's yarn, width of a cut end, or width of a felt's fibre, in
+    /// millimetres.
     pub ply_mm: f64,
 }
 
@@ -41,8 +42,8 @@ const WAVES: f64 = 0.05;
 /// Length and width of a loop's yarn, as parts of the pitch: half lengths.
 const LOOP: [f64; 2] = [0.62, 0.38];
 
-/// Tufts of unequal height: loops are arcs of yarn of two plies, twisted; cut tufts are domes of fibre ends that lean one way; a felt is
-/// fibres that lie in layers. Stray fibres lie on top, and the backing waves.
+/// Tufts of unequal height with stray fibres on a wavy backing. Loops are arcs of twisted two-ply yarn.
+/// Cut tufts are domes of fibre ends that lean one way. A felt is layers of fibres.
 pub fn carpet(grid: Grid, of: &Carpet, random: &mut Random) -> HeightField {
     let mut field = HeightField::flat(grid.0, grid.1);
     if of.pile == Pile::Felt {
@@ -63,7 +64,7 @@ pub fn carpet(grid: Grid, of: &Carpet, random: &mut Random) -> HeightField {
     field
 }
 
-/// A loop: an arc of yarn of two plies, up to `spread` off the way of the rows.
+/// A loop: an arc of two-ply yarn, up to `spread` off the rows' direction.
 fn arc(
     field: &mut HeightField,
     of: &Carpet,
@@ -75,7 +76,7 @@ fn arc(
     let (sin, cos) = way.sine_cosine();
     let [half, radius] = LOOP.map(|part| part * of.pitch_mm * (1.0 + 0.08 * random.normal()));
     let (bend, phase) = (0.25 * random.normal() / half, TAU * random.unit());
-    // Yarn that is wider than the pile is high lies flat.
+    // Yarn wider than the pile's height lies flat.
     let thick = radius.min(0.6 * height);
     let rise = height - thick;
     stamp(field, middle, half + 0.5 * radius, |dx, dy, there| {
@@ -85,7 +86,7 @@ fn arc(
         if part >= 1.0 || section <= 0.0 {
             return there;
         }
-        // Plies: ridges that run around the yarn as it goes along, and the filaments on them.
+        // Plies are ridges around the yarn, with filaments on them.
         let turn = across.arc_sine() + PI * along / of.ply_mm + phase;
         let groove = 1.0 - turn.cosine().abs();
         let filament = (9.0 * across + 4.0 * turn).cosine();
@@ -131,7 +132,7 @@ fn felt(field: &mut HeightField, of: &Carpet, random: &mut Random) {
     }
 }
 
-/// Lays thin stray fibres on what is there, so many a square millimetre.
+/// Lays this many thin stray fibres a square millimetre on the field.
 pub(super) fn fuzz(field: &mut HeightField, per_mm2: f64, random: &mut Random) {
     let length = field.length_mm();
     let radius_mm = 0.012_f64.max(0.75 * field.step_mm());
@@ -161,11 +162,11 @@ mod tests {
     }
 
     #[test]
-    fn cut_pile_looks_the_same_along_and_across_and_loops_lie_in_rows() {
+    fn cut_pile_is_isotropic_and_loops_lie_in_rows() {
         let ratio = |pile: Pile| {
             let of = Carpet { pile, pitch_mm: 2.0, height_mm: 0.6, disorder: 0.2, ply_mm: 0.5 };
             let field = carpet((512, 0.04), &of, &mut Random::new(4));
-            // How much of the height is left of means over rows and over columns: rows of tufts remain.
+            // Part of the height left in means over rows and columns: rows of tufts remain.
             let line = |at: &dyn Fn(i64, i64) -> f32| {
                 let means: Vec<f64> =
                     (0..512).map(|i| (0..512).map(|j| f64::from(at(i, j))).sum::<f64>() / 512.0).collect();

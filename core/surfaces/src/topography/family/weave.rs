@@ -7,7 +7,7 @@ use super::tufts::fuzz;
 use super::{Grid, fits, fitting};
 use asperity_numbers::Random;
 
-/// Which threads lie on top.
+/// Order of crossing threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Binding {
     /// Every other one.
@@ -19,7 +19,7 @@ pub enum Binding {
 }
 
 impl Binding {
-    /// Threads after which it repeats.
+    /// Period in threads.
     fn repeat(self) -> usize {
         match self {
             Self::Plain => 2,
@@ -41,9 +41,9 @@ impl Binding {
 /// Cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weave {
-    /// From warp thread to warp thread in millimetres; wefts lie as close.
+    /// Distance of warp threads in millimetres; wefts are equally close.
     pub pitch_mm: f64,
-    /// How the threads cross.
+    /// Order of crossing threads.
     pub binding: Binding,
     /// Width of a thread, as a part of the pitch.
     pub cover: f64,
@@ -67,7 +67,7 @@ impl Weave {
 /// Height of the twisted yarn's ridges, as a part of its thickness, and ridges in a pitch.
 const TWIST: (f64, f64) = (0.05, 2.5);
 
-/// One set of threads: how thick each is, and how its twist begins.
+/// One set of threads: thickness and start of the twist of each.
 struct Threads(Vec<[f64; 2]>);
 
 impl Threads {
@@ -76,8 +76,8 @@ impl Threads {
         Self((0..count).map(one).collect())
     }
 
-    /// Height over the middle plane in thicknesses of thread `i`, at `u` (-0.5 to 0.5) across it and `v`
-    /// along it counted in crossings; `up` says whether it is on top at one. `None` beside it.
+    /// Height over the middle plane of thread `i`, in thicknesses; `None` beside it. `u` is across it
+    /// (-0.5 to 0.5), `v` along it in crossings; `up` says whether it is on top at a crossing.
     fn height(&self, i: usize, u: f64, v: f64, cover: f64, up: impl Fn(i64) -> bool) -> Option<f64> {
         let [size, phase] = self.0[i];
         let across = 2.0 * u / (cover * size);
@@ -85,8 +85,8 @@ impl Threads {
         if section <= 0.0 {
             return None;
         }
-        // From crossing to crossing it goes over or under along half a cosine; it stays where the binding
-        // lets it float.
+        // Between crossings it rises or falls along half a cosine, or stays where the binding lets it
+        // float.
         let before = (v - 0.5).floor();
         let [from, to] = [before as i64, before as i64 + 1].map(|j| if up(j) { 0.5 } else { -0.5 });
         let part = 0.5 - 0.5 * (PI * (v - 0.5 - before)).cosine();
@@ -95,9 +95,9 @@ impl Threads {
     }
 }
 
-/// Warp along y and weft along x: flattened ellipses in section that go over and under each other as the
-/// binding says, each thread a little thicker or thinner than the next, twisted; the threads wander and
-/// stray fibres lie on top.
+/// Warp along y and weft along x: twisted threads of flat elliptic section over and under each other in
+/// the binding's order. Thickness differs from thread to thread, threads wander, and stray fibres lie
+/// on top.
 pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let (count, pitch) = (fits(grid, of.pitch_mm, of.binding.repeat()), of.pitch_on(grid));
@@ -116,7 +116,7 @@ pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
         let on_top = |i: i64, j: i64| of.binding.warp_on_top(number(i), number(j));
         let warp = warps.height(number(i as i64), x - i - 0.5, y, of.cover, |j| on_top(i as i64, j));
         let weft = wefts.height(number(j as i64), y - j - 0.5, x, of.cover, |i| !on_top(i, j as i64));
-        // Where there is a hole between threads, a little below both.
+        // A hole between threads is a little below both.
         *height = (thick * warp.unwrap_or(-0.6).max(weft.unwrap_or(-0.6))) as f32;
     }
     fuzz(&mut field, of.fuzz, random);
@@ -134,8 +134,8 @@ mod tests {
     }
 
     #[test]
-    fn threads_float_over_as_many_as_the_binding_says_and_dip_between_crossings_elsewhere() {
-        // 0.4 mm a thickness; tops of threads lie at one thickness, twist and size aside.
+    fn weave_thread_floats_over_its_binding_and_dips_elsewhere() {
+        // One thickness is 0.4 mm. Tops of threads lie at one thickness, apart from twist and size.
         for binding in [Binding::Plain, Binding::Twill, Binding::Satin] {
             let field = cloth(binding, 0.95);
             for (i, j) in [(2, 3), (3, 5), (4, 1), (5, 5), (7, 8)] {

@@ -7,12 +7,12 @@ use super::stamp::stamp;
 use super::{Grid, fitting};
 use asperity_numbers::Random;
 
-/// A planed board, its grain along y.
+/// A planed board with its grain along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wood {
-    /// From growth ring to growth ring in millimetres.
+    /// Distance of growth rings in millimetres.
     pub ring_mm: f64,
-    /// How far late wood stands over early wood, in millimetres.
+    /// Height of late wood over early wood in millimetres.
     pub ring_height_mm: f64,
     /// Width of the fibres' bundles in millimetres, across the grain.
     pub fibre_mm: f64,
@@ -20,24 +20,24 @@ pub struct Wood {
     pub fibre_height_mm: f64,
     /// Depth of the pores in millimetres.
     pub pore_mm: f64,
-    /// Pores on a square millimetre, 0 for a wood without.
+    /// Pores on a square millimetre, 0 for none.
     pub pores: f64,
-    /// How much the pores keep to early wood: 0 not at all, 1 altogether.
+    /// Preference of pores for early wood: 0 none, 1 full.
     pub rings_porous: f64,
 }
 
 impl Wood {
-    /// From ring to ring on a grid, in millimetres.
+    /// Distance of rings on a grid in millimetres.
     pub fn ring_on(&self, grid: Grid) -> f64 {
         fitting(grid, self.ring_mm, 1)
     }
 }
 
-/// How much longer than wide fibres and pores are.
+/// Length over width of fibres and pores.
 const ASPECT: f64 = 25.0;
 
-/// Rings that wander, steep where late wood ends; fibres 25 times as long as wide; pores cut open along the
-/// grain, half as wide again as deep.
+/// Wandering rings, steep at the end of late wood; fibres 25 times as long as wide; pores cut open
+/// along the grain, 1.5 times as wide as deep.
 pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
     let (side, step) = grid;
     let grain = |width: f64| {
@@ -47,7 +47,7 @@ pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
         }
     };
     let wander = gaussian(grid, 0.25 * of.ring_mm, random, |fx, fy| {
-        // Slow enough to leave out the powers of what is all but nothing.
+        // Powers are slow, so near-zero terms are skipped.
         if of.ring_mm * fx > 3.0 || of.ring_mm * fy.abs() > 0.3 {
             0.0
         } else {
@@ -74,7 +74,8 @@ pub fn wood(grid: Grid, of: &Wood, random: &mut Random) -> HeightField {
     field
 }
 
-/// How late the wood is at a place in the rings: it grows over three quarters of a ring and ends in the rest.
+/// Lateness of the wood at a place in the rings: it rises over three quarters of a ring and falls in
+/// the rest.
 fn late(rings: f64) -> f64 {
     let part = rings - rings.floor();
     if part < 0.75 {
@@ -84,7 +85,7 @@ fn late(rings: f64) -> f64 {
     }
 }
 
-/// A vessel, cut open: a slender trough along the grain.
+/// A vessel cut open: a slender trough along the grain.
 fn pore(field: &mut HeightField, place: [f64; 2], depth: f64, random: &mut Random) {
     let width = (1.5 * depth).max(1.5 * field.step_mm());
     let half = 0.5 * ASPECT * width * random.range(0.3, 1.0);
@@ -106,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pores_are_as_deep_as_stated_run_along_the_grain_and_keep_to_early_wood() {
+    fn pores_have_stated_depth_along_grain_in_early_wood() {
         let board = |rings_porous: f64| {
             let of = Wood {
                 ring_mm: 4.0,

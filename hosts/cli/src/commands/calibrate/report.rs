@@ -1,4 +1,4 @@
-//! What was found, for a person, as JSON and as a picture.
+//! The result as text, JSON and picture.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -8,13 +8,12 @@ use asperity_actuator::identify::{Estimate, Findings, Measurement};
 use asperity_plot::{Measured, Response};
 use serde_json::{Map, Value, json};
 
-use super::bench::Tape;
-use super::{amps_per_volt, unit, volts_per_volt};
-use crate::args::{Calibrate, DriveKind};
+use super::sweeps::Tape;
+use super::{Args, DriveKind, amps_per_volt, unit, volts_per_volt};
 
 /// A calibration that is over.
 pub struct Report<'a> {
-    pub args: &'a Calibrate,
+    pub args: &'a Args,
     pub base: &'a ActuatorProfile,
     pub findings: &'a Findings,
     pub tapes: &'a [Tape],
@@ -28,9 +27,9 @@ struct Figure {
     unit: &'static str,
     found: Estimate,
     base: f64,
-    /// Whether the base's is an estimate.
+    /// Whether the base's figure is an estimate.
     estimate: bool,
-    /// Whether it was measured, and not taken from the base.
+    /// Whether it was measured; else it is the base's.
     measured: bool,
 }
 
@@ -45,7 +44,7 @@ impl Report<'_> {
         ];
         all.map(|(name, key, unit, found, base, factor)| {
             let measured = f.moving_mass_measured || name != "moving mass";
-            // The fit may have moved it within what is believed; the profile has the base's.
+            // The fit may have moved it within its uncertainty; the profile has the base's.
             let value = if measured { found.value } else { base.value * factor };
             Figure {
                 name,
@@ -59,7 +58,7 @@ impl Report<'_> {
         })
     }
 
-    /// What a person reads.
+    /// The result as text.
     pub fn text(&self, trusted: bool) -> String {
         let mut out = String::new();
         let _ = writeln!(out, "{:<14}{:>18}   {:<24}{}", "", "measured", "95 % interval", self.base.name);
@@ -110,7 +109,7 @@ impl Report<'_> {
         out
     }
 
-    /// What one recording says: name, value, interval.
+    /// Figures of one recording: name, value, interval.
     fn measurement(&self, m: &Measurement) -> [(&'static str, String, String); 4] {
         let gain = format!("{} m/s^2/A", digits(m.gain.value));
         let polarity = if m.inverted { ", polarity inverted" } else { "" };
@@ -123,7 +122,7 @@ impl Report<'_> {
         ]
     }
 
-    /// What the figures stand and fall with.
+    /// Assumptions behind the figures.
     fn assumed(&self) -> Vec<String> {
         let a = self.args;
         let masses: Vec<String> = self.tapes.iter().map(|t| format!("{} g", t.handle_mass_g)).collect();
@@ -133,12 +132,14 @@ impl Report<'_> {
         ];
         all.push(match a.drive {
             DriveKind::Current => format!(
-                "full scale of the output is {} V, and the amplifier gives {} A/V: an error of either is one of the force factor",
+                "full scale of the output is {} V, and the amplifier gives {} A/V: \
+                 an error of either is one of the force factor",
                 a.volts_at_full_scale,
                 amps_per_volt(a)
             ),
             DriveKind::Voltage => format!(
-                "full scale of the output is {} V, the amplifier gives {} V/V, and the coil has {} ohm, known within 3 %, and {} uH",
+                "full scale of the output is {} V, the amplifier gives {} V/V, \
+                 and the coil has {} ohm, known within 3 %, and {} uH",
                 a.volts_at_full_scale,
                 volts_per_volt(a),
                 digits(self.base.resistance.value),
@@ -153,7 +154,7 @@ impl Report<'_> {
         all
     }
 
-    /// All figures as JSON.
+    /// The result as JSON.
     pub fn json(&self, trusted: bool) -> String {
         let estimate = |e: &Estimate| json!({ "value": e.value, "low": e.low, "high": e.high });
         let figures: Map<String, Value> = self
@@ -178,30 +179,32 @@ impl Report<'_> {
                     .iter()
                     .map(|p| {
                         json!({
-                            "hz": p.hz, "measured_db": p.measured_db, "measured_rad": p.measured_phase, "fitted_db": p.fitted_db,
-                            "fitted_rad": p.fitted_phase, "coherence": p.coherence,
+                            "hz": p.hz, "measured_db": p.measured_db, "measured_rad": p.measured_phase,
+                            "fitted_db": p.fitted_db, "fitted_rad": p.fitted_phase, "coherence": p.coherence,
                         })
                     })
                     .collect();
                 json!({
                     "handle_mass_g": tape.handle_mass_g, "level": tape.amplitude, "limited": tape.limited,
                     "resonance_hz": estimate(&m.natural_hz), "damping_ratio": estimate(&m.damping_ratio),
-                    "gain_m_s2_per_a": estimate(&m.gain), "latency_ms": 1e3 * m.latency_s, "inverted": m.inverted,
-                    "snr_db": m.snr_db, "coherence": m.coherence, "misfit": m.misfit, "distortion": m.distortion,
+                    "gain_m_s2_per_a": estimate(&m.gain), "latency_ms": 1e3 * m.latency_s,
+                    "inverted": m.inverted, "snr_db": m.snr_db, "coherence": m.coherence,
+                    "misfit": m.misfit, "distortion": m.distortion,
                     "band_hz": [m.band_hz.0, m.band_hz.1], "points": points,
                 })
             })
             .collect();
         let report = json!({
             "asperity": env!("CARGO_PKG_VERSION"), "base": self.base.name, "drive": unit(self.args),
-            "figures": figures, "moving_mass_measured": self.findings.moving_mass_measured, "recordings": recordings,
+            "figures": figures, "moving_mass_measured": self.findings.moving_mass_measured,
+            "recordings": recordings,
             "trust": self.findings.trust.word(), "notes": self.findings.notes, "assumed": self.assumed(),
             "profile_written": trusted, "written": self.written,
         });
         format!("{report:#}\n")
     }
 
-    /// Measured against fitted, as SVG.
+    /// Measured and fitted response as SVG.
     pub fn picture(&self) -> String {
         let f = self.findings;
         let device = self.tapes.first().map_or("", |t| &t.device);
@@ -237,7 +240,7 @@ impl Report<'_> {
     }
 }
 
-/// Both ends of an interval, where it says anything.
+/// Both ends of an interval, if it is determined.
 fn interval(e: &Estimate) -> String {
     if !e.is_determined() {
         return "not determined".into();

@@ -11,10 +11,10 @@ use asperity_actuator::{ActuatorProfile, Quantity};
 use asperity_audio::simulated::{Params, Response, Simulated};
 use clap::Parser;
 
-use super::{calibrate, date};
-use crate::args::{Args, Calibrate, Command};
+use super::{Args, calibrate, date};
 use crate::failure::Failure;
 use crate::simulated::Actuator;
+use crate::{Cli, Command};
 
 const RATE: f64 = 48_000.0;
 
@@ -27,7 +27,7 @@ fn actuator([m_a, k, c, k_f]: [f64; 4]) -> Actuator {
     Actuator::new(profile)
 }
 
-/// The noise at which the measurement has 20 dB of signal over it.
+/// Noise for a signal-to-noise ratio of 20 dB.
 fn noise(quiet: &Actuator, seconds: f64) -> f64 {
     let settings = SweepSettings { to_hz: 1000.0, seconds, ..SweepSettings::default() };
     let sweep = Sweep::new(settings, RATE).unwrap();
@@ -37,7 +37,7 @@ fn noise(quiet: &Actuator, seconds: f64) -> f64 {
     0.1 * power.sqrt()
 }
 
-/// A card with something between its first output and its first input that can be exchanged, ten times as fast as real time.
+/// A card, ten times as fast as real time, with a response from its first output to its first input.
 fn card(name: &str, respond: Response) -> (Simulated, Arc<Mutex<Response>>) {
     let params = Params { frames: vec![64], speed: 10.0, latency_frames: 200, ..Params::default() };
     let card = Simulated::new(name, params).unwrap();
@@ -47,11 +47,11 @@ fn card(name: &str, respond: Response) -> (Simulated, Arc<Mutex<Response>>) {
     (card, plant)
 }
 
-fn args(card: &Simulated, dir: &Path, more: &[&str]) -> Calibrate {
+fn args(card: &Simulated, dir: &Path, more: &[&str]) -> Args {
     let (id, out) = (card.id(), dir.join("found.ron").display().to_string());
     let fixed =
         ["asperity", "calibrate", "--device", &id, "--out", &out, "--accelerometer-full-scale", "100"];
-    let Command::Calibrate(args) = Args::try_parse_from(fixed.iter().chain(more)).unwrap().command else {
+    let Command::Calibrate(args) = Cli::try_parse_from(fixed.iter().chain(more)).unwrap().command else {
         panic!("another command");
     };
     *args
@@ -79,7 +79,7 @@ const ACTUATORS: [([f64; 4], [f64; 2]); 4] = [
 ];
 
 #[test]
-fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
+fn two_handles_give_all_four_figures_within_5_percent() {
     for (i, (figures, [first, second])) in ACTUATORS.into_iter().enumerate() {
         let dir = tempfile::tempdir().unwrap();
         let on = |handle_g: f64| {
@@ -88,7 +88,7 @@ fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
         };
         let (card, plant) = card(&format!("two handles {i}"), on(first).at(RATE).unwrap());
         let (a, b) = (first.to_string(), second.to_string());
-        // Limits wide enough for all of them; its moving mass is another one.
+        // The limits of the base are wide enough for all. Its moving mass is another one.
         let more =
             ["--handle-mass-g", &a, "--second-mass-g", &b, "--seconds", "4", "--mass-uncertainty", "0.2"];
         let args = args(&card, dir.path(), &more);
@@ -105,7 +105,7 @@ fn two_handles_give_all_four_figures_within_5_percent_at_20_db() {
 }
 
 #[test]
-fn a_mass_that_nobody_changed_is_noticed_and_nothing_is_written() {
+fn unchanged_handle_mass_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let (card, _) = card("not changed", actuator(ACTUATORS[0].0).at(RATE).unwrap());
     let more = ["--handle-mass-g", "100", "--second-mass-g", "50", "--seconds", "4"];
@@ -117,7 +117,7 @@ fn a_mass_that_nobody_changed_is_noticed_and_nothing_is_written() {
 }
 
 #[test]
-fn one_handle_gives_them_with_the_moving_mass_of_the_base() {
+fn one_handle_uses_moving_mass_of_base() {
     for (i, (figures, [grams, _])) in ACTUATORS.into_iter().enumerate() {
         let dir = tempfile::tempdir().unwrap();
         let base = dir.path().join("base.ron");
@@ -135,12 +135,12 @@ fn one_handle_gives_them_with_the_moving_mass_of_the_base() {
 }
 
 #[test]
-fn an_input_that_clips_while_measuring_stops_the_sweep_at_once_and_nothing_is_written() {
+fn clipping_input_stops_sweep_and_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let mut respond = actuator(ACTUATORS[0].0).at(RATE).unwrap();
     let heard = Arc::new(AtomicU64::new(0));
     let count = heard.clone();
-    // The quiet sweep takes 4 s of samples with its silences; some seconds into the measurement a wire comes loose.
+    // The quiet sweep takes 4 s with its silences. Some seconds into the measurement a wire comes loose.
     let loose = 8 * RATE as u64;
     let plant = move |x| respond(x) + f32::from(u8::from(count.fetch_add(1, Relaxed) > loose));
     let (card, _) = card("clips while measuring", Box::new(plant));
@@ -152,7 +152,7 @@ fn an_input_that_clips_while_measuring_stops_the_sweep_at_once_and_nothing_is_wr
 }
 
 #[test]
-fn a_device_that_is_lost_in_the_middle_leaves_nothing_behind() {
+fn device_lost_in_sweep_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let (card, _) = card("lost", actuator(ACTUATORS[0].0).at(RATE).unwrap());
     let args = args(&card, dir.path(), &["--handle-mass-g", "100", "--seconds", "100"]);

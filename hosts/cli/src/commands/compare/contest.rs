@@ -1,70 +1,62 @@
-//! Every method on every vector.
+//! Every method on every vector: scores, response lag and time.
 //!
-//! Methods take turns on each vector, and all that is repeated in rounds, so that what else the machine
-//! does falls on all alike.
+//! Methods take turns on each vector, and all that is repeated in rounds: disturbances by other programs
+//! fall on all methods alike.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::time::Instant;
 
 use asperity_accuracy::accuracy::{Rhythm, SILENCE_M_S2};
 use asperity_accuracy::phase;
+use asperity_accuracy::response::{Steps, lag_ms};
 use asperity_accuracy::timing::Timing;
-use asperity_engine::Clock;
+use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
-use indicatif::{ProgressBar, ProgressStyle};
 
-use super::lag::{Lag, Stimulus};
-use super::published::{Delay, Score};
-use super::vectors::{Set, Vector};
-use crate::failure::Failure;
-use crate::phase::{Chain, How, Method};
+use super::vectors::{Delay, Score, Set, Vector, band, mean_magnitudes};
+use crate::commands::render::Wall;
+use crate::failure::{Failure, progress};
+use crate::phase::{Chain, FRAME_HZ, Frames, How, Method};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
 /// Seed of the graphs.
 const SEED: u64 = 1;
 
-/// What one method came to, or is published to have come to.
+/// Figures of a method, measured or published.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What it is called.
+    /// Name of the method.
     pub label: String,
-    /// The node's kind; none of a published method.
+    /// The node's kind; `None` for a published method.
     pub kind: Option<String>,
-    /// For every vector of the set, where there is a score.
+    /// Score on each vector of the set, if there is one.
     pub scores: Vec<Option<Score>>,
-    /// For every vector, how often the node failed on it.
+    /// How often the node failed on each vector.
     pub faults: Vec<u64>,
     /// Declared latency.
     pub delay: Delay,
-    /// Response lag on a texture, in ms.
+    /// Response lag on a texture \[ms\]: 10, 50 and 90 % of the way.
     pub texture_lag_ms: Option<[f64; 3]>,
-    /// Response lag on a tone, in ms.
+    /// Response lag on a tone \[ms\], likewise.
     pub tone_lag_ms: Option<[f64; 3]>,
-    /// Median time for a frame until there are samples, in us, by the rate of the vectors in Hz.
+    /// Median time from a frame to its samples \[us\], by the rate of the vectors \[Hz\].
     pub frame_us: BTreeMap<u32, f64>,
-    /// Rhythm of what is made of [steady magnitudes](Set::steady); none of what is published, and of silence.
+    /// Rhythm of the output for [steady magnitudes](Set::steady); `None` for published methods and silence.
     pub rhythm: Option<Rhythm>,
-    /// What else a person must know.
+    /// Remarks for the user.
     pub notes: Vec<String>,
 }
 
-/// What came of it all.
+/// The result of all methods.
 #[derive(Debug)]
 pub struct Outcome {
-    /// A row for each method; the best come first.
+    /// A row for each method, the best first.
     pub rows: Vec<Row>,
-    /// Rhythm of Gaussian noise that has the spectrum of the [steady magnitudes](Set::steady).
+    /// Rhythm of Gaussian noise with the spectrum of the [steady magnitudes](Set::steady).
     pub noise: Option<Rhythm>,
-}
-
-struct Wall(Instant);
-
-impl Clock for Wall {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
-    }
 }
 
 /// A method while it is measured.
@@ -72,20 +64,21 @@ struct Entry<'a> {
     method: &'a Method,
     row: Row,
     timing: BTreeMap<u32, Timing>,
-    /// What it made of every vector, from the first round.
+    /// Its signal for each vector, from the first round.
     signals: Vec<Option<Vec<f32>>>,
     differs: bool,
-    /// What went wrong, and in which runs.
+    /// Problems, each with the runs in which it occurred.
     problems: Vec<(String, Vec<String>)>,
 }
 
 /// Runs all methods over all vectors.
 ///
 /// # Errors
-/// None that comes from a method: what fails is said in its row.
+/// None that comes from a method: its row says how it failed.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let (texture, tone) = (Stimulus::texture()?, Stimulus::tone()?);
-    let bar = progress(methods.len() * (ROUNDS * set.vectors.len() + 3), quiet);
+    let steps = methods.len() * (ROUNDS * set.vectors.len() + 3);
+    let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
     let wall = Wall(Instant::now());
     for round in 0..ROUNDS {
@@ -117,7 +110,7 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
     Ok(Outcome { rows, noise })
 }
 
-/// Gaussian noise as long as what is looked at of steady magnitudes, whose bins are 10 Hz apart.
+/// Rhythm of Gaussian noise of the same length as the steady magnitudes, whose bins are 10 Hz apart.
 fn noise(steady: &Vector) -> Option<Rhythm> {
     let frame = steady.unscaled.get(..steady.frames.layout().bins as usize)?;
     let powers: Vec<f64> = frame.iter().map(|x| f64::from(*x).powi(2)).collect();
@@ -125,13 +118,13 @@ fn noise(steady: &Vector) -> Option<Rhythm> {
     Rhythm::of_noise(&powers, 10.0, inner.len() as f64 / f64::from(steady.rate_hz)).ok()
 }
 
-/// Samples between the frames at each end that no score counts.
+/// Samples without those of the frames at each end, which no score counts.
 fn inner(vector: &Vector) -> std::ops::Range<usize> {
     let start = |frame: usize| vector.frames.start(frame as u64) as usize;
     start(phase::EDGE_FRAMES)..start(vector.frames.count() - phase::EDGE_FRAMES)
 }
 
-/// The published methods that have a score on any of the vectors, as rows; the best come first.
+/// Rows of the published methods with a score on any of the vectors, the best first.
 pub fn published(set: &Set) -> Vec<Row> {
     let rows = set.published.iter().map(|p| {
         let scores: Vec<Option<Score>> = set.vectors.iter().map(|v| p.score(v)).collect();
@@ -142,7 +135,7 @@ pub fn published(set: &Set) -> Vec<Row> {
     rows
 }
 
-/// Runs what may panic where nothing else would catch it: a node while it is prepared.
+/// Catches a panic of a node that is prepared, which the engine does not.
 fn contained<T>(f: impl FnOnce() -> Result<T, Failure>) -> Result<T, String> {
     match catch_unwind(AssertUnwindSafe(f)) {
         Ok(Ok(value)) => Ok(value),
@@ -152,7 +145,7 @@ fn contained<T>(f: impl FnOnce() -> Result<T, Failure>) -> Result<T, String> {
 }
 
 impl Row {
-    /// Nothing is known.
+    /// A row without figures.
     pub fn new(label: &str, vectors: usize) -> Self {
         Self {
             label: label.to_owned(),
@@ -176,7 +169,7 @@ impl<'a> Entry<'a> {
         Self { method, row, timing, signals, differs: false, problems: Vec::new() }
     }
 
-    /// Remembers what went wrong in a run; the same thing is said once for all of them.
+    /// Notes a problem of a run. The same problem of several runs is reported once.
     fn problem(&mut self, what: String, run: &str) {
         match self.problems.iter_mut().find(|(known, _)| *known == what) {
             Some((_, runs)) => runs.push(run.to_owned()),
@@ -184,9 +177,9 @@ impl<'a> Entry<'a> {
         }
     }
 
-    /// One vector, once. The first time it is scored, later the samples must be the same.
+    /// Plays a vector. The first time it is scored; later the samples must be the same.
     fn play(&mut self, registry: &Registry, wall: &Wall, vector: &Vector, v: usize, first: bool) {
-        // What runs once over a whole signal has no time for a frame, and nothing to be timed again.
+        // An offline method has no time per frame, and is not repeated.
         let again = !first && matches!(self.method.how, How::Offline(_));
         if again || !first && self.signals[v].is_none() {
             return;
@@ -207,7 +200,7 @@ impl<'a> Entry<'a> {
             Ok(played) => played,
             Err(why) => return self.problem(why, vector.short_name()),
         };
-        // What a node takes to fail is not what it costs.
+        // The time of a run with failures does not count.
         if faults == 0 && !took.is_empty() {
             let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
             took.into_iter().for_each(|ns| timing.record(ns));
@@ -240,7 +233,7 @@ impl<'a> Entry<'a> {
         self.signals[v] = Some(signal);
     }
 
-    /// Steady magnitudes, once: only the rhythm of what comes of them is taken.
+    /// Plays steady magnitudes, for the rhythm.
     fn hold(&mut self, registry: &Registry, steady: &Vector) {
         let signal = contained(|| match &self.method.how {
             How::Offline(offline) => offline.signal(&steady.frames, SEED),
@@ -283,8 +276,8 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// Puts rows in the order of their mean rank in spectral convergence over the vectors. A vector without a
-/// score counts as the last rank.
+/// Sorts rows by their mean rank in spectral convergence over the vectors. A missing score is the last
+/// rank.
 fn sort(rows: &mut [Row]) {
     let db = |row: &Row, v: usize| row.scores[v].map_or(f64::INFINITY, |s| s.convergence_db);
     let vectors = rows.first().map_or(0, |r| r.scores.len());
@@ -298,13 +291,101 @@ fn sort(rows: &mut [Row]) {
     rows.sort_by_key(|row| ranks.get(&row.label).copied().unwrap_or(usize::MAX));
 }
 
-fn progress(steps: usize, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
+// Response lag. The method is given magnitudes whose level steps up by 12 dB and down again every 0.2 to
+// 0.24 s, and in a second run the same without steps. What is heard live, with the method's latency, is
+// compared around every step up. A step is at the tick in which the first louder frame comes.
+
+/// Rate of the stimuli \[Hz\].
+const RATE_HZ: u32 = 2500;
+/// Amplitude after a step up over that before it.
+const RISE: f32 = 4.0;
+/// Most latency with which a method settles within [`AFTER`] \[ms\].
+const MOST_LATENCY_MS: f64 = 50.0;
+/// Frames of a constant level: two windows, and up to [`JITTER`] more, so that steps are not periodic.
+const STAND: usize = 100;
+const JITTER: usize = 20;
+/// Frames before and after a step that are compared.
+const BEFORE: usize = 20;
+const AFTER: usize = 100;
+
+/// Input of a method for its response lag.
+pub struct Stimulus {
+    stepped: Arc<Frames>,
+    still: Arc<Frames>,
+    /// First sample of every step up.
+    steps: Vec<usize>,
+}
+
+/// Response lag.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lag {
+    /// Times until 10, 50 and 90 % of the way \[ms\]; `None` if the method did not follow.
+    pub ms: Option<[f64; 3]>,
+    /// Whether the same frames gave other samples the second time.
+    pub differs: bool,
+}
+
+impl Stimulus {
+    /// A broad noise: mean magnitudes that fall slowly from 400 Hz on, with 120 steps.
+    ///
+    /// # Errors
+    /// None.
+    pub fn texture() -> Result<Self, Diagnostic> {
+        let density = |hz: f64| (hz / 20.0).clamp(0.0, 1.0) * band(hz) / (hz / 400.0).hypot(1.0);
+        let spectrum = mean_magnitudes(&density);
+        let top = spectrum.iter().copied().fold(0.0, f64::max);
+        Self::new(&spectrum.iter().map(|x| (x / top) as f32).collect::<Vec<_>>(), 120)
     }
-    let bar = ProgressBar::new(steps as u64);
-    if let Ok(style) = ProgressStyle::with_template("comparing {wide_bar} {percent:>3} %  {eta} left") {
-        bar.set_style(style);
+
+    /// A sine of 250 Hz, on a bin, with 10 steps.
+    ///
+    /// # Errors
+    /// None.
+    pub fn tone() -> Result<Self, Diagnostic> {
+        let mut spectrum = [0.0; 101];
+        spectrum[24..27].copy_from_slice(&[0.5, 1.0, 0.5]);
+        Self::new(&spectrum, 10)
     }
-    bar
+
+    fn new(spectrum: &[f32], count: usize) -> Result<Self, Diagnostic> {
+        let mut levels = vec![1.0; STAND];
+        let mut frames_of_steps = Vec::new();
+        for k in 0..count {
+            frames_of_steps.push(levels.len());
+            levels.resize(levels.len() + STAND + k * 7 % (JITTER + 1), RISE);
+            levels.resize(levels.len() + STAND + k * 11 % (JITTER + 1), 1.0);
+        }
+        let frames = |levels: &[f32]| {
+            let bins = levels.iter().flat_map(|level| spectrum.iter().map(move |x| x * level));
+            Frames::from_amplitudes(bins.collect(), spectrum.len(), RATE_HZ).map(Arc::new)
+        };
+        let (stepped, still) = (frames(&levels)?, frames(&vec![1.0; levels.len()])?);
+        let steps = frames_of_steps.iter().map(|&n| stepped.start(n as u64) as usize).collect();
+        Ok(Self { stepped, still, steps })
+    }
+
+    /// Plays the stimulus through a method.
+    ///
+    /// # Errors
+    /// A method that refuses the frames.
+    pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
+        let hear = |frames| {
+            let mut chain = Chain::new(registry, method, frames, SEED)?;
+            let latency = chain.latency().ms();
+            if latency > MOST_LATENCY_MS {
+                return Err(Failure::Machine(format!(
+                    "its {latency:.0} ms of latency are too many to see it"
+                )));
+            }
+            Ok(chain.live())
+        };
+        let (stepped, still) = (hear(&self.stepped)?, hear(&self.still)?);
+        let samples = |frames: usize| frames * (RATE_HZ / FRAME_HZ) as usize;
+        let steps =
+            Steps { rate_hz: RATE_HZ, at: &self.steps, before: samples(BEFORE), after: samples(AFTER) };
+        // Up to the first step, both inputs are the same.
+        let first = self.steps.first().copied().unwrap_or(0);
+        let bits = |signal: &[f32]| signal.iter().take(first).map(|x| x.to_bits()).collect::<Vec<_>>();
+        Ok(Lag { ms: lag_ms(&stepped, &still, &steps), differs: bits(&stepped) != bits(&still) })
+    }
 }

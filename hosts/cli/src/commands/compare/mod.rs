@@ -1,39 +1,61 @@
-//! `asperity compare`: every phase-retrieval node over the same magnitudes, side by side.
+//! `asperity compare`: compares all phase-retrieval nodes on the same magnitudes.
 //!
-//! [`vectors`] are what is compared on, [`contest`] runs all methods over them and measures [`lag`], the
-//! rest shows the rows that come of it.
+//! [`contest`] runs all methods over the [`vectors`]; [`report`] shows its rows.
 
-mod builtin;
 mod contest;
-mod files;
-mod lag;
-mod picture;
-mod published;
-mod table;
+mod report;
 #[cfg(test)]
 mod tests;
 mod vectors;
 
 use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
-use crate::args::Compare;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
+use crate::load::PluginArgs;
 use crate::output::{Pending, keep_all, resolved};
 use crate::phase::{Chain, How, Method, retrievers};
 use vectors::Set;
 
+/// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of vectors: NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s,
+    /// 2 ms apart) or NAME_RATE.sig.npy (a signal), and sc.json with published scores. By default the
+    /// built-in set
+    #[arg(long, value_name = "DIR")]
+    pub vectors: Option<PathBuf>,
+    /// Node with settings, in a row of its own beside the nodes with defaults
+    #[arg(long, value_name = "KIND[:param=value,...]")]
+    pub phase: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Draw all figures
+    #[arg(long, value_name = "F.svg")]
+    pub svg: Option<PathBuf>,
+    /// Write all figures, a line for each method and vector
+    #[arg(long, value_name = "F.csv", conflicts_with = "json")]
+    pub csv: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Show no progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let registry = kinds.registry(None)?;
     let set = match &args.vectors {
         Some(dir) => vectors::read(dir)?,
-        None => builtin::set()?,
+        None => vectors::built_in()?,
     };
     let methods = methods(&registry, &args.phase, &set)?;
     let (svg, csv) = (args.svg.as_deref(), args.csv.as_deref());
@@ -42,27 +64,28 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
     {
         return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
     }
-    // A picture among the vectors does no harm; one in the place of what is read does.
+    // A file in the folder of vectors is harmless, unless it overwrites one that is read.
     for path in [svg, csv].into_iter().flatten() {
         let at = resolved(path);
         let plugin = kinds.files().iter().any(|f| resolved(f) == at);
         let vectors =
             args.vectors.as_ref().is_some_and(|dir| at.parent() == Some(&resolved(dir)) && at.exists());
         if plugin || vectors {
-            return Err(Diagnostic::new("this file is there already, and may be what is compared")
-                .in_file(path)
-                .help("name another file")
-                .into());
+            return Err(wrong(
+                path,
+                "this file is there already, and may be one that is compared",
+                "name another file",
+            ));
         }
     }
-    // Before minutes of work, so that a folder that is not there is told of at once.
+    // Opened before minutes of work, so that a missing folder is an error at once.
     let pending = |path: Option<&Path>| path.map(Pending::create).transpose();
     let (svg, csv) = (pending(svg)?, pending(csv)?);
 
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
     let (mut files, mut wrote) = (Vec::new(), String::new());
-    let texts = [(svg, &args.svg, picture::svg as fn(_, _, _) -> _), (csv, &args.csv, files::csv)];
+    let texts = [(svg, &args.svg, report::svg as fn(_, _, _) -> _), (csv, &args.csv, report::csv)];
     for (pending, path, text) in texts {
         if let (Some(pending), Some(path)) = (pending, path) {
             files.push(pending.fill(&text(&set, &outcome, &published[..]))?);
@@ -71,17 +94,17 @@ pub fn run(args: &Compare) -> Result<ExitCode, Failure> {
     }
     keep_all(files)?;
     if args.json {
-        print(&format!("{:#}\n", files::json(&set, &outcome, &published)))?;
+        print(&format!("{:#}\n", report::json(&set, &outcome, &published)))?;
     } else {
-        print(&format!("{}{wrote}", table::text(&set, &outcome, &published)))?;
+        print(&format!("{}{wrote}", report::text(&set, &outcome, &published)))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every kind that retrieves phase with all defaults, and what the user asks for beside them.
+/// Every kind that retrieves phase, with defaults, and the methods of `--phase`.
 ///
 /// # Errors
-/// What a user asks for and cannot be made. A kind that fails without being asked for is left to its row.
+/// A method of `--phase` that cannot be prepared. Other kinds report their failure in their row.
 fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Method>, Failure> {
     let kinds = retrievers(registry);
     let mut all = kinds.iter().map(|d| Method::parse(&d.kind, registry)).collect::<Result<Vec<_>, _>>()?;

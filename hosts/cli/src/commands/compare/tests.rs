@@ -2,11 +2,10 @@
 
 use asperity_node::Registry;
 
+use super::contest::{Lag, Stimulus};
 use super::contest::{Outcome, Row, run};
-use super::lag::{Lag, Stimulus};
-use super::published::Delay;
-use super::vectors::{Set, Vector};
-use super::{builtin, files, picture, table};
+use super::report;
+use super::vectors::{Delay, Set, Vector, built_in};
 use crate::phase::Method;
 use crate::phase::testing::{Counter, Tone};
 
@@ -40,7 +39,7 @@ fn row<'a>(rows: &'a [Row], label: &str) -> &'a Row {
 }
 
 #[test]
-fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
+fn failing_node_reports_in_its_row_and_others_go_on() {
     let labels = [
         "tone",
         "tone:how=nan",
@@ -78,20 +77,20 @@ fn a_failing_node_is_a_row_that_says_so_and_the_rest_goes_on() {
         assert!(row.notes.is_empty() && row.scores[0].is_some_and(|s| s.convergence_db < -50.0), "{row:?}");
     }
     let set = set();
-    let (text, svg) = (table::text(&set, &outcome, &[]), picture::svg(&set, &outcome, &[]));
-    let (csv, json) = (files::csv(&set, &outcome, &[]), files::json(&set, &outcome, &[]));
+    let (text, svg) = (report::text(&set, &outcome, &[]), report::svg(&set, &outcome, &[]));
+    let (csv, json) = (report::csv(&set, &outcome, &[]), report::json(&set, &outcome, &[]));
     for label in labels {
         assert!(text.contains(label) && svg.contains(label) && csv.contains(label), "{label}");
     }
     assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
     assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
-    assert!(row(rows, "tone:how=error").frame_us.is_empty(), "what it takes to fail is no cost");
+    assert!(row(rows, "tone:how=error").frame_us.is_empty(), "the time of a failing run does not count");
     assert!(text.contains("silent") && !svg.contains("300.00"), "nothing is measured of silence: {text}");
     assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
 }
 
 #[test]
-fn tone_repeats_and_has_no_pulses_and_silence_no_rhythm() {
+fn tone_has_no_pulses_and_silence_no_rhythm() {
     let outcome = outcome(&["tone", "tone:how=error"]);
     let tone = row(&outcome.rows, "tone").rhythm.unwrap();
     assert!(tone.pulses() < 0.01 && tone.repetition() > 0.99, "{tone:?}");
@@ -99,17 +98,17 @@ fn tone_repeats_and_has_no_pulses_and_silence_no_rhythm() {
     assert!(row(&outcome.rows, "tone:how=error").rhythm.is_none());
     let noise = outcome.noise.unwrap();
     assert!((noise.kurtosis - 3.0).abs() < 0.3 && noise.pulses() > 0.1, "{noise:?}");
-    let json = files::json(&set(), &outcome, &[]);
+    let json = report::json(&set(), &outcome, &[]);
     assert!(
         json["noise"]["pulses"].is_f64() && json["methods"][0]["rhythm"]["repetition"].is_f64(),
         "{json}"
     );
-    let text = table::text(&set(), &outcome, &[]);
+    let text = report::text(&set(), &outcome, &[]);
     assert!(text.lines().any(|l| l.trim_start().starts_with("Gaussian noise ")), "{text}");
 }
 
 #[test]
-fn the_best_on_most_vectors_comes_first() {
+fn best_on_most_vectors_comes_first() {
     let rows = rows(&["tone:delay=60", "tone:how=error", "tone"]);
     assert_eq!(rows[0].label, "tone");
     assert_eq!(rows[2].label, "tone:how=error");
@@ -123,12 +122,13 @@ fn lag(stimulus: &Stimulus, label: &str) -> Lag {
 }
 
 #[test]
-fn what_answers_in_the_same_tick_has_no_lag_and_a_delay_has_its_own() {
+fn response_lag_of_a_delay_is_the_delay() {
     for stimulus in [Stimulus::tone().unwrap(), Stimulus::texture().unwrap()] {
         assert_eq!(lag(&stimulus, "tone").ms, Some([0.0; 3]));
         let ms = lag(&stimulus, "tone:delay=10").ms.unwrap();
         for (ms, early) in ms.into_iter().zip([3.0, 1.0, 0.2]) {
-            // The level is taken over 8 ms, and of 1 + 3 x, squared, more than half lies in the louder part.
+            // The level is taken over 8 ms, and of 1 + 3 x, squared, more than half lies in the louder
+            // part.
             assert!(ms < 24.0 && ms > 20.0 - 4.2 && ms >= 20.0 - early - 1.0, "{ms}");
         }
         assert!(!lag(&stimulus, "tone:delay=10").differs);
@@ -152,7 +152,7 @@ fn spsi_follows_a_tone_as_overlap_add_does() {
 }
 
 #[test]
-fn a_silent_node_has_no_lag_and_a_long_latency_is_not_taken_for_one() {
+fn silent_node_and_long_latency_have_no_lag() {
     let stimulus = Stimulus::tone().unwrap();
     assert_eq!(lag(&stimulus, "tone:how=error").ms, None);
     let registry = registry();
@@ -163,7 +163,7 @@ fn a_silent_node_has_no_lag_and_a_long_latency_is_not_taken_for_one() {
 
 #[test]
 fn published_rows_are_those_with_a_score_on_the_vectors() {
-    let set = builtin::set().unwrap_or_else(|e| panic!("{}", e.reason()));
+    let set = built_in().unwrap_or_else(|e| panic!("{}", e.reason()));
     let rows = super::contest::published(&set);
     assert_eq!(rows.len(), 24);
     let row = row(&rows, "scr5x5_centre");

@@ -1,44 +1,45 @@
-//! The vectors that are compared on, from a folder.
+//! The vectors on which methods are compared: built in or from a folder, with the scores that others
+//! published.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_accuracy::{npy, phase};
 use asperity_diagnostics::{Diagnostic, Source};
 use serde_json::Value;
 
-use super::published::{self, Published};
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, warn, wrong};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 
-/// How long magnitudes are held still for the rhythm of what is made of them, in frames: 8 s that are
-/// looked at.
+/// Frames of steady magnitudes for the rhythm: 8 s, and the edges that do not count.
 const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
-/// Bins that are taken of a signal's transform, from bin 0 on: to 1000 Hz.
+/// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
-const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
+const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
+                     Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
 /// Magnitude frames with a name.
 pub struct Vector {
-    /// Name, with the rate at its end where the file has it.
+    /// Name, with the rate at its end if the file has it.
     pub name: String,
     /// Sample rate in Hz.
     pub rate_hz: u32,
-    /// What the nodes are given.
+    /// Input of the nodes.
     pub frames: Arc<Frames>,
-    /// The same as unscaled DFT magnitudes, which the scores are taken of.
+    /// The same as unscaled DFT magnitudes, for the scores.
     pub unscaled: Vec<f32>,
 }
 
-/// Vectors, and scores that others reached on them.
+/// Vectors, with published scores.
 pub struct Set {
-    /// Where they are from, as a person reads it.
+    /// Origin, in words.
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
-    /// Published scores, where there are any.
+    /// Published scores, if any.
     pub published: Vec<Published>,
 }
 
@@ -89,9 +90,9 @@ impl Vector {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
 
-    /// How rough the magnitudes are from bin to bin: the mean second difference of their logarithms, over
-    /// bins within 40 dB of their frame's top. What a network answers that was trained on squared errors,
-    /// the mean spectrum, is smooth.
+    /// Roughness of the magnitudes over frequency: the mean second difference of their logarithms, over
+    /// bins within 40 dB of their frame's maximum. The output of a network trained on squared errors, a
+    /// mean spectrum, is smooth.
     pub fn roughness(&self) -> f64 {
         let bins = self.frames.layout().bins as usize;
         let (mut sum, mut count) = (0.0, 0_u64);
@@ -108,10 +109,10 @@ impl Vector {
 }
 
 impl Set {
-    /// The mean spectrum of the smoothest vector, held still: what a texture is at constant speed and force.
+    /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
     ///
     /// # Errors
-    /// None that depends on anything but the vectors.
+    /// A mean spectrum that cannot be scored.
     pub fn steady(&self) -> Result<Option<Vector>, Diagnostic> {
         let Some(vector) = self.smoothest().and_then(|v| self.vectors.get(v)) else { return Ok(None) };
         let bins = vector.frames.layout().bins as usize;
@@ -124,13 +125,13 @@ impl Set {
         Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins).map(Some)
     }
 
-    /// The vector whose magnitudes are smoothest over frequency.
+    /// Index of the vector with the least roughness.
     pub fn smoothest(&self) -> Option<usize> {
         let all = self.vectors.iter().map(Vector::roughness).enumerate();
         all.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
-    /// The rates of the vectors in Hz, each once, rising.
+    /// Rates of the vectors \[Hz\], each once, rising.
     pub fn rates(&self) -> Vec<u32> {
         let mut rates: Vec<u32> = self.vectors.iter().map(|v| v.rate_hz).collect();
         rates.sort_unstable();
@@ -140,16 +141,16 @@ impl Set {
 }
 
 /// Files of one vector: magnitudes and signal.
-type Files = [Option<std::path::PathBuf>; 2];
+type Files = [Option<PathBuf>; 2];
 
-/// Reads every vector of a folder, and `sc.json` where it is there.
+/// Reads every vector of a folder, and `sc.json` if it exists.
 ///
 /// # Errors
 /// A folder that cannot be read or has no vectors; everything that is wrong with its files.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let files = list(dir)?;
     if files.is_empty() {
-        return Err(Diagnostic::new("there are no vectors in this folder").in_file(dir).help(NAMES).into());
+        return Err(wrong(dir, "there are no vectors in this folder", NAMES));
     }
     let index = json(&dir.join("index.json"))?;
     let (mut vectors, mut errors) = (Vec::new(), Vec::new());
@@ -165,7 +166,7 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
     vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
     let path = dir.join("sc.json");
     let published = match json(&path)? {
-        Some(scores) => published::read(&scores).map_err(|e| e.in_file(&path))?,
+        Some(scores) => read_published(&scores).map_err(|e| e.in_file(&path))?,
         None => Vec::new(),
     };
     Ok(Set { from: dir.display().to_string(), vectors, published })
@@ -187,7 +188,7 @@ fn list(dir: &Path) -> Result<BTreeMap<String, Files>, Failure> {
     Ok(files)
 }
 
-/// A JSON file, if it is there.
+/// A JSON file, if it exists.
 fn json(path: &Path) -> Result<Option<Value>, Diagnostic> {
     if !path.exists() {
         return Ok(None);
@@ -217,4 +218,215 @@ fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Di
         (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
     };
     vector.map_err(|e| e.in_file(path))
+}
+
+/// Where a method's samples lie in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Delay {
+    /// Late by this time \[ms\]; early where it is negative.
+    Ms(f64),
+    /// It needs the whole signal.
+    Offline,
+    /// Not published.
+    Unknown,
+}
+
+/// Agreement of one signal with one vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// Spectral convergence \[dB\].
+    pub convergence_db: f64,
+    /// Energy relative to that of the magnitudes \[dB\].
+    pub level_db: f64,
+    /// Root mean square error of the long-term spectrum \[dB\].
+    pub ltas_rms_db: f64,
+}
+
+impl Score {
+    /// Whether the signal is silent: its level and long-term spectrum then mean nothing.
+    pub fn is_silent(&self) -> bool {
+        self.level_db < -200.0
+    }
+}
+
+/// A published method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Published {
+    /// Its published name.
+    pub name: String,
+    /// Its latency.
+    pub delay: Delay,
+    scores: Vec<(String, Score)>,
+}
+
+impl Published {
+    /// Its score on a vector.
+    pub fn score(&self, vector: &Vector) -> Option<Score> {
+        self.scores.iter().find(|(name, _)| *name == vector.name).map(|(_, score)| *score)
+    }
+}
+
+/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}},
+/// "latency_frames": {METHOD: frames or "offline"}}`.
+///
+/// # Errors
+/// Another structure.
+fn read_published(json: &Value) -> Result<Vec<Published>, Diagnostic> {
+    let fail = |what: &str| Diagnostic::new(format!("these are no published scores: {what}"));
+    let vectors = json.get("sc").and_then(Value::as_object).ok_or_else(|| fail("no object `sc`"))?;
+    let mut all: Vec<Published> = Vec::new();
+    for (vector, methods) in vectors {
+        let methods = methods.as_object().ok_or_else(|| fail(&format!("`{vector}` is no object")))?;
+        for (name, figures) in methods {
+            let number = |key: &str| {
+                let missing = || fail(&format!("`{vector}`, `{name}` has no number `{key}`"));
+                figures.get(key).and_then(Value::as_f64).ok_or_else(missing)
+            };
+            let score = Score {
+                convergence_db: number("SC_dB")?,
+                level_db: number("gain_dB")?,
+                ltas_rms_db: number("LTAS_rms_dB")?,
+            };
+            let at = all.iter().position(|p| p.name == *name).unwrap_or_else(|| {
+                all.push(Published { name: name.clone(), delay: delay(json, name), scores: Vec::new() });
+                all.len() - 1
+            });
+            all[at].scores.push((vector.clone(), score));
+        }
+    }
+    Ok(all)
+}
+
+fn delay(json: &Value, name: &str) -> Delay {
+    match json.get("latency_frames").and_then(|l| l.get(name)) {
+        Some(Value::String(word)) if word == "offline" => Delay::Offline,
+        Some(frames) => frames.as_f64().map_or(Delay::Unknown, |f| Delay::Ms(f * 1e3 / f64::from(FRAME_HZ))),
+        None => Delay::Unknown,
+    }
+}
+
+/// Rate of the built-in vectors \[Hz\].
+const RATE_HZ: u32 = 2500;
+/// Samples of their window.
+const N: usize = RATE_HZ as usize / 10;
+
+const TEXTURE: &[u8] = include_bytes!("../../../../../tests/data/phase/texture_2500.sig.npy");
+const CONTACT: &[u8] = include_bytes!("../../../../../tests/data/phase/contact_2500.sig.npy");
+const TAPS: &[u8] = include_bytes!("../../../../../tests/data/phase/taps_2500.sig.npy");
+const SCORES: &str = include_str!("../../../../../tests/data/phase/sc.json");
+
+/// The built-in vectors, all at 2500 Hz, with their published scores.
+///
+/// `sine_off`: a sine between two bins. `two25`: two sines 25 Hz apart, which share a window's main lobe.
+/// `chirp`. `texture`: a noise through three resonances. `contact`: the same, switched on and off. `taps`:
+/// decaying sines. `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared
+/// errors; no signal has them. Noise and taps are files of the tests. The rest is made by the formulas of
+/// the published files, so that their scores hold.
+///
+/// # Errors
+/// None, unless the program was built from broken files.
+pub fn built_in() -> Result<Set, Failure> {
+    let broken = |e: &dyn std::fmt::Display| Failure::Machine(format!("a built-in vector is broken: {e}"));
+    let kept = |name: &str, bytes: &[u8]| {
+        let array = npy::parse(bytes)?;
+        Vector::of_signal(name, RATE_HZ, &array.values.into_f64())
+    };
+    let made = |name: &str, seconds: f64, x: fn(f64) -> f64| {
+        let count = (seconds * f64::from(RATE_HZ)) as usize;
+        let signal: Vec<f64> = (0..count).map(|i| x(i as f64 / f64::from(RATE_HZ))).collect();
+        Vector::of_signal(name, RATE_HZ, &signal)
+    };
+    let vectors = [
+        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin()),
+        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin()),
+        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin()),
+        kept("texture_2500", TEXTURE),
+        kept("contact_2500", CONTACT),
+        kept("taps_2500", TAPS),
+        smooth("nnsmooth_2500", 2.0),
+    ];
+    let vectors = vectors.into_iter().collect::<Result<_, _>>().map_err(|e| broken(&e))?;
+    let scores = serde_json::from_str(SCORES).map_err(|e| broken(&e))?;
+    let published = read_published(&scores).map_err(|e| broken(&e))?;
+    Ok(Set { from: "built in".into(), vectors, published })
+}
+
+/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in
+/// every bin.
+fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
+    let spectrum = mean_magnitudes(&resonances);
+    let level = |frame: usize| {
+        let t = (frame as f64 / f64::from(FRAME_HZ)) + 0.05;
+        1.0 + 0.5 * (TAU * 0.7 * t + 0.4).sin() + 0.25 * (TAU * 2.3 * t).sin()
+    };
+    let frames = ((seconds - 0.1) * f64::from(FRAME_HZ)).round() as usize + 1;
+    let frame_energy: f64 = spectrum.iter().map(|s| s * s).sum();
+    let mean_square = (0..frames).map(|n| level(n).powi(2)).sum::<f64>() / frames as f64;
+    let norm = 2.0 / N as f64 * (mean_square * frame_energy).sqrt();
+    let magnitudes = (0..frames).flat_map(|n| spectrum.iter().map(move |s| (level(n) * s / norm) as f32));
+    Vector::new(name, RATE_HZ, magnitudes.collect(), BINS)
+}
+
+/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a
+/// factor.
+pub fn mean_magnitudes(density: &dyn Fn(f64) -> f64) -> Vec<f64> {
+    const STEPS_A_HZ: i32 = 2;
+    const REACH: i32 = 60 * STEPS_A_HZ;
+    let hz = |i: i32| f64::from(i) / f64::from(STEPS_A_HZ);
+    let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / N as f64).cos();
+    // Power response of the window around a bin.
+    let response: Vec<f64> = (-REACH..=REACH)
+        .map(|d| {
+            let turn = |i: usize| TAU * hz(d) * i as f64 / f64::from(RATE_HZ);
+            let part = |f: fn(f64) -> f64| (0..N).map(|i| window(i) * f(turn(i))).sum::<f64>();
+            part(f64::cos).powi(2) + part(f64::sin).powi(2)
+        })
+        .collect();
+    let power = |bin: usize| -> f64 {
+        let centre = bin as i32 * 10 * STEPS_A_HZ;
+        let near = response.iter().zip(centre - REACH..=centre + REACH).filter(|(_, f)| *f >= 0);
+        near.map(|(r, f)| r * density(hz(f)).powi(2)).sum()
+    };
+    (0..BINS).map(|bin| (power(bin) * PI / 4.0).sqrt()).collect()
+}
+
+/// 1 in the band, falling as half a cosine to 0 at 950 Hz.
+pub fn band(hz: f64) -> f64 {
+    const EDGE_HZ: f64 = 950.0;
+    0.5 - 0.5 * (PI * ((EDGE_HZ - hz) / (0.08 * EDGE_HZ)).clamp(0.0, 1.0)).cos()
+}
+
+/// Amplitude density of the texture: resonances at 70, 190 and 420 Hz.
+fn resonances(hz: f64) -> f64 {
+    let one = |(at, width, gain): (f64, f64, f64)| gain * width / (2.0 * (hz - at)).hypot(width);
+    let sum: f64 = [(70.0, 30.0, 1.0), (190.0, 60.0, 0.7), (420.0, 140.0, 0.45)].map(one).iter().sum();
+    sum * (hz / 20.0).clamp(0.0, 1.0) * band(hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the published files, which were made by another program.
+    #[test]
+    fn built_in_vectors_match_published_files() {
+        let set = built_in().unwrap();
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase");
+        for name in ["sine_off_2500", "two25_2500", "texture_2500", "nnsmooth_2500"] {
+            let want = npy::read(format!("{folder}/{name}.mag.npy")).unwrap();
+            let have = set.vectors.iter().find(|v| v.name == name).unwrap();
+            assert_eq!(want.shape, [have.frames.count(), BINS], "{name}");
+            let want = want.values.into_f32();
+            let top = want.iter().copied().fold(0.0, f32::max);
+            let off = have.unscaled.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 2e-5 * top, "{name}: {off} of {top}");
+        }
+        let chirp = npy::read(format!("{folder}/chirp_2500.sig.npy")).unwrap().values.into_f64();
+        let want = Vector::of_signal("chirp_2500", RATE_HZ, &chirp).unwrap().unscaled;
+        let have = &set.vectors.iter().find(|v| v.name == "chirp_2500").unwrap().unscaled;
+        let off = have.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(have.len() == want.len() && off < 1e-3, "{off}");
+        assert!(set.vectors.iter().all(|v| set.published.iter().any(|p| p.score(v).is_some())));
+        assert_eq!(set.vectors[set.smoothest().unwrap()].name, "nnsmooth_2500");
+    }
 }

@@ -1,9 +1,8 @@
-//! `asperity fit-ar`: from a recording of force, speed and acceleration to a texture of autoregressive models.
+//! `asperity fit-ar`: fits a texture of autoregressive models to a recording.
 
-mod picture;
 mod report;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -12,22 +11,101 @@ use asperity_autoregressive::TextureFile;
 use asperity_autoregressive::fit::{Band, Criterion, Order, Recording, Settings, Tolerance};
 use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
+use clap::ValueEnum;
 
-use crate::args::{By, FitAr};
-use crate::failure::{Failure, clean, print, warn};
+use crate::failure::{Failure, clean, print, warn, wrong};
+use crate::number::{number, whole};
 use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
 
-/// A band that is off by more than this, in dB, is worth a warning, ..
+/// Criterion for the order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum By {
+    /// Akaike's criterion, corrected: the best prediction
+    Aicc,
+    /// Schwarz's criterion: the true order, if there is one; gives lower orders
+    Bic,
+}
+
+/// Fit a texture of autoregressive models to a recording of force, speed and acceleration
+///
+/// RECORDING is a table, a WAV file or a NumPy array, at 1 to 10 kHz. The first line of a table names its
+/// columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; at least one of ax_m_s2,
+/// ay_m_s2, az_m_s2, or acceleration_m_s2. recording.ron beside a WAV file names its channels. A NumPy
+/// array has a row for each sample. Hold speed and force for a second at each of some values.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+pub struct Args {
+    /// Recording: a CSV table, a WAV file or a .npy array
+    pub recording: PathBuf,
+    /// Texture to write
+    #[arg(long, value_name = "M.ron")]
+    pub out: PathBuf,
+    /// Sentence that describes how it feels
+    #[arg(long, value_name = "TEXT")]
+    pub description: Option<String>,
+    /// Order of the models; by default the best
+    #[arg(long, value_name = "P", conflicts_with_all = ["max_order", "by"])]
+    #[arg(value_parser = whole(1_usize, 64, ""))]
+    pub order: Option<usize>,
+    /// Highest order to try
+    #[arg(long, default_value_t = 24, value_name = "P", value_parser = whole(1_usize, 64, ""))]
+    pub max_order: usize,
+    /// Criterion for the best order
+    #[arg(long, value_enum, default_value = "aicc")]
+    pub by: By,
+    /// Rate of the models
+    #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
+    pub model_hz: u32,
+    /// Corner of the high-pass against gravity and the hand's motion, at most a tenth of the models' rate;
+    /// 0 for none
+    #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
+    pub high_pass_hz: f64,
+    /// Shortest segment of constant speed and force to fit
+    #[arg(long, default_value_t = 0.2, value_name = "S", value_parser = number(0.05, 10.0, "s"))]
+    pub shortest_s: f64,
+    /// Least speed of a stroke
+    #[arg(long, default_value_t = 5.0, value_name = "MM/S", value_parser = number(0.0, 10_000.0, "mm/s"))]
+    pub least_speed_mm_s: f64,
+    /// Least force of contact
+    #[arg(long, default_value_t = 0.05, value_name = "N", value_parser = number(0.0, 100.0, "N"))]
+    pub least_force_n: f64,
+    /// Largest deviation of a constant speed, and of equal speeds
+    #[arg(long, default_value_t = 10.0, value_name = "MM/S", value_parser = number(0.01, 10_000.0, "mm/s"))]
+    pub speed_tolerance_mm_s: f64,
+    /// Largest deviation of a constant force, and of equal forces
+    #[arg(long, default_value_t = 0.1, value_name = "N", value_parser = number(1e-4, 100.0, "N"))]
+    pub force_tolerance_n: f64,
+    /// The same as a part of speed and force, if that is more
+    #[arg(long, default_value_t = 20.0, value_name = "PERCENT", value_parser = number(0.0, 100.0, "%"))]
+    pub tolerance_percent: f64,
+    /// Most models; if there would be more, more segments share one
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = whole(1_usize, 256, ""))]
+    pub most_models: usize,
+    /// Columns of a .npy array, such as force_n,speed_mm_s,ax_m_s2; `none` for a column to skip
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', requires = "rate_hz")]
+    pub columns: Vec<String>,
+    /// Sample rate of a .npy array
+    #[arg(long, value_name = "HZ", requires = "columns", value_parser = number(1000.0, 10_000.0, "Hz"))]
+    pub rate_hz: Option<f64>,
+    /// Draw the models over speed and force, and their spectra beside those recorded
+    #[arg(long, value_name = "P.svg")]
+    pub plot: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A band with a larger error than this \[dB\] causes a warning, ..
 const FAR_OFF_DB: f64 = 3.0;
-/// .. and by so many times what chance makes of a recording of its length.
+/// .. if the error is also this many times the one expected by chance.
 const CHANCES: f64 = 4.0;
 
-/// Less of a recording than this is worth a warning.
+/// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
 /// Runs the command.
-pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     check(args)?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;
@@ -36,7 +114,7 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
     let recorded = read(args)?;
     let settings = settings(args);
     let recording = Recording {
-        // Clocks are not exact, and ends of the range are ends.
+        // Clocks are not exact: a rate just outside the range counts as its end.
         rate_hz: recorded.rate_hz.clamp(1000.0, 10_000.0),
         force_n: &recorded.force_n,
         speed_mm_s: &recorded.speed_mm_s,
@@ -67,7 +145,7 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
     let far_off = |band: &&Band| band.off_db().abs() > FAR_OFF_DB.max(CHANCES * band.chance_db(all.seconds));
     if let Some(worst) = all.worst().filter(far_off) {
         warn(&format!(
-            "the band at {:.0} Hz is rendered {:+.1} dB off what was recorded",
+            "the band at {:.0} Hz is rendered {:+.1} dB off the recording",
             worst.centre_hz,
             worst.off_db()
         ));
@@ -75,28 +153,25 @@ pub fn run(args: &FitAr) -> Result<ExitCode, Failure> {
     let whole_s = recorded.force_n.len() as f64 / recorded.rate_hz;
     if seconds < LITTLE * whole_s {
         warn(&format!(
-            "of {whole_s:.1} s only {seconds:.1} s are used; what is dropped, and why, stands in the report"
+            "only {seconds:.1} s of {whole_s:.1} s are used; the report says what is dropped, and why"
         ));
     }
-    let plot = plot_file.map(|file| file.fill(&picture::svg(&report))).transpose()?;
+    let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
     print(&if args.json { report.json() } else { report.text() })?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether what is written is none of what is read.
-fn check(args: &FitAr) -> Result<(), Failure> {
-    let wrong = |option: &str, what: String, help: &str| -> Failure {
-        Diagnostic::new(what).in_file(option).help(help.to_owned()).into()
-    };
+/// Refuses outputs in the place of inputs.
+fn check(args: &Args) -> Result<(), Failure> {
     let (out, recording) = (resolved(&args.out), resolved(&args.recording));
     let names = resolved(&recordings::channels_file(&args.recording));
     let own = "give the texture a name of its own";
     if out == recording {
-        return Err(wrong("--out", "the recording is read, and would be overwritten".into(), own));
+        return Err(wrong("--out", "the recording is read, and would be overwritten", own));
     }
     if out == names {
-        return Err(wrong("--out", "this is where the channels of a WAV file are named".into(), own));
+        return Err(wrong("--out", "this is where the channels of a WAV file are named", own));
     }
     if ending(&args.out) != "ron" {
         let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
@@ -105,12 +180,12 @@ fn check(args: &FitAr) -> Result<(), Failure> {
     let plot = args.plot.as_deref().map(resolved);
     if plot.as_ref().is_some_and(|plot| [&out, &recording, &names].contains(&plot)) {
         let help = "give the picture a name of its own";
-        return Err(wrong("--plot", "this file is read, or is the texture".into(), help));
+        return Err(wrong("--plot", "this file is read, or is the texture", help));
     }
     Ok(())
 }
 
-fn settings(args: &FitAr) -> Settings {
+fn settings(args: &Args) -> Settings {
     let by = match args.by {
         By::Aicc => Criterion::Aicc,
         By::Bic => Criterion::Bic,
@@ -131,16 +206,17 @@ fn settings(args: &FitAr) -> Settings {
     }
 }
 
-/// What was recorded, by the ending of the file's name.
-fn read(args: &FitAr) -> Result<Recorded, Failure> {
+/// Reads the recording, by the ending of its name.
+fn read(args: &Args) -> Result<Recorded, Failure> {
     let path = &args.recording;
     let array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if array {
-            return Err(Diagnostic::new("nothing says what the columns of this array are")
-                .in_file(path)
-                .help("--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example")
-                .into());
+            return Err(wrong(
+                path,
+                "nothing says what the columns of this array are",
+                "--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example",
+            ));
         }
         let known = ["csv", "wav"].contains(&ending(path).as_str());
         return Ok(recordings::recorded(path).map_err(|e| match &e.help {
@@ -150,7 +226,7 @@ fn read(args: &FitAr) -> Result<Recorded, Failure> {
     };
     if !array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
-        return Err(Diagnostic::new(what).in_file("--columns").help("for a .npy array only").into());
+        return Err(wrong("--columns", what, "for a .npy array only"));
     }
     let array = npy::read(path)?;
     let count = args.columns.len();
@@ -160,10 +236,11 @@ fn read(args: &FitAr) -> Result<Recorded, Failure> {
             .into());
     };
     if columns != count {
-        return Err(Diagnostic::new(format!("{columns} columns, and {count} are named"))
-            .in_file(path)
-            .help("--columns names all, those to be left out as `none`")
-            .into());
+        return Err(wrong(
+            path,
+            format!("{columns} columns, and {count} are named"),
+            "--columns names all, those to be left out as `none`",
+        ));
     }
     let values = array.values.into_f64();
     let of = |(i, name)| (name, values.iter().skip(i).step_by(count).copied().collect());

@@ -1,27 +1,29 @@
-//! What was found, for a person and as JSON.
+//! The result as text, JSON and picture.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use asperity_autoregressive::fit::{self, Band, Compared, Comparison, Segment, Why};
 use asperity_autoregressive::{Model, Texture};
 use asperity_data::recordings::Recorded;
+use asperity_plot::{Fit, Spectrum};
 use serde_json::{Value, json};
 
-use crate::args::{By, FitAr};
+use super::{Args, By};
 use crate::failure::clean;
 
 /// Most segments that are listed; JSON has all.
 const LISTED: usize = 12;
-/// Orders before and behind the chosen one whose criterion is told.
+/// Orders below and above the chosen one whose criterion is shown.
 const AROUND: usize = 3;
-/// What thirds of an octave are called (IEC 61260), from 25 Hz on.
+/// Names of thirds of an octave from 25 Hz on (IEC 61260).
 const BANDS: [&str; 13] =
     ["25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400"];
 
 /// A fit that is over.
 pub struct Report<'a> {
-    pub args: &'a FitAr,
+    pub args: &'a Args,
     pub recorded: &'a Recorded,
     pub texture: &'a Texture,
     pub fitted: &'a fit::Report,
@@ -30,10 +32,9 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// What a person reads.
+    /// The result as text.
     pub fn text(&self) -> String {
         let mut out = String::new();
-        // Writing to a String cannot fail.
         let _ = writeln!(out, "recording     {}", self.recording());
         let _ = writeln!(out, "fitted        {}", self.fitted());
         let dropped = self.dropped();
@@ -90,7 +91,7 @@ impl Report<'_> {
         said
     }
 
-    /// By what the order was chosen.
+    /// Criterion of the order, if it was chosen by one.
     fn criterion(&self) -> Option<&'static str> {
         (!self.fitted.criterion.is_empty()).then_some(match self.args.by {
             By::Aicc => "AICc",
@@ -117,7 +118,7 @@ impl Report<'_> {
         )
     }
 
-    /// Least and greatest speed and force of models.
+    /// Ranges of speed and force of the models.
     fn ranges(&self) -> [[f64; 2]; 2] {
         let of: [fn(&Model) -> f64; 2] = [|m| m.speed_mm_s, |m| m.force_n];
         of.map(|of| {
@@ -183,7 +184,7 @@ impl Report<'_> {
         let _ = writeln!(out, "    all {:+.2} dB{worst}\n", all.level_off_db());
     }
 
-    /// What a program reads.
+    /// The result as JSON.
     pub fn json(&self) -> String {
         let (texture, fitted) = (self.texture, self.fitted);
         let models: Vec<Value> = texture
@@ -244,8 +245,8 @@ fn worst(band: &Band) -> String {
     format!("{:+.2} dB at {:.0} Hz", band.off_db(), band.centre_hz)
 }
 
-/// Root mean square of what a model puts out, in m/s^2.
-pub fn level(model: &Model) -> f64 {
+/// Root mean square of a model's output \[m/s^2\].
+fn level(model: &Model) -> f64 {
     let mut square = [0.0];
     model.filter().autocovariance(&mut square);
     square[0].sqrt()
@@ -296,5 +297,64 @@ fn word(why: Why) -> &'static str {
         Why::Click => "click",
         Why::Unsteady => "unsteady",
         Why::Short => "short",
+    }
+}
+
+/// Most spectra to draw: those of the models with the longest part of the recording.
+const SPECTRA: usize = 6;
+/// Lowest frequency to draw \[Hz\].
+const LOWEST_HZ: f64 = 10.0;
+/// Ratio of the frequencies of neighbouring points of a model's spectrum.
+const STEP: f64 = 1.01;
+
+/// Models, triangles, segments and spectra.
+pub fn svg(report: &Report<'_>) -> String {
+    let (texture, compared) = (report.texture, &report.compared.models);
+    let mut chosen: Vec<usize> = (0..texture.models().len().min(compared.len())).collect();
+    chosen.sort_by(|a, b| compared[*b].seconds.total_cmp(&compared[*a].seconds));
+    chosen.truncate(SPECTRA);
+    chosen.sort_unstable();
+    let rate_hz = texture.rate_hz();
+    let all = &report.compared.all;
+    let worst = all
+        .worst()
+        .map_or_else(String::new, |b| format!(", thirds of an octave within {:.1} dB", b.off_db().abs()));
+    Fit {
+        title: format!(
+            "A texture fitted to {}",
+            report.args.recording.file_name().unwrap_or_default().display()
+        ),
+        subtitle: format!(
+            "{} models of order {}; rendered against recorded: {:+.1} dB in all{worst}",
+            texture.models().len(),
+            report.fitted.order,
+            // Rounded to a tenth, without a negative zero.
+            (10.0 * all.level_off_db()).round() / 10.0 + 0.0
+        ),
+        corners: texture.models().iter().map(|m| [m.speed_mm_s, m.force_n]).collect(),
+        triangles: texture.triangles().corners().to_vec(),
+        pieces: report.fitted.segments.iter().map(|s| [s.speed_mm_s, s.force_n]).collect(),
+        unit: "dB of 1 (m/s\u{b2})\u{b2} a Hz".into(),
+        spectra: chosen
+            .into_iter()
+            .map(|i| spectrum(i, &texture.models()[i], &compared[i], rate_hz))
+            .collect(),
+    }
+    .to_svg()
+}
+
+fn spectrum(number: usize, model: &Model, compared: &Compared, rate_hz: f64) -> Spectrum {
+    let filter = model.filter();
+    let db = |density: f64| 10.0 * density.log10();
+    let measured =
+        compared.density.iter().enumerate().map(|(k, d)| (k as f64 * Compared::DENSITY_STEP_HZ, db(*d)));
+    let hz =
+        std::iter::successors(Some(LOWEST_HZ), |hz| Some(hz * STEP)).take_while(|hz| *hz < 0.5 * rate_hz);
+    Spectrum {
+        label: format!("{number}: {:.0} mm/s, {:.2} N", model.speed_mm_s, model.force_n),
+        remark: compared.worst().map_or_else(String::new, |b| format!("within {:.1} dB", b.off_db().abs())),
+        measured: measured.filter(|(hz, _)| *hz >= LOWEST_HZ).collect(),
+        // One-sided, like the measured one.
+        model: hz.map(|hz| (hz, db(2.0 * filter.power(TAU * hz / rate_hz) / rate_hz))).collect(),
     }
 }

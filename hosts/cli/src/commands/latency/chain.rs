@@ -1,4 +1,4 @@
-//! How late a graph answers a change of speed.
+//! Response lag of a graph after a step of speed.
 
 use std::path::{Path, PathBuf};
 
@@ -8,20 +8,20 @@ use asperity_graph::{GraphFile, Schedule};
 use asperity_node::{Latency, Registry};
 use asperity_tradeoff::Response;
 
-use crate::args::LatencyArgs;
+use super::Args;
 use crate::failure::{Failure, complain};
 use crate::load;
 
-/// Steps of speed: more make a random texture's level surer.
+/// Steps of speed: more make the level of a random texture more certain.
 const STEPS: usize = 148;
 
-/// How late a graph answers.
+/// Response lag of a graph.
 pub struct Chain {
-    /// The graph, as it was named.
+    /// The graph's file.
     pub graph: String,
     /// Milliseconds after a step of speed until the level has gone 10, 50 and 90 % of its way.
     pub lag_ms: [f64; 3],
-    /// What is known to make up the 50 %.
+    /// Known parts of the 50 %, each in words and \[ms\].
     pub items: Vec<(String, f64)>,
 }
 
@@ -29,13 +29,13 @@ pub struct Chain {
 pub struct Ready {
     path: PathBuf,
     response: Response,
-    /// Node that is heard.
+    /// Node whose output is measured.
     end: usize,
 }
 
-/// Makes every graph ready, so that nothing is measured where one of them is wrong. A setting goes to the
-/// graphs that have what it sets, and the others are named; where none has, it is an error.
-pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
+/// Prepares every graph, so that errors come before any measurement. A setting changes only the graphs that
+/// have its parameter; a note names the others. If no graph has it, that is an error.
+pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     let drafts = args.graphs.iter().map(|path| Draft::read(path, args));
     let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
     let mut sets = vec![Vec::new(); drafts.len()];
@@ -57,7 +57,7 @@ pub fn prepare(args: &LatencyArgs) -> Result<Vec<Ready>, Failure> {
         let path = draft.path.clone();
         let response = draft.response(&sets)?;
         let nothing = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
-        let (end, _) = response.heard().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
+        let (end, _) = response.output().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
         Ok(Ready { path, response, end })
     };
     drafts.into_iter().zip(sets).map(ready).collect()
@@ -73,8 +73,8 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
                 .in_file(&path)
                 .help(if of_scene {
-                    "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface that is measured a `plane`, or \
-                     as long a rectangle, of a material whose level follows speed"
+                    "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface a `plane`, or \
+                     a rectangle of that length, of a material whose level follows speed"
                 } else {
                     "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\""
                 }),
@@ -84,7 +84,7 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     Ok(Chain { graph: path.display().to_string(), lag_ms, items })
 }
 
-/// A graph as its file has it, and the kinds that it may use.
+/// A graph, and the kinds that it may use.
 struct Draft {
     path: PathBuf,
     graph: GraphFile,
@@ -92,13 +92,13 @@ struct Draft {
 }
 
 impl Draft {
-    fn read(path: &Path, args: &LatencyArgs) -> Result<Self, Failure> {
+    fn read(path: &Path, args: &Args) -> Result<Self, Failure> {
         let load::Offline { graph, registry, .. } = load::offline(path, &args.plugins)?;
         Ok(Self { path: path.to_owned(), graph, registry })
     }
 
-    /// Whether it has what an assignment sets, whatever the value. The graph's own settings (`seed`) are in
-    /// every graph.
+    /// Whether it has the parameter of an assignment. Every graph has the graph's own settings, such as
+    /// `seed`.
     fn has(&self, assignment: &str) -> bool {
         let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
         let Some((id, name)) = target.trim().split_once('.') else { return true };
@@ -106,7 +106,7 @@ impl Draft {
         kind.is_some_and(|kind| name == "every" || kind.descriptor().params.iter().any(|p| p.name == name))
     }
 
-    /// Compiles it under a stylus of which much is known.
+    /// Compiles it with the settings, for measurement.
     fn response(mut self, sets: &[&str]) -> Result<Response, Failure> {
         for assignment in sets {
             self.graph.set(assignment, "--set")?;
@@ -115,8 +115,7 @@ impl Draft {
     }
 }
 
-/// What is known to make a graph late up to one of its nodes, and what is left for its windows. Of ways
-/// side by side the slowest counts.
+/// Known parts of the lag up to a node, and the rest. Of parallel paths the slowest counts.
 fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
     let mut items = Vec::new();
     let (leads, slowest) = leading_to(schedule, end);
@@ -140,14 +139,14 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
     items
 }
 
-/// Which nodes lead to one, and which are on the slowest way there. Nodes stand in the order in which they run.
+/// Nodes that lead to one, and nodes on the slowest path to it. Nodes are in the order in which they run.
 fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
     let count = schedule.nodes.len();
     let mut leads: Vec<Vec<bool>> = schedule.nodes.iter().map(|n| vec![false; n.outputs.len()]).collect();
     if let Some(end) = leads.get_mut(end) {
         end.fill(true);
     }
-    // Wires into a node that lead on, of those that come from nodes that ran before it.
+    // Of each node: the nodes before it on a path to the end.
     let mut before: Vec<Vec<usize>> = vec![Vec::new(); count];
     for i in (0..count).rev() {
         let node = &schedule.nodes[i];
@@ -172,7 +171,7 @@ fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
         slowest[i] = true;
         at = before[i].iter().copied().max_by(|a, b| late_ms[*a].total_cmp(&late_ms[*b]));
     }
-    // What goes round a low-pass is not held up by it.
+    // A path past the low-pass is not delayed by it.
     let leads = schedule.nodes.iter().zip(&leads).map(|(node, outputs)| {
         let held = |o: usize| node.kind != "velocity" || node.outputs[o].name != "unfiltered";
         outputs.iter().enumerate().any(|(o, on)| *on && held(o))
@@ -180,12 +179,12 @@ fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
     (leads.collect(), slowest)
 }
 
-/// Whether an output follows an input: where a stylus touches does not follow from how fast it is.
+/// Whether an output depends on an input in time: the point of contact does not depend on the speed.
 fn passes(kind: &str, input: &str, output: &str) -> bool {
     match (kind, input) {
         ("contact", "velocity") => matches!(output, "velocity" | "speed"),
         ("contact", "unfiltered") => matches!(output, "slide" | "push"),
-        // These open it, and hold nothing up.
+        // These open the gate, and delay nothing.
         ("speed_gate", "speed" | "force") => false,
         _ => true,
     }

@@ -1,36 +1,96 @@
-//! `asperity latency`: how long it takes from a hand to the actuator.
+//! `asperity latency`: time from the hand to the actuator.
 //!
-//! Two things add up. [`chain`]: a graph answers a change of speed late, whatever runs it; this is found offline. [`around`]: what
-//! runs it in real time reads the hand a little behind and plays a little ahead; this is declared item by item, and
-//! measured over a loopback from the output to an input.
+//! Two parts add up. [`chain`]: the response lag of a graph after a change of speed, found offline.
+//! [`loopback`]: reading the hand and buffering in real time, declared item by item, and measured over a
+//! loopback from the output to an input.
 
-mod around;
 mod chain;
+mod loopback;
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
+use clap::{Arg, ArgGroup};
 use serde_json::{Value, json};
 
-use crate::args::LatencyArgs;
-use crate::failure::{Failure, print};
-use around::Around;
+use crate::card::{ActuatorArgs, OutputArgs};
+use crate::failure::{Failure, print, wrong};
+use crate::load::PluginArgs;
+use crate::number::{channel, number, whole};
 use chain::Chain;
+use loopback::Loopback;
+
+/// Report the response lag of graphs, and measure the latency of a device over a loopback from output to
+/// input
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
+#[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
+pub struct Args {
+    /// Graphs whose response lag to a step of speed is reported
+    pub graphs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Device to record from; by default the same host's default
+    #[arg(long, value_name = "DEVICE")]
+    pub input_device: Option<String>,
+    /// Channel of the input that is connected to the output
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
+    pub input_channel: u16,
+    /// The loopback is inside the audio server, without a card
+    #[arg(long)]
+    pub inside: bool,
+    /// Latency of the input from sound to callback, if known
+    #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
+    pub input_latency_ms: Option<f64>,
+    /// Number of clicks
+    #[arg(long, default_value_t = 50, value_name = "N", value_parser = whole(3_u32, 10_000, "clicks"))]
+    pub trials: u32,
+    /// Height of a click
+    #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
+    pub amps: f64,
+    /// Level at the input that counts as a click, of full scale
+    #[arg(long, default_value_t = 0.01, value_name = "LEVEL")]
+    #[arg(value_parser = number(1e-6, 1.0, "of full scale"))]
+    pub level: f64,
+    /// Audio rate
+    #[arg(long, default_value_t = 48_000, value_name = "HZ", value_parser = whole(8_000_u32, 192_000, "Hz"))]
+    pub rate: u32,
+    #[command(flatten)]
+    pub actuator: ActuatorArgs,
+    /// Set a parameter of the graphs that have it: NODE.PARAM=VALUE
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Refuses options without effect: those of graphs need a graph, all others a device.
+fn with_graph_or_device(arg: Arg) -> Arg {
+    match arg.get_id().as_str() {
+        "graphs" | "host" | "device" | "json" | "help" => arg,
+        "set" | "plugin" => arg.requires("graphs"),
+        _ => arg.requires("card"),
+    }
+}
 
 /// Runs the command.
-pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
-        return Err(Diagnostic::new("there is nothing to measure")
-            .in_file("asperity latency")
-            .help("name graphs to see how late they answer, and a device whose output is looped back to its input: --device D")
-            .into());
+        return Err(wrong(
+            "asperity latency",
+            "there is nothing to measure",
+            "name graphs, or a device whose output is connected to its input: --device D",
+        ));
     }
-    let clicks = wanted.then(|| around::prepare(args)).transpose()?;
+    let clicks = wanted.then(|| loopback::prepare(args)).transpose()?;
     let ready = chain::prepare(args)?;
     let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
-    let around = clicks.map(|made| around::measure(args, made)).transpose()?;
+    let around = clicks.map(|made| loopback::measure(args, made)).transpose()?;
     if args.json {
         print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
     } else {
@@ -39,7 +99,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     Ok(if around.is_some_and(|a| !a.agrees()) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-fn text(chains: &[Chain], around: Option<&Around>) -> String {
+fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
     let mut out = String::new();
     if let Some(a) = around {
         let _ = writeln!(
@@ -90,7 +150,7 @@ fn text(chains: &[Chain], around: Option<&Around>) -> String {
     out
 }
 
-fn as_json(chains: &[Chain], around: Option<&Around>) -> Value {
+fn as_json(chains: &[Chain], around: Option<&Loopback>) -> Value {
     let items = |items: &[(String, f64)]| -> Vec<Value> {
         items.iter().map(|(what, ms)| json!({ "what": what, "ms": ms })).collect()
     };

@@ -1,9 +1,8 @@
-//! `asperity plugin check`: a plugin's conformance cases, in a process of its own.
+//! `asperity plugin check`: runs the node cases over a plugin, in a process of its own.
 //!
-//! What cannot be contained in a process is so contained: a plugin that crashes ends the process that runs the cases, and a new one
-//! goes on behind the case it crashed in; one that never answers is killed. Not seen are locks and system calls
-//! of a plugin, what its threads do, memory that it does not take by way of the C library, and what it writes where it has no business to, unless that
-//! crashes it.
+//! A plugin that crashes ends the process of the cases. A new process goes on with the next case. A plugin
+//! that does not answer is killed. Not seen are locks and system calls of a plugin, its threads, memory that
+//! it does not take from the C library, and writes to foreign memory that do not crash.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -11,28 +10,27 @@ use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use asperity_checks::conformance::cases;
+use asperity_checks::node_cases;
 use asperity_diagnostics::{Diagnostic, one_of};
 use serde_json::Value;
 
 use super::child::TIME;
-use super::heap::Preload;
 use super::report::{Report, Row};
 use super::surroundings::SURROUNDINGS;
 use crate::args::{Cases, CheckPlugin};
 use crate::failure::Failure;
 
-/// The case that compares with another process.
+/// Name of the case that compares with another process.
 const OTHER_PROCESS: &str = "other_process";
-/// The case whose figures it compares.
+/// Name of the case whose figures it compares.
 const DETERMINISM: &str = "determinism";
-/// Between the two, so that what follows from the time of day shows.
+/// Time between the two, so that outputs that follow from the time of day differ.
 const APART: Duration = Duration::from_millis(1100);
 
 /// Runs the command.
 pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     let names: Vec<&str> =
-        cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]).collect();
+        node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]).collect();
     if let Some(unknown) = args.cases.case.iter().find(|c| !names.contains(&c.as_str())) {
         let help = one_of(unknown, names.iter().copied());
         return Err(Diagnostic::new(format!("there is no case `{unknown}`")).help(help).into());
@@ -41,12 +39,7 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
     let mut checker = Checker {
         cases: Cases { plugin: path.display().to_string(), ..args.cases.clone() },
-        trial: Trial {
-            path,
-            patience: Duration::from_secs(args.patience.max(1)),
-            in_all: None,
-            preload: Preload::new(),
-        },
+        trial: Trial { path, patience: Duration::from_secs(args.patience.max(1)), in_all: None },
         report: Report::new(args.json),
     };
     let begun = Instant::now();
@@ -60,13 +53,12 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     checker.report.finish(&checker.trial.path, args.cases.ticks)
 }
 
-/// The plugin's file, and how it is run in other processes.
+/// Runs a plugin's file in another process.
 struct Trial {
     path: PathBuf,
     patience: Duration,
-    /// How long all cases together may take.
+    /// Time limit of all cases together.
     in_all: Option<Duration>,
-    preload: Preload,
 }
 
 struct Checker {
@@ -75,16 +67,16 @@ struct Checker {
     report: Report,
 }
 
-/// Cases that call every function of a plugin that a graph calls first.
+/// Cases that call all functions that a graph calls first.
 const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
-/// How long a plugin that is rebuilt while a graph plays may take to answer.
+/// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Tries the copy of a plugin's file in another process: whether its code, damaged perhaps, comes back at all, and
-/// leaves the process as it was. Any other case that it fails is no matter here.
+/// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
+/// leave the process as it was. Other failures do not matter here.
 ///
 /// # Errors
-/// How it ended.
+/// The way in which the process ended or changed.
 pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let cases = Cases {
         plugin: copy.display().to_string(),
@@ -94,8 +86,7 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
         ticks: 500,
     };
     let refuse = |what: String| Diagnostic::new(what).in_file(path);
-    let trial =
-        Trial { path: copy.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL), preload: Preload::new() };
+    let trial = Trial { path: copy.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL) };
     let mut disturbed = None;
     let mut each = |said| {
         if let Said::Row(row) = said
@@ -117,7 +108,7 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
             Err(refuse(format!("tried in another process, this plugin {how}{during}"))
                 .help("`asperity plugin check` says more"))
         }
-        // What does not load is told where it is loaded.
+        // The loader reports a plugin that does not load.
         (Err(Failure::Input(_)), _) => Ok(()),
         (Err(Failure::Machine(what)), _) => Err(refuse(what)),
     }
@@ -125,22 +116,22 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
 
 /// A message of the process that runs cases.
 enum Said {
-    /// The plugin is loaded, and what it is.
+    /// The plugin is loaded.
     Plugin(Value),
     /// A case is over.
     Row(Row),
 }
 
-/// How a process that runs cases ended.
+/// End of a process that runs cases.
 enum Ended {
-    /// It ran all there were.
+    /// It ran all cases.
     Done,
-    /// It came to grief: in this case of this kind, doing this; or outside of any.
+    /// It broke: in this case of this kind, during this step; or outside of any case.
     Broke { row: Option<(String, String)>, doing: String, how: String },
 }
 
 impl Checker {
-    /// Runs all cases; after a crash, those behind the one it happened in.
+    /// Runs all cases. After a crash it goes on with the next case.
     fn run_all(&mut self) -> Result<(), Failure> {
         let mut done = 0;
         loop {
@@ -172,7 +163,7 @@ impl Checker {
         }
     }
 
-    /// Runs the case of determinism in yet another process, or in two where it has not been run, and compares.
+    /// Runs the case of determinism in another process, or in two if it has not run yet, and compares.
     fn compare(&mut self, begun: Instant) -> Result<(), Failure> {
         let mut before = self.report.rows_of(DETERMINISM);
         if before.is_empty() {
@@ -212,7 +203,7 @@ impl Checker {
 }
 
 impl Trial {
-    /// One process, to its end.
+    /// Runs one process to its end.
     fn process(
         &self,
         cases: &Cases,
@@ -278,11 +269,10 @@ impl Trial {
             command.arg("--kind").arg(kind);
         }
         command.arg("--").arg(&self.path);
-        self.preload.put_before(&mut command);
-        // What the plugin prints is not part of the answer.
+        // The plugin may print: that is not part of the answer.
         command.stdin(Stdio::from(writer)).stdout(Stdio::from(std::io::stderr()));
         let child = command.spawn().map_err(|e| fail(&e))?;
-        // This end of the pipe must be closed, or it never ends.
+        // Closes this end of the pipe, or it never ends.
         drop(command);
         let (send, receive) = channel();
         std::thread::spawn(move || {
@@ -298,11 +288,11 @@ impl Trial {
     }
 }
 
-/// A process that runs cases; ended when nobody looks at it any more.
+/// A process that runs cases. It is killed on drop.
 struct Running(Child);
 
 impl Running {
-    /// How it ended, if it does within this time.
+    /// Its exit status, if it ends within this time.
     fn status(&mut self, patience: Duration) -> Option<ExitStatus> {
         let until = Instant::now() + patience;
         loop {
@@ -314,7 +304,7 @@ impl Running {
         }
     }
 
-    /// The same in words.
+    /// Its end in words.
     fn end(&mut self, patience: Duration) -> String {
         self.status(patience).map_or_else(|| format!("did not end within {} s", patience.as_secs()), how)
     }
@@ -331,7 +321,7 @@ fn machine(what: &str, e: &std::io::Error) -> Failure {
     Failure::Machine(format!("{what}: {e}"))
 }
 
-/// How a process ended, in words.
+/// The end of a process in words.
 fn how(status: ExitStatus) -> String {
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
@@ -347,7 +337,7 @@ fn how(status: ExitStatus) -> String {
 }
 
 pub(super) fn signal_name(signal: i32) -> Option<&'static str> {
-    // The numbers differ between systems beyond these.
+    // Other numbers differ between systems.
     let bus = if cfg!(target_os = "linux") { 7 } else { 10 };
     match signal {
         4 => Some("illegal instruction"),

@@ -1,5 +1,5 @@
-//! The process in which a plugin's cases run: it says line by line, in JSON, what it does, so that after a crash one knows where it
-//! was. The lines go through what is its standard input, since a plugin may print.
+//! The process in which a plugin's cases run. It reports each step as a line of JSON, so that the last step
+//! before a crash is known. The lines go through its standard input, since a plugin may print.
 
 use std::cell::{Cell, RefCell};
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_checks::conformance::{Subject, Verdict, Witness, cases, tick_time};
+use asperity_checks::{Subject, Verdict, Witness, node_cases, tick_time};
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_loader::Plugin;
 use asperity_node::NodeKind;
@@ -19,10 +19,10 @@ use super::heap::Counter;
 use super::surroundings::{SURROUNDINGS, Surroundings};
 use crate::args::CasesOfPlugin;
 
-/// The name under which the time of a tick is reported, beside the cases.
+/// Name of the row with the time of a tick.
 pub const TIME: &str = "time";
 
-/// How often it says that it lives.
+/// Interval of the signs of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(200);
 
 /// The way to the process that started this one.
@@ -41,7 +41,7 @@ impl Line {
     }
 
     fn say(&self, what: &Value) {
-        // Where nobody listens any more there is nothing left to do.
+        // Without a reader there is nothing left to do.
         if writeln!(self.out.borrow_mut(), "{what}").is_err() {
             crate::leave::now(1);
         }
@@ -61,7 +61,7 @@ impl Witness for Line {
     }
 }
 
-/// Ends this process when the one that started it is gone: a plugin in an endless loop would go on for ever.
+/// Ends this process with its parent: a plugin in an endless loop would run for ever.
 fn end_with_parent() {
     #[cfg(unix)]
     {
@@ -90,7 +90,7 @@ pub fn run(args: &CasesOfPlugin) -> ExitCode {
     }
 }
 
-/// The kinds that are asked for.
+/// The wanted kinds.
 fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<dyn NodeKind>>, Diagnostic> {
     let name = |k: &Arc<dyn NodeKind>| k.descriptor().kind.to_string();
     let kinds: Vec<_> =
@@ -105,7 +105,7 @@ fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<dyn NodeKind>>
     }
 }
 
-/// The settings, of which each must be a parameter of some kind.
+/// The settings. Each must be a parameter of some kind.
 fn settings(args: &CasesOfPlugin, kinds: &[Arc<dyn NodeKind>]) -> Result<Vec<(String, String)>, Diagnostic> {
     let mut out = Vec::new();
     for text in &args.cases.set {
@@ -136,14 +136,14 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
     let mut skip = args.skip;
     for kind in &kinds {
         let d = kind.descriptor();
-        let mut subject = Subject::new(kind.clone()).ticks(args.cases.ticks).witness(line);
+        let mut subject = Subject::one(kind.clone()).ticks(args.cases.ticks).witness(line);
         for (name, value) in settings.iter().filter(|(n, _)| d.params.iter().any(|p| p.name == *n)) {
             subject = subject.set(name, value);
         }
         if let Some(heap) = &heap {
             subject = subject.heap(heap);
         }
-        for name in cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
+        for name in node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
             if !args.cases.case.is_empty() && !args.cases.case.iter().any(|c| c == name) {
                 continue;
             }
@@ -170,11 +170,11 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
 }
 
 fn outcome(subject: &Subject<'_>, name: &str) -> Value {
-    if let Some(case) = cases().iter().find(|c| c.name == name) {
+    if let Some(case) = node_cases().iter().find(|c| c.name == name) {
         let outcome = case.run(subject);
         let verdict = match outcome.verdict {
-            Verdict::Pass => "pass",
-            Verdict::Fail => "fail",
+            Verdict::Holds => "pass",
+            Verdict::Fails => "fail",
             Verdict::NotApplicable => "not applicable",
         };
         return json!({ "verdict": verdict, "found": outcome.found });

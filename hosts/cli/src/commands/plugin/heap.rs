@@ -1,99 +1,126 @@
-//! Counting what a plugin does to the heap.
+//! Counts the allocations of a plugin.
 //!
-//! A plugin brings the allocator of its own language, and the program's cannot see it. All of them come down to the C library's
-//! `malloc`, so a small library (`heap.c`) is put before that one in the process that runs the cases. On systems where this is
-//! not possible nothing is counted, and the case says so.
+//! A plugin has an allocator of its own language, which the program's allocator does not see. All of them end
+//! in the C library's `malloc`. On Linux with glibc the program therefore defines `malloc` and its kin
+//! itself: the system's loader binds the calls of every library to them. They count while a [`Counter`] asks
+//! for it, and forward to the names that glibc keeps for this. On other systems nothing is counted.
+//!
+//! Not counted: memory that a plugin maps itself (`mmap`), or takes from an allocator that is linked into it.
 
-use std::io::Write;
-use std::process::Command;
+use asperity_checks::{Heap, Touched};
 
-use asperity_checks::conformance::{Heap, Touched};
-use tempfile::TempPath;
+/// Counts the calls of this thread to the C library's allocator.
+#[derive(Debug)]
+pub struct Counter;
 
-/// The library; empty where it could not be built.
-const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/heap.so"));
-
-/// What tells the system's loader to put a library before all others.
-const PRELOAD: &str = "LD_PRELOAD";
-
-/// The library as a file, for as long as this lives.
-pub struct Preload(Option<TempPath>);
-
-impl Preload {
-    /// Writes the file, if there is anything to write and a place for it.
-    pub fn new() -> Self {
-        let write = || {
-            let mut file = tempfile::Builder::new().prefix("asperity-heap-").suffix(".so").tempfile()?;
-            file.write_all(LIBRARY)?;
-            Ok::<_, std::io::Error>(file.into_temp_path())
-        };
-        Self(if LIBRARY.is_empty() { None } else { write().ok() })
-    }
-
-    /// Has a process begin with it.
-    pub fn put_before(&self, command: &mut Command) {
-        let Some(file) = &self.0 else { return };
-        let mut all = file.as_os_str().to_owned();
-        if let Some(others) = std::env::var_os(PRELOAD).filter(|o| !o.is_empty()) {
-            all.push(":");
-            all.push(others);
-        }
-        command.env(PRELOAD, all);
-    }
-}
-
-/// The counting library in this process.
-#[cfg(unix)]
-pub struct Counter {
-    begin: unsafe extern "C" fn(),
-    end: unsafe extern "C" fn(*mut u64, *mut u64),
-}
-
-/// There is none.
-#[cfg(not(unix))]
-pub struct Counter {}
-
-#[cfg(unix)]
 impl Counter {
-    /// Finds it, and makes sure that it sees an allocation.
+    /// A counter, if one sees an allocation on this system.
     pub fn find() -> Option<Self> {
-        let this = libloading::os::unix::Library::this();
-        // SAFETY: symbols of the library above, with the types that they have there; it stays for as long as the process.
-        let counter = unsafe {
-            let begin = this.get::<unsafe extern "C" fn()>(c"asperity_heap_begin").ok()?;
-            let end = this.get::<unsafe extern "C" fn(*mut u64, *mut u64)>(c"asperity_heap_end").ok()?;
-            Self { begin: *begin, end: *end }
-        };
-        counter.begin();
+        Counter.begin();
         drop(std::hint::black_box(Box::new([0_u8; 64])));
-        (counter.end() == Touched { taken: 1, freed: 1 }).then_some(counter)
+        (Counter.end() == Touched { taken: 1, freed: 1 }).then_some(Counter)
     }
 }
 
-#[cfg(not(unix))]
-impl Counter {
-    /// There is none.
-    pub fn find() -> Option<Self> {
-        None
+#[cfg(all(target_os = "linux", target_env = "gnu", not(target_feature = "crt-static")))]
+mod interposed {
+    use std::cell::Cell;
+    use std::ffi::{c_int, c_void};
+
+    use super::{Counter, Heap, Touched};
+
+    thread_local! {
+        // Neither needs memory when it is first touched.
+        static COUNTING: Cell<bool> = const { Cell::new(false) };
+        static TOUCHED: Cell<Touched> = const { Cell::new(Touched { taken: 0, freed: 0 }) };
+    }
+
+    impl Heap for Counter {
+        fn begin(&self) {
+            TOUCHED.set(Touched::default());
+            COUNTING.set(true);
+        }
+
+        fn end(&self) -> Touched {
+            COUNTING.set(false);
+            TOUCHED.get()
+        }
+    }
+
+    fn count(taken: bool, freed: bool) {
+        if COUNTING.get() {
+            let before = TOUCHED.get();
+            TOUCHED.set(Touched {
+                taken: before.taken + u64::from(taken),
+                freed: before.freed + u64::from(freed),
+            });
+        }
+    }
+
+    unsafe extern "C" {
+        fn __libc_malloc(size: usize) -> *mut c_void;
+        fn __libc_calloc(count: usize, size: usize) -> *mut c_void;
+        fn __libc_realloc(at: *mut c_void, size: usize) -> *mut c_void;
+        fn __libc_memalign(alignment: usize, size: usize) -> *mut c_void;
+        fn __libc_valloc(size: usize) -> *mut c_void;
+        fn __libc_pvalloc(size: usize) -> *mut c_void;
+        fn __libc_free(at: *mut c_void);
+    }
+
+    /// Defines functions of the C library that take memory, by the names to which they forward.
+    macro_rules! takes {
+        ($($name:ident($($arg:ident),*) = $to:ident;)*) => { $(
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn $name($($arg: usize),*) -> *mut c_void {
+                count(true, false);
+                // SAFETY: the C library's own function of the same contract, with the same arguments.
+                unsafe { $to($($arg),*) }
+            }
+        )* };
+    }
+
+    takes! {
+        malloc(size) = __libc_malloc;
+        calloc(number, size) = __libc_calloc;
+        memalign(alignment, size) = __libc_memalign;
+        aligned_alloc(alignment, size) = __libc_memalign;
+        valloc(size) = __libc_valloc;
+        pvalloc(size) = __libc_pvalloc;
+    }
+
+    #[unsafe(no_mangle)]
+    unsafe extern "C" fn realloc(at: *mut c_void, size: usize) -> *mut c_void {
+        let frees = !at.is_null() && size == 0;
+        count(!frees, frees);
+        // SAFETY: as in `takes`.
+        unsafe { __libc_realloc(at, size) }
+    }
+
+    #[unsafe(no_mangle)]
+    unsafe extern "C" fn posix_memalign(at: *mut *mut c_void, alignment: usize, size: usize) -> c_int {
+        if !alignment.is_power_of_two() || alignment < size_of::<usize>() {
+            return libc::EINVAL;
+        }
+        count(true, false);
+        // SAFETY: as in `takes`.
+        let found = unsafe { __libc_memalign(alignment, size) };
+        if found.is_null() {
+            return libc::ENOMEM;
+        }
+        // SAFETY: the caller passes a place for a pointer.
+        unsafe { *at = found };
+        0
+    }
+
+    #[unsafe(no_mangle)]
+    unsafe extern "C" fn free(at: *mut c_void) {
+        count(false, !at.is_null());
+        // SAFETY: as in `takes`.
+        unsafe { __libc_free(at) };
     }
 }
 
-#[cfg(unix)]
-impl Heap for Counter {
-    fn begin(&self) {
-        // SAFETY: takes nothing, and touches variables of this thread only.
-        unsafe { (self.begin)() };
-    }
-
-    fn end(&self) -> Touched {
-        let mut touched = Touched::default();
-        // SAFETY: two numbers that it writes to.
-        unsafe { (self.end)(&mut touched.taken, &mut touched.freed) };
-        touched
-    }
-}
-
-#[cfg(not(unix))]
+#[cfg(not(all(target_os = "linux", target_env = "gnu", not(target_feature = "crt-static"))))]
 impl Heap for Counter {
     fn begin(&self) {}
 

@@ -1,17 +1,28 @@
-//! `asperity plugin list`: what is found where.
+//! `asperity plugin list`: the plugins that are found, and where.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
+use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin};
 use serde_json::{Value, json};
 
-use crate::args::PluginList;
-use crate::failure::{Failure, print, warn};
+use crate::failure::{Failure, print};
+use crate::kinds::{named_plugin, plugins_on_path};
+use crate::load::PluginArgs;
 
-/// One file, and what became of it.
+/// List the plugins that are found, where, and the kinds they offer
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A file, the place that names it, and its plugin or why it does not load.
 struct Row {
     path: PathBuf,
     by: String,
@@ -19,18 +30,13 @@ struct Row {
 }
 
 /// Runs the command. A plugin that does not load is a row like any other.
-pub fn run(args: &PluginList) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut loader = Loader::default();
-    let list = || std::env::var_os(PATH_VARIABLE);
     let mut rows = Vec::new();
-    for named in &args.plugins.plugin {
-        let path =
-            find(&named.to_string_lossy(), Path::new(""), list()).map_err(|e| e.in_file("--plugin"))?;
-        rows.push((path, "--plugin".to_owned()));
+    for name in &args.plugins.plugin {
+        rows.push((named_plugin(name)?, "--plugin".to_owned()));
     }
-    let (found, problems) = search(list());
-    problems.iter().for_each(|p| warn(&p.to_string()));
-    for Found { path, by } in found {
+    for Found { path, by } in plugins_on_path() {
         rows.push((path, format!("{PATH_VARIABLE}, {}", by.display())));
     }
     let rows: Vec<Row> =

@@ -7,16 +7,49 @@ use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_loader::file_name;
+use clap::ValueEnum;
 use include_dir::{Dir, include_dir};
 
-use crate::args::{Lang, Like, PluginNew};
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::phase::OFFLINE;
+
+/// Languages of a plugin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lang {
+    /// Rust, with the SDK
+    Rust,
+    /// C, with the header
+    C,
+    /// C++, with the header
+    Cpp,
+}
+
+/// Templates of a plugin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Like {
+    /// A phase-retrieval node: magnitudes in, spectra out
+    Phase,
+    /// A filter: audio in, audio out
+    Audio,
+}
+
+/// Make a folder with a plugin that builds, to be changed
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder to make; its last part names the plugin and its kind
+    pub name: String,
+    /// Language
+    #[arg(long, value_enum, default_value = "rust")]
+    pub lang: Lang,
+    /// Template
+    #[arg(long, value_enum, default_value = "phase")]
+    pub like: Like,
+}
 
 static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
 static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
 
-/// The crates that come along with a plugin in Rust.
+/// The crates that a plugin in Rust gets.
 static SDK: [(&str, Dir<'_>); 6] = [
     ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
     ("core/node", include_dir!("$CARGO_MANIFEST_DIR/../../core/node")),
@@ -26,94 +59,23 @@ static SDK: [(&str, Dir<'_>); 6] = [
     ("plugins/sdk", include_dir!("$CARGO_MANIFEST_DIR/../../plugins/sdk")),
 ];
 
-/// Names that a crate, a variable or a library cannot have.
-const RESERVED: &[&str] = &[
-    "abstract",
-    "alloc",
-    "as",
-    "asperity",
-    "asperity_abi",
-    "asperity_node",
-    "asperity_sdk",
-    "asperity_diagnostics",
-    "asperity_numbers",
-    "asperity_state",
-    "async",
-    "await",
-    "become",
-    "box",
-    "break",
-    "build",
-    "c",
-    "const",
-    "continue",
-    "core",
-    "crate",
-    "default",
-    "deps",
-    "do",
-    "dyn",
-    "else",
-    "enum",
-    "examples",
-    "extern",
-    "false",
-    "final",
-    "fn",
-    "for",
-    "gen",
-    "if",
-    "impl",
-    "in",
-    "incremental",
-    "let",
-    "loop",
-    "m",
-    "macro",
-    "match",
-    "mod",
-    "move",
-    "mut",
-    "override",
-    "priv",
-    "proc_macro",
-    "pthread",
-    "pub",
-    "ref",
-    "return",
-    "self",
-    "static",
-    "std",
-    "stdc",
-    "struct",
-    "super",
-    "test",
-    "trait",
-    "true",
-    "try",
-    "type",
-    "typeof",
-    "union",
-    "unsafe",
-    "unsized",
-    "use",
-    "virtual",
-    "where",
-    "while",
-    "yield",
-];
+/// Names that a crate, a variable or a library cannot have, separated by spaces.
+const RESERVED: &str = "\
+    abstract alloc as asperity asperity_abi asperity_node asperity_sdk asperity_diagnostics \
+    asperity_numbers asperity_state async await become box break build c const continue core crate \
+    default deps do dyn else enum examples extern false final fn for gen if impl in incremental let \
+    loop m macro match mod move mut override priv proc_macro pthread pub ref return self static std \
+    stdc struct super test trait true try type typeof union unsafe unsized use virtual where while \
+    yield";
 
 /// Runs the command.
-pub fn run(args: &PluginNew) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let name = checked(&args.name)?;
     let folder = Path::new(&args.name);
     if folder.exists() {
-        return Err(Diagnostic::new("this is there already")
-            .in_file(folder)
-            .help("name another folder")
-            .into());
+        return Err(wrong(folder, "this is there already", "name another folder"));
     }
-    // Made beside its place and moved there at the end: a folder that is there is whole.
+    // Made beside its place and moved there at the end, so that the folder is complete or missing.
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let cannot = |e: io::Error| {
         Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))
@@ -136,10 +98,12 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && name.len() <= 64;
     if !good {
-        return Err(Diagnostic::new(format!("`{name}` cannot be the name of a plugin"))
-            .help("lower-case letters, digits and `_`, beginning with a letter: it is the kind's name in graph files"));
+        return Err(Diagnostic::new(format!("`{name}` cannot be the name of a plugin")).help(
+            "lower-case letters, digits and `_`, beginning with a letter: \
+                 it is the kind's name in graph files",
+        ));
     }
-    if RESERVED.contains(&name) {
+    if RESERVED.split(' ').any(|word| word == name) {
         return Err(Diagnostic::new(format!("`{name}` means something in Rust, C or C++ already"))
             .help("choose another name"));
     }
@@ -149,7 +113,7 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
     Ok(name)
 }
 
-/// What is to be made.
+/// The plugin to make.
 struct Plan<'a> {
     name: &'a str,
     like: Like,
@@ -195,7 +159,7 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
         let path = file.path().strip_prefix(template.path()).map_err(io::Error::other)?;
         let text = file.contents_utf8().ok_or_else(missing)?;
         let path = plan.named(&path.display().to_string());
-        // A package of its own, wherever it lies; the SDK's crates belong to a workspace of theirs.
+        // A workspace of its own, wherever it lies; the SDK's crates have another one.
         let text = match path.as_str() {
             "Cargo.toml" => {
                 plan.named(text).replace("../../../sdk", "sdk/plugins/sdk")
@@ -234,7 +198,7 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
     Ok(library)
 }
 
-/// The versions that the template was built with, for a package of another name: cargo has packages in the order of their names.
+/// The lock file of the template for a package of another name: cargo sorts packages by name.
 fn locked(lock: &str, name: &str) -> String {
     const PACKAGE: &str = "[[package]]\n";
     let mut parts = lock.split(PACKAGE);
@@ -275,7 +239,7 @@ fn put(path: &Path, text: &str) -> io::Result<()> {
     fs::write(path, text)
 }
 
-/// A temporary folder is its owner's alone; this one is as any that a person makes.
+/// Gives a temporary folder, which only its owner may read, the permissions of any other folder.
 #[cfg(unix)]
 fn open_to_others(path: &Path) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt as _;
@@ -287,7 +251,7 @@ fn open_to_others(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn text(args: &PluginNew, folder: &Path, library: &str) -> String {
+fn text(args: &Args, folder: &Path, library: &str) -> String {
     let build = if args.lang == Lang::Rust { "cargo build --release" } else { "make" };
     let compare = match args.like {
         Like::Phase => format!("    asperity compare --plugin {library}\n"),
@@ -295,7 +259,8 @@ fn text(args: &PluginNew, folder: &Path, library: &str) -> String {
     };
     let folder: PathBuf = folder.into();
     format!(
-        "made {}: a plugin with the kind `{}`. Next:\n\n    cd {}\n    {build}\n    asperity plugin check {library}\n{compare}",
+        "made {}: a plugin with the kind `{}`. Next:\n\n    cd {}\n    {build}\n    \
+         asperity plugin check {library}\n{compare}",
         folder.display(),
         folder.file_name().unwrap_or_default().display(),
         folder.display(),

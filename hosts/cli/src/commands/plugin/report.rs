@@ -1,21 +1,21 @@
-//! What a check found: a table for people, as it goes, or JSON at the end.
+//! The results of a check: a table row by row, or JSON at the end.
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use asperity_checks::conformance::cases;
+use asperity_checks::node_cases;
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, print};
 
-/// What became of a case of a kind.
+/// The result of a case for a kind.
 #[derive(Clone, Debug)]
 pub struct Row {
     pub kind: String,
     pub case: String,
     pub verdict: String,
     pub found: String,
-    /// The answer as it came, with figures.
+    /// The whole answer, with its figures.
     pub figures: Value,
 }
 
@@ -43,7 +43,7 @@ impl Report {
         self.plugin.is_some()
     }
 
-    /// The plugin has been loaded, perhaps once more.
+    /// Prints the heading when the plugin is first loaded.
     pub fn open(&mut self, plugin: &Value) -> Result<(), Failure> {
         if self.plugin.is_some() {
             return Ok(());
@@ -64,12 +64,12 @@ impl Report {
     }
 
     fn line(&self, kind: &str, case: &str, verdict: &str, found: &str) -> String {
-        let cases = cases().iter().map(|c| c.name.len()).max().unwrap_or(0);
+        let cases = node_cases().iter().map(|c| c.name.len()).max().unwrap_or(0);
         let text = format!("{kind:width$}  {case:cases$}  {verdict:14}  {found}", width = self.kind_width);
         format!("{}\n", text.trim_end())
     }
 
-    /// A case more.
+    /// Adds a row.
     pub fn row(&mut self, row: &Row) -> Result<(), Failure> {
         self.rows.push(row.clone());
         if self.json {
@@ -78,7 +78,7 @@ impl Report {
         print(&self.line(&row.kind, &row.case, &row.verdict, &row.found))
     }
 
-    /// What a case found for each kind.
+    /// The rows of a case.
     pub fn rows_of(&self, case: &str) -> Vec<Row> {
         self.rows.iter().filter(|r| r.case == case).cloned().collect()
     }
@@ -87,7 +87,7 @@ impl Report {
         self.rows.iter().filter(|r| r.verdict == verdict).count()
     }
 
-    /// Says how it came out, and answers the exit code.
+    /// Prints the summary. Answers the exit code.
     pub fn finish(&self, path: &Path, ticks: u64) -> Result<ExitCode, Failure> {
         let (passed, failed) = (self.count("pass"), self.count("fail"));
         if self.json {
@@ -108,7 +108,7 @@ impl Report {
 }
 
 fn as_json(row: &Row) -> Value {
-    let about = cases().iter().find(|c| c.name == row.case).map(|c| c.about);
+    let about = node_cases().iter().find(|c| c.name == row.case).map(|c| format!("{}: {}", c.hard, c.must));
     let mut out = json!({
         "kind": row.kind, "case": row.case, "about": about, "verdict": row.verdict, "found": row.found,
     });

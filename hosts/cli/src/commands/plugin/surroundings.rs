@@ -1,32 +1,32 @@
-//! The process that a plugin lives in: whether it is as it was before the plugin came.
+//! The process around a plugin: whether the plugin changed it.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use asperity_checks::conformance::{Subject, cases};
+use asperity_checks::{Subject, node_cases};
 use asperity_loader::float_changes;
 use asperity_numbers::denormals::FloatControl;
 
-/// The name under which this is reported, beside the cases.
+/// Name of the row of this check.
 pub const SURROUNDINGS: &str = "surroundings";
 
-/// Cases that make instances, call them, and drop them again.
+/// Cases that make instances, call them and drop them.
 const STIRRED_BY: [&str; 3] = ["zero", "reset", "state"];
 
-/// How long a thread may take to end after its instance.
+/// Time in which a thread has to end after its instance.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// What a plugin could change about its process.
+/// State of the process that a plugin could change.
 pub struct Surroundings {
     float: FloatControl,
     folder: Option<PathBuf>,
-    /// Address and flags of what handles each signal.
+    /// Address and flags of each signal's handler.
     handlers: Vec<(usize, i64)>,
     threads: Option<usize>,
 }
 
 impl Surroundings {
-    /// As they are now.
+    /// The state now.
     pub fn now() -> Self {
         Self {
             float: FloatControl::now(),
@@ -36,11 +36,10 @@ impl Surroundings {
         }
     }
 
-    /// Has instances of a kind at work, and says how the process differs from how it was; nothing where it
-    /// does not.
+    /// Runs instances of a kind. Answers the changes of the process since `self`.
     pub fn disturbed_by(&self, subject: &Subject<'_>) -> Vec<String> {
-        for case in cases().iter().filter(|case| STIRRED_BY.contains(&case.name)) {
-            // How it came out is another row.
+        for case in node_cases().iter().filter(|case| STIRRED_BY.contains(&case.name)) {
+            // Its result is another row.
             let _ = case.run(subject);
         }
         let until = Instant::now() + PATIENCE;
@@ -70,10 +69,10 @@ impl Surroundings {
 #[cfg(unix)]
 fn handlers() -> Vec<(usize, i64)> {
     let of = |signal| {
-        // SAFETY: a struct of numbers and addresses, of which zeros are one.
+        // SAFETY: a struct of numbers and addresses, which may be zero.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-        // SAFETY: nothing is set; what is there is written to a struct of that type. Signals that there are not
-        // leave it as it is.
+        // SAFETY: nothing is set; the handler is written to a struct of that type. An unknown signal leaves
+        // it alone.
         unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
         (action.sa_sigaction, i64::from(action.sa_flags))
     };
@@ -90,7 +89,7 @@ fn signal(number: i32) -> String {
         .map_or_else(|| format!("signal {number}"), |name| format!("signal {number} ({name})"))
 }
 
-/// How many threads this process has, where the system tells.
+/// Number of threads of this process, where the system tells.
 fn threads() -> Option<usize> {
     Some(std::fs::read_dir("/proc/self/task").ok()?.count())
 }

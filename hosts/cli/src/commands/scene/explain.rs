@@ -1,43 +1,43 @@
-//! `asperity scene explain`: every effect, node and model: built or not, why, and what it costs.
+//! `asperity scene explain`: every effect, node and model of a scene: whether it is built, why, and its
+//! cost.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
-use asperity_diagnostics::Diagnostic;
-use asperity_graph::Schedule;
+use asperity_accuracy::timing::Recorder;
+use asperity_engine::{Engine, Options};
+use asperity_graph::{Compiled, Schedule};
+use asperity_node::Buffer;
 use asperity_scene::space::Form;
 use asperity_scene::{Kind, Scene, Touchable};
 use serde_json::{Value, json};
 
-use super::account::{Account, Work};
-use super::models::{Model, models};
-use super::no_scene;
-use crate::args::Explain;
-use crate::failure::{Failure, clean, print};
+use super::{Explain, load_scene};
+use crate::commands::render::Wall;
+use crate::commands::render::plot::Effects;
+use crate::commands::render::report::dropped_json;
+use crate::failure::{Failure, clean, print, wrong};
 use crate::kinds::Kinds;
-use crate::load::{self, OfScene};
+use crate::load::files::node_files;
+use crate::load::{Loaded, OfScene};
 
-/// Longest part of a stroke that is run \[s\].
+/// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
-/// Most surfaces that are told of one by one.
+/// Most surfaces that are listed.
 const MOST_SURFACES: usize = 40;
 
 /// Runs the command.
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
-    let (graph, of_scene) = load::read_all(&args.scene, &mut kinds)?;
-    let Some(of_scene) = of_scene else { return Err(no_scene(&args.scene.graph).into()) };
-    let registry = kinds.registry(Some(&graph))?;
-    let compiled = load::compiled(&graph, &args.scene, &registry)?;
+    let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
     if let Some((node, _)) = compiled.schedule.fed().next() {
         let node = &compiled.schedule.nodes[node];
         let message =
             format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
-        return Err(Diagnostic::new(message)
-            .in_file(&args.scene.graph)
-            .help("measure a stroke in its place: --input TRAJ.csv")
-            .into());
+        return Err(wrong(&args.scene.graph, message, "measure a stroke in its place: --input TRAJ.csv"));
     }
     let schedule = compiled.schedule.clone();
     let tick_hz = f64::from(schedule.tick_hz);
@@ -54,20 +54,20 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is told.
+/// All that the report shows.
 struct Told<'a> {
     schedule: &'a Schedule,
     of_scene: &'a OfScene,
     account: &'a Account,
 }
 
-/// A kind of effect: whether it is built, why, and what of the graph it is.
+/// A kind of effect: whether it is built, why, and its nodes.
 struct Effect<'a> {
     name: &'static str,
     built: bool,
     why: String,
     nodes: Vec<&'a Work>,
-    /// Ticks in which it was felt.
+    /// Ticks in which it was active.
     active: u64,
 }
 
@@ -134,7 +134,8 @@ impl<'a> Told<'a> {
         );
         let _ = writeln!(
             out,
-            "run for {:.2} s of its stroke; a tick took {} (medians; a node's `us a tick` is a mean, and has its clock in it)",
+            "run for {:.2} s of its stroke; a tick took {} \
+             (medians; a node's `us a tick` is a mean and includes reading the clock)",
             account.ticks as f64 / f64::from(self.schedule.tick_hz),
             spent.join(", ")
         );
@@ -239,13 +240,19 @@ impl<'a> Told<'a> {
             .nodes
             .iter()
             .map(|w| {
-                json!({ "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us, "us_per_tick": w.tick_us })
+                json!({
+                    "id": w.id, "kind": w.kind, "calls": w.calls, "us_per_call": w.call_us,
+                    "us_per_tick": w.tick_us,
+                })
             })
             .collect();
         let models: Vec<Value> = models(self.scene(), self.schedule, self.account)
             .into_iter()
             .map(|m| {
-                json!({ "file": m.file, "loaded": m.tick_us.is_some(), "us_per_tick": m.tick_us.unwrap_or(0.0), "why": m.why })
+                json!({
+                    "file": m.file, "loaded": m.tick_us.is_some(),
+                    "us_per_tick": m.tick_us.unwrap_or(0.0), "why": m.why,
+                })
             })
             .collect();
         let surfaces: Vec<Value> = self
@@ -257,26 +264,20 @@ impl<'a> Told<'a> {
                 json!({ "name": s.name, "shape": form(s), "effects": names(s), "ticks_touched": ticks })
             })
             .collect();
-        let dropped: Vec<Value> = self
-            .schedule
-            .dropped
-            .iter()
-            .map(|d| json!({ "id": d.id, "kind": d.kind, "why": d.why }))
-            .collect();
         json!({
             "ticks": self.account.ticks,
             "tick_hz": self.schedule.tick_hz,
             "us_per_tick": { "touching": self.account.tick_us[0], "in_the_air": self.account.tick_us[1] },
             "effects": effects,
             "nodes": nodes,
-            "dropped": dropped,
+            "dropped": dropped_json(self.schedule),
             "models": models,
             "surfaces": surfaces,
         })
     }
 }
 
-pub(super) fn plural(count: usize, what: &str) -> String {
+fn plural(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
@@ -290,7 +291,7 @@ fn form(surface: &Touchable) -> &'static str {
     }
 }
 
-/// The effects of a surface by name, with the material of a network's.
+/// Names of a surface's effects, with the material of a network.
 fn names(surface: &Touchable) -> Vec<String> {
     let effects = &surface.effects;
     let mut all = Vec::new();
@@ -310,4 +311,170 @@ fn names(surface: &Touchable) -> Vec<String> {
         }
     }
     all
+}
+
+/// Figures of one node.
+#[derive(Clone, Debug)]
+pub struct Work {
+    pub id: String,
+    pub kind: String,
+    /// Calls of `process`.
+    pub calls: u64,
+    /// Median of a call \[us\].
+    pub call_us: f64,
+    /// Mean of its time in a tick \[us\].
+    pub tick_us: f64,
+}
+
+/// Figures of a run.
+#[derive(Clone, Debug)]
+pub struct Account {
+    /// Ticks that ran.
+    pub ticks: u64,
+    /// Median of a tick in which a surface was touched, and of one in the air \[us\].
+    pub tick_us: [f64; 2],
+    /// Nodes in the order in which they run.
+    pub nodes: Vec<Work>,
+    /// Ticks in which each surface was touched.
+    pub touched: Vec<u64>,
+    /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.
+    pub active: Vec<u64>,
+}
+
+impl Account {
+    /// Runs the graph of a scene with its stroke, and measures.
+    pub fn of(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Self {
+        let nodes: Vec<(String, String)> =
+            compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
+        // Walls and volumes have an output each.
+        let contact = ["surface", "volume"].map(|name| {
+            let node = compiled.schedule.nodes.iter().position(|n| n.kind == "contact")?;
+            let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
+            Some((node, output))
+        });
+        let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
+        let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
+        let wall = Wall(Instant::now());
+        let (mut spent, mut total) = (vec![0; nodes.len()], vec![0_u64; nodes.len()]);
+        let mut calls = vec![0; nodes.len()];
+        let mut times = Recorder::new(nodes.len());
+        let mut ticks_of = [Recorder::new(0), Recorder::new(0)];
+        let mut touched = vec![0; of_scene.scene.surfaces.len()];
+        for _ in 0..ticks {
+            spent.fill(0);
+            let began = Instant::now();
+            engine.tick_timed(&wall, &mut spent);
+            let tick_ns = began.elapsed().as_nanos() as u64;
+            effects.take(&engine);
+            let now = contact.map(|port| {
+                let (node, output) = port?;
+                match engine.output(node, output) {
+                    Some(Buffer::Control { values, .. }) => {
+                        values.first().filter(|number| **number >= 0.0).map(|number| *number as usize)
+                    }
+                    _ => None,
+                }
+            });
+            for surface in now.into_iter().flatten() {
+                if let Some(count) = touched.get_mut(surface) {
+                    *count += 1;
+                }
+            }
+            ticks_of[usize::from(now == [None, None])].tick(tick_ns);
+            for (node, spent) in spent.iter().enumerate() {
+                total[node] += spent;
+                let now = engine.report(node).map_or(0, |r| r.calls);
+                if now > calls[node] {
+                    times.node(node, *spent);
+                }
+                calls[node] = now;
+            }
+        }
+        let us = |ns: u64| ns as f64 / 1e3;
+        let nodes = nodes
+            .into_iter()
+            .enumerate()
+            .map(|(i, (id, kind))| Work {
+                id,
+                kind,
+                calls: calls[i],
+                call_us: times.node_summary(i).map_or(0.0, |s| us(s.p50_ns)),
+                tick_us: us(total[i]) / ticks.max(1) as f64,
+            })
+            .collect();
+        let tick_us = ticks_of.each_ref().map(|of| us(of.tick_summary().p50_ns));
+        Self { ticks, tick_us, nodes, touched, active: effects.active() }
+    }
+
+    /// A node's figures.
+    pub fn node(&self, id: &str) -> Option<&Work> {
+        self.nodes.iter().find(|work| work.id == id)
+    }
+}
+
+/// Most materials that are named.
+const MOST_NAMED: usize = 12;
+
+/// A model, library, recording or picture.
+struct Model {
+    /// The file.
+    pub file: String,
+    /// Time of the nodes that read it, with all their work \[us a tick\]; `None` if no node does.
+    pub tick_us: Option<f64>,
+    /// Its use.
+    pub why: String,
+}
+
+/// Files that the scene names or its nodes read.
+fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
+    let mut all = of_network(scene, schedule, account);
+    let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
+    for file in scene.surfaces.iter().flat_map(|surface| surface.effects.files()) {
+        files.entry(file.clone()).or_default().0 += 1;
+    }
+    for file in node_files(schedule).into_iter().filter(|file| file.param.is_empty()) {
+        files.entry(file.path).or_default().1.push(file.node);
+    }
+    all.extend(files.into_iter().map(|(file, (surfaces, nodes))| {
+        let names: Vec<String> = nodes.iter().map(|node| format!("`{node}`")).collect();
+        let by = match names.is_empty() {
+            true => "nothing that it leads to is wanted".to_owned(),
+            false => format!("by {}", names.join(", ")),
+        };
+        let why = if surfaces > 0 { format!("{}, {by}", plural(surfaces, "surface")) } else { by };
+        Model { file: file.display().to_string(), tick_us: cost(account, &nodes), why }
+    }));
+    all
+}
+
+/// Model and library of the network, if the scene has one.
+fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
+    let Some(part) = &scene.network else { return Vec::new() };
+    let slots = scene.slots(Kind::Network);
+    let why = match slots.first.len() {
+        0 => "no surface has a network texture".to_owned(),
+        n => {
+            let name = |slot| scene.slot_text(Kind::Network, &slots, slot);
+            let names: Vec<String> = (0..n.min(MOST_NAMED)).map(name).collect();
+            let more = if n > MOST_NAMED { format!(" and {} more", n - MOST_NAMED) } else { String::new() };
+            format!("{}: {}{more}", plural(n, "material"), names.join(", "))
+        }
+    };
+    let networks = schedule.nodes.iter().filter(|node| node.kind == "texture_network");
+    let nodes: Vec<String> = networks.map(|node| node.id.clone()).collect();
+    let runs = cost(account, &nodes);
+    // The library is read only when the model is loaded.
+    [("model", runs), ("library", runs.map(|_| 0.0))]
+        .into_iter()
+        .map(|(name, tick_us)| {
+            let value = part.settings.iter().find(|(key, _)| key.name == name);
+            let file = value.and_then(|(_, v)| v.text().ok()).unwrap_or_default().to_owned();
+            Model { file, tick_us, why: why.clone() }
+        })
+        .collect()
+}
+
+fn cost(account: &Account, nodes: &[String]) -> Option<f64> {
+    let works = nodes.iter().filter_map(|node| account.node(node));
+    (!nodes.is_empty()).then(|| works.fold(0.0, |sum, work| sum + work.tick_us))
 }

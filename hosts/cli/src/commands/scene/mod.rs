@@ -1,78 +1,100 @@
-//! `asperity scene`: what a scene lowers to, and why.
+//! `asperity scene`: the graph that a scene lowers to, and why.
 
-mod account;
 mod explain;
-mod models;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::ParamValue;
+use clap::Subcommand;
 
-use crate::args::{Expand, SceneCommand};
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
-use crate::{load, output};
+use crate::load::files::not_read;
+use crate::load::{self, GraphArgs, Loaded, OfScene};
+use crate::number::number;
+use crate::output::{resolved, write_text};
+
+/// Print the graph that a scene lowers to, or explain it: what is built, why, and at what cost
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Expand(Expand),
+    Explain(Explain),
+}
+
+/// Print the graph that a scene lowers to, ready to edit
+#[derive(Debug, clap::Args)]
+pub struct Expand {
+    #[command(flatten)]
+    pub scene: GraphArgs,
+    /// Write the graph to a file in the scene's folder, to which its paths are relative
+    #[arg(long, value_name = "G.ron")]
+    pub out: Option<PathBuf>,
+}
+
+/// Say of every effect, node and model whether it is built, why, and its cost a tick along the scene's
+/// stroke
+#[derive(Debug, clap::Args)]
+pub struct Explain {
+    #[command(flatten)]
+    pub scene: GraphArgs,
+    /// How much of the stroke to run; by default all of it, but at most 60 s
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = number(0.002, 3600.0, "s"))]
+    pub seconds: Option<f64>,
+    /// Run every node in every tick
+    #[arg(long)]
+    pub no_sleep: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Runs the command.
-pub fn run(command: &SceneCommand) -> Result<ExitCode, Failure> {
+pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
-        SceneCommand::Expand(args) => expand(args),
-        SceneCommand::Explain(args) => explain::run(args),
+        Command::Expand(args) => expand(args),
+        Command::Explain(args) => explain::run(args),
     }
 }
 
 /// Prints the graph that a scene lowers to.
 fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
-    let (mut graph, of_scene) = load::read_all(&args.scene, &mut kinds)?;
-    if of_scene.is_none() {
-        return Err(no_scene(&args.scene.graph).into());
-    }
-    // What does not compile is no graph to go on from.
-    let registry = kinds.registry(Some(&graph))?;
-    let compiled = load::compiled(&graph, &args.scene, &registry)?;
-    at_home(&mut graph, &compiled.schedule);
+    let (Loaded { mut graph, compiled, .. }, _) = load_scene(&args.scene, &mut kinds)?;
+    make_absolute(&mut graph, &compiled.schedule);
     let scene = args.scene.graph.display();
     let text = format!(
-        "// What {scene} lowers to. Paths are relative to its folder, and `contact` reads the surfaces in it.\n// What its device bears is checked of the scene, not of this graph.\n{graph}"
+        "// What {scene} lowers to. Paths are relative to its folder, \
+         and `contact` reads the surfaces in it.\n\
+         // Passivity is checked of the scene, not of this graph.\n{graph}"
     );
     let Some(out) = &args.out else {
         print(&text)?;
         return Ok(ExitCode::SUCCESS);
     };
-    let folder = |path: &std::path::Path| output::resolved(path).parent().map(std::path::Path::to_path_buf);
-    if output::resolved(out) == output::resolved(&args.scene.graph) {
-        return Err(Diagnostic::new("the scene would be overwritten by its graph")
-            .in_file(out)
-            .help("name another file in the same folder")
-            .into());
+    let another = "name another file in the same folder";
+    if resolved(out) == resolved(&args.scene.graph) {
+        let what = "the scene would be overwritten by its graph";
+        return Err(wrong(out, what, another));
     }
-    let read = load::files_read(&args.scene, &compiled.schedule).into_iter();
-    let plugins = kinds.files().iter().map(|file| (file.clone(), "a plugin".to_owned()));
-    if let Some((_, who)) =
-        read.chain(plugins).find(|(file, _)| output::resolved(file) == output::resolved(out))
-    {
-        return Err(Diagnostic::new(format!("{who} reads this file, and it would be overwritten"))
-            .in_file(out)
-            .help("name another file in the same folder")
-            .into());
-    }
+    not_read(out, &args.scene, &compiled.schedule, kinds.files(), another)?;
+    let folder = |path: &Path| resolved(path).parent().map(Path::to_path_buf);
     if folder(out) != folder(&args.scene.graph) {
-        return Err(Diagnostic::new("the graph's paths are relative to the scene's folder")
-            .in_file(out)
-            .help("name a file in the folder of the scene")
-            .into());
+        return Err(wrong(
+            out,
+            "the graph's paths are relative to the scene's folder",
+            "name a file in the folder of the scene",
+        ));
     }
-    output::write_text(out, &text)?;
+    write_text(out, &text)?;
     print(&format!("wrote {}\n", out.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Files that the command line names are relative to where the program runs, those of a graph to its folder.
-fn at_home(graph: &mut GraphFile, schedule: &Schedule) {
+/// Makes paths of the command line absolute: those in a graph are relative to its folder.
+fn make_absolute(graph: &mut GraphFile, schedule: &Schedule) {
     for decl in &mut graph.nodes {
         let Some(node) = schedule.index_of(&decl.id).map(|i| &schedule.nodes[i]) else { continue };
         for setting in decl.params.iter_mut().filter(|setting| setting.typed.is_some()) {
@@ -84,9 +106,18 @@ fn at_home(graph: &mut GraphFile, schedule: &Schedule) {
     }
 }
 
-/// A graph, where a scene is wanted.
-fn no_scene(file: &std::path::Path) -> Diagnostic {
-    Diagnostic::new("this is a graph, not a scene")
-        .in_file(file)
-        .help("a scene begins with `Scene(`; graphs/scenes has some")
+/// Loads a scene.
+///
+/// # Errors
+/// The file is a graph; everything that is wrong with the scene.
+fn load_scene(args: &GraphArgs, kinds: &mut Kinds) -> Result<(Loaded, OfScene), Failure> {
+    let (graph, scene) = load::read(args, kinds)?;
+    let Some(scene) = scene else {
+        return Err(wrong(
+            &args.graph,
+            "this is a graph, not a scene",
+            "a scene begins with `Scene(`; graphs/scenes has some",
+        ));
+    };
+    Ok((load::compile(args, kinds, graph, None)?, scene))
 }

@@ -1,4 +1,4 @@
-//! The folder of a study's results.
+//! The folder of results.
 
 use std::path::{Path, PathBuf};
 
@@ -11,20 +11,18 @@ use crate::output::{Pending, keep_all};
 /// The file that other commands read.
 const JSON: &str = "results.json";
 
-/// Makes the folder where it is not there.
+/// Makes the folder where it does not exist.
 pub fn make(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)
         .map_err(|e| Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder)))
 }
 
-/// Refuses a folder whose results would be lost: those of another shard; and one in which they cannot be put.
-pub fn look(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
+/// Refuses a folder with the results of another shard, and one that cannot take the files.
+pub fn check(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
     for name in [JSON, "results.csv", "REPORT.md"] {
         let path = folder.join(name);
         if path.is_dir() {
-            return Err(Diagnostic::new("a file is to be written here, and this is a folder")
-                .in_file(&path)
-                .into());
+            return Err(Diagnostic::new("this must be a file, and is a folder").in_file(&path).into());
         }
     }
     let there = Source::read(folder.join(JSON)).ok().and_then(|text| Results::parse(text.text()).ok());
@@ -33,49 +31,48 @@ pub fn look(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
         && (split(of) || split(shard.1))
         && (number, of) != shard
     {
-        let here =
-            if split(of) { format!("shard {number}/{of}") } else { "a study that was not split".into() };
+        let here = if split(of) { format!("shard {number}/{of}") } else { "a run without shards".into() };
         return Err(Diagnostic::new(format!("this folder has the results of {here}"))
             .in_file(folder)
-            .help("each shard has a folder of its own: --out")
+            .help("each shard needs its own --out folder")
             .into());
     }
     Ok(())
 }
 
 /// Whether there are results.
-pub fn has(folder: &Path) -> bool {
+pub fn has_results(folder: &Path) -> bool {
     folder.join(JSON).is_file()
 }
 
-/// Refuses to write over results that are to be read.
+/// Refuses to overwrite results that are to be read.
 pub fn keep_apart(from: &[PathBuf], out: &Path) -> Result<(), Failure> {
     let Ok(written) = out.join(JSON).canonicalize() else { return Ok(()) };
     match from.iter().find(|from| file(from).canonicalize().is_ok_and(|read| read == written)) {
         None => Ok(()),
-        Some(from) => Err(Diagnostic::new("what comes of it would take the place of these results")
+        Some(from) => Err(Diagnostic::new("the merged results would overwrite these results")
             .in_file(from)
-            .help("a folder of its own: --out")
+            .help("choose another --out folder")
             .into()),
     }
 }
 
-/// The file of results: in a folder, or itself.
+/// The file of results: in a folder, or the path itself.
 fn file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(JSON) } else { path.to_owned() }
 }
 
-/// Writes all there is, or nothing. Returns the names.
+/// Writes all files, or none. Returns their paths.
 pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     let mut put = |name: &str, text: &str| -> Result<(), Failure> {
         files.push(Pending::create(&folder.join(name))?.fill(text)?);
         Ok(())
     };
-    for figure in Figure::ALL {
-        for (against, svg) in [("time", results.against_time(figure)), ("lag", results.against_lag(figure))] {
+    for figure in Figure::all() {
+        for (over, svg) in [("time", results.over_time(figure)), ("lag", results.over_lag(figure))] {
             if let Some(svg) = svg {
-                put(&Results::picture_name(figure, against), &svg)?;
+                put(&Results::picture_name(figure, over), &svg)?;
             }
         }
     }
@@ -86,7 +83,7 @@ pub fn write(folder: &Path, results: &Results) -> Result<Vec<PathBuf>, Failure> 
     keep_all(files)
 }
 
-/// Reads results: a folder, or the file itself.
+/// Reads results from a folder, or from the file itself.
 pub fn read(path: &Path) -> Result<Results, Failure> {
     let file = file(path);
     let text = Source::read(&file).map_err(|e| e.help("a folder that `asperity tradeoff --out` wrote"))?;

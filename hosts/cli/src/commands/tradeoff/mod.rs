@@ -1,82 +1,80 @@
-//! `asperity tradeoff`: what accuracy costs in time.
+//! `asperity tradeoff`: the trade-off between accuracy and cost.
 
+mod bars;
 mod folder;
-mod onlooker;
 
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Options, compile};
-use asperity_tradeoff::{Base, Figure, Machine, Order, Prepared, Results, Row, Study, content};
+use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Row, Tradeoff, content};
 
-use crate::args::{Merge, PluginArgs, Tradeoff, TradeoffCommand};
+use crate::args::{self, Merge, PluginArgs, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
+use crate::leave::stop_flag;
 use crate::load;
-use crate::render::stop_flag;
 
+use bars::Bars;
 pub use folder::read as read_results;
-use onlooker::Bars;
 
-/// The study that is run where none is named.
+/// The trade-off that runs where none is named.
 const SHIPPED: (&str, &str) =
-    ("studies/shipped.ron (shipped)", include_str!("../../../../../graphs/studies/shipped.ron"));
-/// Exit code of a study that was interrupted, as a shell would have it.
+    ("tradeoffs/shipped.ron (shipped)", include_str!("../../../../../graphs/tradeoffs/shipped.ron"));
+/// Exit code after an interrupt, as of a shell.
 const INTERRUPTED: u8 = 130;
 
 /// Runs the command.
-pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
+pub fn run(args: &args::Tradeoff) -> Result<ExitCode, Failure> {
     if let Some(TradeoffCommand::Merge(merge)) = &args.command {
         return self::merge(merge);
     }
     be_quiet(args.quiet);
     let Some(out) = &args.out else { return Err(Diagnostic::new("--out DIR is missing").into()) };
-    let (study, graphs) = study(args)?;
+    let (tradeoff, graphs) = tradeoff(args)?;
     let mut bases = Vec::new();
     for (path, place) in &graphs {
-        let base = base(path, args).map_err(|e| placed(e, place.as_ref()))?;
-        bases.push(Base { strength: study.strength, ..base });
+        let base = changed(path, args).map_err(|e| named_here(e, place.as_ref()))?;
+        bases.push(LoadedGraph { strength: tradeoff.strength, ..base });
     }
-    let mut marks = Vec::new();
-    for mark in &study.marks {
-        marks.push(Base {
-            name: mark.name.clone(),
-            strength: mark.strength,
-            ..base_as_it_is(&mark.graph.path, &args.plugins)
-                .map_err(|e| placed(e, Some(&mark.graph.place)))?
-        });
+    let mut baselines = Vec::new();
+    for baseline in &tradeoff.baselines {
+        let loaded = loaded(&baseline.graph.path, &args.plugins)
+            .map_err(|e| named_here(e, Some(&baseline.graph.place)))?;
+        baselines.push(LoadedGraph { name: baseline.name.clone(), strength: baseline.strength, ..loaded });
     }
-    let order = Order {
-        study: &study,
+    let job = Job {
+        tradeoff: &tradeoff,
         bases: &bases,
-        marks: &marks,
+        baselines: &baselines,
         jobs: args.jobs,
         shard: args.shard.unwrap_or((0, 1)),
-        folder: &out.join("kept"),
+        folder: out,
         machine: machine(),
-        program: &program(),
+        // Another build of this program may measure other times.
+        program: &std::env::current_exe().map_or_else(|_| String::new(), |file| content(&file)),
         cases: !args.no_cases,
     };
     if cfg!(debug_assertions) {
-        warn("this program was not built to be fast: its times say little (cargo build --release)");
+        warn("this program was built without optimisation: its times mean little (cargo build --release)");
     }
-    let prepared = Prepared::new(&order)?;
+    let prepared = Prepared::new(&job)?;
     let (accuracy, times) = prepared.parts();
     prepared.notes().iter().for_each(|note| warn(note));
     folder::make(out)?;
-    folder::look(out, (order.shard.0 + 1, order.shard.1.max(1)))?;
+    folder::check(out, (job.shard.0 + 1, job.shard.1.max(1)))?;
     let stop = stop_flag();
     let bars = Bars::new(accuracy, times, args.quiet, stop.clone());
     let results = prepared.run(&bars);
     bars.finish();
     let results = results?;
     let stopped = results.unfinished > 0 || stop.load(Ordering::Relaxed);
-    // What was found earlier is not lost to next to nothing.
-    if stopped && !results.rows.iter().any(Row::is_finished) && (results.rows.is_empty() || folder::has(out))
-    {
-        warn("no setting is finished, and no results are written; the same command goes on");
+    // Earlier results stay where this run has finished nothing.
+    let finished = results.rows.iter().any(Row::is_finished);
+    if stopped && !finished && (results.rows.is_empty() || folder::has_results(out)) {
+        warn("no setting is finished, and no results are written; the same command resumes");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let written = folder::write(out, &results)?;
@@ -84,10 +82,7 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
         print(&summary(&results, &written))?;
     }
     if stopped {
-        warn(&format!(
-            "settings that are not finished: {}; the same command goes on with them",
-            results.unfinished
-        ));
+        warn(&format!("{} settings are not finished; the same command resumes", results.unfinished));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     if results.rows.iter().all(|row| row.error.is_some()) {
@@ -98,8 +93,8 @@ pub fn run(args: &Tradeoff) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is wrong with a file that a study names, with the place where it does.
-fn placed(e: Failure, place: Option<&Place>) -> Failure {
+/// An error in a file, with the place where the trade-off names that file.
+fn named_here(e: Failure, place: Option<&Place>) -> Failure {
     match (e, place) {
         (Failure::Input(all), Some(place)) => Failure::Input(
             all.into_iter().map(|d| d.related(&place.source, place.span, "named here")).collect(),
@@ -108,54 +103,57 @@ fn placed(e: Failure, place: Option<&Place>) -> Failure {
     }
 }
 
-/// Files of graphs, with the place where a study names them.
+/// Files of graphs, with the place where a trade-off names them.
 type Graphs = Vec<(PathBuf, Option<Place>)>;
 
-/// The study, and the graphs whose knobs it turns.
-fn study(args: &Tradeoff) -> Result<(Study, Graphs), Failure> {
-    let mut study = None;
+/// The trade-off, and the graphs whose settings it varies.
+fn tradeoff(args: &args::Tradeoff) -> Result<(Tradeoff, Graphs), Failure> {
+    let mut named = None;
     let mut graphs = Graphs::new();
     for path in &args.files {
         let source = Source::read(path)?;
-        if !Study::is_meant(&source) {
+        if !Tradeoff::is_meant(&source) {
             graphs.push((path.clone(), None));
-        } else if study.replace(source).is_some() {
-            return Err(Diagnostic::new("a second study").in_file(path).help("one study at a time").into());
+        } else if named.replace(source).is_some() {
+            return Err(Diagnostic::new("this is a second trade-off file")
+                .in_file(path)
+                .help("give one trade-off file at a time")
+                .into());
         }
     }
-    let shipped = study.is_none();
-    let source = study.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
-    let mut study = Study::parse(&source)?;
-    // It is for any graph, by its file's name too: no graph has all that it turns.
-    study.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
+    let shipped = named.is_none();
+    let source = named.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
+    let mut tradeoff = Tradeoff::parse(&source)?;
+    // The shipped trade-off is for any graph, and no graph has all of its knobs.
+    tradeoff.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
     if shipped {
-        // What stands beside is named by its place in the folder of graphs, which a program that was put
-        // elsewhere does not have.
-        study.marks.clear();
+        // An installed program does not have the files of the baselines.
+        tradeoff.baselines.clear();
         if graphs.is_empty() {
-            return Err(Diagnostic::new("there is no graph to study")
+            return Err(Diagnostic::new("no graph is given")
                 .in_file("asperity tradeoff")
-                .help("name a graph or scene; or a study that names one: asperity tradeoff graphs/studies/shipped.ron --out out/tradeoff")
+                .help(
+                    "name a graph or scene; or a trade-off file that names one: \
+                     asperity tradeoff graphs/tradeoffs/shipped.ron --out out/tradeoff",
+                )
                 .into());
         }
     }
     if graphs.is_empty() {
-        let Some(named) = &study.graph else {
-            return Err(Diagnostic::new("this study names no graph")
+        let Some(named) = &tradeoff.graph else {
+            return Err(Diagnostic::new("this trade-off names no graph")
                 .in_file(source.path())
                 .help("graph: \"../texture.ron\"; or name one on the command line")
                 .into());
         };
         graphs.push((named.path.clone(), Some(named.place.clone())));
     }
-    Ok((study, graphs))
+    Ok((tradeoff, graphs))
 }
 
-/// A graph, or what a scene lowers to, with what the command line changes.
-///
-/// Wrong settings are found here, before anything is written.
-fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
-    let mut base = base_as_it_is(path, &args.plugins)?;
+/// A graph, or the graph that a scene lowers to, with the changes of `--set`. Wrong ones are errors.
+fn changed(path: &Path, args: &args::Tradeoff) -> Result<LoadedGraph, Failure> {
+    let mut base = loaded(path, &args.plugins)?;
     for assignment in &args.set {
         base.graph.set(assignment, "--set")?;
     }
@@ -165,19 +163,19 @@ fn base(path: &Path, args: &Tradeoff) -> Result<Base, Failure> {
     Ok(base)
 }
 
-fn base_as_it_is(path: &Path, plugins: &PluginArgs) -> Result<Base, Failure> {
+fn loaded(path: &Path, plugins: &PluginArgs) -> Result<LoadedGraph, Failure> {
     let load::Offline { whole, graph, registry, plugins } = load::offline(path, plugins)?;
-    Ok(Base { name: tidy(path).display().to_string(), graph, file: whole, registry, strength: 1.0, plugins })
+    let name = tidy(path).display().to_string();
+    Ok(LoadedGraph { name, graph, file: whole, registry, strength: 1.0, plugins })
 }
 
 fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     folder::keep_apart(&args.from, &args.out)?;
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
-    let missing = results.missing_shards();
+    let missing: Vec<String> = results.missing_shards().iter().map(usize::to_string).collect();
     if !missing.is_empty() {
-        let missing: Vec<String> = missing.iter().map(usize::to_string).collect();
-        warn(&format!("shards that are not there: {} of {}", missing.join(", "), results.shards[0].1));
+        warn(&format!("missing shards: {} of {}", missing.join(", "), results.shards[0].1));
     }
     folder::make(&args.out)?;
     let written = folder::write(&args.out, &results)?;
@@ -187,47 +185,43 @@ fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What a terminal shows.
+/// Text for the terminal.
 fn summary(results: &Results, written: &[PathBuf]) -> String {
     let shown = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence]
         .into_iter()
-        .find(|f| !results.undominated(*f).is_empty());
+        .find(|f| !results.pareto_front(*f).is_empty());
     let mut out = shown.map_or(String::new(), |figure| results.chart(figure) + "\n");
     for path in written {
         out += &format!("wrote {}\n", path.display());
     }
     let unsound = results.rows.iter().filter(|r| !r.sound()).count();
-    let settings = match results.rows.len() {
-        1 => "one setting".to_owned(),
-        n => format!("{n} settings"),
-    };
-    out += &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n");
-    out
+    let settings = count(results);
+    out + &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n")
 }
 
-/// What this program runs on.
+/// Number of settings, in words.
+pub fn count(results: &Results) -> String {
+    match results.rows.len() {
+        1 => "one setting".to_owned(),
+        n => format!("{n} settings"),
+    }
+}
+
+/// This machine.
 pub fn machine() -> Machine {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model =
         info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, m)| m.to_owned()));
+    let slow = if cfg!(debug_assertions) { ", built without optimisation" } else { "" };
     Machine {
-        cpu: model.unwrap_or_else(|| "a processor that does not say its name".into()),
+        cpu: model.unwrap_or_else(|| "unknown processor".into()),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-        build: format!(
-            "asperity {}{}",
-            env!("CARGO_PKG_VERSION"),
-            if cfg!(debug_assertions) { ", not built to be fast" } else { "" }
-        ),
+        build: format!("asperity {}{slow}", env!("CARGO_PKG_VERSION")),
     }
 }
 
-/// What tells this program from another build of it: what is in its file.
-fn program() -> String {
-    std::env::current_exe().map_or_else(|_| String::new(), |file| content(&file))
-}
-
-/// A path without `FOLDER/..` in it, for a person.
+/// A path without `FOLDER/..`.
 fn tidy(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {
@@ -242,5 +236,5 @@ fn tidy(path: &Path) -> PathBuf {
     out
 }
 
-/// Whether the user asks to stop.
-pub type Stop = Arc<std::sync::atomic::AtomicBool>;
+/// Set when the run is to stop.
+pub type Stop = Arc<AtomicBool>;

@@ -1,8 +1,9 @@
 //! `my_phase`: a phase-retrieval node to change.
 //!
-//! It is told how strong each frequency is to be, frame by frame, and has to find phases with which overlapping frames
-//! agree. This one lets every bin run on at the frequency of its centre, which is simple and not very good: a sinusoid
-//! that lies between two bins beats. `asperity compare --plugin` says how it does beside all others.
+//! It is told how strong each frequency is to be, frame by frame, and has to find phases with which
+//! overlapping frames agree. This one lets every bin run on at the frequency of its centre, which is
+//! simple and not very good: a sinusoid that lies between two bins beats. `asperity compare --plugin`
+//! says how it does beside all others.
 
 use std::f64::consts::TAU;
 

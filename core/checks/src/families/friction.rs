@@ -1,0 +1,576 @@
+//! Friction and drag: forces that only take energy.
+//!
+//! Checked is every kind in the registry that answers a velocity in a slot with a force, alone with a
+//! stylus, at every tick rate. The built-in kinds run with several laws: viscous, Dahl's, LuGre's, soft and
+//! stiff. A kind of a plugin runs with its defaults, if it needs no parameter.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use asperity_node::{Descriptor, Output, ShapeSpec, Unit, UnitSpec, random};
+use asperity_scene::effect::Viscosity;
+use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use asperity_scene::effect::passivity::{Law, Passivity, Sampling};
+
+use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
+use crate::handle::{Device, Handle, Loop};
+use crate::played::Played;
+use crate::rig::{CaseGraph, Rig, has_to_be_set};
+use crate::subject::Subject;
+use crate::wall::{Near, Spot, Wall, pitch_mm};
+
+const FRICTION: Family = Family("friction");
+
+pub(super) const CASES: &[Case] = &[
+    FRICTION.kinds(
+        "friction_takes_energy",
+        |s| each(s, &[1e-9, 1e-3, 1.0, 1e4], None, takes),
+        "velocities turn through zero, creep, stop and jump, under a normal force of 1e-9 to 1e4 N that \
+         changes, at tick rates from 100 to 4000 Hz",
+        "the force is finite, and at no time has it given more energy than it took: the sum of -F v T is \
+         never below 0 (1e-9 of what went to and fro)",
+    ),
+    FRICTION.kinds(
+        "friction_is_quiet_at_rest",
+        |s| each(s, &[1e-9, 1.0, 1e4], None, quiet),
+        "a stylus at rest moves to and fro by 1e-9 mm per N of normal force in every tick",
+        "the force makes no step of Coulomb friction: it is at most what stiffness and damping at rest \
+         give, K x + B x/T, within 1 %",
+    ),
+    FRICTION.kinds(
+        "friction_inside_its_bound",
+        |s| each(s, &[1e-9, 0.3, 3.3, 1e4], None, inside),
+        "friction in ticks stops a device of 0.1 kg that slides at 100 mm/s. The damping of the device is \
+         5 % and 50 % above K T/2 + B, with K the stiffness of the bristle",
+        "its energy never grows. With 50 % it stops within 40 m / (b + B - K T/2), where that is below 4 \
+         s, but for 0.01 mm/s. Until it moves by a millionth, the force changes its sign at most 2 + 6 ln \
+         10 (1 / (pi z) + 1 / ln(b / B)) times, z = (b + B - K T/2) / (2 sqrt(K m)), and a quarter more \
+         for rates near the swing",
+    ),
+    FRICTION.kinds(
+        "friction_beyond_its_bound",
+        |s| each(s, &[30.0, 1e3, 1e4], Some(LIMIT_N), beyond),
+        "the same under up to 1e4 N with a damping of 0.1 N s/m, behind a force limiter of 3.3 N. No \
+         device bears such a law: it chatters",
+        "from half a second on, no faster than F sqrt(3 T / (b m)) + 2 F T / m. A force that turns a tick \
+         late gives at most 2 F v T per turn, and the damping takes 2 b v^3 m / (3 F) until the next; the \
+         second term is a tick or two of the force",
+    ),
+    FRICTION.graph(
+        "own_friction",
+        rubs,
+        "a stylus rubs over the level walls of the graph with 0.3 N and with the most that they push. A \
+         device slides there with 5 % more damping than K T/2 + B, as measured along the surface",
+        "friction takes energy and never gives it, and the device's energy never grows",
+    ),
+];
+
+/// A check of a law under a normal force. It answers a figure.
+type About = fn(&mut Rubbed, &Rub, f64, &Subject<'_>) -> Result<f64, Not>;
+
+/// Checks all laws at all rates and normal forces. The largest figure is told.
+fn each(subject: &Subject<'_>, normals_n: &[f64], limit_n: Option<f64>, about: About) -> Found {
+    let laws = laws(subject);
+    if laws.is_empty() {
+        return not_applicable("there is no kind of friction or drag");
+    }
+    let rates: &[u32] = subject.by_effort(
+        &[100, 500, 4000],
+        &[100, 250, 500, 1000, 2000, 4000],
+        &[100, 125, 200, 250, 333, 400, 500, 700, 1000, 1500, 2000, 3000, 4000],
+    );
+    let mut found = Vec::new();
+    for rub in &laws {
+        let mut most = f64::MIN;
+        for &tick_hz in rates {
+            let mut it = Rubbed::new(subject, rub, tick_hz, limit_n)?;
+            for &normal in normals_n {
+                let figure = about(&mut it, rub, normal, subject)
+                    .map_err(|e| e.after(&format!("{} at {tick_hz} Hz, {normal:e} N", rub.name)))?;
+                most = most.max(figure);
+            }
+            it.rig.sound()?;
+        }
+        found.push(format!("{} {most:.3e}", rub.name));
+    }
+    Ok(format!("at {} rates, at most: {}", rates.len(), found.join(", ")))
+}
+
+/// Place on a surface by time \[mm\], and a factor of the normal force. All ways begin at rest at 0.
+type Way = fn(f64) -> ([f64; 2], f64);
+
+const WAYS: [Way; 6] = [
+    // To and fro, slowly and fast, far and near.
+    |t| ([20.0 * (1.0 - (TAU * t).cos()), 0.0], 1.0),
+    |t| ([0.3 * (1.0 - (TAU * 13.0 * t).cos()), 0.1 * (TAU * 7.0 * t).sin().powi(2)], 1.0),
+    // Round a circle, so that the speed is never 0, under a force that changes.
+    |t| ([5.0 * (1.0 - (9.0 * t).cos()), 5.0 * (9.0 * t).sin()], 0.5 + 0.5 * (31.0 * t).sin()),
+    // Creeping and back.
+    |t| ([1e-3 * (1.0 - (TAU * 2.0 * t).cos()), 0.0], 1.0 + 0.9 * (50.0 * t).sin()),
+    // Stop and go, at times without a normal force.
+    |t| {
+        let part = (4.0 * t).fract();
+        ([10.0 * (4.0 * t).floor() + 10.0 * (2.0 * part).min(1.0), 0.0], if part > 0.9 { 0.0 } else { 1.0 })
+    },
+    // At random.
+    |t| {
+        let random = |k| random::uniform(0xf41c, (1e5 * t) as u64 * 3 + k);
+        ([4.0 * random(0) - 2.0, 1e-3 * random(1)], 2.0 * random(2))
+    },
+];
+
+/// Answers the largest energy that the force has given by any time, as a part of what went to and fro.
+fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Not> {
+    let ticks = (subject.by_effort(0.3, 1.0, 20.0) * f64::from(it.tick_hz)) as u64;
+    let mut worst = f64::MIN;
+    for way in WAYS {
+        it.begin(normal_n);
+        let (mut before, mut sum, mut sizes) = ([0.0; 2], 0.0, 0.0);
+        let tick_s = it.tick_s();
+        for tick in 1..=ticks {
+            let (place, part) = way(tick as f64 * tick_s);
+            let force = it.at(place, part * normal_n);
+            holds(force.iter().all(|f| f.is_finite()), || "the force is not finite".to_owned())?;
+            let taken: f64 = (0..2).map(|k| -force[k] * (place[k] - before[k])).sum();
+            before = place;
+            sum += taken;
+            sizes += taken.abs();
+            holds(sum >= -1e-9 * sizes, || {
+                format!("after {tick} ticks it has given {:.3e} mJ of {sizes:.3e}", -sum)
+            })?;
+            if sizes > 0.0 {
+                worst = worst.max(-sum / sizes);
+            }
+        }
+    }
+    Ok(worst)
+}
+
+/// Answers the largest force as a part of what stiffness and damping at rest give.
+fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Not> {
+    let law = it.law(rub, normal_n)?;
+    let size = 1e-9 * normal_n;
+    let most = (law.stiffness_n_per_mm + 1e-3 * law.damping_ns_per_m / it.tick_s()) * size;
+    it.begin(normal_n);
+    let mut largest = 0.0_f64;
+    for tick in 0..200_u32 {
+        let x = if tick.is_multiple_of(2) { size } else { 0.0 };
+        largest = largest.max(it.at([x, 0.0], normal_n)[0].abs());
+    }
+    holds(largest <= 1.01 * most, || {
+        format!("it answers with {largest:.3e} N; the law at rest says {most:.3e}")
+    })?;
+    Ok(largest / most)
+}
+
+/// Figures of a slide into rest.
+struct Slide {
+    /// Largest kinetic energy, as a part of the first.
+    most: f64,
+    /// Largest speed in the last tenth \[mm/s\].
+    last_mm_s: f64,
+    /// Changes of the sign of the force.
+    turns: u32,
+}
+
+/// Allowance for the closed form of a swing that takes few ticks.
+const NEARLY: f64 = 1.25;
+const MASS_KG: f64 = 0.1;
+const SPEED_MM_S: f64 = 100.0;
+
+fn slide(force: &mut dyn FnMut(f64) -> f64, device: Device, tick_hz: f64, ticks: u64) -> Slide {
+    let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
+    servo.handle.put(0.0, SPEED_MM_S, 0.0);
+    let first = servo.handle.energy_mj();
+    let mut it = Slide { most: 0.0, last_mm_s: 0.0, turns: 0 };
+    let (mut largest, mut sign) = (0.0_f64, 0.0);
+    for tick in 0..ticks {
+        let mut now = 0.0;
+        servo.tick(
+            |x| {
+                now = force(x);
+                now
+            },
+            0.0,
+            |_| {},
+        );
+        it.most = it.most.max(servo.handle.energy_mj() / first);
+        largest = largest.max(now.abs());
+        // Smaller forces count as rest.
+        if now.abs() > 1e-6 * largest {
+            it.turns += u32::from(sign * now < 0.0);
+            sign = now.signum();
+        }
+        if 10 * tick >= 9 * ticks {
+            it.last_mm_s = it.last_mm_s.max(servo.handle.v_mm_s().abs());
+        }
+    }
+    it
+}
+
+/// The damping that a device needs for a law \[N s/m\].
+fn needed(law: Law, tick_hz: f64) -> f64 {
+    Passivity::of(law, Sampling { tick_hz, delay_s: 0.0 }, 0.0).needed_ns_per_m
+}
+
+/// Answers the changes of sign as a part of those allowed.
+fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Not> {
+    let law = it.law(rub, normal_n)?;
+    let (tick_hz, bound) = (f64::from(it.tick_hz), needed(law, f64::from(it.tick_hz)));
+    let mut figure = 0.0;
+    for part in [1.05, 1.5] {
+        let device = Device { mass_kg: MASS_KG, damping_ns_per_m: part * bound, friction_n: 0.0 };
+        let k = 1e3 * law.stiffness_n_per_mm;
+        let spare = device.damping_ns_per_m + law.damping_ns_per_m - 0.5 * k / tick_hz;
+        let z = spare / (2.0 * (k * MASS_KG).sqrt());
+        // Until its swings, or its speed without a spring, fall to 1e-6; at most some seconds.
+        let rest_s = (40.0 * MASS_KG / spare).min(4.0);
+        it.begin(normal_n);
+        let ticks = ((rest_s * tick_hz) as u64).max(20);
+        let slid = slide(&mut |x| it.at([x, 0.0], normal_n)[0], device, tick_hz, ticks);
+        holds(slid.most <= 1.0 + 1e-9, || {
+            format!("{part} times {bound:.4} N s/m: {:.6} of its energy at first", slid.most)
+        })?;
+        if part > 1.1 {
+            // Swings of a spring, and of a damper that is a tick late: each is a part of the one before.
+            let swings = if z > 0.0 && z < 1.0 { 1.0 / (PI * z) } else { 0.0 };
+            let rattles = 1.0 / (device.damping_ns_per_m / law.damping_ns_per_m).ln();
+            let rattles = if rattles.is_finite() { rattles } else { 0.0 };
+            let bound = NEARLY * (2.0 + 6.0 * 10.0_f64.ln() * (swings + rattles));
+            holds(f64::from(slid.turns) <= bound, || {
+                format!("its force changes its sign {} times; the bound is {bound:.0}", slid.turns)
+            })?;
+            holds(rest_s >= 4.0 || slid.last_mm_s <= 1e-4 * SPEED_MM_S, || {
+                format!("it still moves with {:.3e} mm/s after {rest_s:.2} s", slid.last_mm_s)
+            })?;
+            figure = f64::from(slid.turns) / bound;
+        }
+    }
+    Ok(figure)
+}
+
+/// Force limit of a device \[N\].
+const LIMIT_N: f64 = 3.3;
+
+/// Answers the speed that is left, as a part of its bound.
+fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Not> {
+    let tick_hz = f64::from(it.tick_hz);
+    let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 0.1, friction_n: 0.0 };
+    let (mass, damping) = (device.mass_kg, device.damping_ns_per_m);
+    let bound = 1e3 * LIMIT_N * ((3.0 / (tick_hz * damping * mass)).sqrt() + 2.0 / (tick_hz * mass));
+    let stops_s = 0.5;
+    let look_s = subject.by_effort(0.5, 2.0, 60.0);
+    it.begin(normal_n);
+    let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
+    servo.handle.put(0.0, SPEED_MM_S, 0.0);
+    let mut fastest = 0.0_f64;
+    let ticks = ((stops_s + look_s) * tick_hz) as u64;
+    for tick in 0..ticks {
+        servo.tick(|x| it.at([x, 0.0], normal_n)[0], 0.0, |_| {});
+        if tick as f64 >= stops_s * tick_hz {
+            fastest = fastest.max(servo.handle.v_mm_s().abs());
+        }
+    }
+    holds(fastest <= bound, || format!("{fastest:.1} mm/s; the bound is {bound:.1}"))?;
+    Ok(fastest / bound)
+}
+
+/// A law of friction or drag.
+struct Rub {
+    /// Its name in texts.
+    pub name: String,
+    kind: String,
+    params: Vec<(&'static str, String)>,
+    /// Its law at rest by the normal force, where it is known.
+    pub law: Option<fn(f64) -> Law>,
+}
+
+/// Number of values of its velocity, and whether it takes a normal force. None for another kind.
+fn ports(d: &Descriptor) -> Option<(usize, bool)> {
+    let input = |name: &str| d.inputs.iter().find(|i| i.name == name);
+    let is = |unit: &UnitSpec, want: &Unit| matches!(unit, UnitSpec::Is(u) if u == want);
+    let axes = match input("velocity")?.shape {
+        ShapeSpec::Control(n @ 2..=3) => n,
+        _ => return None,
+    };
+    let known = d.inputs.iter().all(|i| i.optional || matches!(&*i.name, "slot" | "velocity" | "force"));
+    let pushes = d
+        .outputs
+        .iter()
+        .any(|o| o.name == "force" && o.shape == ShapeSpec::Control(3) && is(&o.unit, &Unit::NEWTON));
+    let speed = is(&input("velocity")?.unit, &Unit::MILLIMETRE_PER_SECOND);
+    (known && pushes && speed && input("slot").is_some()).then_some((axes, input("force").is_some()))
+}
+
+fn stiff() -> LuGreSettings {
+    LuGreSettings {
+        bristle_stiffness_n_per_mm: 10.0,
+        bristle_damping_ns_per_m: 1.0,
+        ..LuGreSettings::default()
+    }
+}
+
+/// Every kind of friction and drag: the built-in ones with several laws, others with their defaults. A kind
+/// that needs a parameter is left out.
+fn laws(subject: &Subject<'_>) -> Vec<Rub> {
+    let of = |kind: &str, name: &'static str, text: &str, law: fn(f64) -> Law| {
+        let list = if kind == "friction" { "laws" } else { "drags" };
+        let params = vec![(list, format!("[{text:?}]"))];
+        Rub { name: name.to_owned(), kind: kind.to_owned(), params, law: Some(law) }
+    };
+    let mut all = Vec::new();
+    for kind in subject.registry().iter() {
+        let d = kind.descriptor();
+        if ports(d).is_none() {
+            continue;
+        }
+        match &*d.kind {
+            "friction" => all.extend([
+                of("friction", "viscous_coulomb", "viscous_coulomb", |n| {
+                    ViscousCoulomb::new(0.3, ViscousCoulomb::VISCOSITY_S_PER_MM)
+                        .map_or(Law::default(), |f| f.law(n))
+                }),
+                of(
+                    "friction",
+                    "viscous_coulomb, gentle",
+                    "viscous_coulomb(viscosity_s_per_mm: 0.0005)",
+                    |n| ViscousCoulomb::new(0.3, 0.0005).map_or(Law::default(), |f| f.law(n)),
+                ),
+                of("friction", "dahl", "dahl", |_| Dahl::new(0.3, 1.0).map_or(Law::default(), |f| f.law())),
+                of(
+                    "friction",
+                    "dahl, stiff",
+                    "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 10)",
+                    |_| Dahl::new(0.5, 10.0).map_or(Law::default(), |f| f.law()),
+                ),
+                of("friction", "lugre", "lugre", |n| {
+                    LuGre::new(LuGreSettings::default()).map_or(Law::default(), |f| f.law(n))
+                }),
+                of(
+                    "friction",
+                    "lugre, stiff",
+                    "lugre(bristle_stiffness_n_per_mm: 10, bristle_damping_ns_per_m: 1)",
+                    |n| LuGre::new(stiff()).map_or(Law::default(), |f| f.law(n)),
+                ),
+            ]),
+            "viscosity" => {
+                all.push(of("viscosity", "drag", "(viscosity_ns_per_m: 2, max_force_n: 1.5)", |_| {
+                    Viscosity::new(2.0, 1.5).map_or(Law::default(), |f| f.law())
+                }))
+            }
+            other if !has_to_be_set(d, &[]) => all.push(Rub {
+                name: other.to_owned(),
+                kind: other.to_owned(),
+                params: Vec::new(),
+                law: None,
+            }),
+            _ => {}
+        }
+    }
+    all
+}
+
+/// A law that runs alone with a stylus.
+struct Rubbed {
+    rig: Rig,
+    /// Nodes of the normal force and of the force.
+    normal: Option<usize>,
+    force: usize,
+    tick_hz: u32,
+}
+
+impl Rubbed {
+    /// A graph of the law at a rate, behind a limiter of `limit_n` \[N\] if there is one.
+    ///
+    /// # Errors
+    /// Those of the compiler.
+    fn new(subject: &Subject<'_>, rub: &Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Not> {
+        let like = Descriptor::new("stylus", "").output(Output::new(
+            "position",
+            ShapeSpec::Control(3),
+            Unit::MILLIMETRE,
+        ));
+        let slot = Played::control("slot from memory", 1, Unit::NONE, Arc::new(|_, to| to.fill(0.0)));
+        let (axes, takes) = ports(subject.kind(&rub.kind)?.descriptor()).unwrap_or((2, false));
+        let params: Vec<(&str, &str)> =
+            rub.params.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        let mut graph = CaseGraph::new(tick_hz, 48_000)
+            .plays("stylus", Played::fed_stylus("stylus from memory", &like))?
+            .node("motion", "velocity", &[("cutoff_hz", "0")])?
+            .plays("slot", slot)?
+            .node("rub", &rub.kind, &params)?
+            .wire("stylus.position", "motion.position")
+            .wire("slot", "rub.slot")
+            .wire(if axes == 2 { "motion.velocity" } else { "motion.unfiltered" }, "rub.velocity");
+        if takes {
+            graph = graph
+                .plays("normal", Played::fed("normal force from memory", Unit::NEWTON))?
+                .wire("normal", "rub.force");
+        }
+        let mut last = "rub";
+        if let Some(limit_n) = limit_n {
+            graph = graph
+                .node("limit", "force_limiter", &[("max_force_n", &format!("{limit_n}"))])?
+                .wire("rub.force", "limit.force");
+            last = "limit";
+        }
+        let graph = graph.node("probe", "probe", &[])?.wire(&format!("{last}.force"), "probe");
+        let rig = graph.rig(subject)?;
+        let force = rig.schedule.index_of(last).ok_or_else(|| "the force is not built".to_owned())?;
+        Ok(Self { normal: rig.schedule.index_of("normal"), rig, force, tick_hz })
+    }
+
+    fn tick_s(&self) -> f64 {
+        1.0 / f64::from(self.tick_hz)
+    }
+
+    /// Starts anew: the stylus has rested at 0 for two ticks under this normal force.
+    fn begin(&mut self, normal_n: f64) {
+        self.rig.engine.reset();
+        (0..2).for_each(|_| _ = self.at([0.0; 2], normal_n));
+    }
+
+    /// Runs a tick with the stylus at a place on the surface \[mm\] under a normal force. Answers the force
+    /// along it \[N\].
+    fn at(&mut self, [x, y]: [f64; 2], normal_n: f64) -> [f64; 2] {
+        self.rig.place([x, y, 0.0], true);
+        if let Some(normal) = self.normal {
+            self.rig.engine.feed_control(normal, 0, &[normal_n], true);
+        }
+        self.rig.engine.tick();
+        let values = self.rig.values(self.force, 0);
+        [0, 1].map(|k| values.get(k).copied().unwrap_or(0.0))
+    }
+
+    /// Measures the law at rest under a normal force: a step so short that nothing slips, then rest.
+    ///
+    /// # Errors
+    /// It is not the known law.
+    fn law(&mut self, rub: &Rub, normal_n: f64) -> Result<Law, Not> {
+        let step = 1e-7 * normal_n;
+        self.begin(normal_n);
+        let moved = -self.at([step, 0.0], normal_n)[0];
+        let held = -self.at([step, 0.0], normal_n)[0];
+        let found = Law {
+            stiffness_n_per_mm: held / step,
+            damping_ns_per_m: 1e3 * (moved - held) / step * self.tick_s(),
+        };
+        if let Some(law) = rub.law {
+            let want = law(normal_n);
+            let whole = 1e3 * want.stiffness_n_per_mm * self.tick_s() + want.damping_ns_per_m;
+            let off = 1e3 * (found.stiffness_n_per_mm - want.stiffness_n_per_mm).abs() * self.tick_s()
+                + (found.damping_ns_per_m - want.damping_ns_per_m).abs();
+            holds(off <= 1e-3 * whole, || {
+                format!(
+                    "{} under {normal_n:e} N at {} Hz is {:.4} N/mm and {:.4} N s/m at rest, \
+                     not {:.4} and {:.4}",
+                    rub.name,
+                    self.tick_hz,
+                    found.stiffness_n_per_mm,
+                    found.damping_ns_per_m,
+                    want.stiffness_n_per_mm,
+                    want.damping_ns_per_m
+                )
+            })?;
+            return Ok(want);
+        }
+        Ok(found)
+    }
+}
+
+/// Force of a light stylus \[N\].
+const LIGHT_N: f64 = 0.3;
+
+/// A stylus at a depth in a wall that moves along it.
+struct Pressed<'a> {
+    wall: &'a mut Wall,
+    spot: Spot,
+    depth_mm: f64,
+}
+
+impl Pressed<'_> {
+    /// Runs the wall once with the stylus at a place along x \[mm\]. Answers the force along x \[N\].
+    fn at(&mut self, x_mm: f64) -> f64 {
+        let [x, y, z] = self.spot.above(-self.depth_mm);
+        let mut force = 0.0;
+        (0..self.wall.every()).for_each(|_| [force, ..] = self.wall.at([x + x_mm, y, z]));
+        force
+    }
+
+    fn begin(&mut self) {
+        self.wall.reset();
+        (0..3).for_each(|_| _ = self.at(0.0));
+    }
+
+    /// Measures the law along the surface at rest: a step so short that nothing slips, then rest.
+    fn law(&mut self) -> Law {
+        let (step, tick_s) = (1e-7, 1.0 / self.wall.sampling().tick_hz);
+        self.begin();
+        let still = self.at(0.0);
+        let moved = still - self.at(step);
+        let held = still - self.at(step);
+        let clean = |x: f64| if x.abs() < 1e-4 { 0.0 } else { x };
+        Law {
+            stiffness_n_per_mm: clean(held / step),
+            damping_ns_per_m: clean(1e3 * (moved - held) / step * tick_s),
+        }
+    }
+}
+
+fn rubs(subject: &Subject<'_>) -> Found {
+    let mut wall = Wall::of_graph(subject)?;
+    let level = |spot: &Spot| spot.normal[2] > 1.0 - 1e-9;
+    let spots = wall.walls(pitch_mm(subject)).into_iter().filter(level);
+    let near = spots.map(|spot| wall.near(spot));
+    let all: Vec<Near> = applicable(near, "no level wall was found in this graph")?;
+    let mut found: Vec<String> = Vec::new();
+    let tick_hz = wall.sampling().tick_hz;
+    for near in all.iter().take(subject.by_effort(4, 16, 400)) {
+        let light = (LIGHT_N / near.law.stiffness_n_per_mm).min(near.deep_mm);
+        for depth_mm in [light, near.deep_mm] {
+            let mut it = Pressed { wall: &mut wall, spot: near.spot, depth_mm };
+            let law = it.law();
+            // To and fro by 4 mm at 1 Hz, by 0.05 mm at 20 Hz, fast, and by very little.
+            for (size, hz) in [(2.0, 1.0), (0.025, 20.0), (1.0, 60.0), (1e-4, 5.0)] {
+                it.begin();
+                let (mut before, mut sum, mut sizes) = (0.0, 0.0, 0.0);
+                for tick in 1..=(subject.by_effort(0.5, 1.0, 20.0) * tick_hz) as u64 {
+                    let x = size * (1.0 - (TAU * hz * tick as f64 / tick_hz).cos());
+                    let taken = -it.at(x) * (x - before);
+                    before = x;
+                    sum += taken;
+                    sizes += taken.abs();
+                    holds(sum >= -1e-9 * sizes - 1e-12, || {
+                        format!(
+                            "rubbing {:.1} N it has given {:.3e} mJ of {sizes:.3e}",
+                            depth_mm * near.law.stiffness_n_per_mm,
+                            -sum
+                        )
+                    })?;
+                }
+            }
+            let bound = needed(law, tick_hz);
+            let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 1.05 * bound, friction_n: 0.0 };
+            it.begin();
+            // No further than some mm, within the wall.
+            let slid = slide(&mut |x| it.at(x), device, tick_hz, (0.03 * tick_hz) as u64);
+            holds(slid.most <= 1.0 + 1e-9, || {
+                format!("1.05 times {bound:.4} N s/m: {:.6} of its energy at first", slid.most)
+            })?;
+            found.push(format!(
+                "{:.1} N: {:.2} N/mm and {:.2} N s/m, at least {bound:.2} N s/m",
+                depth_mm * near.law.stiffness_n_per_mm,
+                law.stiffness_n_per_mm,
+                law.damping_ns_per_m
+            ));
+        }
+    }
+    wall.sound()?;
+    if found.iter().all(|f| f.ends_with("at least 0.00 N s/m")) {
+        return not_applicable("no wall of this graph has friction");
+    }
+    found.sort();
+    found.dedup();
+    found.truncate(8);
+    Ok(format!("rubbed with {}", found.join("; ")))
+}

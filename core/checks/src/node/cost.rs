@@ -1,0 +1,129 @@
+//! Allocations and time of a node.
+
+use std::time::Instant;
+
+use super::input::somewhere;
+use super::main;
+use super::signal::Signal;
+use crate::case::{Found, fails, not_applicable};
+use crate::subject::{Heap, Subject, Touched};
+
+/// Ticks on each signal while the heap is watched.
+const TICKS: u64 = 1000;
+
+/// Allocations of one function.
+struct Counted<'a> {
+    heap: &'a dyn Heap,
+    what: &'static str,
+    calls: u64,
+    touching: u64,
+    first: Option<u64>,
+    sum: Touched,
+}
+
+impl<'a> Counted<'a> {
+    fn new(heap: &'a dyn Heap, what: &'static str) -> Self {
+        Self { heap, what, calls: 0, touching: 0, first: None, sum: Touched::default() }
+    }
+
+    fn watch<T>(&mut self, tick: u64, f: impl FnOnce() -> T) -> T {
+        self.heap.begin();
+        let answer = f();
+        let Touched { taken, freed } = self.heap.end();
+        self.calls += 1;
+        if taken + freed > 0 {
+            self.touching += 1;
+            self.first.get_or_insert(tick);
+            (self.sum.taken, self.sum.freed) = (self.sum.taken + taken, self.sum.freed + freed);
+        }
+        answer
+    }
+
+    fn found(&self) -> Option<String> {
+        let Touched { taken, freed } = self.sum;
+        let (what, touching, calls) = (self.what, self.touching, self.calls);
+        self.first.map(|first| {
+            format!(
+                "{what} allocated {taken} and freed {freed} times in {touching} of {calls} calls, \
+                 first at tick {first}"
+            )
+        })
+    }
+}
+
+pub(super) fn allocation(subject: &Subject<'_>) -> Found {
+    let place = main(subject)?;
+    let Some(heap) = subject.heap else { return not_applicable("not counted on this system") };
+    let mut stand = place.stand(subject, Signal::Random, false)?;
+    let all = ["process", "reset", "set_parameter", "save", "restore", "elapsed"];
+    let mut counted = all.map(|what| Counted::new(heap, what));
+    let [process, reset, set, save, restore, elapsed] = &mut counted;
+    let mut bytes = vec![0; stand.processor.state_size()];
+    let params = &main(subject)?.kind.descriptor().params;
+    let mut tick = 0;
+    for signal in [Signal::Random, Signal::Scattered, Signal::Zero, Signal::Huge, Signal::Bad, Signal::Random]
+    {
+        subject.doing(&format!("{} input", signal.word()));
+        stand.play(signal);
+        for _ in 0..TICKS {
+            stand.set_up(tick);
+            let answer = process.watch(tick, || stand.call(tick));
+            stand.conclude(answer);
+            tick += 1;
+        }
+        // Other cases look at the answers.
+        let it = &mut stand.processor;
+        for (i, p) in params.iter().enumerate() {
+            if let Some(value) = somewhere(p, 0.3) {
+                let _ = set.watch(tick, || it.set_parameter(i, value));
+            }
+        }
+        let len = save.watch(tick, || it.save(&mut bytes)).unwrap_or(0);
+        let _ = restore.watch(tick, || it.restore(&bytes[..len]));
+        let _ = elapsed.watch(tick, || it.elapsed(10));
+        let _ = reset.watch(tick, || it.reset());
+    }
+    let allowed = !stand.processor.allocation_free();
+    let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();
+    match found.first() {
+        Some(what) if allowed => not_applicable(format!("it says that it allocates: {what}")),
+        Some(_) => fails(found.join("; ")),
+        None if allowed => not_applicable(format!("it says that it allocates, and did not in {tick} ticks")),
+        None => Ok(format!("none in {tick} ticks")),
+    }
+}
+
+/// Time of a call.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TickTime {
+    /// Median \[us\].
+    pub median_us: f64,
+    /// 99th percentile \[us\].
+    pub p99_us: f64,
+    /// Longest \[us\].
+    pub max_us: f64,
+    /// Number of calls.
+    pub calls: u64,
+}
+
+/// Measures how long a call of the kind takes, for information: no case asks for a bound.
+///
+/// # Errors
+/// The kind cannot be prepared, or it fails.
+pub fn tick_time(subject: &Subject<'_>) -> Result<TickTime, String> {
+    subject.doing("time per tick");
+    let mut stand = subject.stand(Signal::Random)?;
+    let calls = subject.ticks.clamp(100, 20_000);
+    let mut spent = Vec::with_capacity(calls as usize);
+    for tick in 0..calls {
+        stand.set_up(tick);
+        let start = Instant::now();
+        let answer = stand.call(tick);
+        spent.push(start.elapsed().as_nanos() as u64);
+        stand.conclude(answer);
+        answer.map_err(|f| f.to_string())?;
+    }
+    spent.sort_unstable();
+    let at = |part: f64| spent[((spent.len() - 1) as f64 * part) as usize] as f64 * 1e-3;
+    Ok(TickTime { median_us: at(0.5), p99_us: at(0.99), max_us: at(1.0), calls })
+}

@@ -1,0 +1,243 @@
+//! Inputs of every kind.
+
+use asperity_node::{Buffer, FactValue, Fault, Param, ParamKind, Shape, random};
+
+use super::main;
+use super::place::{Conditions, Place};
+use super::signal::Signal;
+use super::stand::{Stand, Trace, UNWRITTEN, contained, described, is_well};
+use crate::buffers::words;
+use crate::case::{Found, Not, fails, not_applicable};
+use crate::subject::Subject;
+
+/// Ticks of a run on one signal.
+const TICKS: u64 = 300;
+/// Time that a node has to recover from inputs that are not finite \[s\].
+const RECOVERY_S: u64 = 1;
+
+/// A place with the longest frames, and hops of 88 and 89 samples.
+const LONG: Conditions = Conditions {
+    tick_hz: 500,
+    audio_hz: 44_100,
+    every: 1,
+    source_hz: 44_100,
+    frames: (44_100, 4410, 2206),
+    like: asperity_node::ShapeSpec::Audio(asperity_node::RateSpec::Graph),
+    without: 0,
+};
+
+/// The main place, and the one with long frames where the kind takes it.
+fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Not> {
+    Ok((main(subject)?, Place::settle(subject, &LONG).ok()))
+}
+
+pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
+    let (main, other) = two_places(subject)?;
+    for place in [Some(main), other.as_ref()].into_iter().flatten() {
+        subject.doing(&format!("{}, {} input", place.conditions, signal.word()));
+        let run = place.stand(subject, signal, false)?.run(0..TICKS);
+        if let Some(wrong) = run.wrong {
+            return fails(format!("{wrong} ({}, {} input)", place.conditions, signal.word()));
+        }
+    }
+    Ok(format!("{TICKS} ticks"))
+}
+
+/// Plays noise, then values that are not finite, then noise. Answers the ticks from their end to the last
+/// wrong output, with or without the resets of the engine.
+fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
+    let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
+    let mut last = good;
+    let mut trace = Trace::new(stand.outputs.len(), 0);
+    for tick in 0..end {
+        stand.play(if (bad..good).contains(&tick) { Signal::Bad } else { Signal::Random });
+        stand.set_up(tick);
+        let answer = stand.call(tick);
+        stand.conclude(answer);
+        trace.push(answer, &stand.outputs);
+        let wrong = answer.is_err() || stand.not_finite().is_some();
+        if answer == Err(Fault::Panicked) {
+            return fails(format!("panicked at tick {tick}"));
+        }
+        if wrong && tick < bad {
+            return Err(Not::Applicable("it fails on noise already".into()));
+        }
+        if wrong && tick >= good {
+            last = tick + 1;
+        }
+        let stays = matches!(answer, Err(Fault::Failed(_)));
+        if wrong && resets && !stays {
+            let processor = &mut stand.processor;
+            contained(|| processor.reset()).map_err(|f| format!("reset {}", described(f)))?;
+        }
+    }
+    Ok(last - good)
+}
+
+pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
+    let place = main(subject)?;
+    if !place.inputs.iter().any(|w| w.connected) {
+        return not_applicable("it has no inputs");
+    }
+    let hz = u64::from(place.conditions.tick_hz);
+    subject.doing("without a reset");
+    let alone = recovery(&mut place.stand(subject, Signal::Random, false)?, hz, false)?;
+    if alone <= hz * RECOVERY_S {
+        return Ok(format!("well again after {alone} ticks"));
+    }
+    subject.doing("with the resets of the engine");
+    let helped = recovery(&mut place.stand(subject, Signal::Random, false)?, hz, true)?;
+    if helped <= hz * RECOVERY_S {
+        return Ok(format!("well again after {helped} ticks, by the reset that the engine does"));
+    }
+    fails(format!(
+        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does \
+         not help"
+    ))
+}
+
+pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
+    let place = main(subject)?;
+    let frames = |w: &asperity_node::Wiring| {
+        matches!(w.port.as_ref().map(|p| p.shape), Some(Shape::Magnitude(_) | Shape::Spectrum(_)))
+    };
+    if !place.inputs.iter().any(frames) {
+        return not_applicable("it takes no frames");
+    }
+    let mut stand = place.stand(subject, Signal::Random, false)?;
+    let mut trace = Trace::new(stand.outputs.len(), 0);
+    for tick in 0..800 {
+        stand.muted = match tick {
+            0..100 | 200..400 => true,
+            500.. => random::uniform(7, tick) < 0.5,
+            _ => false,
+        };
+        stand.tick(tick, &mut trace)?;
+    }
+    Ok("gaps of 1 to 200 ticks, also at the start".into())
+}
+
+pub(super) fn outputs(subject: &Subject<'_>) -> Found {
+    let (main, other) = two_places(subject)?;
+    for place in [Some(main), other.as_ref()].into_iter().flatten() {
+        subject.doing(&place.conditions.to_string());
+        let mut stand = place.stand(subject, Signal::Scattered, false)?;
+        for tick in 0..TICKS {
+            stand.set_up(tick);
+            stand.mark();
+            let before = stand.inputs.clone();
+            let answer = stand.call(tick);
+            if let Some(wrong) = untouched(&stand, &before, place.gate).or_else(|| whole(&stand)) {
+                return fails(format!("{wrong} at tick {tick} ({})", place.conditions));
+            }
+            stand.conclude(answer);
+        }
+        if let Some(n) = unsaid(&stand) {
+            return fails(format!(
+                "wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks"
+            ));
+        }
+    }
+    Ok(if main.outputs.is_empty() {
+        "it has no outputs; inputs untouched".into()
+    } else {
+        format!("{TICKS} ticks")
+    })
+}
+
+/// Ticks in which the loader found samples that the node did not report.
+fn unsaid(stand: &Stand<'_>) -> Option<u64> {
+    stand.processor.facts().iter().find(|f| f.name == "unsaid_writes").and_then(|f| match f.value {
+        FactValue::Count(n) if n > 0 => Some(n),
+        _ => None,
+    })
+}
+
+/// The first input that the node changed. A gate may close the input that it gates.
+fn untouched(stand: &Stand<'_>, before: &[Buffer], gate: Option<usize>) -> Option<String> {
+    let mut pairs = before.iter().zip(&stand.inputs).enumerate().filter(|(i, _)| gate != Some(*i));
+    pairs.find(|(_, (was, is))| words(was).ne(words(is))).map(|(i, _)| format!("wrote to input {i}"))
+}
+
+/// The first output that is not written whole, or without a report.
+fn whole(stand: &Stand<'_>) -> Option<String> {
+    let unwritten = |x: &f32| x.to_bits() == UNWRITTEN;
+    let frame = |bins: &mut dyn Iterator<Item = f32>, there: bool| {
+        let (mut all, mut left) = (0, 0);
+        for x in bins {
+            all += 1;
+            left += usize::from(unwritten(&x));
+        }
+        match there {
+            true if left > 0 => Some(format!("left {left} of {all} values of a frame unwritten")),
+            false if left < all => Some("wrote a frame without saying so".to_owned()),
+            _ => None,
+        }
+    };
+    stand.outputs.iter().enumerate().find_map(|(o, buffer)| {
+        let wrong = match buffer {
+            Buffer::Control { .. } => None,
+            Buffer::Audio { samples, len, .. } => samples[*len..]
+                .iter()
+                .any(|x| *x != 0.0)
+                .then(|| format!("wrote past the {len} samples of the tick")),
+            Buffer::Magnitude { bins, frame: f, .. } => frame(&mut bins.iter().copied(), f.is_some()),
+            Buffer::Spectrum { bins, frame: f, .. } => {
+                frame(&mut bins.iter().flat_map(|z| [z.re, z.im]), f.is_some())
+            }
+        }?;
+        Some(format!("`{}`: {wrong}", stand.output_name(o)))
+    })
+}
+
+/// A value of a live parameter, from the lower end (0) to the upper end (1) of its range.
+pub(super) fn somewhere(p: &Param, at: f64) -> Option<f64> {
+    let most = |x: f64| x.clamp(-1e15, 1e15);
+    match &p.kind {
+        _ if !p.live => None,
+        ParamKind::Number(r) => Some(most(*r.start()) * (1.0 - at) + most(*r.end()) * at),
+        ParamKind::Integer(r) => {
+            Some((most(*r.start() as f64) * (1.0 - at) + most(*r.end() as f64) * at).round())
+        }
+        ParamKind::Flag => Some(at.round()),
+        ParamKind::Choice(words) => Some((at * (words.len().max(1) - 1) as f64).round()),
+        _ => None,
+    }
+}
+
+pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
+    let (main, other) = two_places(subject)?;
+    let params = &main.kind.descriptor().params;
+    // A tenth of them with long frames, which take long.
+    let parts = [(Some(main), subject.ticks * 9 / 10), (other.as_ref(), subject.ticks / 10)];
+    for (place, ticks) in parts.into_iter().filter_map(|(p, n)| Some((p?, n))) {
+        subject.doing(&place.conditions.to_string());
+        let mut stand = place.stand(subject, Signal::Scattered, false)?;
+        for tick in 0..ticks {
+            let draw = |what: u64| random::uniform(11 + what, tick);
+            if draw(0) < 2e-4 {
+                let processor = &mut stand.processor;
+                contained(|| processor.reset())
+                    .map_err(|f| format!("reset {} at tick {tick}", described(f)))?;
+            }
+            if draw(1) < 0.02 && !params.is_empty() {
+                let i = (draw(2) * params.len() as f64) as usize;
+                if let Some(value) = somewhere(&params[i], draw(3)) {
+                    let processor = &mut stand.processor;
+                    contained(|| processor.set_parameter(i, value))
+                        .map_err(|f| format!("set_parameter {} at tick {tick}", described(f)))?;
+                }
+            }
+            stand.set_up(tick);
+            let answer = stand.call(tick);
+            stand.conclude(answer);
+            if let Err(fault) = answer {
+                return fails(format!("{} at tick {tick} ({})", described(fault), place.conditions));
+            }
+            if !stand.outputs.iter().all(is_well) {
+                return fails(format!("put out what is not finite at tick {tick} ({})", place.conditions));
+            }
+        }
+    }
+    Ok(format!("{} ticks", subject.ticks))
+}

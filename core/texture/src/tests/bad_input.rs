@@ -1,0 +1,342 @@
+//! Files that are no model, models of another signature, and numbers that are none.
+
+use std::sync::Arc;
+
+use super::networks::{
+    Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info,
+};
+use crate::{
+    Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
+};
+use tract_onnx::pb::{AttributeProto, ModelProto, NodeProto, StringStringEntryProto, TensorProto};
+
+fn made() -> ModelProto {
+    model(&Net::random(1), Spelling::default())
+}
+
+/// The error of a made model after `change`.
+fn error(change: impl FnOnce(&mut ModelProto)) -> String {
+    let mut m = made();
+    change(&mut m);
+    let e = Model::from_bytes(&bytes(&m), "some/where.onnx").unwrap_err();
+    assert_eq!(e.path().unwrap(), std::path::Path::new("some/where.onnx"));
+    e.to_string()
+}
+
+#[test]
+fn a_file_cut_short_anywhere_is_an_error() {
+    let whole = bytes(&made());
+    for part in 0..20 {
+        let cut = &whole[..whole.len() * part / 20];
+        let e = Model::from_bytes(cut, "cut.onnx").unwrap_err().to_string();
+        assert!(e.starts_with("cut.onnx: "), "{e}");
+    }
+    Model::from_bytes(&whole, "whole.onnx").unwrap();
+}
+
+#[test]
+fn files_that_are_no_model_are_errors() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut r = Random(3);
+    let noise: Vec<u8> = (0..100_000).map(|_| (r.unit() * 256.0) as u8).collect();
+    let json = br#"{"force": [1, 10], "speed": [1, 20], "texture": [1, 256]}"#.to_vec();
+    for (name, content) in [("noise.onnx", noise), ("model.json", json), ("empty.onnx", vec![])] {
+        let path = dir.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let e = Model::load(&path).unwrap_err();
+        assert_eq!(e.path().unwrap(), path);
+        assert!(e.help.is_some(), "{e}");
+    }
+    assert!(Model::load(dir.path()).unwrap_err().to_string().contains("this is a folder"));
+    assert!(Model::load(dir.path().join("none.onnx")).unwrap_err().to_string().contains("cannot read"));
+    let large = dir.path().join("large.onnx");
+    std::fs::File::create(&large).unwrap().set_len(crate::MAX_MODEL_BYTES + 1).unwrap();
+    assert!(Model::load(&large).unwrap_err().to_string().contains("at most"));
+}
+
+#[test]
+fn a_good_file_loads_from_disk() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("made.onnx");
+    std::fs::write(&path, bytes(&made())).unwrap();
+    assert_eq!(Model::load(&path).unwrap().not_lowered_because(), None);
+}
+
+#[test]
+fn flipped_bytes_never_panic_out_of_load() {
+    let whole = bytes(&made());
+    let mut r = Random(4);
+    // The first kilobytes hold the nodes; weights take almost all of the rest.
+    for round in 0..60 {
+        let mut bent = whole.clone();
+        for _ in 0..1 + round % 4 {
+            let reach = if round % 2 == 0 { 3000 } else { bent.len() };
+            let at = (r.unit() * reach as f64) as usize;
+            bent[at] = (r.unit() * 256.0) as u8;
+        }
+        if let Ok(model) = Model::from_bytes(&bent, "bent.onnx") {
+            let _ = model.runner(&textures(1, 1), Precision::F16, Choice::Auto);
+        }
+    }
+}
+
+#[test]
+fn wrong_signature_tells_what_was_found_and_what_would_fit() {
+    let e = error(|m| m.graph.as_mut().unwrap().input[0] = value_info("force", &[Some(1), Some(12)]));
+    assert!(
+        e.contains("force [1,12]") && e.contains("texture [1,256]") && e.contains("magnitudes [1,100]"),
+        "{e}"
+    );
+    let e = error(|m| m.graph.as_mut().unwrap().input[2] = value_info("texture", &[Some(1), Some(1 << 40)]));
+    assert!(e.contains("texture [1,1099511627776]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().input[1] = value_info("speed", &[Some(2), Some(20)]));
+    assert!(e.contains("speed [2,20]"), "{e}");
+    let e = error(|m| {
+        m.graph.as_mut().unwrap().input.remove(1);
+    });
+    assert!(e.contains("2 inputs") && e.contains("speed [1,20]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().input.push(value_info("image", &[Some(1), Some(3)])));
+    assert!(e.contains("4 inputs") && e.contains("image [1,3]"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("magnitudes", &[Some(1), Some(101)]));
+    assert!(e.contains("magnitudes [1,101]"), "{e}");
+    let e = error(|m| {
+        use tract_onnx::pb::type_proto::Value::TensorType;
+        let input = &mut m.graph.as_mut().unwrap().input[0];
+        let TensorType(t) = input.r#type.as_mut().unwrap().value.as_mut().unwrap();
+        t.elem_type = 11;
+    });
+    assert!(e.contains("not 32-bit float"), "{e}");
+}
+
+#[test]
+fn an_output_of_another_shape_than_stated_is_an_error() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let last = g.node.last_mut().unwrap();
+        let input = last.input[0].clone();
+        *last = NodeProto {
+            op_type: "Concat".into(),
+            input: vec![input.clone(), input],
+            output: vec!["magnitudes".into()],
+            attribute: vec![int("axis", 1)],
+            ..Default::default()
+        };
+    });
+    assert!(e.contains("some/where.onnx: "), "{e}");
+}
+
+/// The error of a made model with scatter after `change`.
+fn scatter_error(change: impl FnOnce(&mut ModelProto)) -> String {
+    let mut m = scattering(&Net::random(1), Spelling::default(), &heads(1));
+    Model::from_bytes(&bytes(&m), "whole.onnx").unwrap();
+    change(&mut m);
+    Model::from_bytes(&bytes(&m), "some/where.onnx").unwrap_err().to_string()
+}
+
+#[test]
+fn scatter_of_another_shape_is_refused() {
+    let wanted = "ratio [1,100] and variance [1,1]";
+    let outputs = |m: &mut ModelProto, name: &str, dims: &[Option<i64>]| {
+        let all = &mut m.graph.as_mut().unwrap().output;
+        *all.iter_mut().find(|v| v.name == name).unwrap() = value_info(name, dims);
+    };
+    let e = scatter_error(|m| outputs(m, "ratio", &[Some(1), Some(99)]));
+    assert!(e.contains("output ratio [1,99] does not fit [1,100]") && e.contains(wanted), "{e}");
+    let e = scatter_error(|m| outputs(m, "variance", &[Some(1), Some(100)]));
+    assert!(e.contains("output variance [1,100] does not fit [1,1]") && e.contains(wanted), "{e}");
+    // Shapes that only the graph tells.
+    let mut swapped = heads(1);
+    (swapped[0].0, swapped[1].0) = ("variance", "ratio");
+    let mut m = scattering(&Net::random(1), Spelling::default(), &swapped);
+    outputs(&mut m, "ratio", &[Some(1), None]);
+    outputs(&mut m, "variance", &[Some(1), None]);
+    let e = Model::from_bytes(&bytes(&m), "m.onnx").unwrap_err().to_string();
+    assert!(e.contains("output ratio has shape") && e.contains("not [1,100] float"), "{e}");
+}
+
+#[test]
+fn ratio_without_variance_is_refused() {
+    for (name, missing) in [("ratio", "variance"), ("variance", "ratio")] {
+        let e = scatter_error(|m| m.graph.as_mut().unwrap().output.retain(|v| v.name != missing));
+        let wanted = format!("this model has the output {name}, but not {missing}");
+        assert!(e.contains(&wanted) && e.contains("both or neither"), "{e}");
+    }
+}
+
+#[test]
+fn weights_that_lie_about_themselves_are_errors() {
+    let weights = |change: fn(&mut TensorProto)| {
+        error(move |m| {
+            change(m.graph.as_mut().unwrap().initializer.iter_mut().find(|t| t.dims.len() == 2).unwrap())
+        })
+    };
+    assert!(weights(|t| t.dims = vec![1 << 40, 1 << 40]).contains("shape"));
+    assert!(weights(|t| t.dims = vec![-1, 10]).contains("shape"));
+    assert!(weights(|t| t.raw_data.truncate(13)).contains("elements"));
+    assert!(weights(|t| t.data_type = 99).contains("element type"));
+    let e = weights(|t| {
+        t.raw_data.clear();
+        t.data_location = Some(1);
+        t.external_data = vec![StringStringEntryProto { key: "location".into(), value: "/dev/zero".into() }];
+    });
+    assert!(e.contains("in another file"), "{e}");
+}
+
+#[test]
+fn unordered_or_oversized_graphs_are_errors() {
+    let e = error(|m| m.graph.as_mut().unwrap().node.reverse());
+    assert!(e.contains("nothing before it gives"), "{e}");
+    let e = error(|m| m.graph.as_mut().unwrap().output[0].name = "elsewhere".into());
+    assert!(e.contains("nothing gives the output"), "{e}");
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let mut shape = tensor("huge", &[2], &[]);
+        shape.data_type = 7;
+        shape.int64_data = vec![1 << 30, 1 << 30];
+        g.initializer.push(shape);
+        let fill = NodeProto {
+            op_type: "ConstantOfShape".into(),
+            input: vec!["huge".into()],
+            output: vec!["filled".into()],
+            ..Default::default()
+        };
+        g.node.insert(0, fill);
+    });
+    assert!(e.contains("ConstantOfShape") && e.contains("elements"), "{e}");
+}
+
+/// A file of 2 kB that multiplies vectors along five axes took 14 GB.
+#[test]
+fn outer_products_are_refused_before_they_are_made() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        for axis in 0..5 {
+            let mut dims = [1; 5];
+            dims[axis] = 400;
+            g.initializer.push(tensor(&format!("v{axis}"), &dims, &[1e-3; 400]));
+        }
+        for axis in (1..5).rev() {
+            let before = if axis == 1 { "v0".into() } else { format!("p{}", axis - 1) };
+            let product = NodeProto {
+                op_type: "Mul".into(),
+                input: vec![before, format!("v{axis}")],
+                output: vec![format!("p{axis}")],
+                ..Default::default()
+            };
+            g.node.insert(0, product);
+        }
+    });
+    assert!(e.contains("brings the tensors to") && e.contains("at most 33554432 are made"), "{e}");
+}
+
+#[test]
+fn graph_in_a_node_is_refused() {
+    let e = error(|m| {
+        let g = m.graph.as_mut().unwrap();
+        let branch = AttributeProto { name: "then_branch".into(), g: Some(g.clone()), ..Default::default() };
+        g.node[0].attribute.push(branch);
+    });
+    assert!(e.contains("holds a graph of its own"), "{e}");
+}
+
+fn runners() -> Vec<Runner> {
+    let model = Model::from_bytes(&bytes(&made()), "made.onnx").unwrap();
+    let mut choices = vec![(Choice::Tract, Precision::F32)];
+    for isa in Isa::available() {
+        choices.extend([(Choice::Packed(isa), Precision::F32), (Choice::Packed(isa), Precision::F16)]);
+    }
+    choices.into_iter().map(|(c, p)| model.runner(&textures(2, 1), p, c).unwrap()).collect()
+}
+
+#[test]
+fn a_runner_refuses_what_it_does_not_have() {
+    for mut runner in runners() {
+        let mut out = [7.0; 100];
+        assert_eq!(runner.materials(), 2);
+        let e = runner.run(2, &[0.0; 10], &[0.0; 20], &mut out).unwrap_err();
+        assert_eq!(e, RunError::Material { index: 2, count: 2 });
+        assert!(runner.run(usize::MAX, &[0.0; 10], &[0.0; 20], &mut out).is_err());
+        assert_eq!(runner.run(0, &[0.0; 9], &[0.0; 20], &mut out), Err(RunError::Length));
+        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 21], &mut out), Err(RunError::Length));
+        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 20], &mut out[..99]), Err(RunError::Length));
+        assert_eq!(out, [7.0; 100]);
+    }
+}
+
+#[test]
+fn packed_networks_pass_nan_on_and_recover_from_it() {
+    for mut runner in runners() {
+        let mut clean = [0.0; 100];
+        runner.run(0, &[1.0; 10], &[50.0; 20], &mut clean).unwrap();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            let mut force = [1.0; 10];
+            force[3] = bad;
+            let mut out = [0.0; 100];
+            runner.run(0, &force, &[50.0; 20], &mut out).unwrap();
+            if bad.is_nan() && runner.is_allocation_free() {
+                assert!(out.iter().all(|x| x.is_nan()), "{:?}", runner.describe().executor);
+            }
+            runner.run(0, &[1.0; 10], &[50.0; 20], &mut out).unwrap();
+            assert_eq!(out, clean, "nothing of {bad} stays behind");
+        }
+    }
+}
+
+#[test]
+fn materials_that_do_not_fit_are_named() {
+    let model = Model::from_bytes(&bytes(&made()), "made.onnx").unwrap();
+    let refused = |materials: &[Vec<f32>]| {
+        model.runner(materials, Precision::F32, Choice::Auto).unwrap_err().to_string()
+    };
+    assert!(refused(&[]).contains("0 materials"));
+    assert!(
+        refused(&[vec![0.0; 256], vec![0.0; 255]]).contains("material 1 has a texture vector of 255 numbers")
+    );
+    let mut bad = vec![0.0; 256];
+    bad[7] = f32::NAN;
+    assert!(refused(&[bad]).contains("number 7 of material 0"));
+}
+
+#[test]
+fn runners_move_between_threads() {
+    fn send<T: Send>() {}
+    send::<Runner>();
+    send::<Model>();
+}
+
+#[test]
+fn changed_file_is_read_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/");
+    let path = dir.path().join("m.onnx");
+    std::fs::copy(format!("{shipped}texture.onnx"), &path).unwrap();
+    let first = Model::shared(&path).unwrap();
+    assert!(Arc::ptr_eq(&first, &Model::shared(&path).unwrap()));
+    let materials = [[0.1_f32; TEXTURE_LEN], [0.2; TEXTURE_LEN]];
+    let run = |runner: &mut Runner, material: usize| {
+        let mut out = [0.0; MAGNITUDES_LEN];
+        runner.run(material, &[1.0; FORCE_LEN], &[50.0; SPEED_LEN], &mut out).unwrap();
+        out
+    };
+    let mut one = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
+    let before = run(&mut one, 1);
+    // A copy has its own state.
+    let mut other = first.runner(&materials, Precision::Int8, Choice::Auto).unwrap();
+    assert_eq!((run(&mut other, 0), run(&mut other, 1)), (run(&mut one, 0), before));
+    let mut single = first.runner(&materials[1..], Precision::Int8, Choice::Auto).unwrap();
+    assert_ne!(run(&mut single, 0), run(&mut one, 0));
+    let executor =
+        |precision, choice| first.runner(&materials, precision, choice).unwrap().describe().executor;
+    let ways = [
+        (Precision::F32, Choice::Auto),
+        (Precision::F64, Choice::Auto),
+        (Precision::F32, Choice::Tract),
+        (Precision::F32, Choice::Auto),
+    ];
+    let [single, double, tract, again] = ways.map(|(precision, choice)| executor(precision, choice));
+    assert_ne!(single, double);
+    assert_ne!(single, tract);
+    assert_eq!(single, again);
+    std::fs::copy(format!("{shipped}texture_mean.onnx"), &path).unwrap();
+    assert!(!Arc::ptr_eq(&first, &Model::shared(&path).unwrap()));
+}

@@ -1,0 +1,380 @@
+//! Renders a setting, and records its signals.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
+use asperity_checks::{Rig, Subject, played::Motion};
+use asperity_diagnostics::ron::{Kind, Value};
+use asperity_diagnostics::{Diagnostic, Place};
+use asperity_dsp::Framing;
+use asperity_engine::{Engine, Options};
+use asperity_graph::{GraphFile, Schedule};
+use asperity_node::{Buffer, Latency, NodeKind, Registry, Shape, Unit};
+use asperity_texture::Library;
+
+use crate::knob::{has, set};
+
+/// Path of a stylus: x, y, z in mm over the time in s; z is up.
+pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
+
+/// A compiled graph with a stylus that follows one of several paths.
+pub struct Chain {
+    engine: Engine,
+    schedule: Arc<Schedule>,
+    places: Places,
+    /// Index of the path.
+    path: Arc<AtomicUsize>,
+    /// The actuator, at rest.
+    plant: Option<Plant>,
+    /// Faults before this render.
+    faults: u64,
+}
+
+/// Recorded signals, as indices of node and output.
+#[derive(Clone, Debug, Default)]
+struct Places {
+    /// Magnitudes that a node retrieves phase from, and the first audio signal behind it.
+    frames: Option<(usize, usize)>,
+    signal: Option<(usize, usize)>,
+    /// Latency between the two.
+    between: Latency,
+    /// The last acceleration at the audio rate.
+    felt: Option<(usize, usize)>,
+    /// The signal that drives the coil.
+    drive: Option<(usize, usize)>,
+    plant: Option<Plant>,
+}
+
+/// Recorded signals of a render.
+#[derive(Clone, Debug, Default)]
+pub struct Rendered {
+    /// Magnitudes that phase is retrieved from, unscaled as of a DFT; empty where there are none.
+    pub frames: Vec<f32>,
+    /// Layout of the frames.
+    pub framing: Option<Framing>,
+    /// The signal retrieved from them, at their rate; sample 0 is the first of frame 0.
+    pub signal: Vec<f64>,
+    /// The last acceleration before the actuator \[m/s^2\].
+    pub felt: Vec<f32>,
+    /// The signal that drives the coil \[A or V\].
+    pub drive: Vec<f32>,
+    /// Acceleration of the simulated handle under this drive \[m/s^2\]; empty without an actuator.
+    pub handle: Vec<f64>,
+    /// Rate of `felt`, `drive` and `handle` \[Hz\].
+    pub rate_hz: u32,
+    /// Faults of nodes.
+    pub faults: u64,
+}
+
+impl Rendered {
+    /// Acceleration at the hand \[m/s^2\]: of the handle, otherwise `felt`.
+    pub fn acceleration(&self) -> Vec<f64> {
+        if self.handle.is_empty() {
+            self.felt.iter().map(|x| f64::from(*x)).collect()
+        } else {
+            self.handle.clone()
+        }
+    }
+
+    /// The last signal of the chain.
+    pub(crate) fn last(&self) -> &[f32] {
+        if self.drive.is_empty() { &self.felt } else { &self.drive }
+    }
+}
+
+/// A graph with another material and seed.
+pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str>, seed: u64) -> GraphFile {
+    let mut graph = graph.clone();
+    graph.seed = seed;
+    let Some(material) = material else { return graph };
+    for node in graph.nodes.iter_mut().filter(|n| is_network(registry, &n.kind)) {
+        let place = node.place.clone();
+        let value = Value::made(Kind::Text(material.to_owned()), &place);
+        set(node, "material", &value);
+        // A scene's network has a slot for each surface: all get this material.
+        let more = node.params.iter().find(|p| p.name == "materials").and_then(|p| p.value.list().ok());
+        if let Some(slots) = more.map(<[_]>::len) {
+            set(node, "materials", &Value::made(Kind::List(vec![value; slots]), &place));
+        }
+    }
+    graph
+}
+
+/// Checks that the libraries of a graph's networks have these materials.
+///
+/// # Errors
+/// A missing material, at its place, with the nearest name; a library that cannot be read.
+pub(crate) fn check_materials<'m>(
+    graph: &GraphFile,
+    registry: &Registry,
+    materials: impl Iterator<Item = &'m (String, Place)> + Clone,
+) -> Result<(), Diagnostic> {
+    for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
+        let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
+        let library = Library::shared(crate::file::beside(&setting.value)?)?;
+        for (name, place) in materials.clone() {
+            library
+                .material(name)
+                .map_err(|e| Diagnostic { file: None, ..e }.at(&place.source, place.span))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a kind renders a material of a library.
+pub(crate) fn is_network(registry: &Registry, kind: &str) -> bool {
+    ["library", "material"].iter().all(|param| has(registry, kind, param).is_some())
+}
+
+impl Chain {
+    /// Compiles a graph. Its stylus is replaced by one that follows the first of these paths.
+    ///
+    /// # Errors
+    /// Those of the compiler; a graph without a stylus.
+    pub fn new(
+        graph: &GraphFile,
+        registry: &Registry,
+        paths: Vec<Path3>,
+        options: Options,
+    ) -> Result<Self, Diagnostic> {
+        let (path, tick_hz) = (Arc::new(AtomicUsize::new(0)), f64::from(graph.tick_hz));
+        let chosen = path.clone();
+        let motion: Motion = Arc::new(move |tick| {
+            paths.get(chosen.load(Ordering::Relaxed)).map_or([0.0; 3], |at| at(tick as f64 / tick_hz))
+        });
+        let (graph, kinds) = Rig::with_stylus(graph, registry, &motion)
+            .map_err(|why| Diagnostic::new(why).in_file(graph.source.path()))?;
+        let subject = Subject::new(registry.clone());
+        let compiled = subject.compiled(&graph, &kinds).map_err(Diagnostic::new)?;
+        let schedule = Arc::new(compiled.schedule.clone());
+        let places = Places::new(&schedule, registry)?;
+        let plant = places.plant.clone();
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant, faults: 0 })
+    }
+
+    /// Resets the graph, and lets the stylus follow the path of this index.
+    pub(crate) fn play(&mut self, path: usize) {
+        self.path.store(path, Ordering::Relaxed);
+        self.faults = self.engine.faults();
+        self.engine.reset();
+        self.places.plant = self.plant.clone();
+    }
+
+    /// Faults of nodes, in all renders.
+    pub(crate) fn faults(&self) -> u64 {
+        self.engine.faults()
+    }
+
+    /// The schedule.
+    pub(crate) fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
+    /// The engine.
+    pub(crate) fn engine(&mut self) -> &mut Engine {
+        &mut self.engine
+    }
+
+    /// Node and output of the last acceleration at the audio rate; otherwise of the coil's drive.
+    pub(crate) fn output(&self) -> Option<(usize, usize)> {
+        self.places.felt.or(self.places.drive)
+    }
+
+    /// Declared latency from the frames, or from the inputs, to [`output`](Self::output): the longest path.
+    pub(crate) fn latency(&self) -> Latency {
+        let Some((end, _)) = self.output() else { return self.schedule.latency() };
+        let begin = self.places.frames.map(|(node, _)| node);
+        let nodes = &self.schedule.nodes;
+        let mut late: Vec<Option<Latency>> = vec![None; nodes.len()];
+        for (i, node) in nodes.iter().enumerate() {
+            let before = node.inputs.iter().filter_map(|input| late[input.from.filter(|(n, _)| *n < i)?.0]);
+            let first = begin.is_none_or(|begin| begin == i).then_some(Latency::ZERO);
+            late[i] = before.chain(first).max().map(|l| l + node.latency);
+        }
+        late.get(end).copied().flatten().unwrap_or_default()
+    }
+
+    /// Renders so many seconds, and records all signals.
+    pub fn render(&mut self, seconds: f64) -> Rendered {
+        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
+        let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
+        let mut frames = self.places.frames.and_then(|at| Frames::new(&self.schedule, at));
+        let mut signal = Vec::new();
+        for _ in 0..ticks {
+            self.engine.tick();
+            if let (Some(frames), Some((node, output))) = (&mut frames, self.places.frames) {
+                frames.take(self.engine.output(node, output));
+            }
+            signal.extend(self.samples(self.places.signal).iter().map(|x| f64::from(*x)));
+            out.felt.extend_from_slice(self.samples(self.places.felt));
+            let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
+            out.drive.extend_from_slice(drive);
+            if let Some(plant) = &mut self.places.plant {
+                let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
+                out.handle.extend(out.drive[from..].iter().map(step));
+            }
+        }
+        if let Some(frames) = frames {
+            out.signal = earlier(signal, self.places.between, frames.framing.rate_hz);
+            (out.frames, out.framing) = (frames.values, Some(frames.framing));
+        }
+        out.faults = self.engine.faults() - self.faults;
+        out
+    }
+
+    /// Renders so many seconds of [`output`](Self::output). Returns the samples and their rate \[Hz\].
+    pub(crate) fn render_output(&mut self, seconds: f64) -> (Vec<f32>, u32) {
+        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
+        let at = self.output();
+        let mut felt = Vec::new();
+        for _ in 0..ticks {
+            self.engine.tick();
+            felt.extend_from_slice(self.samples(at));
+        }
+        (felt, self.schedule.audio_hz)
+    }
+
+    fn samples(&self, at: Option<(usize, usize)>) -> &[f32] {
+        match at.and_then(|(node, output)| self.engine.output(node, output)) {
+            Some(Buffer::Audio { samples, len, .. }) => samples.get(..*len).unwrap_or(&[]),
+            _ => &[],
+        }
+    }
+}
+
+/// A signal without its latency. A negative latency becomes leading silence.
+fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
+    let (num, den) = latency.as_ratio();
+    let late = (i128::from(num) * i128::from(rate_hz)).div_euclid(i128::from(den)) as i64;
+    match usize::try_from(late) {
+        Ok(late) => signal.into_iter().skip(late).collect(),
+        Err(_) => std::iter::repeat_n(0.0, late.unsigned_abs() as usize).chain(signal).collect(),
+    }
+}
+
+/// Recorded frames.
+struct Frames {
+    framing: Framing,
+    values: Vec<f32>,
+    scale: f32,
+}
+
+impl Frames {
+    fn new(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Self> {
+        let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else {
+            return None;
+        };
+        let framing = Framing {
+            rate_hz: l.rate_hz,
+            fft_len: l.length as usize,
+            bins: l.bins as usize,
+            frame_num: l.frame_rate.num(),
+            frame_den: l.frame_rate.den(),
+        };
+        Some(Self { framing, values: Vec::new(), scale: framing.bin_scale() as f32 })
+    }
+
+    fn take(&mut self, buffer: Option<&Buffer>) {
+        if let Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. }) = buffer {
+            // A missing frame is zero.
+            self.values.resize(*number as usize * self.framing.bins, 0.0);
+            self.values.extend(bins.iter().map(|x| x * self.scale));
+        }
+    }
+}
+
+impl Places {
+    fn new(schedule: &Schedule, registry: &Registry) -> Result<Self, Diagnostic> {
+        let outputs = || {
+            let of =
+                |(i, n): (usize, &asperity_graph::ScheduledNode)| (0..n.outputs.len()).map(move |o| (i, o));
+            schedule.nodes.iter().enumerate().flat_map(of)
+        };
+        let audio = |&(i, o): &(usize, usize), units: &[Unit]| {
+            let port = &schedule.nodes[i].outputs[o].port;
+            port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && units.contains(&port.unit)
+        };
+        let felt = outputs().rfind(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED]));
+        let drive = outputs().rfind(|at| audio(at, &[Unit::AMPERE, Unit::VOLT]));
+        let mut it = Self { felt, drive, ..Self::default() };
+        it.plant = it.drive.map(|at| plant(schedule, at)).transpose()?.flatten();
+        for (i, node) in schedule.nodes.iter().enumerate() {
+            let kind = registry.get(&node.kind).map(|k| NodeKind::descriptor(&**k));
+            let Some(retrieval) = kind.and_then(|d| d.retrieval()) else { continue };
+            let input = node.inputs.iter().find(|input| input.name == retrieval.input);
+            it.frames = input.and_then(|input| input.from);
+            it.signal = Some((i, 0));
+            it.between = node.latency;
+            if retrieval.spectrum {
+                let reads =
+                    |n: &asperity_graph::ScheduledNode| n.inputs.iter().any(|p| p.from == Some((i, 0)));
+                let next = schedule.nodes.iter().position(|n| reads(n) && n.kind == "overlap_add");
+                it.signal = next.map(|n| (n, 0));
+                it.between = next.map_or(it.between, |n| it.between + schedule.nodes[n].latency);
+            }
+            break;
+        }
+        Ok(it)
+    }
+}
+
+/// The actuator of the last stage before the coil.
+fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<Plant>, Diagnostic> {
+    let mut stages = schedule.nodes.iter().filter(|n| n.params.get("handle_mass_g").is_some());
+    let Some(stage) = stages.rfind(|n| n.params.get("profile").is_some()) else { return Ok(None) };
+    let base = stage.params.place("profile").or(stage.params.node_place());
+    let base = base.and_then(|p| p.source.path().parent()).unwrap_or(Path::new(""));
+    let profile = ActuatorProfile::find(stage.params.text("profile"), base)?;
+    let dynamics = Dynamics::new(&profile, stage.params.number("handle_mass_g"))
+        .map_err(|e| Diagnostic::new(e.to_string()))?;
+    let volts = schedule.nodes[node].outputs[output].port.unit == Unit::VOLT;
+    let drive = if volts { Drive::Voltage } else { Drive::Current };
+    Ok(Some(Plant::new(&dynamics, drive, f64::from(schedule.audio_hz))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_diagnostics::{Source, Span};
+
+    fn graph(nodes: &str) -> GraphFile {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/g.ron");
+        crate::testing::graph_of(path, nodes, "")
+    }
+
+    #[test]
+    fn all_slots_of_a_scene_get_the_material() {
+        let graph = graph(
+            r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])),
+            "u": (kind: "texture_network", params: (material: "oak"))"#,
+        );
+        let registry = asperity_nodes::registry();
+        let over = over(&graph, &registry, Some("leather"), 7);
+        let text = over.node("t").unwrap().to_string();
+        assert!(
+            text.contains(r#"material: "leather""#) && text.contains(r#"materials: ["leather", "leather"]"#),
+            "{text}"
+        );
+        let text = over.node("u").unwrap().to_string();
+        assert!(text.contains(r#"material: "leather""#) && !text.contains("materials"), "{text}");
+    }
+
+    #[test]
+    fn unknown_material_is_reported_at_its_place() {
+        let graph = graph(
+            r#""t": (kind: "texture_network",
+                params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+        );
+        let registry = asperity_nodes::registry();
+        let source = Source::new("s.ron", r#"["canvas", "canvsa"]"#);
+        let at = |name: &str, start: usize| {
+            (name.to_owned(), Place { span: Span { start, end: start + 8 }, source: source.clone() })
+        };
+        let [known, unknown] = [at("canvas", 1), at("canvsa", 11)];
+        check_materials(&graph, &registry, [&known].into_iter()).unwrap();
+        let e = check_materials(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
+        assert!(e.starts_with("s.ron:1:12:") && e.contains("did you mean `canvas`?"), "{e}");
+    }
+}

@@ -1,0 +1,412 @@
+//! The sound card: its options, how a device is opened, and graphs that a command makes and plays itself.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use asperity_actuator::{ActuatorProfile, Dynamics};
+use asperity_audio::{Format, OpenError, Request};
+use asperity_diagnostics::{Diagnostic, Source, one_of};
+use asperity_graph::{Compiled, GraphFile, Schedule, compile};
+use asperity_live::driver::Clock;
+use asperity_live::view::View;
+use asperity_live::{
+    Ended, Ends, Listener, Reins, START_S, Session, SessionError, SessionOptions, conduct, mic,
+};
+use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use crate::failure::{Failure, warn, wrong};
+use crate::kinds;
+use crate::leave::stop_flag;
+use crate::machine::{Coils, Machine};
+use crate::number::{channel, number, whole};
+
+/// Which sound card, and how it is opened.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct CardArgs {
+    /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
+    #[arg(long, value_name = "HOST")]
+    pub host: Option<String>,
+    /// Device to play on: its name, its id, or HOST:ID. By default the host's default device; a device that
+    /// is named is never replaced by another
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Requested buffer size in frames. The device may choose another
+    #[arg(long, value_name = "FRAMES", value_parser = whole(1_u32, 65_536, "frames"))]
+    pub period: Option<u32>,
+    /// Sample format of the device: f32, i16, i24, i32
+    #[arg(long, value_name = "FORMAT")]
+    pub device_format: Option<String>,
+    /// File that says which actuator and amplifier stand behind each channel; by default your own. No graph
+    /// can raise its limits
+    #[arg(long, value_name = "FILE")]
+    pub machine: Option<PathBuf>,
+    /// Share the actuator with another run: each gets half of every limit, and both must use --share
+    #[arg(long)]
+    pub share: bool,
+}
+
+/// The sound card of a graph, and the clock of its ticks.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct DeviceArgs {
+    #[command(flatten)]
+    pub card: CardArgs,
+    /// Channel of the device, from 1; one for each `audio_out` of the graph, such as 3,4
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = channel)]
+    pub channel: Vec<u16>,
+    /// Device to record from, for `audio_in`; by default the same host's default
+    #[arg(long, value_name = "DEVICE")]
+    pub input_device: Option<String>,
+    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
+    /// paced
+    #[arg(long, value_enum)]
+    pub clock: Option<ClockKind>,
+    /// Give up when the device is lost, instead of waiting for it
+    #[arg(long)]
+    pub no_reconnect: bool,
+}
+
+/// The sound card of a command that plays one channel of its own, and ends where the device is lost.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct OutputArgs {
+    #[command(flatten)]
+    pub card: CardArgs,
+    /// Channel of the device, from 1; by default 1
+    #[arg(long, value_name = "N", value_parser = channel)]
+    pub channel: Option<u16>,
+    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
+    /// paced
+    #[arg(long, value_name = "CLOCK", value_parser = audio_clock())]
+    pub clock: Option<ClockKind>,
+}
+
+impl OutputArgs {
+    /// The channel that is played.
+    pub fn channel(&self) -> u16 {
+        self.channel.unwrap_or(1)
+    }
+
+    /// Options for a graph with one output that records from this device.
+    pub fn recording_from(&self, input_device: Option<&str>) -> DeviceArgs {
+        DeviceArgs {
+            card: self.card.clone(),
+            channel: vec![self.channel()],
+            input_device: input_device.map(str::to_owned),
+            clock: self.clock,
+            no_reconnect: true,
+        }
+    }
+}
+
+/// Clock of the ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClockKind {
+    /// The audio callback: least latency
+    Callback,
+    /// A thread that follows the callback's clock: evenly spaced ticks on any device
+    Paced,
+    /// The computer's own clock: no audio device
+    Timer,
+}
+
+/// Parses a clock that drives a device.
+fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
+    PossibleValuesParser::new(["callback", "paced"])
+        .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
+}
+
+/// The actuator, and the amplifier before it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ActuatorArgs {
+    /// The actuator whose limits hold: a shipped profile or a .ron file
+    #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
+    pub profile: String,
+    /// Mass of the handle that it is fixed to
+    #[arg(long, default_value_t = 100.0, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
+    pub handle_mass_g: f64,
+    /// Peak volts of the card at full scale
+    #[arg(long, default_value_t = 1.0, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
+    pub volts_at_full_scale: f64,
+    /// Gain of the current amplifier behind the card
+    #[arg(long, default_value_t = 1.0, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
+    pub amps_per_volt: f64,
+}
+
+/// The device that a graph needs, as the command line asks for it; `None` where it needs no sound card.
+///
+/// # Errors
+/// Options that the graph has no use for, or that do not fit it.
+pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
+    let of = |kind: &str| schedule.nodes.iter().filter(move |n| n.kind == kind).collect::<Vec<_>>();
+    let (outs, ins) = (of("audio_out"), of("audio_in"));
+    let (card, timer) = (&args.card, args.clock == Some(ClockKind::Timer));
+    let Some(node) = outs.first().or(ins.first()) else {
+        let named = [
+            ("--host", card.host.is_some()),
+            ("--device", card.device.is_some()),
+            ("--channel", !args.channel.is_empty()),
+            ("--input-device", args.input_device.is_some()),
+            ("--period", card.period.is_some()),
+            ("--device-format", card.device_format.is_some()),
+            ("--clock", args.clock.is_some() && !timer),
+            ("--no-reconnect", args.no_reconnect),
+            ("--machine", card.machine.is_some()),
+            ("--share", card.share),
+        ];
+        return match named.iter().find(|(_, is)| *is) {
+            Some((option, _)) => Err(wrong(
+                option,
+                "this graph has nothing to do with a sound card",
+                "it has no audio_out and no audio_in: leave the option out",
+            )),
+            None => Ok(None),
+        };
+    };
+    if timer {
+        let what = format!("a timer drives no audio device, and `{}` needs one", node.id);
+        let help = "leave --clock out, or take the node out of the graph";
+        return Err(wrong("--clock", what, help));
+    }
+    Ok(Some(Request {
+        host: card.host.clone(),
+        device: card.device.clone(),
+        channels: channels(args, outs.len())?,
+        input_device: args.input_device.clone(),
+        inputs: ins.iter().map(|n| u16::try_from(n.params.integer("channel")).unwrap_or(u16::MAX)).collect(),
+        rate_hz: schedule.audio_hz,
+        period_frames: card.period,
+        format: card.device_format.as_deref().map(format).transpose()?,
+    }))
+}
+
+/// A channel of the device for each `audio_out`.
+fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
+    let wanted = outs.max(1);
+    if args.channel.is_empty() {
+        return Ok((1..=u16::try_from(wanted).unwrap_or(u16::MAX)).collect());
+    }
+    if args.channel.len() != wanted {
+        let what = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
+        return Err(wrong("--channel", what, "one channel for each, such as --channel 3,4"));
+    }
+    if let Some(twice) = (1..wanted).find(|&i| args.channel[..i].contains(&args.channel[i])) {
+        let what = format!("channel {} is named twice", args.channel[twice]);
+        let help = "a channel for each audio_out; `mix` adds signals";
+        return Err(wrong("--channel", what, help));
+    }
+    Ok(args.channel.clone())
+}
+
+fn format(text: &str) -> Result<Format, Failure> {
+    Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
+        let help = one_of(text, Format::ALL.iter().map(|f| f.name()));
+        wrong("--device-format", format!("there is no sample format `{text}`"), help)
+    })
+}
+
+/// Guards the coils behind the card, as the machine's file says.
+pub fn coils(args: &DeviceArgs, schedule: &Schedule) -> Result<Coils, Failure> {
+    let machine = Machine::find(args.card.machine.as_deref())?;
+    Ok(Coils::new(args.card.share, machine.map(Arc::new), Arc::new(schedule.clone())))
+}
+
+/// Options of a session that Ctrl-C and the signals for an end stop.
+pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> SessionOptions {
+    let clock = args.clock.map(|c| match c {
+        ClockKind::Callback => Clock::Callback,
+        ClockKind::Paced => Clock::Paced,
+        ClockKind::Timer => Clock::Timer,
+    });
+    SessionOptions {
+        clock: if device.is_none() { Some(Clock::Timer) } else { clock },
+        device,
+        reconnect: !args.no_reconnect,
+        start_s: START_S,
+        realtime: true,
+        reins: Reins::stopped_by(stop_flag()),
+        keeper: Some(Box::new(coils)),
+    }
+}
+
+/// Who plays: errors name the options by which it sets rate and input channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Player {
+    /// A graph file: `--set` changes it.
+    Graph,
+    /// A command with options of its own.
+    Command,
+}
+
+/// The error for a device that cannot be opened, with the option that is wrong and help.
+pub fn not_opened(error: SessionError, player: Player) -> Failure {
+    let e = match error {
+        SessionError::Device(e) => e,
+        SessionError::Refused(d) => return d.into(),
+        other => return Failure::Machine(other.to_string()),
+    };
+    let graph = player == Player::Graph;
+    let option = match &e {
+        OpenError::NoHost { .. } | OpenError::HostAway { .. } => "--host",
+        OpenError::NoDevice { side: "input", .. } | OpenError::Description { side: "input", .. } => {
+            "--input-device"
+        }
+        OpenError::NoChannel { side: "input", .. } if graph => "--set NODE.channel",
+        OpenError::NoChannel { side: "input", .. } => "--input-channel",
+        OpenError::NoChannel { .. } => "--channel",
+        OpenError::NoFormat { .. } => "--device-format",
+        OpenError::NoRate { .. } if graph => "--set audio_hz",
+        OpenError::NoRate { .. } => "--rate",
+        _ => "--device",
+    };
+    let help = match &e {
+        OpenError::NoRate { there, .. } => {
+            let rate = there.iter().map(|(low, _)| *low).find(|hz| *hz >= 8000);
+            let set = if graph { "--set audio_hz=" } else { "--rate " };
+            rate.map(|hz| format!("any rate will do here: {set}{hz}"))
+        }
+        OpenError::NoChannel { there: 0, .. } => None,
+        OpenError::NoChannel { there, .. } => Some(format!("1 to {there}")),
+        OpenError::NoDevice { .. }
+        | OpenError::Ambiguous { .. }
+        | OpenError::HostAway { .. }
+        | OpenError::Refused { .. } => {
+            Some("`asperity devices` lists all; without a sound card: --device simulated:frames=256".into())
+        }
+        _ => None,
+    };
+    let d = Diagnostic::new(e.to_string()).in_file(option);
+    match help {
+        Some(help) => d.help(help).into(),
+        None => d.into(),
+    }
+}
+
+/// Nodes that stand before every device, from amperes on: `limiter` and `out`.
+pub fn output_nodes(args: &ActuatorArgs) -> Result<String, Failure> {
+    let ActuatorArgs { profile, handle_mass_g, volts_at_full_scale, amps_per_volt } = args;
+    actuator(("--profile", profile), &[("--handle-mass-g", *handle_mass_g)])?;
+    let profile = absolute(profile)?;
+    Ok(format!(
+        r#""limiter": (kind: "limiter", params: (profile: {profile:?}, handle_mass_g: {handle_mass_g:?})),
+           "out": (kind: "audio_out",
+               params: (volts_at_full_scale: {volts_at_full_scale:?}, amps_per_volt: {amps_per_volt:?})),"#
+    ))
+}
+
+/// The profile that an option names. The actuator must fit on handles of these masses \[g\].
+pub fn actuator((option, name): (&str, &str), handles: &[(&str, f64)]) -> Result<ActuatorProfile, Failure> {
+    let profile = ActuatorProfile::find(name, "".as_ref()).map_err(|d| match d.path() {
+        Some(_) => Failure::from(d).named_by(option),
+        None => d.in_file(option).into(),
+    })?;
+    for (handle, grams) in handles {
+        Dynamics::new(&profile, *grams).map_err(|e| {
+            let help = format!("the actuator is `{}`, of {option}", profile.name);
+            Failure::from(Diagnostic::new(e.to_string()).in_file(handle).help(help))
+        })?;
+    }
+    Ok(profile)
+}
+
+/// A profile's name, or the absolute path of its file, which a graph anywhere can use.
+pub fn absolute(profile: &str) -> Result<String, Failure> {
+    if !profile.ends_with(".ron") {
+        return Ok(profile.to_owned());
+    }
+    let path = std::path::absolute(Path::new(profile));
+    let path = path.map_err(|e| Failure::Machine(format!("cannot read {profile}: {e}")))?;
+    Ok(path.display().to_string())
+}
+
+/// Ticks a second of the graphs that commands make.
+pub const TICK_HZ: f64 = 500.0;
+
+/// A graph from its nodes and wires; errors call it `name`. They show no place in its text, which no user
+/// wrote.
+pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
+    let text = format!(
+        "Graph(version: 1, tick_hz: {TICK_HZ:.0}, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])"
+    );
+    let own = |failure: Failure| failure.not_shown(Path::new(name));
+    let graph = GraphFile::parse(&Source::new(name, text)).map_err(|d| own(d.into()))?;
+    let compiled = compile(&graph, &kinds::registry(&[])?, asperity_graph::Options::default());
+    Ok((graph, compiled.map_err(|d| own(d.into()))?))
+}
+
+/// How often a run is looked at.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Called while a graph plays.
+pub struct Watching<'w> {
+    /// Called some hundred times a second; answers whether to go on.
+    pub view: &'w mut dyn FnMut(&View, &Listener) -> bool,
+    /// Called with recorded samples: the sink's id, the number of the first sample, samples.
+    pub recorded: &'w mut dyn FnMut(&str, u64, &[f32]),
+}
+
+/// Plays a graph until `ticks` have run or `watching` stops it. Answers false where it was stopped.
+pub fn play(
+    (graph, compiled): (GraphFile, Compiled),
+    args: &DeviceArgs,
+    start_s: f64,
+    ends: Ends,
+    ticks: u64,
+    watching: Watching<'_>,
+) -> Result<(Ended, bool), Failure> {
+    let schedule: &Schedule = &compiled.schedule;
+    let request = request(args, schedule)?;
+    let coils = coils(args, schedule)?;
+    let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
+    let (writer, reader) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
+    let listener = writer.listener();
+    let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
+    let (conductor, player) = conduct(compiled, &graph, Default::default(), ends, reader, Vec::new());
+    let not_opened = |e| not_opened(e, Player::Command);
+    let stop = stop_flag();
+    let options = SessionOptions { start_s, ..options(args, request, coils) };
+    let mut session = Session::start(conductor, player, writer, options).map_err(not_opened)?;
+    let mut whole = true;
+    loop {
+        session.tend().map_err(not_opened)?.into_iter().for_each(warn_once);
+        if session.conductor().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
+            return Err(Failure::Machine("the machine is too slow to record".into()));
+        }
+        let view = session.view();
+        if !session.goes_on() {
+            return Err(Failure::Machine(format!("`{}` is lost before the end", view.device)));
+        }
+        if view.ticks >= ticks {
+            break;
+        }
+        if stop.load(Relaxed) || !(watching.view)(&view, &listener) {
+            whole = false;
+            break;
+        }
+        std::thread::sleep(LOOK);
+    }
+    let mut ended = session.stop();
+    ended.conductor.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
+    Ok((ended, whole))
+}
+
+/// Warns of each thing once: a command may open its device several times.
+fn warn_once(notice: String) {
+    static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
+    if !said.contains(&notice) {
+        warn(&notice);
+        said.insert(notice);
+    }
+}
+
+/// Refuses an option's value outside a range that depends on other options.
+pub fn range(option: &str, x: f64, least: f64, most: f64, unit: &str) -> Result<(), Failure> {
+    if x >= least && x <= most {
+        return Ok(());
+    }
+    let message = format!("{x} {unit} is out of range");
+    Err(wrong(option, message, format!("{least} to {most} {unit}")))
+}

@@ -1,0 +1,336 @@
+//! `asperity render`: runs a graph as fast as it goes and writes what it puts out.
+
+pub mod plot;
+pub mod recorder;
+pub mod report;
+mod watch;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use asperity_accuracy::timing::Recorder as Times;
+use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_engine::{Clock, Engine, Options};
+use asperity_graph::{Compiled, GraphFile, Schedule};
+use asperity_live::Outlet;
+use asperity_node::{Buffer, Shape, time};
+use indicatif::ProgressBar;
+
+use crate::failure::{Failure, be_quiet, print, progress, wrong};
+use crate::kinds::Kinds;
+use crate::leave::{INTERRUPTED, stop_flag};
+use crate::load::files::distinct_files;
+use crate::load::{self, GraphArgs, Loaded, OfScene};
+use crate::number;
+use crate::output::{Format, Pending, Rows, ending, keep_all};
+use plot::Traces;
+use recorder::{Master, Recorder};
+use report::{Level, Run};
+use watch::{Extras, Sent, Watch};
+
+/// Render a graph to a WAV file, as fast as it goes
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Output file of the samples of `audio_out`: .wav or .npy
+    #[arg(long, value_name = "OUT.wav")]
+    pub out: Option<PathBuf>,
+    /// Sample format of the WAV file
+    #[arg(long, value_enum, default_value = "f32")]
+    pub format: Format,
+    /// How long to render; by default as long as the stroke lasts
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub seconds: Option<f64>,
+    /// Write figures of the run as JSON
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+    /// Record an output of a node
+    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy")]
+    pub probe: Vec<String>,
+    /// Draw position, speed, force, acceleration, current and a spectrogram
+    #[arg(long, value_name = "P.svg")]
+    pub plot: Option<PathBuf>,
+    /// Run every node in every tick, also those behind a closed gate
+    #[arg(long)]
+    pub no_sleep: bool,
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
+    /// By default there is no limit, with --watch 10 ticks
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
+    pub limit_us: Option<u64>,
+    /// Run in real time, and take over changes of the graph, its plugins and the files it reads as they
+    /// come
+    #[arg(long)]
+    pub watch: bool,
+    /// Print errors only
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Ticks that one call of a node may take with `--watch`, by default. A busy machine stalls for a few ticks
+/// now and then; that is no fault of the node.
+const WATCH_LIMIT_TICKS: u64 = 10;
+
+/// The computer's clock.
+pub struct Wall(pub Instant);
+
+impl Clock for Wall {
+    fn now_ns(&self) -> u64 {
+        self.0.elapsed().as_nanos() as u64
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    be_quiet(args.quiet);
+    let mut kinds = Kinds::new(&args.graph.plugins.plugin);
+    let Loaded { compiled, scene, .. } = load_with_probes(args, &mut kinds)?;
+    let schedule = &compiled.schedule;
+    nothing_live(args, schedule)?;
+    let ticks = load::ticks(args.seconds, schedule)?.ok_or_else(|| {
+        Diagnostic::new("no source of this graph says how long it lasts")
+            .in_file(&args.graph.graph)
+            .help("say how long to render: --seconds S")
+    })?;
+    load::warn_about(schedule);
+
+    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
+    distinct_files(&args.graph, schedule, kinds.files(), &named)?;
+    check_lengths(args, schedule, ticks)?;
+    let sent = Sent::default();
+    let mut capture = Capture::new(args, &compiled, scene, sent.clone())?;
+    // Opened before the work, so that a missing folder is an error at once.
+    let plot_file = args.plot.as_deref().map(Pending::create).transpose()?;
+    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
+    // In real time, a node that takes many ticks for one would stop the sound.
+    let patience = WATCH_LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
+    let limit_ns = args.limit_us.map(|us| us * 1000).or(args.watch.then_some(patience));
+    let options = Options { sleep: !args.no_sleep, limit_ns, ..Options::default() };
+    let stop = stop_flag();
+    let bar = progress(ticks, "rendering {wide_bar} {percent:>3} %  {msg}  {eta} left", args.quiet);
+    let (mut engine, watch) = if args.watch {
+        kinds.plays();
+        let (controller, engine) = Engine::controlled(compiled, options);
+        (engine, Some(Watch::start(args, kinds, controller, sent, &bar)))
+    } else {
+        (Engine::new(compiled, options), None)
+    };
+
+    let wall = Wall(Instant::now());
+    let mut done = 0;
+    while done < ticks && !stop.load(Ordering::Relaxed) {
+        if args.watch {
+            let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
+            std::thread::sleep(due.saturating_sub(wall.0.elapsed()));
+        }
+        capture.tick(&mut engine, &wall, done)?;
+        done += 1;
+        if done.is_multiple_of(1024) {
+            show_rate(&bar, done, engine.schedule(), wall.0.elapsed().as_secs_f64());
+        }
+    }
+    let elapsed_s = wall.0.elapsed().as_secs_f64();
+    let swaps = watch.map(Watch::finish).unwrap_or_default();
+    bar.finish_and_clear();
+
+    let Capture { master, recorders, traces, times, level, .. } = capture;
+    let mut files = Vec::new();
+    if let Some(master) = master {
+        files.push(master.finish()?);
+    }
+    for recorder in recorders {
+        files.push(recorder.finish()?);
+    }
+    let run = Run {
+        args,
+        ticks: done,
+        asked: ticks,
+        elapsed_s,
+        swaps,
+        engine: &engine,
+        times: &times,
+        level: &level,
+    };
+    if let (Some(file), Some(traces)) = (plot_file, traces) {
+        files.push(file.fill(&traces.svg(&args.graph.graph, engine.schedule()))?);
+    }
+    if let Some(file) = report_file {
+        files.push(file.fill(&run.json())?);
+    }
+    let written = keep_all(files)?;
+    if !args.quiet {
+        print(&run.summary(&written))?;
+    }
+    Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// Loads the graph, with a node for each `--probe`.
+fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
+    let (mut graph, scene) = load::read(&args.graph, kinds)?;
+    for (i, text) in args.probe.iter().enumerate() {
+        let (port, file) = split_probe(text, &graph)?;
+        let id =
+            (i + 1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
+        graph.add_node(&id, "probe", &[("file", file)], "--probe")?;
+        graph.add_wire(port, &id, "--probe");
+    }
+    load::compile(&args.graph, kinds, graph, scene)
+}
+
+/// Splits `NODE.PORT=FILE` of a probe.
+fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str), Diagnostic> {
+    let fail = |m: String, help: String| Err(Diagnostic::new(m).in_file("--probe").help(help));
+    let form = || "NODE.PORT=FILE.csv or .npy".to_owned();
+    let Some((port, file)) = text.split_once('=') else {
+        return fail(format!("there is no `=` in `{text}`"), form());
+    };
+    if file.trim().is_empty() {
+        return fail(format!("there is no file after the `=` in `{text}`"), form());
+    }
+    let node = port.split('.').next().unwrap_or(port);
+    if graph.node(node).is_none() {
+        let ids = graph.nodes.iter().map(|n| n.id.as_str());
+        return fail(format!("the graph has no node `{node}`"), one_of(node, ids));
+    }
+    Ok((port, file))
+}
+
+/// Refuses a graph that needs input from a device while it runs.
+fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
+    let Some((node, _)) = schedule.fed().next() else { return Ok(()) };
+    let node = &schedule.nodes[node];
+    Err(wrong(
+        &args.graph.graph,
+        format!("`{}` ({}) is live, and a render hears nothing of it", node.id, node.kind),
+        "play a stroke in its place: --input TRAJ.csv; or run the graph live: asperity run",
+    ))
+}
+
+/// Refuses more samples than a WAV file can hold.
+fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
+    let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
+    if let Some(path) = args.out.as_ref().filter(|p| ending(p) == "wav") {
+        let channels = Master::channels(schedule).len() as u64;
+        Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
+    }
+    for node in schedule.nodes.iter().filter(|n| n.kind == "file_out") {
+        if let (Some(path), Shape::Audio { rate_hz }) = (recorder::file_of(node), node.outputs[0].port.shape)
+            && ending(path) == "wav"
+        {
+            Rows::check_wav_length(path, samples(rate_hz), Format::F32)?;
+        }
+    }
+    Ok(())
+}
+
+fn show_rate(bar: &ProgressBar, done: u64, schedule: &Schedule, elapsed_s: f64) {
+    bar.set_position(done);
+    let seconds = done as f64 / f64::from(schedule.tick_hz);
+    bar.set_message(format!("{seconds:.1} s, {:.0} x real time", seconds / elapsed_s.max(1e-9)));
+}
+
+/// Samples of an audio buffer in this tick.
+fn samples(buffer: Option<&Buffer>) -> &[f32] {
+    match buffer {
+        Some(Buffer::Audio { samples, len, .. }) => &samples[..*len],
+        _ => &[],
+    }
+}
+
+/// Files, figures and traces that grow while a render runs.
+struct Capture {
+    master: Option<Master>,
+    recorders: Vec<Recorder>,
+    traces: Option<Traces>,
+    times: Times,
+    level: Level,
+    schedule: Arc<Schedule>,
+    /// Scenes and guards of graphs that the engine will take over.
+    sent: Sent,
+    /// With `--watch`: holds the file's channels to their limits while graphs change.
+    outlet: Option<Outlet>,
+    /// Time of each node in this tick \[ns\].
+    spent: Vec<u64>,
+    /// Calls of each node before this tick.
+    calls: Vec<u64>,
+}
+
+impl Capture {
+    /// Opens the files that the command line and the graph's sinks name.
+    fn new(args: &Args, compiled: &Compiled, scene: Option<OfScene>, sent: Sent) -> Result<Self, Failure> {
+        let schedule = &compiled.schedule;
+        let nodes = schedule.nodes.len();
+        Ok(Self {
+            recorders: Recorder::for_sinks(schedule)?,
+            master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
+            traces: args.plot.as_ref().map(|_| Traces::new(schedule).with(scene, schedule)),
+            times: Times::new(nodes),
+            level: Level::new(schedule),
+            schedule: Arc::new(schedule.clone()),
+            sent,
+            outlet: args.watch.then(|| Outlet::new(compiled, Master::channels(schedule))),
+            spent: vec![0; nodes],
+            calls: vec![0; nodes],
+        })
+    }
+
+    /// Runs a tick and records its outputs.
+    fn tick(&mut self, engine: &mut Engine, wall: &Wall, tick: u64) -> Result<(), Failure> {
+        let swaps = engine.swaps();
+        self.spent.fill(0);
+        let before = wall.now_ns();
+        engine.tick_timed(wall, &mut self.spent);
+        self.times.tick(wall.now_ns() - before);
+        if engine.swaps() != swaps {
+            self.follow(engine.schedule().clone());
+        }
+        for (i, ns) in self.spent.iter().enumerate() {
+            let calls = engine.report(i).map_or(0, |r| r.calls);
+            if calls > self.calls[i] {
+                self.times.node(i, *ns);
+            }
+            self.calls[i] = calls;
+        }
+        self.level.take(engine);
+        if let Some(master) = &mut self.master {
+            master.take(engine, self.outlet.as_mut())?;
+        }
+        for recorder in &mut self.recorders {
+            recorder.take(engine, tick)?;
+        }
+        if let Some(traces) = &mut self.traces {
+            traces.take(engine, tick);
+        }
+        Ok(())
+    }
+
+    /// Continues with the nodes of the same ids in a new graph. [`watch`] has checked that the sinks exist.
+    fn follow(&mut self, schedule: Arc<Schedule>) {
+        let moved = |i: usize| {
+            let id = self.schedule.nodes.get(i).map_or("", |n| n.id.as_str());
+            schedule.index_of(id).unwrap_or(usize::MAX)
+        };
+        self.level.follow(moved);
+        if let Some(master) = &mut self.master {
+            master.follow(moved);
+        }
+        self.recorders.iter_mut().for_each(|r| r.follow(moved));
+        let Extras { scene, outlet } = self.sent.take().unwrap_or_default();
+        if let Some(current) = &mut self.outlet {
+            let mut before = std::mem::replace(current, outlet);
+            current.go_on(&mut before);
+        }
+        if let Some(traces) = &mut self.traces {
+            traces.follow(&schedule, scene);
+        }
+        // The times of this tick are left out: they have the new numbers in a table of the old length.
+        let from: Vec<Option<usize>> = schedule.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();
+        self.times.renumber(&from);
+        self.spent = vec![0; schedule.nodes.len()];
+        self.calls = vec![u64::MAX; schedule.nodes.len()];
+        self.schedule = schedule;
+    }
+}

@@ -1,0 +1,376 @@
+//! The plot of a render: signals over time, and for a scene the stroke from above.
+
+use std::path::Path;
+
+use asperity_engine::Engine;
+use asperity_graph::Schedule;
+use asperity_node::{Buffer, ParamValue, Shape, Unit};
+use asperity_plot::{Above, Moment, Render, Seen, Series};
+use asperity_scene::{Kind, VOICED};
+
+use super::samples;
+use crate::load::OfScene;
+
+/// Longest part of a render that is drawn \[s\]: 4 MB of audio a signal.
+const MAX_S: u64 = 20;
+
+/// Effects of a scene that are textures.
+const TEXTURES: [Kind; 4] = [Kind::Network, VOICED[0], VOICED[1], VOICED[2]];
+
+/// Signals for the plot, the first of each meaning.
+pub struct Traces {
+    position: Option<Trace>,
+    speed: Option<Trace>,
+    force: Option<Trace>,
+    acceleration: Option<Trace>,
+    drive: Option<Trace>,
+    active: Option<Trace>,
+    gate_mm_s: Option<f64>,
+    effects: Option<Effects>,
+}
+
+struct Trace {
+    node: usize,
+    output: usize,
+    hz: f64,
+    unit: String,
+    data: Vec<f32>,
+}
+
+impl Traces {
+    /// Finds the signals in a graph.
+    pub fn new(schedule: &Schedule) -> Self {
+        let trace = |(node, output): (usize, usize)| {
+            let port = &schedule.nodes[node].outputs[output].port;
+            let hz = match port.shape {
+                Shape::Audio { rate_hz } => f64::from(rate_hz),
+                _ => f64::from(schedule.tick_hz),
+            };
+            Trace { node, output, hz, unit: port.unit.to_string(), data: Vec::new() }
+        };
+        // The first wired output of this shape, unit and name; else the first.
+        let control = |count: usize, unit: Unit, name: &str| {
+            let fits = |n: usize, o: usize| {
+                let output = &schedule.nodes[n].outputs[o];
+                output.port.shape == Shape::Control { count }
+                    && output.port.unit == unit
+                    && output.name == name
+            };
+            let all = (0..schedule.nodes.len())
+                .flat_map(|n| (0..schedule.nodes[n].outputs.len()).map(move |o| (n, o)))
+                .filter(|&(n, o)| fits(n, o));
+            let wired = all.clone().find(|&(n, o)| schedule.nodes[n].outputs[o].readers > 0);
+            wired.or_else(|| all.clone().next()).map(trace)
+        };
+        let into = |kind: &str| {
+            let node = schedule.nodes.iter().find(|n| n.kind == kind)?;
+            node.inputs.first()?.from.map(trace)
+        };
+        let last_acceleration = || {
+            let fits = |n: usize| {
+                schedule.nodes[n].outputs.iter().position(|o| {
+                    matches!(o.port.shape, Shape::Audio { .. })
+                        && o.port.unit == Unit::METRE_PER_SECOND_SQUARED
+                })
+            };
+            (0..schedule.nodes.len()).rev().find_map(|n| Some((n, fits(n)?))).map(trace)
+        };
+        let gate_mm_s =
+            schedule.nodes.iter().find_map(|n| match (n.kind.as_str(), n.params.get("speed_mm_s")) {
+                ("speed_gate", Some(ParamValue::Number(x))) => Some(*x),
+                _ => None,
+            });
+        Self {
+            position: control(3, Unit::MILLIMETRE, "position"),
+            speed: control(1, Unit::MILLIMETRE_PER_SECOND, "speed"),
+            force: control(1, Unit::NEWTON, "force"),
+            acceleration: into("actuator_inverse").or_else(last_acceleration),
+            drive: into("audio_out"),
+            active: control(1, Unit::NONE, "active"),
+            gate_mm_s,
+            effects: None,
+        }
+    }
+
+    /// Adds the effects of the scene that the graph was lowered from.
+    pub fn with(self, scene: Option<OfScene>, schedule: &Schedule) -> Self {
+        Self { effects: scene.map(|scene| Effects::new(scene, schedule)), ..self }
+    }
+
+    /// Records the tick that has just run.
+    pub fn take(&mut self, engine: &Engine, tick: u64) {
+        if tick >= MAX_S * u64::from(engine.schedule().tick_hz) {
+            return;
+        }
+        if let Some(effects) = &mut self.effects {
+            effects.take(engine);
+        }
+        let all = [
+            &mut self.position,
+            &mut self.speed,
+            &mut self.force,
+            &mut self.acceleration,
+            &mut self.drive,
+            &mut self.active,
+        ];
+        for trace in all.into_iter().flatten() {
+            match engine.output(trace.node, trace.output) {
+                Some(Buffer::Control { values, .. }) => trace.data.extend(values.iter().map(|x| *x as f32)),
+                buffer => trace.data.extend_from_slice(samples(buffer)),
+            }
+        }
+    }
+
+    /// Continues with the signals of the same meanings in a new graph. Others end.
+    pub fn follow(&mut self, schedule: &Schedule, scene: Option<OfScene>) {
+        if let Some(effects) = &mut self.effects {
+            effects.follow(scene, schedule);
+        }
+        let found = Self::new(schedule);
+        let pairs = [
+            (&mut self.position, found.position),
+            (&mut self.speed, found.speed),
+            (&mut self.force, found.force),
+            (&mut self.acceleration, found.acceleration),
+            (&mut self.drive, found.drive),
+            (&mut self.active, found.active),
+        ];
+        for (trace, found) in pairs {
+            let Some(trace) = trace else { continue };
+            // No node has this number, so nothing more is recorded.
+            (trace.node, trace.output) = match found {
+                Some(f) if f.hz == trace.hz && f.unit == trace.unit => (f.node, f.output),
+                _ => (usize::MAX, 0),
+            };
+        }
+    }
+
+    /// The picture.
+    pub fn svg(self, graph: &Path, schedule: &Schedule) -> String {
+        let series = |t: Option<Trace>, name: &str| t.map(|t| Series::sampled(name, &t.unit, t.hz, t.data));
+        let text = |key: &str| {
+            schedule.nodes.iter().find_map(|n| match n.params.get(key) {
+                Some(ParamValue::Text(t)) if !t.is_empty() => Some(t.clone()),
+                _ => None,
+            })
+        };
+        // A scene has a material for each surface.
+        let material = text("material").filter(|_| self.effects.is_none());
+        let material = material.map(|m| format!("{m}: ")).unwrap_or_default();
+        let name = graph.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let drawn =
+            self.position.as_ref().map_or(0, |p| p.data.len() as u64 / 3) / u64::from(schedule.tick_hz);
+        let cut = if drawn >= MAX_S { format!(", first {MAX_S} s") } else { String::new() };
+        let drive =
+            if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
+        let above = self.effects.map(|effects| effects.into_above(schedule.tick_hz));
+        // The gate of a scene is open over what has no texture too.
+        let active = match &above {
+            Some(above) => above.times(&TEXTURES.map(Kind::word)),
+            None => self.active.map(spans).unwrap_or_default(),
+        };
+        Render {
+            title: format!("{material}{name}"),
+            subtitle: format!("{} Hz ticks, {} Hz audio{cut}", schedule.tick_hz, schedule.audio_hz),
+            above,
+            active,
+            position: series(self.position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
+            speed: series(self.speed, "speed"),
+            gate_mm_s: self.gate_mm_s,
+            force: series(self.force, "normal force"),
+            acceleration: series(self.acceleration, "acceleration"),
+            drive: series(self.drive, drive),
+        }
+        .to_svg()
+    }
+}
+
+/// Intervals of time in which a signal is above one half.
+fn spans(trace: Trace) -> Vec<(f64, f64)> {
+    let mut out: Vec<(f64, f64)> = Vec::new();
+    let mut before = false;
+    for (i, x) in trace.data.iter().enumerate() {
+        let (on, t) = (*x > 0.5, i as f64 / trace.hz);
+        match (before, on) {
+            (false, true) => out.push((t, t)),
+            (true, _) => {
+                if let Some(last) = out.last_mut() {
+                    last.1 = t;
+                }
+            }
+            _ => {}
+        }
+        before = on;
+    }
+    out
+}
+
+/// Effects that a surface itself gives. They come before the kinds that nodes render.
+const OF_SURFACES: [&str; 2] = ["stiffness", "damping"];
+
+/// The stroke over a scene, with the effects that were active in each tick.
+pub struct Effects {
+    rendered: Vec<(Kind, Vec<String>)>,
+    /// Of each surface: whether it is stiff, whether it is damped.
+    walls: Vec<[bool; 2]>,
+    surfaces: Vec<Seen>,
+    watched: Vec<Watched>,
+    contact: Option<Contact>,
+    /// The gate that textures go through.
+    gate: Option<usize>,
+    stroke: f64,
+    moments: Vec<Moment>,
+}
+
+/// A node whose output is an effect.
+struct Watched {
+    bit: usize,
+    node: usize,
+    /// Calls of it so far.
+    calls: u64,
+    /// Whether its output goes through the gate.
+    gated: bool,
+}
+
+/// The `contact` node, and indices of its inputs and outputs.
+struct Contact {
+    node: usize,
+    position: usize,
+    stroke: usize,
+    surface: usize,
+    volume: usize,
+}
+
+impl Effects {
+    /// Starts for a scene and its schedule.
+    pub fn new(of: OfScene, schedule: &Schedule) -> Self {
+        let mut effects = Self {
+            walls: Vec::new(),
+            surfaces: Vec::new(),
+            rendered: Vec::new(),
+            watched: Vec::new(),
+            contact: None,
+            gate: None,
+            stroke: 0.0,
+            moments: Vec::new(),
+        };
+        effects.follow(Some(of), schedule);
+        effects.watched.iter_mut().for_each(|watched| watched.calls = 0);
+        effects
+    }
+
+    /// Continues with a new schedule, of a changed scene or of no scene.
+    pub fn follow(&mut self, of: Option<OfScene>, schedule: &Schedule) {
+        if let Some(OfScene { scene, rendered }) = of {
+            let walls = scene.surfaces.iter().map(|s| {
+                let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
+                [s.effects.stiffness.is_some(), damping]
+            });
+            let surfaces = scene.surfaces.iter().map(|s| Seen {
+                name: s.name.clone(),
+                note: s.material.as_ref().map(|m| m.of.clone()).unwrap_or_default(),
+                surface: s.surface.clone(),
+                soft: s.effects.stiffness.is_none(),
+                // A surface that did not change stays touched.
+                touched: self
+                    .surfaces
+                    .iter()
+                    .any(|b| b.touched && b.name == s.name && b.surface == s.surface),
+            });
+            (self.walls, self.surfaces) = (walls.collect(), surfaces.collect());
+            self.rendered = rendered;
+        }
+        self.watched.clear();
+        for (place, (kind, ids)) in self.rendered.iter().enumerate() {
+            let nodes = || ids.iter().filter_map(|id| schedule.index_of(id));
+            // A voice is heard behind its level.
+            let is_level = |node: &usize| schedule.nodes[*node].kind == "level";
+            let leveled = nodes().any(|node| is_level(&node));
+            let gated = *kind == Kind::Network || VOICED.contains(kind);
+            // The next tick sets the count of calls: the node may have been called before.
+            let watched = nodes().filter(|node| !leveled || is_level(node)).map(|node| Watched {
+                bit: OF_SURFACES.len() + place,
+                node,
+                calls: u64::MAX,
+                gated,
+            });
+            self.watched.extend(watched);
+        }
+        self.gate = schedule.nodes.iter().position(|node| node.kind == "speed_gate");
+        self.contact = schedule.nodes.iter().position(|node| node.kind == "contact").and_then(|node| {
+            let of = &schedule.nodes[node];
+            let input = |name: &str| of.inputs.iter().position(|i| i.name == name);
+            let output = |name: &str| of.outputs.iter().position(|o| o.name == name);
+            Some(Contact {
+                node,
+                position: input("position")?,
+                stroke: input("stroke")?,
+                surface: output("surface")?,
+                volume: output("volume")?,
+            })
+        });
+    }
+
+    /// Records the tick that has just run.
+    pub fn take(&mut self, engine: &Engine) {
+        let mut effects = 0;
+        let textures = self.gate.is_none_or(|gate| is_something(engine.output(gate, 0)));
+        for watched in &mut self.watched {
+            let calls = engine.report(watched.node).map_or(0, |report| report.calls);
+            let called = calls > watched.calls;
+            watched.calls = calls;
+            // A node that is called once more to fade out puts out nothing.
+            if called && (textures || !watched.gated) && is_something(engine.output(watched.node, 0)) {
+                effects |= 1 << watched.bit;
+            }
+        }
+        let Some(contact) = &self.contact else { return };
+        let value = |buffer: Option<&Buffer>, i: usize| match buffer {
+            Some(Buffer::Control { values, .. }) => values.get(i).copied().unwrap_or(f64::NAN),
+            _ => f64::NAN,
+        };
+        let position = engine.input(contact.node, contact.position);
+        // A wall and a volume may be touched at once.
+        let touched = [contact.surface, contact.volume].map(|output| {
+            let number = value(engine.output(contact.node, output), 0);
+            // NaN is not at least 0.
+            (number >= 0.0).then_some(number as usize)
+        });
+        for i in touched.into_iter().flatten() {
+            let wall = self.walls.get(i).copied().unwrap_or_default();
+            (0..wall.len()).filter(|k| wall[*k]).for_each(|k| effects |= 1 << k);
+            if let Some(seen) = self.surfaces.get_mut(i) {
+                seen.touched = true;
+            }
+        }
+        let stroke = value(engine.input(contact.node, contact.stroke), 0);
+        let jumps = std::mem::replace(&mut self.stroke, stroke) != stroke && !self.moments.is_empty();
+        let at_mm = [0, 1].map(|k| value(position, k) as f32);
+        self.moments.push(Moment { at_mm, effects, touches: touched != [None, None], jumps });
+    }
+
+    /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.
+    pub fn active(&self) -> Vec<u64> {
+        let all = OF_SURFACES.len() + self.rendered.len();
+        let count = |bit: usize| self.moments.iter().filter(|m| m.effects >> bit & 1 == 1).count() as u64;
+        (0..all).map(count).collect()
+    }
+
+    /// The picture.
+    pub fn into_above(self, tick_hz: u32) -> Above {
+        let rendered = self.rendered.iter().map(|(kind, _)| kind.word());
+        let effects = OF_SURFACES.into_iter().chain(rendered).map(str::to_owned).collect();
+        Above { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
+    }
+}
+
+/// Whether a buffer holds a force or a sound.
+fn is_something(buffer: Option<&Buffer>) -> bool {
+    match buffer {
+        Some(Buffer::Control { values, .. }) => values.iter().any(|x| *x != 0.0),
+        Some(Buffer::Audio { samples, len, silent, .. }) => {
+            !silent && samples.iter().take(*len).any(|x| *x != 0.0)
+        }
+        _ => false,
+    }
+}

@@ -1,0 +1,419 @@
+//! Changes the graph while it plays, when its files change or the user chooses a material.
+//!
+//! Nothing here waits. Another thread prepares the new graph ([`reloader`](super::reloader)), and
+//! [`Editor::tend`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
+//! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_graph::{GraphFile, Schedule};
+use asperity_live::Conductor;
+use asperity_node::ParamKind;
+
+use super::Args;
+use super::hands::{Hands, close_elsewhere};
+use super::recordings::Recordings;
+use super::reloader::{self, Answer, Changes, Exchange, Made, Order, Ready, on_thread};
+use crate::failure::Failure;
+use crate::kinds::Kinds;
+use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
+use crate::machine::Ceiling;
+
+/// Prepares a new graph when something changes, and sends it to the engine.
+pub struct Editor {
+    args: Args,
+    kinds: Arc<Mutex<Kinds>>,
+    /// Files of the graph's plugins.
+    plugins: Vec<PathBuf>,
+    /// Refuses edits that contradict the machine's file.
+    ceiling: Option<Ceiling>,
+    /// The file of the graph that runs.
+    base: Option<GraphFile>,
+    /// With `--watch`: the files, and when they were last looked at.
+    files: Option<(Watched, Instant)>,
+    /// Materials that the user chose: node and material. They stay when files change.
+    chosen: Vec<(String, String)>,
+    /// Live parameters that the user moved. The next change of a file resets them.
+    moved: Vec<Moved>,
+    /// Moves so far.
+    moves: u64,
+    /// Edits that wait.
+    file: Option<FileEdit>,
+    choices: VecDeque<(String, String)>,
+    job: Option<Job>,
+}
+
+/// A live parameter that the user moved.
+struct Moved {
+    node: String,
+    param: String,
+    value: f64,
+    /// The move as a setting of the graph.
+    setting: String,
+    /// Number of the move.
+    at: u64,
+}
+
+/// Files that changed, and the versions of all files at that time.
+struct FileEdit {
+    changed: Vec<PathBuf>,
+    seen: Stamps,
+}
+
+enum Edit {
+    File(FileEdit),
+    Choice(String, String),
+}
+
+/// An edit whose graph is being prepared.
+struct Job {
+    edit: Edit,
+    /// Moves before it began.
+    since: u64,
+    over: Over,
+    stage: Stage,
+}
+
+enum Stage {
+    /// It can be abandoned.
+    Making(Receiver<Answer>),
+    /// A device was closed for it.
+    Exchanging(Receiver<Answer>),
+    /// The graph waits until the engine can take it.
+    Ready(Box<Ready>),
+}
+
+/// Stops the thread of a job when it is dropped.
+struct Over(Arc<AtomicBool>);
+
+impl Drop for Over {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+    }
+}
+
+impl Job {
+    /// Stops the job and closes the devices that it opened. Answers the edit.
+    fn abandon(self) -> Edit {
+        let Self { edit, over, stage, .. } = self;
+        drop(over);
+        close_elsewhere(move || match stage {
+            // Received here, so that its devices close where others wait for it.
+            Stage::Making(from) | Stage::Exchanging(from) => drop(from.recv()),
+            Stage::Ready(ready) => drop(ready),
+        });
+        edit
+    }
+}
+
+/// A playing graph, its devices and its recordings.
+pub struct Playing<'p> {
+    pub conductor: &'p mut Conductor,
+    pub hands: &'p mut Hands,
+    pub recordings: &'p mut Recordings,
+}
+
+impl Editor {
+    /// An editor of the graph that the command line names.
+    pub fn new(args: &Args) -> Self {
+        Self {
+            args: args.clone(),
+            kinds: Arc::new(Mutex::new(Kinds::new(&args.graph.plugins.plugin).apart(!args.in_place))),
+            plugins: Vec::new(),
+            ceiling: None,
+            base: None,
+            files: None,
+            chosen: Vec::new(),
+            moved: Vec::new(),
+            moves: 0,
+            file: None,
+            choices: VecDeque::new(),
+            job: None,
+        }
+    }
+
+    /// Refuses graphs that contradict the machine's file from now on.
+    pub fn hold_to(&mut self, ceiling: Option<Ceiling>) {
+        self.ceiling = ceiling;
+    }
+
+    /// Files of the graph's plugins.
+    pub fn plugins(&self) -> &[PathBuf] {
+        &self.plugins
+    }
+
+    /// Reads and compiles the graph that plays first.
+    pub fn make(&mut self) -> Result<Made, Failure> {
+        let mut kinds = reloader::lock(&self.kinds);
+        let made = reloader::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
+        kinds.plays();
+        self.plugins = kinds.files().to_vec();
+        self.base = Some(made.base.clone());
+        Ok(made)
+    }
+
+    /// Starts to watch the files that the graph is made of.
+    pub fn watch(&mut self, schedule: &Schedule) {
+        self.files = Some((Watched::new(self.stamps(schedule)), Instant::now()));
+    }
+
+    fn stamps(&self, schedule: &Schedule) -> Stamps {
+        stamps(&self.args.graph, &self.plugins, schedule)
+    }
+
+    /// Gives a texture node another material, as soon as its graph is ready.
+    pub fn choose(&mut self, node: String, material: String) {
+        self.choices.retain(|(n, _)| *n != node);
+        // Devices may take long to open, so a file edit is put off. A material is quick: one that is being
+        // prepared is heard, and then the newest.
+        if let Some(edit) = self.give_up() {
+            self.file = self.file.take().or(Some(edit));
+        }
+        self.choices.push_back((node, material));
+    }
+
+    /// Sets a live parameter, also in graphs that are prepared for another material.
+    pub fn set(
+        &mut self,
+        node: String,
+        param: String,
+        value: f64,
+        conductor: &mut Conductor,
+    ) -> Result<(), Failure> {
+        conductor.set_parameter(&node, &param, value).map_err(|e| Failure::Machine(e.to_string()))?;
+        let schedule = conductor.schedule();
+        let live =
+            schedule.index_of(&node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
+        let Some(live) = live else { return Ok(()) };
+        let text = match &live.kind {
+            ParamKind::Flag => (value != 0.0).to_string(),
+            ParamKind::Choice(words) => {
+                words.get(value as usize).map(|w| format!("{w:?}")).unwrap_or_default()
+            }
+            ParamKind::Integer(_) => (value as i64).to_string(),
+            _ => format!("{value:?}"),
+        };
+        self.moves += 1;
+        self.moved.retain(|m| m.node != node || m.param != param);
+        let setting = format!("{node}.{param}={text}");
+        self.moved.push(Moved { node, param, value, setting, at: self.moves });
+        Ok(())
+    }
+
+    /// Looks at the files, takes over a graph that is ready, and begins the next edit. Call it some tens of
+    /// times a second. Answers a message for the user.
+    pub fn tend(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+        self.look(playing.conductor.schedule());
+        let said = self.advance(playing);
+        if self.job.is_none() {
+            self.begin(playing);
+        }
+        said
+    }
+
+    /// Looks whether files have changed.
+    fn look(&mut self, schedule: &Schedule) {
+        if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
+            return;
+        }
+        let seen = self.stamps(schedule);
+        let Some((files, at)) = &mut self.files else { return };
+        *at = Instant::now();
+        let Some(mut changed) = files.changed(&seen) else { return };
+        files.know(seen.clone(), &seen);
+        // Earlier changes that were not taken over have still to be read.
+        let earlier = self.give_up().or_else(|| self.file.take());
+        changed.extend(earlier.into_iter().flat_map(|edit| edit.changed));
+        changed.sort();
+        changed.dedup();
+        self.file = Some(FileEdit { changed, seen });
+    }
+
+    /// Abandons the graph of changed files, unless a device was closed for it. Answers the edit.
+    fn give_up(&mut self) -> Option<FileEdit> {
+        let job = self.job.take_if(|job| {
+            let touched = match &job.stage {
+                Stage::Making(_) => false,
+                Stage::Exchanging(_) => true,
+                Stage::Ready(ready) => ready.refused.is_some() || ready.opened.came_last(),
+            };
+            matches!(job.edit, Edit::File(_)) && !touched
+        })?;
+        match job.abandon() {
+            Edit::File(edit) => Some(edit),
+            Edit::Choice(..) => None,
+        }
+    }
+
+    /// Abandons the edit under way: the run is over.
+    pub fn end(self) {
+        self.job.map(Job::abandon);
+    }
+
+    /// Begins the next edit, a choice of material first.
+    fn begin(&mut self, playing: &Playing<'_>) {
+        let choice = self.choices.pop_front().map(|(node, material)| Edit::Choice(node, material));
+        let Some(edit) = choice.or_else(|| self.file.take().map(Edit::File)) else { return };
+        let mut order = self.order(playing);
+        match &edit {
+            Edit::File(_) => {
+                order.base = None;
+                order.changes.moved.clear();
+                order.again = true;
+            }
+            Edit::Choice(node, material) => {
+                order.changes.chosen.retain(|(n, _)| n != node);
+                order.changes.chosen.push((node.clone(), material.clone()));
+            }
+        }
+        let over = Over(order.over.clone());
+        let stage = Stage::Making(on_thread(move || order.carry_out()));
+        self.job = Some(Job { edit, since: self.moves, over, stage });
+    }
+
+    /// The order for the graph that runs.
+    fn order(&self, playing: &Playing<'_>) -> Order {
+        let named = [("--report", &self.args.report)];
+        Order {
+            args: self.args.graph.clone(),
+            kinds: self.kinds.clone(),
+            base: self.base.clone(),
+            changes: Changes {
+                moved: self.moved.iter().map(|m| m.setting.clone()).collect(),
+                chosen: self.chosen.clone(),
+            },
+            running: playing.conductor.schedule().clone(),
+            held: playing.hands.holding(),
+            again: false,
+            begun: playing.recordings.begun(),
+            named: named.map(|(option, file)| (option.to_owned(), file.clone())).to_vec(),
+            over: Arc::default(),
+        }
+    }
+
+    /// Continues the job under way with what the other thread sent. Answers a message for the user.
+    fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+        let mut job = self.job.take()?;
+        if let Stage::Making(from) | Stage::Exchanging(from) = &job.stage {
+            let answer = match from.try_recv() {
+                Ok(answer) => answer,
+                Err(TryRecvError::Empty) => {
+                    self.job = Some(job);
+                    return None;
+                }
+                Err(TryRecvError::Disconnected) => Answer {
+                    plugins: None,
+                    result: Err(Failure::Machine("the thread that makes it ready broke off".into())),
+                },
+            };
+            self.plugins = answer.plugins.unwrap_or(std::mem::take(&mut self.plugins));
+            match answer.result {
+                Ok(ready) => {
+                    if let Err(d) = self.allowed(&ready, playing) {
+                        close_elsewhere(move || drop(ready));
+                        return Some(self.refused(job.edit, &d.into(), playing));
+                    }
+                    job.stage = Stage::Ready(Box::new(ready));
+                }
+                Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
+            }
+        }
+        match job.stage {
+            Stage::Ready(ready) if playing.conductor.ready() => {
+                if ready.opened.in_the_way.is_empty() {
+                    return self.take_over(job.edit, job.since, *ready, playing);
+                }
+                let old = playing.hands.let_go(&ready.opened.in_the_way);
+                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
+                let exchange = Exchange { ready: *ready, old, back };
+                job.stage = Stage::Exchanging(on_thread(move || exchange.carry_out()));
+                self.job = Some(job);
+            }
+            _ => self.job = Some(job),
+        }
+        None
+    }
+
+    /// Refuses a graph that contradicts the machine's file, before a device is closed for it.
+    fn allowed(&self, ready: &Ready, playing: &Playing<'_>) -> Result<(), Diagnostic> {
+        let Some(ceiling) = &self.ceiling else { return Ok(()) };
+        let schedule = &ready.made.compiled.schedule;
+        ceiling.check(&playing.conductor.channels_after(&ready.made.graph, schedule), schedule)
+    }
+
+    /// Sends a graph to the engine. Answers what that changes.
+    fn take_over(
+        &mut self,
+        edit: Edit,
+        since: u64,
+        ready: Ready,
+        playing: &mut Playing<'_>,
+    ) -> Option<String> {
+        let Ready { made, mut opened, recorders, refused } = ready;
+        let changed = match &edit {
+            Edit::File(edit) => readers(playing.conductor.schedule(), &edit.changed),
+            Edit::Choice(..) => Vec::new(),
+        };
+        let ends = std::mem::take(&mut opened.ends);
+        let sent = playing.conductor.swap(made.compiled, &made.graph, &changed, ends, made.materials);
+        let report = match sent {
+            Ok(report) => report,
+            Err(e) => {
+                close_elsewhere(move || drop(opened));
+                return Some(self.refused(edit, &Failure::Machine(e.to_string()), playing));
+            }
+        };
+        playing.hands.go_on_with(opened, playing.conductor.schedule());
+        playing.recordings.add(playing.conductor.layout().number, recorders);
+        // Parameters that were moved while the graph was prepared are moved in it too.
+        for m in self.moved.iter().filter(|m| m.at > since) {
+            let _ = playing.conductor.set_parameter(&m.node, &m.param, m.value);
+        }
+        if let Some(failure) = refused {
+            return Some(self.refused(edit, &failure, playing));
+        }
+        self.base = Some(made.base);
+        match edit {
+            Edit::File(edit) => {
+                self.moved.retain(|m| m.at > since);
+                self.know(playing.conductor.schedule(), &edit.seen);
+                let report =
+                    if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
+                Some(format!("{} changed: {report}", listed(&edit.changed)))
+            }
+            Edit::Choice(node, material) => {
+                self.chosen.retain(|(n, _)| *n != node);
+                self.chosen.push((node, material));
+                None
+            }
+        }
+    }
+
+    /// Ends an edit that cannot be taken over. Answers why.
+    fn refused(&mut self, edit: Edit, failure: &Failure, playing: &Playing<'_>) -> String {
+        match edit {
+            Edit::File(edit) => {
+                self.know(playing.conductor.schedule(), &edit.seen);
+                format!(
+                    "{} changed, and cannot be taken over:\n{}the running graph goes on",
+                    listed(&edit.changed),
+                    failure.text()
+                )
+            }
+            Edit::Choice(..) => failure.reason(),
+        }
+    }
+
+    fn know(&mut self, schedule: &Schedule, seen: &Stamps) {
+        let after = self.stamps(schedule);
+        if let Some((files, _)) = &mut self.files {
+            files.know(after, seen);
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! Devices that feed nodes of a graph and push back: opened, held, exchanged and closed.
+
+use std::collections::HashMap;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_hand::servo::passivity::{DeviceDamping, passivity};
+use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
+use asperity_live::view::Layout;
+use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
+
+use crate::failure::Failure;
+
+/// Open devices and sockets, by the ids of their input nodes.
+#[derive(Debug, Default)]
+pub struct Hands {
+    open: HashMap<String, Held>,
+    /// Takes the pointer positions of the live page; `None` once the page has it.
+    pointer: Option<SampleWriter>,
+    /// Warnings about walls that were said.
+    warned: Vec<String>,
+}
+
+/// An open device or socket.
+#[derive(Debug)]
+pub struct Held {
+    /// The node for which it was opened.
+    pub node: ScheduledNode,
+    handle: Handle,
+}
+
+/// An open device or socket, as those who open others need to know it.
+#[derive(Clone, Debug)]
+pub struct Holding {
+    node: ScheduledNode,
+    address: Option<SocketAddr>,
+}
+
+impl Hands {
+    /// All open devices.
+    pub fn holding(&self) -> Vec<Holding> {
+        let of = |held: &Held| Holding { node: held.node.clone(), address: held.handle.address() };
+        self.open.values().map(of).collect()
+    }
+
+    /// Hands out the devices of these nodes, so that others can open them.
+    pub fn let_go(&mut self, ids: &[String]) -> Vec<Held> {
+        ids.iter().filter_map(|id| self.open.remove(id)).collect()
+    }
+
+    /// Holds devices that were opened for a new graph, and closes those that it does not need, without
+    /// waiting.
+    pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
+        let mut over: Vec<Held> = self
+            .open
+            .extract_if(|id, held| {
+                schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
+            })
+            .map(|(_, held)| held)
+            .collect();
+        for held in opened.held {
+            over.extend(self.open.insert(held.node.id.clone(), held));
+        }
+        if opened.pointer.is_some() {
+            self.pointer = opened.pointer;
+        }
+        if !over.is_empty() {
+            close_elsewhere(move || drop(over));
+        }
+    }
+
+    /// The pointer's writer for the live page, once after each opening.
+    pub fn take_pointer(&mut self) -> Option<SampleWriter> {
+        self.pointer.take()
+    }
+
+    /// Problems that began or ended since the last call.
+    pub fn problems(&self) -> Vec<String> {
+        let of = |(id, held): (&String, &Held)| {
+            let all = std::iter::from_fn(|| held.handle.problem());
+            all.map(|p| format!("`{id}`: {p}")).collect::<Vec<_>>()
+        };
+        self.open.iter().flat_map(of).collect()
+    }
+
+    /// New warnings about walls that are stiffer than their device can render passively.
+    pub fn warnings(&mut self, schedule: &Schedule, live: &Layout) -> Vec<String> {
+        let walls = schedule.nodes.iter().filter(|n| n.kind.ends_with("_force"));
+        let now: Vec<String> = walls.filter_map(|node| warning(schedule, live, node, self)).collect();
+        let news = now.iter().filter(|w| !self.warned.contains(w)).cloned().collect();
+        self.warned = now;
+        news
+    }
+}
+
+/// The input node of the device that a force node pushes back with.
+fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s ScheduledNode, Failure> {
+    let kind = force.kind.replace("_force", "_input");
+    let same = |n: &&ScheduledNode| n.kind == kind && n.params.text("device") == force.params.text("device");
+    schedule.nodes.iter().find(same).ok_or_else(|| {
+        let message =
+            format!("`{}` ({}) pushes back with a device that no {kind} reads", force.id, force.kind);
+        let help = format!("add a {kind} with the same `device`: a wall needs the stylus's position");
+        at(force, Diagnostic::new(message).help(help)).into()
+    })
+}
+
+/// The force node that pushes back with an input node's device.
+fn force_of<'s>(schedule: &'s Schedule, input: &ScheduledNode) -> Option<&'s ScheduledNode> {
+    let kind = input.kind.replace("_input", "_force");
+    schedule.nodes.iter().find(|n| n.kind == kind && n.params.text("device") == input.params.text("device"))
+}
+
+/// An error at the place of a node in its file.
+fn at(node: &ScheduledNode, d: Diagnostic) -> Diagnostic {
+    match node.params.node_place() {
+        Some(place) => d.at(&place.source, place.span),
+        None => d,
+    }
+}
+
+fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
+    let message = format!("`{}` ({}): {}", node.id, node.kind, error.message);
+    at(node, Diagnostic::new(message).help(error.help.clone())).into()
+}
+
+/// Devices that were opened for a graph that does not play yet.
+#[derive(Default)]
+pub struct Opened {
+    /// Ends of nodes that devices feed.
+    pub ends: Ends,
+    /// Nodes whose devices must be closed before the rest can be opened.
+    pub in_the_way: Vec<String>,
+    held: Vec<Held>,
+    pointer: Option<SampleWriter>,
+    later: Vec<Source>,
+    closed: bool,
+}
+
+/// Opens the devices of these nodes of a graph, until `over` is set. A device may take seconds to answer.
+///
+/// Nothing is closed here: a device that is open for a node which goes or changes is left for
+/// [`open_the_rest`](Opened::open_the_rest).
+pub fn open(
+    schedule: &Schedule,
+    ids: &[String],
+    held: &[Holding],
+    over: &AtomicBool,
+) -> Result<Opened, Failure> {
+    let (mut opened, sources) = plan(schedule, ids)?;
+    let anew = |node: &ScheduledNode| sources.iter().any(|s| s.node.id == node.id);
+    let stays = |held: &Holding| {
+        let there = schedule.index_of(&held.node.id).map(|i| &schedule.nodes[i]);
+        there.is_some_and(|n| n.kind == held.node.kind && !anew(n))
+    };
+    let going: Vec<&Holding> = held.iter().filter(|h| !stays(h)).collect();
+    for source in sources {
+        if over.load(Relaxed) {
+            break;
+        }
+        let before = going.iter().filter(|held| source.excludes(held)).map(|held| held.node.id.clone());
+        let before: Vec<String> = before.collect();
+        if before.is_empty() {
+            opened.held.push(source.start()?);
+        } else {
+            opened.in_the_way.extend(before);
+            opened.later.push(source);
+        }
+    }
+    Ok(opened)
+}
+
+/// The ends that these nodes of a graph get, and the devices behind them.
+fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Failure> {
+    let (mut opened, mut sources) = (Opened::default(), Vec::new());
+    let mut wanted = ids.to_vec();
+    let mut models: HashMap<String, ForceReader> = HashMap::new();
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
+        // One device reads and pushes the stylus: both ends are made new.
+        let input = input_of(schedule, node)?;
+        if ids.contains(&node.id) || ids.contains(&input.id) {
+            let (writer, reader) = force_model();
+            opened.ends.forces.insert(node.id.clone(), writer);
+            models.insert(input.id.clone(), reader);
+            wanted.push(input.id.clone());
+        }
+    }
+    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id)) {
+        let (writer, reader) = samples();
+        opened.ends.hands.insert(node.id.clone(), reader);
+        if node.kind == "pointer_input" {
+            opened.pointer = Some(writer);
+            continue;
+        }
+        let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+        // Wrong parameters are found before any device is closed.
+        let options = Wanted::of(node, most).map_err(|e| refused(node, &e))?;
+        sources.push(Source { node: node.clone(), options, writer, model: models.remove(&node.id) });
+    }
+    Ok((opened, sources))
+}
+
+impl Opened {
+    /// Whether other devices were closed to open these.
+    pub fn came_last(&self) -> bool {
+        self.closed
+    }
+
+    /// Closes `old` and opens the devices that waited for that, until `over` is set.
+    pub fn open_the_rest(&mut self, old: Vec<Held>, over: &AtomicBool) -> Result<(), Failure> {
+        drop(old);
+        self.closed = true;
+        self.in_the_way.clear();
+        for source in std::mem::take(&mut self.later) {
+            if over.load(Relaxed) {
+                break;
+            }
+            self.held.push(source.start()?);
+        }
+        Ok(())
+    }
+}
+
+/// Input nodes of a graph whose devices are not open: they could not be opened again.
+pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
+    let device = |n: &&ScheduledNode| HANDS.contains(&n.kind.as_str()) && n.kind != "pointer_input";
+    let nobody = |n: &&ScheduledNode| !held.iter().any(|h| h.node.id == n.id);
+    schedule.nodes.iter().filter(device).filter(nobody).map(|n| n.id.clone()).collect()
+}
+
+/// A device to be opened.
+struct Source {
+    node: ScheduledNode,
+    options: Wanted,
+    writer: SampleWriter,
+    model: Option<ForceReader>,
+}
+
+impl Source {
+    /// Whether an open device must be closed first: it is the same device or port.
+    fn excludes(&self, held: &Holding) -> bool {
+        let (ours, theirs) = (&self.node.params, &held.node.params);
+        if self.node.kind != held.node.kind {
+            return false;
+        }
+        match self.node.kind.as_str() {
+            "osc_input" => {
+                let wanted = osc::parse_listen(ours.text("listen"));
+                wanted.is_ok_and(|ours| held.address.is_some_and(|theirs| osc::exclude(ours, theirs)))
+            }
+            // A service may have several devices. One without a name could be any of them.
+            "haply_input" => {
+                let (one, other) = (ours.text("device").trim(), theirs.text("device").trim());
+                haply::same_service(ours.text("service"), theirs.text("service"))
+                    && (one.is_empty() || other.is_empty() || one == other)
+            }
+            // The library has one scheduler.
+            _ => true,
+        }
+    }
+
+    /// Opens it.
+    fn start(self) -> Result<Held, Failure> {
+        let node = self.node.clone();
+        let handle = match self.options {
+            Wanted::Osc(options) => osc::start(options, self.writer),
+            Wanted::OpenHaptics(options) => openhaptics::start(options, self.writer, self.model),
+            Wanted::Haply(options) => haply::start(options, self.writer, self.model),
+        };
+        Ok(Held { handle: handle.map_err(|e| refused(&node, &e))?, node })
+    }
+}
+
+/// How a device is opened.
+enum Wanted {
+    Osc(osc::OscOptions),
+    OpenHaptics(openhaptics::OpenHapticsOptions),
+    Haply(haply::HaplyOptions),
+}
+
+impl Wanted {
+    /// From a node's parameters, with a largest force \[N\].
+    fn of(node: &ScheduledNode, most: f64) -> Result<Self, HandError> {
+        let p = &node.params;
+        let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
+        Ok(match node.kind.as_str() {
+            "osc_input" => {
+                let mut options =
+                    osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
+                options.listen = osc::parse_listen(p.text("listen"))?;
+                options.anywhere = p.flag("anywhere");
+                options.check()?;
+                Self::Osc(options)
+            }
+            "openhaptics_input" => {
+                let mut options = openhaptics::OpenHapticsOptions::new();
+                options.device = text("device");
+                options.library = text("library").map(PathBuf::from);
+                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+                options.max_force_n = most;
+                Self::OpenHaptics(options)
+            }
+            _ => {
+                let mut options = haply::HaplyOptions::new();
+                options.device = text("device");
+                options.service = p.text("service").to_owned();
+                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
+                options.max_force_n = most;
+                Self::Haply(options)
+            }
+        })
+    }
+}
+
+/// A warning where a wall breaks Colgate's bound.
+fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
+    let input = input_of(schedule, node).ok()?;
+    let handle = hands.open.get(&input.id).map(|held| &held.handle);
+    // The figures are known where they come from a node that has them as parameters. A user may have moved
+    // these since.
+    let number = |input: &str, param: &str| {
+        let port = node.inputs.iter().find(|i| i.name == input)?;
+        let from = &schedule.nodes[port.from?.0];
+        let moved = live.nodes.iter().find(|n| n.id == from.id)?.live.iter().find(|l| l.name == param);
+        moved.map(|l| l.value).or(from.params.get_number(param))
+    };
+    let stiffness = number("stiffness", "stiffness_n_per_mm")?;
+    let damping = number("damping", "damping_ns_per_m").unwrap_or(0.0);
+    let own = node.params.number("device_damping_ns_per_m");
+    let recommended = handle.and_then(|h| h.device().max_stiffness_n_per_mm);
+    let device = match recommended {
+        _ if own > 0.0 => DeviceDamping::Known(own),
+        Some(stiffness) => DeviceDamping::Recommended(stiffness),
+        None => DeviceDamping::Unknown,
+    };
+    let bound = passivity(stiffness, damping, servo_hz(&node.kind), device);
+    let known = match device {
+        DeviceDamping::Unknown => {
+            format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id)
+        }
+        _ => String::new(),
+    };
+    (!bound.holds()).then(|| format!("`{}`: {}{known}", node.id, bound.sentence))
+}
+
+/// Closings under way. A device takes a while to close: it ramps its force down first. Only the opening of
+/// other devices and the end of the run wait for it.
+static UNDER_WAY: Mutex<usize> = Mutex::new(0);
+/// Notified when that number changes.
+static CHANGED: Condvar = Condvar::new();
+
+/// A closing under way.
+struct Closing;
+
+impl Closing {
+    fn begin() -> Self {
+        *count() += 1;
+        CHANGED.notify_all();
+        Self
+    }
+}
+
+impl Drop for Closing {
+    fn drop(&mut self) {
+        *count() -= 1;
+        CHANGED.notify_all();
+    }
+}
+
+fn count() -> MutexGuard<'static, usize> {
+    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Closes something on a thread of its own.
+pub fn close_elsewhere(close: impl FnOnce() + Send + 'static) {
+    let closing = Closing::begin();
+    // If no thread starts, `close` is dropped here, with what it would close.
+    let _ = std::thread::Builder::new().name("asperity-close".into()).spawn(move || {
+        close();
+        drop(closing);
+    });
+}
+
+/// Waits until nothing is being closed, or `over` is set. Answers whether `over` is not set.
+///
+/// Set `over` before a call of [`close_elsewhere`], which wakes all waits.
+pub fn wait(over: &AtomicBool) -> bool {
+    let _count = CHANGED
+        .wait_while(count(), |count| *count > 0 && !over.load(Relaxed))
+        .unwrap_or_else(PoisonError::into_inner);
+    !over.load(Relaxed)
+}
+
+/// Waits until nothing is being closed, at most this long.
+pub fn wait_for(most: Duration) {
+    let _ = CHANGED.wait_timeout_while(count(), most, |count| *count > 0);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, mpsc};
+
+    use super::*;
+
+    #[test]
+    fn opening_waits_for_closings_unless_over() {
+        let (go, told) = mpsc::channel::<()>();
+        let closed = Arc::new(AtomicBool::new(false));
+        let done = closed.clone();
+        close_elsewhere(move || {
+            let _ = told.recv();
+            std::thread::sleep(Duration::from_millis(20));
+            done.store(true, Relaxed);
+        });
+        assert!(!wait(&AtomicBool::new(true)));
+        wait_for(Duration::from_millis(1));
+        assert!(!closed.load(Relaxed));
+        go.send(()).expect("it waits");
+        assert!(wait(&AtomicBool::new(false)) && closed.load(Relaxed));
+    }
+}

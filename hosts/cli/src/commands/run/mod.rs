@@ -1,0 +1,263 @@
+//! `asperity run`: plays a graph in real time.
+
+mod editor;
+mod hands;
+mod recordings;
+mod reloader;
+mod report;
+mod shows;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use asperity_engine::Options;
+use asperity_live::view::{Condition, Layout, Request, View};
+use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
+use asperity_node::Fault;
+
+use crate::card::{self, DeviceArgs, Player};
+use crate::failure::{Failure, print, warn};
+use crate::load::files::distinct_files;
+use crate::load::{self, GraphArgs};
+use crate::number;
+use crate::output::Pending;
+use editor::{Editor, Playing};
+use hands::Hands;
+use recordings::{AllKept, Recordings};
+use reloader::Made;
+use shows::{Shows, Speaker};
+
+/// Play a graph in real time: a hand moves, the actuator on the sound card answers
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = number::may_be_negative)]
+pub struct Args {
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// How long to run; by default as long as the stroke lasts, or until Ctrl-C
+    #[arg(long, value_name = "S", value_parser = number::number(1e-3, 31_536_000.0, "s"))]
+    pub seconds: Option<f64>,
+    /// Serve the live page at this port, or at a free one
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
+        value_parser = number::whole(0, u16::MAX, ""))]
+    pub page: Option<u16>,
+    /// Show the run in the terminal
+    #[arg(long)]
+    pub tui: bool,
+    /// Take over changes of the graph, its plugins and the files it reads as they come
+    #[arg(long)]
+    pub watch: bool,
+    /// Write figures of the run as JSON
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+    /// Run every node in every tick, also those behind a closed gate
+    #[arg(long)]
+    pub no_sleep: bool,
+    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
+    /// By default 10 ticks
+    #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
+    pub limit_us: Option<u64>,
+    /// Call nodes of plugins on the tick thread: some 50 us less for each, but one that never returns ends
+    /// the sound
+    #[arg(long)]
+    pub in_place: bool,
+    /// Print errors only
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Ticks that one call of a node may take, by default. A busy machine stalls for a few ticks now and then;
+/// that is no fault of the node.
+const LIMIT_TICKS: u64 = 10;
+/// Least limit of a call, at any tick rate: machines stall by 14 ms and more.
+const LIMIT_NS: u64 = 50_000_000;
+/// How often devices, files and pages are served.
+const PACE: Duration = Duration::from_micros(16_667);
+/// How much longer than planned a run may take whose tick does not end \[s\].
+const LATE_S: f64 = 1.0;
+/// How long the end of a run waits for devices to close: they ramp their force down within 100 ms.
+const LET_GO: Duration = Duration::from_millis(200);
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    let mut editor = Editor::new(args);
+    let Made { graph, compiled, materials, .. } = editor.make()?;
+    let schedule = &compiled.schedule;
+    let request = card::request(&args.device, schedule)?;
+    let ticks = load::ticks(args.seconds, schedule)?;
+    load::warn_about(schedule);
+    distinct_files(&args.graph, schedule, editor.plugins(), &[("--report", &args.report)])?;
+    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
+    let recordings = Recordings::start(schedule)?;
+    let mut hands = Hands::default();
+    let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
+    let ids: Vec<String> = schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
+    let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
+    let ends = std::mem::take(&mut opened.ends);
+    hands.go_on_with(opened, schedule);
+    if args.page.is_none() {
+        for node in schedule.nodes.iter().filter(|n| n.kind == "pointer_input") {
+            warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
+        }
+    }
+    if args.watch {
+        editor.watch(schedule);
+    }
+
+    let recorded = request.as_ref().map_or(0, |r| r.inputs.len());
+    let coils = card::coils(&args.device, schedule)?;
+    editor.hold_to(coils.ceiling());
+    let session_options = card::options(&args.device, request, coils);
+    let mut shows = Shows::open(args, &session_options.reins, &mut hands)?;
+    for node in schedule.nodes.iter().filter(|n| n.kind == "osc_input") {
+        let [address, arguments, listen] = ["address", "arguments", "listen"].map(|p| node.params.text(p));
+        shows.say(&format!("`{}` waits for OSC messages {address} ({arguments}) at {listen}", node.id));
+    }
+    let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
+    let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
+    let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
+    let (mic_writer, mic_reader) =
+        (recorded > 0).then(|| mic(recorded, schedule.audio_hz, schedule.tick_hz)).unzip();
+    let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
+    let session = Session::start(conductor, player, mic_writer, session_options).map_err(not_opened)?;
+
+    let mut stage = Stage { session, editor, hands, recordings, hangs: None, stuck: Vec::new() };
+    let outcome = stage.play(&mut shows, ticks);
+    let Stage { session, editor, hands, mut recordings, .. } = stage;
+    editor.end();
+    let grants = session.grants();
+    let mut ended = session.stop();
+    drop(hands);
+    hands::wait_for(LET_GO);
+    recordings.drain(&mut ended.conductor);
+    shows.close();
+    // Recordings are kept, whatever ended the run and whatever else cannot be written.
+    let AllKept { mut written, said, cut } = recordings.keep();
+    // The end of a run does not wait for a reader of its messages.
+    let last = Speaker::new(false);
+    said.iter().for_each(|said| last.say(&format!("warning: {said}")));
+    last.close();
+    let run = report::Run { args, ended: &ended, grants };
+    let reported = report_file
+        .map_or(Ok(()), |file| file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path)));
+    if !args.quiet {
+        print(&run.summary(&written))?;
+    }
+    let recorded = if cut.is_empty() { Ok(()) } else { Err(Failure::Machine(cut.join("; "))) };
+    let came_back = match (&ended.player, hanging(&ended.view, ended.conductor.layout())) {
+        (None, Some(node)) => {
+            Err(Failure::Machine(format!("a tick did not end: {node} {DOES_NOT_COME_BACK}")))
+        }
+        _ => Ok(()),
+    };
+    outcome.and(came_back).and(reported).and(recorded)?;
+    Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+fn not_opened(error: asperity_live::SessionError) -> Failure {
+    card::not_opened(error, Player::Graph)
+}
+
+/// A playing graph, and all that is served while it plays.
+struct Stage {
+    session: Session,
+    editor: Editor,
+    hands: Hands,
+    recordings: Recordings,
+    /// The node that was reported not to come back.
+    hangs: Option<String>,
+    /// Nodes that were reported to be cut out.
+    stuck: Vec<String>,
+}
+
+/// Nodes with this last fault, as a user knows them.
+fn failed_by(fault: &str, view: &View, layout: &Layout) -> Vec<String> {
+    let nodes = layout.nodes.iter().zip(&view.nodes).filter(|(_, seen)| seen.last_fault == fault);
+    nodes.map(|(node, _)| format!("`{}` ({})", node.id, node.kind)).collect()
+}
+
+/// The node whose call does not end.
+fn hanging(view: &View, layout: &Layout) -> Option<String> {
+    failed_by(DOES_NOT_COME_BACK, view, layout).into_iter().next()
+}
+
+impl Stage {
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on.
+    ///
+    /// It waits for a slow disk. Where a device is lost it waits for its driver: the callback driver until
+    /// the running tick has ended (1 s at most), the paced driver until its tick thread has ended (0.2 to
+    /// 0.8 s). Pages, edits and recordings wait meanwhile. Devices that push back have threads of their
+    /// own.
+    fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
+        let (began, mut next) = (Instant::now(), Instant::now());
+        loop {
+            for notice in self.session.tend().map_err(not_opened)? {
+                shows.say(&notice);
+            }
+            self.hands.problems().iter().for_each(|p| shows.say(p));
+            self.serve(shows);
+            if self.session.reins().stopping() {
+                return Ok(());
+            }
+            let Self { session, editor, hands, recordings, .. } = self;
+            let conductor = session.conductor();
+            if let Some(said) = editor.tend(&mut Playing { conductor, hands, recordings }) {
+                shows.say(&said);
+            }
+            for warning in hands.warnings(&conductor.schedule().clone(), conductor.layout()) {
+                shows.say(&format!("warning: {warning}"));
+            }
+            recordings.drain(conductor);
+            recordings.complaints().iter().for_each(|said| shows.say(said));
+            let view = session.view();
+            let hangs = hanging(&view, session.conductor().layout());
+            // Where no tick ends, the planned time still ends the run.
+            let tick_hz = f64::from(session.conductor().layout().tick_hz);
+            let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
+            let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs.is_some() && late(ticks)));
+            if hangs != self.hangs {
+                if let Some(node) = &hangs {
+                    shows.say(&format!(
+                        "warning: {node} {DOES_NOT_COME_BACK}, and nothing is heard until it does"
+                    ));
+                }
+                self.hangs = hangs;
+            }
+            let stuck = failed_by(&Fault::Stuck.to_string(), &view, session.conductor().layout());
+            for node in stuck.iter().filter(|node| !self.stuck.contains(node)) {
+                shows.say(&format!("warning: {node} {}: the graph goes on without it", Fault::Stuck));
+            }
+            self.stuck = stuck;
+            let (condition, losses) = (view.condition, view.losses);
+            shows.show(view, session.conductor().layout(), hands);
+            if !session.goes_on() {
+                return Err(Failure::Machine(match condition {
+                    Condition::Failed => "the engine panicked, and the output was ramped down".into(),
+                    _ => format!("the device is lost ({losses} losses), and --no-reconnect gives up"),
+                }));
+            }
+            if done {
+                return Ok(());
+            }
+            next = (next + PACE).max(Instant::now());
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// Begins what the user asked for since the last time.
+    fn serve(&mut self, shows: &mut Shows) {
+        for request in self.session.reins().asked() {
+            match request {
+                Request::Set { node, param, value } => {
+                    if let Err(failure) = self.editor.set(node, param, value, self.session.conductor()) {
+                        shows.say(&failure.reason());
+                    }
+                }
+                Request::Material { node, name } => self.editor.choose(node, name),
+            }
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Files that the sinks of a run record, also of sinks that come and go while it plays.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_live::Conductor;
+use asperity_node::PortType;
+
+use crate::commands::render::recorder::{Kept, Recorder, file_of};
+use crate::failure::Failure;
+use crate::output::Pending;
+
+/// How often files and their headers are brought up to date: a killed run loses that much.
+const REFRESH: Duration = Duration::from_secs(1);
+
+/// A sink that writes a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sink {
+    /// Id of its node.
+    pub id: String,
+    pub file: PathBuf,
+    kind: String,
+    port: Option<PortType>,
+}
+
+/// A file that grows.
+struct Recording {
+    sink: Sink,
+    /// Number of the first graph that it records.
+    since: u64,
+    recorder: Recorder,
+}
+
+/// All files that grow, in the order in which they were begun. All are kept until the end.
+#[derive(Default)]
+pub struct Recordings {
+    all: Vec<Recording>,
+    /// Ticks that were not recorded.
+    lost: u64,
+    /// When files were last brought up to date.
+    refreshed: Option<Instant>,
+}
+
+/// All recordings, ended.
+#[derive(Default)]
+pub struct AllKept {
+    /// Their files.
+    pub written: Vec<PathBuf>,
+    /// Messages for the user.
+    pub said: Vec<String>,
+    /// Files that are not complete, and why.
+    pub cut: Vec<String>,
+}
+
+impl Sink {
+    fn of(node: &ScheduledNode) -> Option<Self> {
+        let file = file_of(node)?.to_owned();
+        let port = match node.outputs.first() {
+            Some(output) => Some(output.port.clone()),
+            None => node.inputs.first()?.port.clone(),
+        };
+        Some(Self { id: node.id.clone(), file, kind: node.kind.clone(), port })
+    }
+}
+
+/// A recorder for each sink of a graph that does not continue a file of `begun`.
+pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recorder)>, Failure> {
+    let mut new = Vec::new();
+    for (i, node) in schedule.nodes.iter().enumerate() {
+        let Some(sink) = Sink::of(node).filter(|sink| !goes_on(begun, sink)) else { continue };
+        new.extend(
+            Recorder::for_sink(i, node, Pending::recording)?
+                .map(|recorder| (sink, recorder.beginning_late())),
+        );
+    }
+    Ok(new)
+}
+
+/// Files of `begun` that this graph does not continue, for
+/// [`distinct_files`](crate::load::files::distinct_files).
+pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<(String, Option<PathBuf>)> {
+    let sinks: Vec<Sink> = schedule.nodes.iter().filter_map(Sink::of).collect();
+    let goes_on = |i: usize| {
+        let newest = !begun[i + 1..].iter().any(|later| later.id == begun[i].id);
+        newest && sinks.contains(&begun[i])
+    };
+    let left = begun.iter().enumerate().filter(|(i, _)| !goes_on(*i)).map(|(_, sink)| sink);
+    left.map(|sink| (format!("`{}` before this change", sink.id), Some(sink.file.clone()))).collect()
+}
+
+/// Whether a sink continues its newest recording.
+fn goes_on(begun: &[Sink], sink: &Sink) -> bool {
+    begun.iter().rev().find(|b| b.id == sink.id) == Some(sink)
+}
+
+impl Recordings {
+    /// Begins the files of the first graph, before it plays.
+    pub fn start(schedule: &Schedule) -> Result<Self, Failure> {
+        let mut it = Self::default();
+        for (i, node) in schedule.nodes.iter().enumerate() {
+            if let (Some(sink), Some(recorder)) =
+                (Sink::of(node), Recorder::for_sink(i, node, Pending::recording)?)
+            {
+                it.all.push(Recording { sink, since: 0, recorder });
+            }
+        }
+        Ok(it)
+    }
+
+    /// Sinks whose files were begun.
+    pub fn begun(&self) -> Vec<Sink> {
+        self.all.iter().map(|r| r.sink.clone()).collect()
+    }
+
+    /// Adds recorders, from the graph of this number on.
+    pub fn add(&mut self, since: u64, recorders: Vec<(Sink, Recorder)>) {
+        self.all.extend(recorders.into_iter().map(|(sink, recorder)| Recording { sink, since, recorder }));
+    }
+
+    /// Writes the rows that sinks recorded since the last call. An error ends only its own file.
+    pub fn drain(&mut self, conductor: &mut Conductor) {
+        let tick_hz = conductor.schedule().tick_hz;
+        let all = &mut self.all;
+        let lost = conductor.recorded(|r| {
+            let of = all.iter_mut().rev().find(|x| x.sink.id == r.sink && x.since <= r.graph);
+            if let Some(of) = of {
+                of.recorder.append_while_possible(r.start, r.values, tick_hz);
+            }
+        });
+        self.lost = self.lost.max(lost);
+        if self.refreshed.is_none_or(|at| at.elapsed() >= REFRESH) {
+            self.refreshed = Some(Instant::now());
+            self.all.iter_mut().for_each(|recording| recording.recorder.refresh());
+        }
+    }
+
+    /// Files that are no longer written, and why; each is answered once.
+    pub fn complaints(&mut self) -> Vec<String> {
+        self.all.iter_mut().filter_map(|r| r.recorder.complaint()).collect()
+    }
+
+    /// Completes the files.
+    pub fn keep(self) -> AllKept {
+        let mut all = AllKept::default();
+        for Recording { recorder, .. } in self.all {
+            let Kept { path, said, cut } = recorder.end();
+            all.said.extend(said);
+            all.written.extend(path);
+            all.cut.extend(cut);
+        }
+        if self.lost > 0 {
+            all.said.push(format!("{} ticks were not recorded: the disk was too slow", self.lost));
+        }
+        all
+    }
+}

@@ -1,0 +1,264 @@
+//! Prepares a changed graph on a thread of its own: compiling takes tenths of a second, and opening a
+//! device may take ten seconds.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use asperity_engine::SwapError;
+use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
+use asperity_live::needs_ends;
+use asperity_live::view::Materials;
+use asperity_texture::Library;
+
+use super::hands::{self, Held, Holding, Opened};
+use super::recordings::{Sink, left_behind, recorders};
+use crate::commands::render::recorder::Recorder;
+use crate::failure::Failure;
+use crate::kinds::Kinds;
+use crate::load::files::distinct_files;
+use crate::load::{self, GraphArgs, Loaded};
+
+/// Changes that the user made beside the graph's file.
+#[derive(Clone, Debug, Default)]
+pub struct Changes {
+    /// Settings of live parameters: `NODE.PARAM=VALUE`.
+    pub moved: Vec<String>,
+    /// Materials: node and material.
+    pub chosen: Vec<(String, String)>,
+}
+
+/// A graph that can be played.
+pub struct Made {
+    /// The file, with the changes of the command line.
+    pub base: GraphFile,
+    /// The same, with the changes of the user.
+    pub graph: GraphFile,
+    pub compiled: Compiled,
+    /// Materials that may be chosen.
+    pub materials: Vec<Materials>,
+}
+
+/// All that is needed to prepare a graph in place of the running one.
+pub struct Order {
+    pub args: GraphArgs,
+    pub kinds: Arc<Mutex<Kinds>>,
+    /// The graph to start from; `None` to read its file.
+    pub base: Option<GraphFile>,
+    pub changes: Changes,
+    /// The graph that runs.
+    pub running: Arc<Schedule>,
+    /// Devices that are open.
+    pub held: Vec<Holding>,
+    /// Whether devices that could not be opened are tried again.
+    pub again: bool,
+    /// Sinks whose files were begun.
+    pub begun: Vec<Sink>,
+    /// Files that the run writes at its end, by option.
+    pub named: Vec<(String, Option<PathBuf>)>,
+    /// Set when the graph is no longer wanted.
+    pub over: Arc<AtomicBool>,
+}
+
+/// The answer to an order.
+pub struct Answer {
+    /// Files of the graph's plugins, if known.
+    pub plugins: Option<Vec<PathBuf>>,
+    /// The graph, or why it cannot be prepared.
+    pub result: Result<Ready, Failure>,
+}
+
+/// A graph that may take the place of the running one.
+pub struct Ready {
+    pub made: Made,
+    pub opened: Opened,
+    /// New recordings. Begun last, so that a graph that waits for a device leaves no file.
+    pub recorders: Vec<(Sink, Recorder)>,
+    /// Set if this is the old graph with its devices opened again: why the new one was refused.
+    pub refused: Option<Failure>,
+}
+
+/// A graph that waits until devices of the old one are closed.
+pub struct Exchange {
+    pub ready: Ready,
+    /// Devices to close.
+    pub old: Vec<Held>,
+    /// Order for the old graph, in case its devices must be opened again.
+    pub back: Order,
+}
+
+/// Compiles a graph with the changes of the user.
+pub fn make(
+    args: &GraphArgs,
+    kinds: &mut Kinds,
+    base: Option<GraphFile>,
+    changes: &Changes,
+) -> Result<Made, Failure> {
+    let base = match base {
+        Some(base) => base,
+        None => load::read(args, kinds)?.0,
+    };
+    let mut graph = base.clone();
+    for setting in &changes.moved {
+        // A parameter that the file no longer has is skipped.
+        let _ = graph.set(setting, "the page");
+    }
+    for (node, material) in &changes.chosen {
+        let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
+    }
+    let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
+    let materials = materials(&compiled.schedule);
+    Ok(Made { base, graph, compiled, materials })
+}
+
+/// Locks the kinds. A thread that panicked has left them usable.
+pub fn lock(kinds: &Mutex<Kinds>) -> MutexGuard<'_, Kinds> {
+    kinds.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Works on a thread of its own. If none starts, or it panics, the receiver is disconnected.
+pub fn on_thread(work: impl FnOnce() -> Answer + Send + 'static) -> Receiver<Answer> {
+    let (to, from) = sync_channel(1);
+    let _ = std::thread::Builder::new().name("asperity-make".into()).spawn(move || {
+        let _ = to.send(work());
+    });
+    from
+}
+
+impl Order {
+    /// Compiles the graph and opens the devices that it needs in addition.
+    pub fn carry_out(self) -> Answer {
+        let (plugins, made) = self.made();
+        let result = made.and_then(|made| self.ready(made, &plugins));
+        Answer { plugins: Some(plugins), result }
+    }
+
+    fn made(&self) -> (Vec<PathBuf>, Result<Made, Failure>) {
+        let mut kinds = lock(&self.kinds);
+        if let Err(unwanted) = self.wanted() {
+            return (kinds.files().to_vec(), Err(unwanted));
+        }
+        let made = make(&self.args, &mut kinds, self.base.clone(), &self.changes);
+        (kinds.files().to_vec(), made)
+    }
+
+    fn ready(&self, made: Made, plugins: &[PathBuf]) -> Result<Ready, Failure> {
+        let next = &made.compiled.schedule;
+        fits(&self.running, next)?;
+        let mut named = self.named.clone();
+        named.extend(left_behind(next, &self.begun));
+        let named: Vec<_> = named.iter().map(|(who, path)| (who.as_str(), path)).collect();
+        distinct_files(&self.args, next, plugins, &named)?;
+        self.wanted()?;
+        // Files that cannot be written are refused before a device is opened.
+        drop(recorders(next, &self.begun)?);
+        let mut ids = needs_ends(&self.running, next);
+        if self.again {
+            ids.extend(hands::missing(next, &self.held));
+        }
+        let opened = self.opened(next, &ids)?;
+        let recorders = if opened.in_the_way.is_empty() { recorders(next, &self.begun)? } else { Vec::new() };
+        Ok(Ready { made, opened, recorders, refused: None })
+    }
+
+    fn opened(&self, schedule: &Schedule, ids: &[String]) -> Result<Opened, Failure> {
+        if ids.is_empty() {
+            return Ok(Opened::default());
+        }
+        // Devices of abandoned graphs must be closed before these are opened.
+        hands::wait(&self.over);
+        self.wanted()?;
+        let opened = hands::open(schedule, ids, &self.held, &self.over)?;
+        self.wanted()?;
+        Ok(opened)
+    }
+
+    /// Refuses to go on if the graph is no longer wanted.
+    fn wanted(&self) -> Result<(), Failure> {
+        let over = self.over.load(Relaxed);
+        if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }
+    }
+}
+
+impl Exchange {
+    /// Closes the old devices and opens the new ones. If that fails, opens the old ones again.
+    pub fn carry_out(self) -> Answer {
+        let Self { mut ready, old, back } = self;
+        let ids: Vec<String> = old.iter().map(|held: &Held| held.node.id.clone()).collect();
+        hands::wait(&back.over);
+        let opened = ready.opened.open_the_rest(old, &back.over).and_then(|()| {
+            back.wanted()?;
+            recorders(&ready.made.compiled.schedule, &back.begun)
+        });
+        let failure = match opened {
+            Ok(recorders) => {
+                ready.recorders = recorders;
+                return Answer { plugins: None, result: Ok(ready) };
+            }
+            Err(failure) => failure,
+        };
+        drop(ready);
+        let (_, made) = back.made();
+        let again = made.and_then(|made| {
+            let opened = back.opened(&made.compiled.schedule, &ids)?;
+            Ok(Ready { made, opened, recorders: Vec::new(), refused: None })
+        });
+        let result = match again {
+            Ok(again) => Ok(Ready { refused: Some(failure), ..again }),
+            Err(second) => Err(Failure::Machine(format!(
+                "{}\nand what it was to replace cannot be had again: {}",
+                failure.reason(),
+                second.reason()
+            ))),
+        };
+        Answer { plugins: None, result }
+    }
+}
+
+/// Refuses a graph that cannot replace the running one while it plays.
+fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
+    let (tick, audio) = (running.tick_hz, running.audio_hz);
+    let rates = if tick != next.tick_hz {
+        Err(SwapError::TickRate { running: tick, asked: next.tick_hz })
+    } else if audio != next.audio_hz {
+        Err(SwapError::AudioRate { running: audio, asked: next.audio_hz })
+    } else {
+        Ok(())
+    };
+    rates.map_err(|e| Failure::Machine(format!("the graph {e}")))?;
+    same_channels(running, next).map_err(Failure::Machine)
+}
+
+/// Refuses other channels of the device, which stay as it was opened.
+fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
+    let of = |s: &Schedule, kind: &str| -> BTreeMap<String, Option<i64>> {
+        let nodes = s.nodes.iter().filter(|n| n.kind == kind);
+        nodes.map(|n| (n.id.clone(), n.params.get_integer("channel"))).collect()
+    };
+    let (outs, were) = (of(new, "audio_out"), of(old, "audio_out"));
+    // One renamed node keeps its channel. With several, it is not known which is which.
+    let gone = were.keys().filter(|id| !outs.contains_key(*id)).count();
+    let kind = if outs.len() != were.len() || gone > 1 {
+        "audio_out"
+    } else if of(new, "audio_in") != of(old, "audio_in") {
+        "audio_in"
+    } else {
+        return Ok(());
+    };
+    Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
+}
+
+/// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are
+/// none.
+fn materials(schedule: &Schedule) -> Vec<Materials> {
+    let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
+    let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network" && !told(n));
+    let of = |node: &ScheduledNode| {
+        let library = Library::shared(node.params.file("library")).ok()?;
+        let names = library.materials().iter().map(|m| m.name.clone()).collect();
+        Some(Materials { node: node.id.clone(), chosen: node.params.text("material").to_owned(), names })
+    };
+    networks.filter_map(of).collect()
+}

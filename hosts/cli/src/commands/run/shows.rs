@@ -1,0 +1,153 @@
+//! Shows a run: on the live page, in the terminal, or as lines of text.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use asperity_live::Reins;
+use asperity_live::view::{Layout, View};
+use asperity_page::{Feed, Page, serve};
+use asperity_terminal::Terminal;
+
+use super::Args;
+use super::hands::Hands;
+use crate::failure::{Failure, complain};
+
+/// The page, the terminal and the messages of a run.
+pub struct Shows {
+    page: Option<(Page, Arc<Feed>)>,
+    terminal: Option<Terminal>,
+    layout: Option<Layout>,
+    speaker: Speaker,
+    begun: bool,
+}
+
+impl Shows {
+    /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the
+    /// outer one.
+    pub fn open(args: &Args, reins: &Reins, hands: &mut Hands) -> Result<Self, Failure> {
+        let pointer = hands.take_pointer();
+        let speaker = Speaker::new(args.quiet || args.tui);
+        let page = match args.page {
+            Some(port) => {
+                let feed = Arc::new(Feed::new());
+                let options = asperity_page::Options { port, ..asperity_page::Options::default() };
+                let page = serve(options, feed.clone(), reins.clone(), pointer)
+                    .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
+                speaker.say(&format!("the page: {}", page.url()));
+                Some((page, feed))
+            }
+            None => None,
+        };
+        let terminal = match args.tui {
+            true => Some(
+                Terminal::open(reins.clone())
+                    .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
+            ),
+            false => None,
+        };
+        let mut it = Self { page, terminal, layout: None, speaker, begun: false };
+        if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
+            terminal.note(&format!("the page: {}", page.url()));
+        }
+        Ok(it)
+    }
+
+    /// Says a message in the terminal, or as a line of text.
+    pub fn say(&mut self, text: &str) {
+        match &mut self.terminal {
+            Some(terminal) => terminal.note(text),
+            None => self.speaker.say(text),
+        }
+    }
+
+    /// Shows the current figures, and the graph if it changed.
+    pub fn show(&mut self, view: View, layout: &Layout, hands: &mut Hands) {
+        if let Some(pointer) = hands.take_pointer() {
+            match &self.page {
+                Some((page, _)) => page.set_pointer(Some(pointer)),
+                None => {
+                    self.say("warning: there is a pointer now, and no page to move it on: start with --page")
+                }
+            }
+        }
+        if self.layout.as_ref() != Some(layout) {
+            if let Some((page, feed)) = &self.page {
+                if layout.nodes.iter().all(|node| node.kind != "pointer_input") {
+                    page.set_pointer(None);
+                }
+                feed.publish_layout(layout.clone());
+            }
+            if let Some(terminal) = &mut self.terminal {
+                terminal.layout(layout);
+            }
+            self.layout = Some(layout.clone());
+        }
+        if !self.begun && !view.clock.is_empty() && (view.period_frames > 0 || view.device.is_empty()) {
+            self.begun = true;
+            let text = begins(&view, layout);
+            self.say(&text);
+        }
+        if let Some(terminal) = &mut self.terminal
+            && terminal.draw(&view).is_err()
+        {
+            // The terminal is gone.
+            self.terminal = None;
+        }
+        if let Some((_, feed)) = &self.page {
+            feed.publish(view);
+        }
+    }
+
+    /// Restores the terminal and closes the page.
+    pub fn close(self) {
+        self.speaker.close();
+    }
+}
+
+/// Device, rates and clock of the run, in a line.
+fn begins(view: &View, layout: &Layout) -> String {
+    if view.device.is_empty() {
+        return format!("runs at {} ticks/s without audio; Ctrl-C stops", layout.tick_hz);
+    }
+    format!(
+        "plays on {}: {} Hz, {} frames at a time, {} ticks/s by the {} clock; Ctrl-C stops",
+        view.device, layout.audio_hz, view.period_frames, layout.tick_hz, view.clock
+    )
+}
+
+/// Lines that may wait to be written. If there are more, the newest are dropped.
+const LINES: usize = 256;
+/// How long the end of a run waits for the last lines.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Writes lines to the standard error from a thread of its own: a run never waits for their reader.
+pub struct Speaker(Option<(SyncSender<String>, JoinHandle<()>)>);
+
+impl Speaker {
+    /// Starts the thread; a quiet speaker writes nothing.
+    pub fn new(quiet: bool) -> Self {
+        let (to, lines): (_, Receiver<String>) = sync_channel(LINES);
+        let write = move || lines.iter().for_each(|line| complain(&line));
+        let thread = (!quiet).then(|| std::thread::Builder::new().name("asperity-say".into()).spawn(write));
+        Self(thread.and_then(Result::ok).map(|thread| (to, thread)))
+    }
+
+    /// Says a line.
+    pub fn say(&self, text: &str) {
+        if let Some((to, _)) = &self.0 {
+            let _ = to.try_send(format!("{text}\n"));
+        }
+    }
+
+    /// Waits until all lines are written, for 500 ms at most.
+    pub fn close(self) {
+        let Some((to, thread)) = self.0 else { return };
+        drop(to);
+        let began = Instant::now();
+        while !thread.is_finished() && began.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+}

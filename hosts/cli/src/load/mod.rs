@@ -1,0 +1,260 @@
+//! From arguments to a schedule: reads a graph, or lowers a scene to one, and compiles it.
+//!
+//! [`load`] does all of it. A command that changes the graph in between calls [`read`] and [`compile`].
+
+pub mod files;
+mod stylus;
+
+use std::path::{Path, PathBuf};
+
+use asperity_diagnostics::{Diagnostic, Source};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
+use asperity_node::{Registry, Shape};
+use asperity_scene::{Finding, Kind, Lowering, Scene, draft, lower};
+
+use crate::failure::{Failure, clean, warn};
+use crate::kinds::Kinds;
+
+/// A graph and changes to it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct GraphArgs {
+    /// Graph file or scene file
+    pub graph: PathBuf,
+    /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    /// Play this CSV in place of the graph's trajectory, stroke or hand
+    #[arg(long, value_name = "TRAJ.csv")]
+    pub input: Option<PathBuf>,
+    /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics,
+    /// haply
+    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
+    pub hand: Option<String>,
+    /// Keep nodes that lead to no sink; build the nodes of effects that no surface of a scene has
+    #[arg(long)]
+    pub no_prune: bool,
+    /// Treat passivity violations of a scene as errors
+    #[arg(long)]
+    pub strict: bool,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+}
+
+/// Plugins to load.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct PluginArgs {
+    /// Load a plugin: its file, or its name to be found along ASPERITY_PLUGIN_PATH
+    #[arg(long = "plugin", value_name = "P")]
+    pub plugin: Vec<PathBuf>,
+}
+
+/// A graph that compiled.
+pub struct Loaded {
+    /// The graph, with the changes of the command line.
+    pub graph: GraphFile,
+    /// The scene that was lowered to the graph.
+    pub scene: Option<OfScene>,
+    /// Kinds that the graph may use.
+    pub registry: Registry,
+    /// Schedule and nodes.
+    pub compiled: Compiled,
+}
+
+/// A scene, and the nodes of its graph that render each kind of effect.
+#[derive(Clone, Debug)]
+pub struct OfScene {
+    pub scene: Scene,
+    /// Kinds in their order, with ids of nodes.
+    pub rendered: Vec<(Kind, Vec<String>)>,
+}
+
+/// Most findings about a scene that cause a warning each.
+const MOST_FINDINGS: usize = 8;
+
+/// Reads and compiles a graph or scene.
+///
+/// # Errors
+/// Everything that is wrong with the files, the arguments or the graph.
+pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
+    let (graph, scene) = read(args, kinds)?;
+    compile(args, kinds, graph, scene)
+}
+
+/// Reads a graph, or lowers a scene to one, and applies the arguments to it.
+///
+/// # Errors
+/// Everything that is wrong with the files or the arguments.
+pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
+    let source = Source::read(&args.graph)?;
+    if !Scene::is_meant(&source) {
+        return Ok((changed(GraphFile::parse(&source)?, args)?, None));
+    }
+    let mut scene = Scene::parse(&source)?;
+    // The scene is lowered with the rates that the command line sets.
+    let mut rates = draft(&scene)?;
+    for assignment in args.set.iter().filter(|set| !set.split('=').next().unwrap_or("").contains('.')) {
+        rates.set(assignment, "--set")?;
+    }
+    (scene.tick_hz, scene.audio_hz, scene.seed) = (rates.tick_hz, rates.audio_hz, rates.seed);
+    check_passivity(&scene, args.strict)?;
+    let registry = kinds.registry(Some(&draft(&scene)?))?;
+    let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
+    let graph = changed(lowered.graph, args)?;
+    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
+}
+
+/// Compiles a graph that was [`read`].
+///
+/// # Errors
+/// Plugins that do not load; everything that is wrong with the graph.
+pub fn compile(
+    args: &GraphArgs,
+    kinds: &mut Kinds,
+    graph: GraphFile,
+    scene: Option<OfScene>,
+) -> Result<Loaded, Failure> {
+    let registry = kinds.registry(Some(&graph))?;
+    let options = Options { prune: !args.no_prune };
+    let compiled = asperity_graph::compile(&graph, &registry, options).map_err(Failure::from);
+    let compiled = kinds.judge(compiled)?;
+    Ok(Loaded { graph, scene, registry, compiled })
+}
+
+/// Longest time to run that may be asked for \[s\]: a year.
+const MAX_SECONDS: f64 = 365.0 * 86_400.0;
+
+/// Ticks to run: those of `--seconds`, else those of the graph's sources; `None` if nothing says how many.
+///
+/// # Errors
+/// A time that is not above 0, or longer than a year.
+pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, Diagnostic> {
+    match seconds {
+        Some(s) if s > 0.0 && s <= MAX_SECONDS => {
+            Ok(Some((s * f64::from(schedule.tick_hz)).round().max(1.0) as u64))
+        }
+        Some(s) => Err(Diagnostic::new(format!("{s} s is out of range"))
+            .in_file("--seconds")
+            .help(format!("above 0, at most {MAX_SECONDS} s"))),
+        None => Ok(schedule.duration_ticks().filter(|&t| t > 0)),
+    }
+}
+
+/// A graph that runs without any device.
+pub struct Offline {
+    /// The graph without nodes that push back.
+    pub graph: GraphFile,
+    /// The graph as its file has it.
+    pub whole: GraphFile,
+    /// The kinds that it may use.
+    pub registry: Registry,
+    /// Files of its plugins.
+    pub plugins: Vec<PathBuf>,
+}
+
+/// Reads a graph or scene to be run without any device: nodes that push back are removed.
+///
+/// # Errors
+/// Everything that is wrong with the file.
+pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
+    let args = GraphArgs {
+        graph: path.to_owned(),
+        set: Vec::new(),
+        input: None,
+        hand: None,
+        no_prune: false,
+        strict: false,
+        plugins: plugins.clone(),
+    };
+    let mut kinds = Kinds::new(&plugins.plugin);
+    let (whole, _) = read(&args, &mut kinds)?;
+    let registry = kinds.registry(Some(&whole))?;
+    let mut graph = whole.clone();
+    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+    graph.wires.retain(|w| ids.contains(&w.to.node));
+    Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
+}
+
+/// Warns of passivity violations of a scene, or makes them errors.
+fn check_passivity(scene: &Scene, strict: bool) -> Result<(), Failure> {
+    let findings = scene.findings();
+    if strict && !findings.is_empty() {
+        let error = |f: Finding| Diagnostic::new(f.message).at(&f.place.source, f.place.span);
+        return Err(findings.into_iter().map(error).collect::<Vec<_>>().into());
+    }
+    for Finding { message, place } in findings.iter().take(MOST_FINDINGS) {
+        let (path, at) = (place.source.path().display().to_string(), place.position());
+        warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
+    }
+    if let Some(more) = findings.len().checked_sub(MOST_FINDINGS).filter(|more| *more > 0) {
+        warn(&format!("and {more} more like these; --strict tells them all"));
+    }
+    Ok(())
+}
+
+/// A graph with the changes of the command line.
+fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
+    if let Some(input) = &args.input {
+        stylus::play(&mut graph, input)?;
+    }
+    if let Some(hand) = &args.hand {
+        stylus::take_in_hand(&mut graph, hand)?;
+    }
+    for assignment in &args.set {
+        graph.set(assignment, "--set")?;
+    }
+    Ok(graph)
+}
+
+/// Warns of settings that compile and are probably mistakes, and of nodes that are not fit for real time.
+pub fn warn_about(schedule: &Schedule) {
+    warnings(schedule).iter().for_each(|w| warn(w));
+    for id in schedule.allocating() {
+        warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
+    }
+}
+
+/// Settings that compile and are probably mistakes.
+pub fn warnings(schedule: &Schedule) -> Vec<String> {
+    let mut out = Vec::new();
+    for node in &schedule.nodes {
+        let emission = node.params.get_number("emission").filter(|_| node.kind == "sample_commit");
+        let frames = node.inputs.first().and_then(frames_a_window);
+        // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,
+        // 2 times at 0.8, 9 times at 0.95.
+        if let (Some(emission), Some(frames)) = (emission, frames)
+            && -emission > 0.6 * frames
+        {
+            out.push(format!(
+                "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, \
+                 and they are too loud: too little is known of them. \
+                 Set `emission` to -{:.0} or nearer to 0, or leave it out",
+                node.id,
+                -100.0 * emission / frames,
+                0.5 * frames
+            ));
+        }
+    }
+    let drives = |n: &&ScheduledNode| matches!(n.kind.as_str(), "actuator_inverse" | "limiter");
+    let drives: Vec<_> = schedule.nodes.iter().filter(drives).collect();
+    for pair in drives.windows(2) {
+        for name in ["profile", "handle_mass_g"] {
+            if pair[0].params.get(name) != pair[1].params.get(name) {
+                let (a, b) = (&pair[0].id, &pair[1].id);
+                out.push(format!("`{a}` and `{b}` are set to different actuators: `{name}` differs"));
+            }
+        }
+    }
+    out
+}
+
+/// Frames that begin within a window.
+fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
+    match input.port.as_ref()?.shape {
+        Shape::Magnitude(layout) => {
+            let seconds = f64::from(layout.length) / f64::from(layout.rate_hz);
+            Some(seconds * layout.frame_rate.hz())
+        }
+        _ => None,
+    }
+}

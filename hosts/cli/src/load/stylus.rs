@@ -1,0 +1,158 @@
+//! `--input` and `--hand`: replaces the node that moves the stylus.
+
+use std::path::Path;
+
+use asperity_diagnostics::one_of;
+use asperity_graph::GraphFile;
+use asperity_live::HANDS;
+
+use crate::failure::{Failure, wrong};
+
+/// Kinds that play a stroke known beforehand.
+const RECORDED: [&str; 2] = ["trajectory", "stroke"];
+
+/// Plays a recorded stroke in place of the graph's own: `--input TRAJ.csv`.
+pub fn play(graph: &mut GraphFile, file: &Path) -> Result<(), Failure> {
+    let i = only(graph, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
+    replace(graph, i, "trajectory");
+    graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
+    Ok(())
+}
+
+/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without
+/// `_input`.
+pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
+    let (name, settings) = text.split_once(':').unwrap_or((text, ""));
+    let Some(kind) = HANDS.iter().find(|k| **k == name || k.strip_suffix("_input") == Some(name)) else {
+        let names = HANDS.iter().map(|k| k.strip_suffix("_input").unwrap_or(k));
+        return Err(wrong("--hand", format!("there is no hand `{name}`"), one_of(name, names)));
+    };
+    let i = only(graph, "--hand", "edit the graph: make the node you mean of that kind")?;
+    replace(graph, i, kind);
+    let id = graph.nodes[i].id.clone();
+    let mut before = "PARAM";
+    for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
+        let Some((param, _)) = setting.split_once('=') else {
+            // Probably the rest of a value with commas.
+            let what = format!("there is no `=` in `{setting}`: commas stand between settings");
+            let set = format!("--set {id}.{before}=VALUE");
+            return Err(wrong(
+                "--hand",
+                what,
+                format!("KIND:param=value,param=value; a value with commas goes by {set}"),
+            ));
+        };
+        graph.set(&format!("{id}.{setting}"), "--hand")?;
+        before = param;
+    }
+    Ok(())
+}
+
+/// Index of the one node that moves the stylus.
+fn only(graph: &GraphFile, option: &str, help: &str) -> Result<usize, Failure> {
+    let moves = |kind: &str| RECORDED.contains(&kind) || HANDS.contains(&kind);
+    let found: Vec<usize> = (0..graph.nodes.len()).filter(|&i| moves(&graph.nodes[i].kind)).collect();
+    if let &[i] = found.as_slice() {
+        return Ok(i);
+    }
+    let names: Vec<String> = found.iter().map(|&i| format!("`{}`", graph.nodes[i].id)).collect();
+    let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    let message = format!("{option} takes the place of one trajectory, stroke or hand; found {found}");
+    Err(wrong(graph.source.path(), message, help))
+}
+
+/// Gives the node that moves the stylus another kind, without the parameters of its old kind.
+fn replace(graph: &mut GraphFile, i: usize, kind: &str) {
+    let (id, before) = (graph.nodes[i].id.clone(), graph.nodes[i].kind.clone());
+    if before == kind {
+        return;
+    }
+    graph.nodes[i].kind = kind.into();
+    graph.nodes[i].params.clear();
+    // A stroke has one output, which needs no name; the other kinds have several.
+    for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
+        wire.from.port.get_or_insert_with(|| "position".to_owned());
+    }
+    if !HANDS.contains(&kind) {
+        graph.wires.retain(|w| w.from.node != id || w.from.port.as_deref() != Some("stroke"));
+        return;
+    }
+    // A hand may be put down elsewhere: its port `stroke` tells the nodes below that this is no motion.
+    let followers: Vec<String> = graph
+        .wires
+        .iter()
+        .filter(|w| w.from.node == id && w.from.port.as_deref() == Some("position"))
+        .filter(|w| graph.node(&w.to.node).is_some_and(|n| matches!(n.kind.as_str(), "velocity" | "contact")))
+        .map(|w| w.to.node.clone())
+        .collect();
+    let wired = |port: &Option<String>| port.as_deref() == Some("stroke");
+    for follower in followers {
+        if !graph.wires.iter().any(|w| w.to.node == follower && wired(&w.to.port)) {
+            graph.add_wire(&format!("{id}.stroke"), &format!("{follower}.stroke"), "--hand");
+        }
+        // With a second input, the first needs its name.
+        let to = graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == follower);
+        to.for_each(|w| {
+            w.to.port.get_or_insert_with(|| "position".to_owned());
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_diagnostics::Source;
+
+    fn graph(text: &str) -> GraphFile {
+        GraphFile::parse(&Source::new("test.ron", text)).expect("a graph")
+    }
+
+    fn wires(graph: &GraphFile) -> Vec<String> {
+        let end = |e: &asperity_graph::Endpoint| match &e.port {
+            Some(port) => format!("{}.{port}", e.node),
+            None => e.node.clone(),
+        };
+        graph.wires.iter().map(|w| format!("{} -> {}", end(&w.from), end(&w.to))).collect()
+    }
+
+    const STROKE: &str = r#"Graph(version: 1, nodes: {"s": (kind: "stroke", params: (speed_mm_s: 80.0)),
+        "v": (kind: "velocity"), "f": (kind: "virtual_floor")}, wires: [("s", "v"), ("s", "f")])"#;
+
+    #[test]
+    fn hand_replaces_stroke_and_back() {
+        let mut it = graph(STROKE);
+        take_in_hand(&mut it, "pointer:depth_mm=3, lift_mm=1").expect("it fits");
+        assert_eq!(it.nodes[0].kind, "pointer_input");
+        let set: Vec<&str> = it.nodes[0].params.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(set, ["depth_mm", "lift_mm"]);
+        assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f", "s.stroke -> v.stroke"]);
+        play(&mut it, Path::new("a.csv")).expect("it fits");
+        assert_eq!(it.nodes[0].kind, "trajectory");
+        assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f"]);
+        assert_eq!(it.nodes[0].params.len(), 1);
+    }
+
+    #[test]
+    fn hand_in_scene_wires_stroke_to_contact() {
+        let text = r#"Graph(version: 1,
+            nodes: {"s": (kind: "stroke"), "v": (kind: "velocity"), "c": (kind: "contact")},
+            wires: [("s.position", "v.position"), ("s.position", "c.position"),
+                ("v.spatial", "c.velocity")])"#;
+        let mut it = graph(text);
+        take_in_hand(&mut it, "pointer").expect("it fits");
+        let all = wires(&it);
+        assert!(
+            ["s.stroke -> v.stroke", "s.stroke -> c.stroke"].iter().all(|w| all.iter().any(|a| a == w)),
+            "{all:?}"
+        );
+    }
+
+    #[test]
+    fn unknown_hand_or_graph_without_stylus_is_refused() {
+        let e = take_in_hand(&mut graph(STROKE), "pointr").expect_err("no such hand");
+        assert!(e.text().contains("pointer"), "{}", e.text());
+        let e =
+            take_in_hand(&mut graph(r#"Graph(version: 1, nodes: {})"#), "pointer").expect_err("no stylus");
+        assert!(e.text().contains("found none"), "{}", e.text());
+    }
+}

@@ -1,0 +1,100 @@
+//! The tick thread neither allocates nor frees.
+
+use asperity_engine::{Engine, Options};
+use asperity_graph::GraphFile;
+use harness::counting::allocations;
+use harness::{any_node, graph};
+
+/// Ticks of one run; `ASPERITY_LONG_TICKS` asks for more.
+fn ticks() -> u64 {
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(20_000)
+}
+
+/// A change of a running graph saves, restores, sets and resets nodes on the tick thread.
+#[test]
+fn state_and_live_parameters_allocate_nothing() {
+    for kind in asperity_nodes::registry().iter() {
+        let node = || {
+            let mut compiled = any_node::compiled(&any_node::graph(kind.as_ref(), "random", 500, 48_000));
+            let it = compiled.schedule.index_of("it").expect("the node");
+            compiled.processors.swap_remove(it)
+        };
+        let (mut old, mut new) = (node(), node());
+        let mut bytes = vec![0; old.state_size()];
+        let live: Vec<usize> =
+            (0..kind.descriptor().params.len()).filter(|&i| kind.descriptor().params[i].live).collect();
+        let (restored, count) = allocations(|| {
+            let len = old.save(&mut bytes).unwrap_or(0);
+            let refused = !new.restore(&bytes[..len / 2]) || len == 0;
+            let set = live.iter().all(|i| new.set_parameter(*i, 0.5).is_ok());
+            set && new.restore(&bytes[..len]) && refused && new.reset().is_ok()
+        });
+        assert!(restored && count == 0, "{}", kind.descriptor().kind);
+    }
+}
+
+/// Whole strokes over the shipped scenes: surfaces of all shapes, all effects, in contact and out of it.
+#[test]
+fn no_tick_of_a_scene_allocates() {
+    for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
+        let graph = graph::lowered(&harness::graphs("scenes").join(name));
+        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+        let most = compiled.schedule.duration_ticks().expect("a stroke that ends");
+        let mut engine = Engine::new(compiled, Options::default());
+        let ((), count) = allocations(|| (0..most).for_each(|_| engine.tick()));
+        assert!(count == 0 && engine.faults() == 0, "{name}");
+    }
+}
+
+#[test]
+fn no_tick_of_the_shipped_graph_allocates() {
+    for (name, synthesis_hz, tick_hz, audio_hz) in [
+        ("heravi2024", 2500, 500, 48_000),
+        ("heravi2024", 0, 500, 48_000),
+        ("heravi2024", 2500, 1000, 44_100),
+        ("heravi2024", 500, 500, 48_000),
+        ("heravi2024_scatter", 2500, 500, 48_000),
+        ("texture", 2500, 500, 48_000),
+        ("texture", 0, 500, 48_000),
+        ("texture", 2500, 1000, 44_100),
+    ] {
+        let mut graph = GraphFile::read(harness::graphs(&format!("{name}.ron"))).expect("the shipped graph");
+        // A stroke without end, so that no node sleeps.
+        let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
+        stylus.kind = "stroke".into();
+        stylus.params.clear();
+        for set in [
+            "stylus.shape=circle".to_owned(),
+            "stylus.duration_s=1e6".to_owned(),
+            format!("texture.synthesis_hz={synthesis_hz}"),
+            format!("tick_hz={tick_hz}"),
+            format!("audio_hz={audio_hz}"),
+        ] {
+            graph.set(&set, "--set").expect("a setting");
+        }
+        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+        assert!(compiled.schedule.allocating().is_empty());
+        let mut engine = Engine::new(compiled, Options::default());
+        // Asked outside: reading a variable allocates.
+        let piece = ticks() / 100;
+        // In pieces, so that a failure says when and a report which node.
+        for _ in 0..100 {
+            let ((), count) = allocations(|| (0..piece).for_each(|_| engine.tick()));
+            if count > 0 {
+                let faults: Vec<_> = (0..engine.schedule().nodes.len())
+                    .filter_map(|i| {
+                        Some((engine.schedule().nodes[i].id.clone(), engine.report(i)?.last_fault?))
+                    })
+                    .collect();
+                panic!(
+                    "{name}: allocated before tick {} at {synthesis_hz} Hz: faults {faults:?}",
+                    engine.next_tick()
+                );
+            }
+        }
+        assert_eq!(engine.faults(), 0);
+        let network = engine.schedule().index_of("texture").expect("the network");
+        let calls = engine.report(network).expect("a report").calls;
+        assert!(calls > ticks() * 9 / 10, "the network must run nearly always: {calls}");
+    }
+}

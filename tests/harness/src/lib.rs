@@ -1,0 +1,193 @@
+//! Helpers of the test programs: the program driven as a user drives it, and graphs run in this process.
+//!
+//! `live`, `servers` and `chromium` are for real time; [`alone`] keeps such tests from running at once.
+#![allow(missing_docs, reason = "most helpers say it all by their name")]
+
+pub mod alone;
+pub mod any_node;
+pub mod chromium;
+pub mod counting;
+pub mod graph;
+pub mod live;
+#[path = "../../../core/texture/src/tests/networks.rs"]
+pub mod networks;
+pub mod nodes;
+pub mod plugins;
+pub mod retrieval;
+pub mod servers;
+pub mod stage;
+pub mod survival;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// The repository's root.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A shipped file.
+pub fn graphs(path: &str) -> PathBuf {
+    root().join("graphs").join(path)
+}
+
+/// The learned texture with phase retrieval, which has settings to turn.
+pub fn retrieving() -> PathBuf {
+    root().join("tests/data/sample_commit.ron")
+}
+
+/// The program under test. Cargo puts it two folders above the test programs.
+pub fn program() -> PathBuf {
+    let this = std::env::current_exe().expect("the path of this test program");
+    let folder = this.ancestors().nth(2).expect("cargo's folder of a profile");
+    folder.join(format!("asperity{}", std::env::consts::EXE_SUFFIX))
+}
+
+/// A folder in cargo's target folder for files of tests.
+pub fn scratch() -> PathBuf {
+    program().ancestors().nth(2).expect("cargo's target folder").join("tmp")
+}
+
+/// The program, in a folder.
+pub fn asperity(dir: &Path) -> Command {
+    let mut command = Command::new(program());
+    // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be
+    // loaded.
+    command.current_dir(dir).env("ASPERITY_STATE", "").env("ASPERITY_TRUST", trusted());
+    command.env("XDG_STATE_HOME", scratch().join("state"));
+    command
+}
+
+/// Where tests build plugins.
+fn trusted() -> std::ffi::OsString {
+    let program = program();
+    std::env::join_paths([&std::env::temp_dir(), program.parent().expect("a folder"), &root()])
+        .expect("a list")
+}
+
+/// Exit code and messages of a run.
+pub struct Ran {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Ran {
+    fn of(output: &Output) -> Self {
+        let [out, err] =
+            [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+        Self { code: output.status.code().unwrap_or(-1), out, err }
+    }
+
+    pub fn ok(self) -> Self {
+        assert_eq!(self.code, 0, "stdout: {}\nstderr: {}", self.out, self.err);
+        self
+    }
+}
+
+/// Runs the program to its end.
+pub fn run(dir: &Path, args: &[&str]) -> Ran {
+    Ran::of(&asperity(dir).args(args).output().expect("the program starts"))
+}
+
+/// Runs the program to its end under limits of the shell, such as `ulimit -n 5`.
+pub fn run_under(dir: &Path, limits: &str, args: &[&str]) -> Ran {
+    let program = asperity(dir);
+    let mut command = Command::new("bash");
+    command.current_dir(dir).env("ASPERITY_STATE", "").args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
+    command.arg(program.get_program()).args(args).stdin(Stdio::null());
+    Ran::of(&command.output().expect("bash"))
+}
+
+/// A trajectory at 500 Hz from functions of time.
+pub fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
+    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
+    for k in 0..=(seconds * 500.0) as usize {
+        let t = k as f64 / 500.0;
+        let [x, y, z] = at(t);
+        text.push_str(&format!("{t},{x},{y},{z}\n"));
+    }
+    text
+}
+
+/// Files in a folder, hidden ones too, sorted.
+pub fn files(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(dir)
+        .expect("a folder")
+        .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Parameters with which the nodes of effects have something to do, as a graph file says them; none of
+/// other kinds.
+pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
+    let model = |name: &str, gain: &str| {
+        let file = graphs("models/made_ar").join(name).display().to_string();
+        format!("autoregressive(model: {file:?}, gain: {gain})")
+    };
+    let hessian = "made(surface: \"hessian\", side: 32, step_mm: 0.1)";
+    let (name, texts): (&str, Vec<String>) = match kind {
+        "friction" => (
+            "laws",
+            ["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"].map(str::to_owned).to_vec(),
+        ),
+        "viscosity" => ("drags", vec!["(viscosity_ns_per_m: 2)".into(), "(viscosity_ns_per_m: 900)".into()]),
+        "magnet" => ("magnets", vec!["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)".into()]),
+        "tap" => {
+            let tap = |hz: f64| {
+                format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)")
+            };
+            ("taps", vec![tap(200.0), tap(340.0), tap(90.0)])
+        }
+        "vibration" => {
+            let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
+            ("sources", vec![sine(120.0), sine(80.5)])
+        }
+        "autoregressive" => {
+            let two = format!("[{}, {}]", model("smooth.ron", "1"), model("ringing.ron", "0.5"));
+            ("models", vec![model("rough.ron", "1"), two])
+        }
+        "waveform" => {
+            let one = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])";
+            (
+                "loops",
+                vec![one.into(), format!("[{one}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]")],
+            )
+        }
+        "relief" => (
+            "reliefs",
+            vec![format!("relief(heights: {hessian})"), format!("relief(heights: {hessian}, gain: 2)")],
+        ),
+        "force_limiter" => return vec![("slew_n_per_s", "10".into())],
+        _ => return Vec::new(),
+    };
+    vec![(name, format!("{texts:?}"))]
+}
+
+/// The shipped graph with absolute paths, so that it can be edited anywhere.
+pub fn shipped_graph() -> String {
+    shipped("heravi2024.ron")
+}
+
+/// A shipped graph by its file, with absolute paths.
+pub fn shipped(file: &str) -> String {
+    let text = std::fs::read_to_string(graphs(file)).expect("a shipped graph");
+    let dir = graphs("").display().to_string();
+    ["trajectories/", "models/", "materials/"]
+        .iter()
+        .fold(text, |t, p| t.replace(&format!("\"{p}"), &format!("\"{dir}{p}")))
+}
+
+/// Samples of a float WAV file, and its rate.
+pub fn wav(path: &Path) -> (Vec<f32>, u32) {
+    let mut reader = hound::WavReader::open(path).expect("a WAV file");
+    let rate = reader.spec().sample_rate;
+    (reader.samples::<f32>().map(|s| s.expect("a sample")).collect(), rate)
+}
+
+/// A JSON file.
+pub fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path).expect("a file")).expect("JSON")
+}

@@ -1,0 +1,348 @@
+//! From pictures to materials, as a user does it: `asperity encode`, `asperity materials`.
+
+use std::path::Path;
+
+use asperity_texture::{Library, LibraryMaterial};
+use harness::{Ran, files, json, networks, run};
+use image::{Rgb, RgbImage};
+
+/// Answer of these tests' encoder to a picture of one brightness `s`, from 0 to 1.
+fn vector(s: f64) -> [f32; 256] {
+    std::array::from_fn(|n| (s * (1.0 + n as f64 / 256.0)) as f32)
+}
+
+/// Distance of two brightnesses as vectors.
+fn apart(a: f64, b: f64) -> f64 {
+    (a - b).abs() * (0..256).map(|n| (1.0 + f64::from(n) / 256.0).powi(2)).sum::<f64>().sqrt()
+}
+
+fn picture(path: &Path, size: [u32; 2], rgb: [u8; 3]) {
+    RgbImage::from_pixel(size[0], size[1], Rgb(rgb)).save(path).expect("a picture");
+}
+
+/// A folder with an encoder, a library of three materials that names it, and a picture between two of them.
+fn folder() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| dir.path().join(name);
+    for name in ["models", "materials", "pictures"] {
+        std::fs::create_dir(at(name)).expect("a folder");
+    }
+    let encoder = networks::encoder(&[1.0 / 576.0; 576], 0.0);
+    std::fs::write(at("models/e.onnx"), networks::bytes(&encoder)).expect("a file");
+    let material = |(name, s): (&str, f64)| LibraryMaterial {
+        name: name.into(),
+        description: "Made for a test.".into(),
+        family: Some("grey".into()),
+        images: Vec::new(),
+        pattern: Default::default(),
+        vector: Box::new(vector(s)),
+    };
+    let materials = [("dark", 0.1), ("middle", 0.5), ("bright", 0.9)].map(material).to_vec();
+    let library = Library::new(at("materials/l.ron"), Some("../models/e.onnx".into()), materials);
+    let text = library.to_ron().replace("materials: {", "// What follows was made.\n    materials: {");
+    std::fs::write(at("materials/l.ron"), text).expect("a file");
+    // 0.4 on the mean of its colours.
+    picture(&at("pictures/felt.png"), [256, 192], [82, 102, 122]);
+    dir
+}
+
+fn text(dir: &Path) -> String {
+    std::fs::read_to_string(dir.join("materials/l.ron")).expect("a library")
+}
+
+fn stored(dir: &Path, name: &str) -> LibraryMaterial {
+    let library = Library::read(dir.join("materials/l.ron")).unwrap_or_else(|e| panic!("{e}"));
+    library.material(name).unwrap_or_else(|e| panic!("{e}")).clone()
+}
+
+fn encode(dir: &Path, args: &[&str]) -> Ran {
+    run(dir, &[&["encode", "--library", "materials/l.ron"], args].concat())
+}
+
+#[test]
+fn a_picture_becomes_a_material_that_a_graph_can_name() {
+    let dir = folder();
+    let before = text(dir.path());
+    let more = ["pictures/felt.png", "--description", "Soft \"felt\".", "--family", "wool"];
+    let ran = encode(dir.path(), &more).ok();
+    let line = |name: &str| ran.out.lines().position(|l| l.starts_with(name)).expect(name);
+    assert!(line("middle") < line("dark") && line("dark") < line("bright"), "{}", ran.out);
+    assert!(ran.out.contains(&format!("middle   {:8.4}  grey", apart(0.4, 0.5))), "{}", ran.out);
+    assert!(ran.out.contains("added `felt` to materials/l.ron: the vector of `middle`"), "{}", ran.out);
+    let felt = stored(dir.path(), "felt");
+    assert_eq!(
+        (felt.description.as_str(), &felt.images),
+        ("Soft \"felt\".", &vec!["../pictures/felt.png".to_owned()])
+    );
+    assert_eq!((felt.family.as_deref(), *felt.vector), (Some("wool"), vector(0.5)));
+    // The rest of the file is what it was, and nothing else is left.
+    let after = text(dir.path());
+    let kept = before.strip_suffix("    },\n)\n").expect("an end");
+    assert!(
+        after.starts_with(kept)
+            && after.ends_with("    },\n)\n")
+            && after.contains("// What follows was made.")
+    );
+    assert_eq!(files(&dir.path().join("materials")), ["l.ron"]);
+    // It renders as the material whose vector it has.
+    std::fs::write(dir.path().join("g.ron"), harness::shipped_graph()).expect("a graph");
+    let render = |material: &str, out: &str| {
+        let set = format!("texture.material={material}");
+        run(
+            dir.path(),
+            &[
+                "render",
+                "g.ron",
+                "--set",
+                "texture.library=materials/l.ron",
+                "--set",
+                &set,
+                "--seconds",
+                "1",
+                "--out",
+                out,
+            ],
+        )
+        .ok();
+        std::fs::read(dir.path().join(out)).expect("a file")
+    };
+    assert_eq!(render("felt", "a.wav"), render("middle", "b.wav"));
+}
+
+#[test]
+fn a_new_material_may_keep_its_own_vector_or_take_a_blend() {
+    let dir = folder();
+    let near = |found: &LibraryMaterial, s: f64| {
+        let worst = found.vector.iter().zip(vector(s)).fold(0.0, |w: f32, (a, b)| w.max((a - b).abs()));
+        assert!(worst < 1e-5, "{}: {worst}", found.name);
+    };
+    encode(dir.path(), &["pictures/felt.png", "--as", "raw", "--name", "own"]).ok();
+    near(&stored(dir.path(), "own"), 0.4);
+    // It is in the library now, and nearest to itself.
+    let ran = encode(dir.path(), &["pictures/felt.png", "--dry-run", "--neighbours", "1"]).ok();
+    assert!(ran.out.contains("own        0.0000") && !ran.out.contains("middle"), "{}", ran.out);
+    let dir = folder();
+    let ran =
+        encode(dir.path(), &["pictures/felt.png", "--as", "blend", "--neighbours", "2", "--name", "two"])
+            .ok();
+    assert!(ran.out.contains("a blend of the nearest 2"), "{}", ran.out);
+    // 0.1 from 0.5 and 0.3 from 0.1.
+    near(&stored(dir.path(), "two"), (0.5 / 0.1 + 0.1 / 0.3) / (1.0 / 0.1 + 1.0 / 0.3));
+    // Unless told otherwise as many as the model's card is about.
+    let ran = encode(dir.path(), &["pictures/felt.png", "--as", "blend", "--dry-run"]).ok();
+    assert!(ran.out.contains("a blend of the nearest 3"), "{}", ran.out);
+}
+
+/// A library keeps who may read it and one that may not be written is left alone.
+#[cfg(unix)]
+#[test]
+fn library_keeps_its_permissions_and_read_only_is_untouched() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = folder();
+    let library = dir.path().join("materials/l.ron");
+    let mode = |mode: u32| {
+        std::fs::set_permissions(&library, std::fs::Permissions::from_mode(mode)).expect("a mode")
+    };
+    mode(0o640);
+    encode(dir.path(), &["pictures/felt.png", "--name", "one"]).ok();
+    assert_eq!(std::fs::metadata(&library).expect("a file").permissions().mode() & 0o777, 0o640);
+    mode(0o444);
+    let before = text(dir.path());
+    let ran = encode(dir.path(), &["pictures/felt.png", "--name", "two"]);
+    assert!(ran.code == 2 && ran.err.contains("may not be written"), "{}", ran.err);
+    assert_eq!(text(dir.path()), before);
+}
+
+#[test]
+fn those_who_add_at_the_same_time_all_add() {
+    let dir = folder();
+    let names: Vec<String> = (0..8).map(|n| format!("c{n}")).collect();
+    std::thread::scope(|scope| {
+        for name in &names {
+            scope.spawn(|| encode(dir.path(), &["pictures/felt.png", "--name", name]).ok());
+        }
+    });
+    names.iter().for_each(|name| drop(stored(dir.path(), name)));
+}
+
+#[test]
+fn control_characters_of_a_file_name_are_escaped() {
+    let dir = folder();
+    let ran = encode(dir.path(), &["pictures/\u{1b}[31m.png", "--name", "x"]);
+    assert!(
+        ran.code == 2 && ran.err.contains("\\u{1b}[31m.png") && !ran.err.contains('\u{1b}'),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
+fn the_shipped_encoder_is_as_small_as_promised() {
+    let bytes =
+        std::fs::metadata(harness::graphs("models/surfaces/encoder.onnx")).expect("the encoder").len();
+    assert!(bytes <= 12_000_000, "{bytes}");
+}
+
+#[test]
+fn several_pictures_give_their_mean_and_how_far_they_are_apart() {
+    let dir = folder();
+    picture(&dir.path().join("pictures/second.jpg"), [640, 480], [204; 3]);
+    let ran = encode(dir.path(), &["pictures/felt.png", "pictures/second.jpg", "--as", "raw"]).ok();
+    assert!(ran.out.contains("pictures/second.jpg: grey"), "{}", ran.out);
+    assert!(
+        ran.out.contains("pictures/felt.png: nearest `middle`")
+            && ran.out.contains("pictures/second.jpg: nearest `bright`")
+    );
+    // Each is 0.2 from the mean.
+    let spread = ran.out.split("spread of 2 pictures around their mean: ").nth(1).expect("a spread");
+    for part in spread.split(", ").take(2) {
+        let far: f64 = part.split(' ').next().and_then(|x| x.parse().ok()).expect("a number");
+        assert!((far - apart(0.4, 0.6)).abs() < 1e-3, "{spread}");
+    }
+    let felt = stored(dir.path(), "felt");
+    assert!((felt.vector[0] - 0.6).abs() < 1e-5 && felt.description.contains("From 2 pictures"));
+    assert_eq!(felt.images, ["../pictures/felt.png", "../pictures/second.jpg"]);
+}
+
+#[test]
+fn what_is_done_to_a_picture_is_said() {
+    let dir = folder();
+    picture(&dir.path().join("odd.png"), [100, 60], [10, 80, 90]);
+    let ran = encode(dir.path(), &["odd.png", "--dry-run"]).ok();
+    assert!(ran.out.contains("odd.png: cropped from 100 x 60 to its middle 80 x 60"), "{}", ran.out);
+    assert!(ran.out.contains("odd.png: enlarged from 80 x 60"), "{}", ran.out);
+}
+
+#[test]
+fn a_dry_run_tells_and_adds_nothing() {
+    let dir = folder();
+    let before = text(dir.path());
+    let ran = encode(dir.path(), &["pictures/felt.png", "--dry-run"]).ok();
+    assert!(ran.out.contains("`felt` would get the vector of `middle`; nothing was added"), "{}", ran.out);
+    // To look where a known one lies is no mistake.
+    let ran = encode(dir.path(), &["pictures/felt.png", "--dry-run", "--name", "dark"]).ok();
+    assert!(ran.err.contains("warning: the library has a material `dark` already"), "{}", ran.err);
+    assert_eq!(text(dir.path()), before);
+}
+
+#[test]
+fn whatever_is_wrong_is_said_and_the_library_stays_as_it_is() {
+    let dir = folder();
+    let before = text(dir.path());
+    let at = |name: &str| dir.path().join(name);
+    std::fs::write(at("text.png"), "no picture").expect("a file");
+    std::fs::write(at("empty.png"), "").expect("a file");
+    let whole = std::fs::read(at("pictures/felt.png")).expect("a file");
+    std::fs::write(at("cut.png"), &whole[..whole.len() / 2]).expect("a file");
+    let network = networks::model(&networks::Net::random(1), networks::Spelling::default());
+    std::fs::write(at("network.onnx"), networks::bytes(&network)).expect("a file");
+    let broken = networks::encoder(&[1e38; 576], 0.0);
+    std::fs::write(at("broken.onnx"), networks::bytes(&broken)).expect("a file");
+    let felt = "pictures/felt.png";
+    for (args, names) in [
+        (vec!["text.png"], "text.png: error: no PNG, JPEG or BMP picture"),
+        (vec!["empty.png"], "empty.png: error: this file is empty"),
+        (vec!["cut.png"], "cut.png: error: this PNG picture is damaged or cut off"),
+        (vec![felt, "none.png"], "none.png: error: cannot read"),
+        (vec!["pictures"], "pictures: error: this is a folder"),
+        (vec![felt, "--name", "dark"], "has a material `dark` already"),
+        (vec![felt, "--name", " "], "--name"),
+        (vec![felt, "--encoder", "none.onnx"], "--encoder names this file"),
+        (vec![felt, "--encoder", "text.png"], "not an ONNX model"),
+        (vec![felt, "--encoder", "network.onnx"], "3 inputs, not 1"),
+        (vec![felt, "--encoder", "broken.onnx"], "not finite"),
+        (vec![felt, "--as", "nope"], "--as"),
+        (vec![felt, "--neighbours", "0"], "--neighbours"),
+        (vec![felt, "--neighbours", "-1"], "--neighbours"),
+        (vec![felt, "--family", " "], "--family"),
+        (vec![], "IMAGE"),
+    ] {
+        let ran = encode(dir.path(), &args);
+        assert!(
+            ran.code == 2 && ran.err.contains(names) && !ran.err.contains("panicked"),
+            "{args:?}: {} {}",
+            ran.code,
+            ran.err
+        );
+        assert_eq!(text(dir.path()), before, "{args:?}");
+    }
+    let ran = run(dir.path(), &["encode", felt, "--library", "none.ron"]);
+    assert!(ran.code == 2 && ran.err.contains("--library names this file"), "{}", ran.err);
+    // A library that names no encoder, and one whose encoder is gone.
+    let lines = before.lines().filter(|line| !line.trim_start().starts_with("encoder:"));
+    std::fs::write(at("plain.ron"), lines.collect::<Vec<_>>().join("\n") + "\n").expect("a library");
+    let ran = run(dir.path(), &["encode", felt, "--library", "plain.ron"]);
+    assert!(
+        ran.code == 2 && ran.err.contains("names no encoder") && ran.err.contains("--encoder"),
+        "{}",
+        ran.err
+    );
+    std::fs::remove_file(at("models/e.onnx")).expect("a file");
+    let ran = encode(dir.path(), &[felt]);
+    assert!(ran.code == 2 && ran.err.contains("materials/l.ron names this file"), "{}", ran.err);
+}
+
+#[test]
+fn materials_are_listed_with_their_pictures_and_what_is_missing() {
+    let dir = folder();
+    encode(dir.path(), &["pictures/felt.png"]).ok();
+    let list = |more: &[&str]| {
+        run(dir.path(), &[&["materials", "--library", "materials/l.ron"], more].concat()).ok().out
+    };
+    let out = list(&[]);
+    assert!(out.contains("dark    grey  Made for a test.") && out.contains("4 materials"), "{out}");
+    assert!(out.contains("materials/../pictures/felt.png\n") && !out.contains("missing"), "{out}");
+    std::fs::remove_file(dir.path().join("pictures/felt.png")).expect("a file");
+    assert!(list(&[]).contains("pictures/felt.png (missing)"));
+    std::fs::write(dir.path().join("l.json"), list(&["--json"])).expect("a file");
+    let all = json(&dir.path().join("l.json"));
+    assert_eq!(all["encoder"]["missing"], false);
+    assert_eq!(all["materials"][3]["name"], "felt");
+    assert_eq!(all["materials"][3]["images"][0]["missing"], true);
+    assert_eq!(
+        (&all["materials"][0]["family"], &all["materials"][3]["family"]),
+        (&"grey".into(), &serde_json::Value::Null)
+    );
+    // Without a name it is the shipped one, from the top of the project.
+    let ran = run(&harness::root(), &["materials"]).ok();
+    assert!(ran.out.contains("canvas"), "{}", ran.out);
+    let ran = run(dir.path(), &["materials"]);
+    assert!(ran.code == 2 && ran.err.contains("--library names this file"), "{}", ran.err);
+}
+
+/// Name and family of the material that a picture of the shipped folder is nearest to.
+fn nearest(picture: &str) -> (String, String) {
+    let shipped = |name: &str| harness::graphs(&format!("models/surfaces/{name}")).display().to_string();
+    let (picture, library) = (shipped(&format!("pictures/{picture}.jpg")), shipped("materials.ron"));
+    let ran =
+        run(&harness::root(), &["encode", &picture, "--library", &library, "--name", "new", "--dry-run"])
+            .ok();
+    let mut lines = ran.out.lines().skip_while(|line| !line.starts_with("nearest"));
+    let parts: Vec<&str> = lines.nth(1).expect("a neighbour").split("  ").filter(|p| !p.is_empty()).collect();
+    (parts[0].trim().to_owned(), parts[2].trim().to_owned())
+}
+
+/// It knows a surface by an unseen part of it, and a new surface by its family.
+#[test]
+fn shipped_encoder_knows_unseen_places_and_families() {
+    // a picture of every eleventh material, of a piece that was never trained on
+    let library = Library::read(harness::graphs("models/surfaces/materials.ron")).expect("the library");
+    assert_eq!(library.materials().len(), 96);
+    let some = library.materials().iter().step_by(11);
+    let rightly: Vec<bool> = some
+        .map(|m| {
+            let picture = m.images[0].strip_prefix("pictures/").and_then(|p| p.strip_suffix(".jpg"));
+            nearest(picture.expect("a picture")).0 == m.name
+        })
+        .collect();
+    assert!(rightly.iter().filter(|r| !**r).count() <= 1, "{rightly:?}");
+    // surfaces that were never trained on
+    let strangers = [
+        ("heavy_denim", "weave"),
+        ("loop_pile", "carpet"),
+        ("square_grating_2_mm", "grating"),
+        ("pine", "wood"),
+    ];
+    let families = strangers.map(|(picture, family)| nearest(picture).1 == family);
+    assert!(families.iter().filter(|r| !**r).count() <= 1, "{families:?}");
+}

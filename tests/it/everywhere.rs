@@ -1,0 +1,200 @@
+//! The same bits on every CPU: the shipped graphs rendered with every instruction set there is, and on an
+//! emulated CPU that has few.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use harness::servers::skipped;
+use harness::{asperity, graphs, retrieving, root, run};
+
+/// Long enough for the hand to stroke, short enough for an emulator.
+const SECONDS: &str = "2";
+/// A CPU without AVX, FMA and F16C, as it is emulated: of 2008.
+const OLD_CPU: &str = "Nehalem";
+/// The hashes that are kept.
+const KEPT: &str = "tests/data/renders.txt";
+
+/// A render: its name and what follows `asperity render`.
+fn renders() -> BTreeMap<String, Vec<String>> {
+    let mut all = BTreeMap::new();
+    let mut add = |name: String, graph: &Path, more: &[&str]| {
+        let args = [&[graph.to_str().unwrap()], more].concat();
+        all.insert(name, args.into_iter().map(str::to_owned).collect());
+    };
+    let stroke = graphs("trajectories/zigzag.csv");
+    let stroke = ["--input", stroke.to_str().unwrap()];
+    for folder in ["", "scenes"] {
+        for entry in std::fs::read_dir(graphs(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|e| e == "ron") {
+                let name = path.strip_prefix(graphs("")).unwrap().display().to_string();
+                // A hand that is not there is a stroke from a file.
+                let live = ["live.ron", "haply.ron", "openhaptics.ron"].contains(&name.as_str());
+                add(name, &path, if live { &stroke } else { &[] });
+            }
+        }
+    }
+    for precision in ["f16", "int8", "f64"] {
+        let set = format!("texture.precision={precision}");
+        add(format!("heravi2024.ron {set}"), &graphs("heravi2024.ron"), &["--set", &set]);
+    }
+    add("sample_commit.ron".into(), &retrieving(), &[]);
+    all
+}
+
+/// The samples of a render as a hash; none where they are all silent, which would prove nothing.
+fn hash(mut program: Command, dir: &Path, args: &[String]) -> u32 {
+    let wav = dir.join("out.wav");
+    program.arg("render").args(args).args(["--seconds", SECONDS, "--out"]).arg(&wav);
+    let out = program.output().expect("the program starts");
+    assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+    let (samples, _) = harness::wav(&wav);
+    assert!(samples.iter().any(|&x| x != 0.0), "{args:?} is silent");
+    let bytes: Vec<u8> = samples.iter().flat_map(|x| x.to_bits().to_le_bytes()).collect();
+    crc32fast::hash(&bytes)
+}
+
+fn kept() -> BTreeMap<String, u32> {
+    let text = std::fs::read_to_string(root().join(KEPT)).expect("the kept hashes");
+    let line = |line: &str| {
+        let (hash, name) = line.split_once(' ').expect("a hash and a name");
+        (name.to_owned(), u32::from_str_radix(hash, 16).expect("a hash"))
+    };
+    text.lines().filter(|l| !l.starts_with('#')).map(line).collect()
+}
+
+/// The instruction sets that this CPU has.
+fn instructions() -> Vec<&'static str> {
+    let all = asperity_dsp::Isa::available().map(asperity_dsp::Isa::name);
+    all.collect()
+}
+
+#[test]
+fn shipped_renders_have_the_kept_bits_on_every_instruction_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut found = BTreeMap::new();
+    for (name, args) in renders() {
+        let hashes = instructions().into_iter().map(|isa| {
+            let mut program = asperity(dir.path());
+            program.env("ASPERITY_ISA", isa);
+            (isa, hash(program, dir.path(), &args))
+        });
+        let hashes: Vec<_> = hashes.collect();
+        assert!(hashes.iter().all(|h| h.1 == hashes[0].1), "{name} differs: {hashes:x?}");
+        found.insert(name, hashes[0].1);
+    }
+    if std::env::var_os("ASPERITY_WRITE_RENDERS").is_some() {
+        let mut text =
+            String::from("# CRC-32 of the samples of the shipped renders, the same on every CPU.\n");
+        found.iter().for_each(|(name, hash)| text.push_str(&format!("{hash:08x} {name}\n")));
+        std::fs::write(root().join(KEPT), text).unwrap();
+    }
+    let kept = kept();
+    let other = |(name, hash): (&String, &u32)| (kept.get(name) != Some(hash)).then(|| name.clone());
+    let changed: Vec<String> = found.iter().filter_map(other).collect();
+    assert!(
+        changed.is_empty() && found.len() == kept.len(),
+        "these sound otherwise than before: {changed:?}. If that is meant, ASPERITY_WRITE_RENDERS=1 keeps it."
+    );
+}
+
+#[test]
+fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
+    let Some(emulator) = emulator() else { return };
+    let (all, kept) = (renders(), kept());
+    // Two at a time: an emulator is slow.
+    let check = |part: usize| {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, args) in all.iter().skip(part).step_by(2) {
+            let mut program = Command::new(&emulator);
+            program.args(["-cpu", OLD_CPU]).arg(asperity(dir.path()).get_program());
+            program.current_dir(dir.path()).env("ASPERITY_STATE", "");
+            assert_eq!(Some(&hash(program, dir.path(), args)), kept.get(name), "{name} differs");
+        }
+    };
+    std::thread::scope(|s| {
+        s.spawn(|| check(1));
+        check(0);
+    });
+}
+
+/// tract has kernels of its own for each CPU. What it may differ by is stated in docs/accuracy.md.
+#[test]
+fn network_by_tract_stays_within_its_tolerance_on_an_old_cpu() {
+    let Some(emulator) = emulator() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("heravi2024.ron").display().to_string();
+    let render = |mut program: Command, name: &str| {
+        program.args([
+            "render",
+            &graph,
+            "--set",
+            "texture.executor=tract",
+            "--seconds",
+            SECONDS,
+            "--out",
+            name,
+        ]);
+        let out = program.output().expect("the program starts");
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        harness::wav(&dir.path().join(name)).0
+    };
+    let mut old = Command::new(emulator);
+    old.args(["-cpu", OLD_CPU]).arg(asperity(dir.path()).get_program());
+    old.current_dir(dir.path()).env("ASPERITY_STATE", "");
+    let (here, there) = (render(asperity(dir.path()), "here.wav"), render(old, "there.wav"));
+    let peak = here.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
+    let off = here.iter().zip(&there).fold(0.0_f32, |off, (a, b)| off.max((a - b).abs()));
+    assert!(peak > 0.01 && here.len() == there.len() && off < 1e-4 * peak, "{off} of {peak}");
+}
+
+/// The emulator, where it is installed.
+fn emulator() -> Option<PathBuf> {
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        skipped("a CPU of 2008 is emulated on Linux and x86-64 only");
+        return None;
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&path).map(|dir| dir.join("qemu-x86_64")).find(|file| file.exists());
+    if found.is_none() {
+        skipped("qemu-x86_64 is not installed: apt-get install qemu-user");
+    }
+    found
+}
+
+#[test]
+fn report_says_which_instructions_computed_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("heravi2024.ron").display().to_string();
+    let args = ["render", &graph, "--seconds", "0.1", "--report", "r.json", "--portable"];
+    let ran = run(dir.path(), &args).ok();
+    assert!(ran.out.contains("by portable; every CPU gives the same bits"), "{}", ran.out);
+    let report = std::fs::read_to_string(dir.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["instructions"], "portable");
+    // By tract other CPUs may give other bits, and that is said.
+    let ran =
+        run(dir.path(), &["render", &graph, "--seconds", "0.1", "--set", "texture.executor=tract"]).ok();
+    assert!(ran.out.contains("`texture` runs by tract, which other CPUs round otherwise"), "{}", ran.out);
+}
+
+#[test]
+fn weights_of_any_precision_run_without_vector_instructions() {
+    let dir = tempfile::tempdir().unwrap();
+    let graph = graphs("heravi2024.ron").display().to_string();
+    for precision in ["f16", "int8"] {
+        let set = format!("texture.precision={precision}");
+        let ran = run(dir.path(), &["render", &graph, "--seconds", "0.1", "--portable", "--set", &set]).ok();
+        assert!(ran.out.contains(&format!("packed {precision} on portable")), "{}", ran.out);
+    }
+}
+
+#[test]
+fn unknown_instruction_set_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = asperity(dir.path()).args(["nodes"]).env("ASPERITY_ISA", "avx3").output().unwrap();
+    let err = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{err}");
+    assert!(err.contains("ASPERITY_ISA: error: there is no instruction set `avx3`"), "{err}");
+}

@@ -1,0 +1,468 @@
+//! From a recording to a texture of autoregressive models, as a user does it: `asperity fit-ar`.
+
+mod stroke;
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use asperity_autoregressive::{Filter, Model, TextureFile};
+use harness::{Ran, files, graphs, json, run};
+use serde_json::Value;
+use stroke::{COLUMNS, row, stroke, table, table_of, write_npy};
+
+/// A folder with the stroke as a table.
+fn folder() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("s.csv"), table(COLUMNS, row)).expect("a file");
+    dir
+}
+
+fn fit(dir: &Path, args: &[&str]) -> Ran {
+    run(dir, &[&["fit-ar"], args].concat())
+}
+
+fn read(dir: &Path, name: &str) -> TextureFile {
+    TextureFile::read(dir.join(name)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// JSON that a command prints.
+fn told(dir: &Path, args: &[&str]) -> Value {
+    let out = fit(dir, &[args, &["--json"]].concat()).ok().out;
+    serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {out}"))
+}
+
+/// `var gain^2 |B / A|^2` at a frequency, as it is written down.
+fn closed_form(m: &Model, hz: f64) -> f64 {
+    let square = |coefficients: &[f64]| {
+        let w = TAU * hz / 1000.0;
+        let (mut re, mut im) = (1.0, 0.0);
+        for (i, c) in coefficients.iter().enumerate() {
+            let angle = w * (i + 1) as f64;
+            re += c * angle.cos();
+            im -= c * angle.sin();
+        }
+        re * re + im * im
+    };
+    m.variance * m.gain * m.gain * square(&m.ma) / square(&m.ar)
+}
+
+/// The largest difference in dB between a fitted filter and a model in thirds of an octave from 25 to 400 Hz
+/// that hold a thousandth of the power.
+fn worst_band(found: &Filter, want: &Model) -> f64 {
+    let fitted = Model {
+        ar: found.ar().to_vec(),
+        ma: found.ma().to_vec(),
+        variance: found.deviation.powi(2),
+        gain: found.gain,
+        ..want.clone()
+    };
+    let bands: Vec<[f64; 2]> = (14..=26)
+        .map(|band| {
+            let centre = 10f64.powf(f64::from(band) / 10.0);
+            let hz = |i: i32| centre * 10f64.powf((f64::from(i) + 0.5) / 1000.0 - 0.05);
+            [&fitted, want].map(|m| (0..100).map(|i| closed_form(m, hz(i)) * hz(i)).sum::<f64>())
+        })
+        .collect();
+    let whole: f64 = bands.iter().map(|b| b[1]).sum();
+    let held = bands.iter().filter(|b| b[1] > 1e-3 * whole);
+    held.map(|[x, y]| (10.0 * (x / y).log10()).abs()).fold(0.0, f64::max)
+}
+
+/// Of six seconds of noise the band of 25 Hz has a deviation of 0.74 dB by itself, that of 100 Hz of 0.37.
+const WITHIN_DB: f64 = 1.5;
+
+#[test]
+fn the_models_that_were_rendered_are_found_again() {
+    let dir = folder();
+    let ran = fit(
+        dir.path(),
+        &["s.csv", "--out", "m.ron", "--plot", "m.svg", "--description", "Ribs \"of\" cloth."],
+    )
+    .ok();
+    assert_eq!(files(dir.path()), ["m.ron", "m.svg", "s.csv"]);
+    let file = read(dir.path(), "m.ron");
+    assert_eq!(file.description, "Ribs \"of\" cloth.");
+    let origin = file.origin.strip_prefix("Fitted by `asperity fit-ar` to ");
+    let seconds = origin.and_then(|o| o.strip_suffix(" s of s.csv.")).and_then(|s| s.parse::<f64>().ok());
+    // All but what is on the way.
+    assert!(seconds.is_some_and(|s| (54.0..63.0).contains(&s)), "{}", file.origin);
+    assert_eq!((file.texture.models().len(), file.texture.rate_hz()), (9, 1000.0), "{}", ran.out);
+    // Five of the nine are on the hull, which makes eleven triangles; the one below the three of the least
+    // force is a sliver.
+    assert_eq!(file.texture.triangles().corners().len(), 10);
+    for m in &stroke().models {
+        let off = worst_band(&file.texture.at(m.speed_mm_s, m.force_n), m);
+        assert!(off < WITHIN_DB, "{} mm/s, {} N: {off} dB\n{}", m.speed_mm_s, m.force_n, ran.out);
+    }
+    for said in [
+        "s.csv: 63.00 s at 1000 Hz, one axis of acceleration",
+        "with speed or force changing",
+        "of least AICc from 1 to 24: ",
+        "9 models at 1000 Hz, 10 triangles",
+        "   31.5 ",
+        "/m.ron\n",
+        "/m.svg\n",
+    ] {
+        assert!(ran.out.contains(said), "{said}\n{}", ran.out);
+    }
+    assert_eq!(ran.err, "", "nothing to warn of");
+    let svg = std::fs::read_to_string(dir.path().join("m.svg")).expect("a picture");
+    assert!(svg.starts_with("<svg") && svg.contains("A texture fitted to s.csv") && svg.contains("within "));
+
+    // The same recording gives the same bytes, in the place of what was there.
+    let before = std::fs::read(dir.path().join("m.ron")).expect("a file");
+    std::fs::write(dir.path().join("m.ron"), "old").expect("a file");
+    fit(dir.path(), &["s.csv", "--out", "m.ron", "--description", "Ribs \"of\" cloth."]).ok();
+    assert_eq!(std::fs::read(dir.path().join("m.ron")).expect("a file"), before);
+}
+
+#[test]
+#[ignore = "draws docs/autoregressive.svg"]
+fn the_picture_of_the_documentation() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("rough.csv"), table(COLUMNS, row)).expect("a file");
+    let picture = harness::root().join("docs/autoregressive.svg").display().to_string();
+    fit(dir.path(), &["rough.csv", "--out", "m.ron", "--plot", &picture]).ok();
+}
+
+#[test]
+fn what_is_printed_as_json_is_what_was_found() {
+    let dir = folder();
+    let told = told(dir.path(), &["s.csv", "--out", "m.ron", "--by", "bic", "--max-order", "12"]);
+    let file = read(dir.path(), "m.ron");
+    assert_eq!(told["models"].as_array().map(Vec::len), Some(9));
+    assert_eq!(
+        (&told["criterion"], &told["model_hz"], &told["axes"]),
+        (&"BIC".into(), &1000.0.into(), &1.into())
+    );
+    assert_eq!(told["order"], file.texture.models()[0].ar.len());
+    let curve = told["criterion_by_order"].as_array().expect("a curve");
+    let least =
+        curve.iter().min_by(|a, b| a[1].as_f64().unwrap().total_cmp(&b[1].as_f64().unwrap())).unwrap();
+    assert_eq!((curve.len(), &least[0], &least[1]), (12, &told["order"], &0.0.into()));
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
+    for (m, told) in file.texture.models().iter().zip(told["models"].as_array().expect("models")) {
+        // JSON is read to all but the last bit.
+        let same = |name: &str, value: f64| (number(&told[name]) / value - 1.0).abs() < 1e-12;
+        assert!(same("speed_mm_s", m.speed_mm_s) && same("force_n", m.force_n), "{told} of {m:?}");
+        // Of 117 bands with deviations of up to 0.74 dB each, the recording's own chance.
+        assert!(number(&told["seconds"]) > 5.0 && number(&told["worst_off_db"]).abs() < 3.0, "{told}");
+    }
+    // Every 10 ms is in a segment or was dropped.
+    let sum =
+        |list: &Value| list.as_array().expect("a list").iter().map(|s| number(&s["length_s"])).sum::<f64>();
+    assert!((sum(&told["segments"]) + sum(&told["dropped"]) - number(&told["seconds"])).abs() < 1e-6);
+    assert!(told["segments"].as_array().expect("a list").iter().all(|s| number(&s["model"]) < 9.0));
+    let hull = &told["hull"];
+    assert!(number(&hull["speed_mm_s"][0]) < 65.0 && number(&hull["speed_mm_s"][1]) > 195.0, "{hull}");
+    assert!(hull["corners"].as_array().expect("corners").len() >= 4);
+    // What is rendered at the recording's speeds and forces has the recording's bands.
+    let bands = told["all"]["bands"].as_array().expect("bands");
+    assert_eq!(bands.len(), 13);
+    let power = |which: &str| -> f64 { bands.iter().map(|b| number(&b[which]).powi(2)).sum() };
+    let recorded = power("recorded_m_s2");
+    for band in bands.iter().filter(|b| number(&b["recorded_m_s2"]).powi(2) > 1e-3 * recorded) {
+        assert!(number(&band["off_db"]).abs() < 1.0, "{band}");
+    }
+    let level = 10.0 * (power("rendered_m_s2") / recorded).log10();
+    assert!((number(&told["all"]["level_off_db"]) - level).abs() < 1e-6 && level.abs() < 0.3, "{level} dB");
+    let written = dir.path().canonicalize().expect("a folder").join("m.ron");
+    assert_eq!(told["written"], serde_json::json!([written]));
+    // A file as well as a terminal can hold it.
+    std::fs::write(dir.path().join("t.json"), told.to_string()).expect("a file");
+    assert_eq!(json(&dir.path().join("t.json")), told);
+}
+
+#[test]
+fn options_are_taken_to_the_fit() {
+    let dir = folder();
+    let of = |more: &[&str]| told(dir.path(), &[&["s.csv", "--out", "m.ron"], more].concat());
+    let given = of(&["--order", "5", "--most-models", "3", "--high-pass-hz", "20"]);
+    assert_eq!(
+        (&given["order"], &given["criterion"], &given["high_pass_hz"]),
+        (&5.into(), &Value::Null, &20.0.into())
+    );
+    assert!(read(dir.path(), "m.ron").texture.models().len() <= 3);
+    let ran = fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "5"]).ok();
+    assert!(ran.out.contains("order         5, as asked for"), "{}", ran.out);
+    // Faster than 150 mm/s, and pressed harder than 2 N: one model of the nine.
+    let some = of(&["--least-speed-mm-s", "150", "--least-force-n", "2"]);
+    assert_eq!(some["models"].as_array().map(Vec::len), Some(1), "{some:#}");
+    assert!(some["dropped"].as_array().expect("a list").iter().any(|d| d["why"] == "slow"));
+    assert_eq!(some["triangles"], serde_json::json!([]));
+    // Wide tolerances join all that there is.
+    let wide = of(&["--speed-tolerance-mm-s", "500", "--force-tolerance-n", "9"]);
+    assert_eq!(wide["models"].as_array().map(Vec::len), Some(1));
+    let slow = of(&["--model-hz", "500", "--shortest-s", "1", "--tolerance-percent", "10"]);
+    assert_eq!(read(dir.path(), "m.ron").texture.rate_hz(), 500.0);
+    assert_eq!(slow["all"]["bands"].as_array().map(Vec::len), Some(10));
+    assert!(slow["segments"].as_array().expect("a list").iter().all(|s| s["length_s"].as_f64() >= Some(1.0)));
+}
+
+const NPY: [&str; 4] = ["--columns", "speed_mm_s,none,force_n,acceleration_m_s2", "--rate-hz", "1000"];
+
+#[test]
+fn arrays_and_wav_files_are_fitted_as_tables_are() {
+    let dir = folder();
+    fit(dir.path(), &["s.csv", "--out", "a.ron"]).ok();
+    write_npy(&dir.path().join("s.npy"));
+    fit(dir.path(), &[&["s.npy", "--out", "b.ron"], &NPY[..]].concat()).ok();
+    let (table, array) = (read(dir.path(), "a.ron"), read(dir.path(), "b.ron"));
+    assert_eq!(table.texture, array.texture);
+    let spec = hound::WavSpec {
+        channels: 3,
+        sample_rate: 1000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(dir.path().join("s.wav"), spec).expect("a file");
+    for n in 0..stroke().force.len() {
+        for (x, full) in row(n).into_iter().zip([10.0, 500.0, 50.0]) {
+            writer.write_sample((x / full) as f32).expect("a sample");
+        }
+    }
+    writer.finalize().expect("a file");
+    let channel = |(name, full): (&str, f64)| format!("(quantity: \"{name}\", full_scale: {full:?}),");
+    let names = [("force_n", 10.0), ("speed_mm_s", 500.0), ("acceleration_m_s2", 50.0)].map(channel).concat();
+    std::fs::write(dir.path().join("recording.ron"), format!("Recording(channels: [{names}])"))
+        .expect("a file");
+    fit(dir.path(), &["s.wav", "--out", "c.ron"]).ok();
+    let wav = read(dir.path(), "c.ron");
+    for m in &stroke().models {
+        let off = worst_band(&wav.texture.at(m.speed_mm_s, m.force_n), m);
+        assert!(off < WITHIN_DB, "{off} dB");
+    }
+    // The file that names the channels is not to be lost.
+    let ran = fit(dir.path(), &["s.wav", "--out", "recording.ron"]);
+    assert!(ran.code == 2 && ran.err.contains("channels of a WAV file"), "{}", ran.err);
+}
+
+#[test]
+fn a_tool_that_shakes_askew_is_as_loud() {
+    let dir = folder();
+    // 2-3-6-7, with gravity on one axis, and places for speeds.
+    let mut place = 0.0;
+    let places: Vec<f64> = stroke()
+        .speed
+        .iter()
+        .map(|v| {
+            place += v / 1000.0;
+            place
+        })
+        .collect();
+    let text = table("force_n,x_mm,y_mm,ax_m_s2,ay_m_s2,az_m_s2", |n| {
+        let a = stroke().acceleration[n] / 7.0;
+        vec![stroke().force[n], 0.6 * places[n], -0.8 * places[n], 2.0 * a, -3.0 * a, 6.0 * a + 9.81]
+    });
+    std::fs::write(dir.path().join("axes.csv"), text).expect("a file");
+    let ran = fit(dir.path(), &["axes.csv", "--out", "m.ron"]).ok();
+    assert!(ran.out.contains("3 axes of acceleration"), "{}", ran.out);
+    let file = read(dir.path(), "m.ron");
+    for m in &stroke().models {
+        let off = worst_band(&file.texture.at(m.speed_mm_s, m.force_n), m);
+        assert!(off < WITHIN_DB, "{} mm/s, {} N: {off} dB", m.speed_mm_s, m.force_n);
+    }
+}
+
+#[test]
+fn a_scene_renders_what_was_fitted() {
+    let dir = folder();
+    fit(dir.path(), &["s.csv", "--out", "m.ron"]).ok();
+    let stroke = graphs("trajectories/zigzag.csv").display().to_string();
+    let scene = |texture: &str| {
+        format!(
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), \
+             output: audio_out(volts_at_full_scale: 1.0, \
+             amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
+             effects: (stiffness: (stiffness_n_per_mm: 0.5){texture}))}})"
+        )
+    };
+    let power = |name: &str, texture: &str| {
+        std::fs::write(dir.path().join("scene.ron"), scene(texture)).expect("a file");
+        run(dir.path(), &["render", "scene.ron", "--seconds", "2", "--out", name]).ok();
+        let (samples, _) = harness::wav(&dir.path().join(name));
+        samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64
+    };
+    let [twice, once] = [
+        ", texture: autoregressive(model: \"m.ron\", gain: 0.2)",
+        ", texture: autoregressive(model: \"m.ron\", gain: 0.1)",
+    ]
+    .map(|texture| power("o.wav", texture));
+    assert!(once > 0.0 && (twice / once / 4.0 - 1.0).abs() < 0.1, "{twice} and {once}");
+}
+
+#[test]
+fn a_band_that_is_far_off_is_warned_of() {
+    let dir = folder();
+    let ran = fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "1"]).ok();
+    let said = ran.err.strip_prefix("warning: the band at ").unwrap_or_else(|| panic!("{}", ran.err));
+    let (hz, rest) = said.split_once(" Hz is rendered ").unwrap_or_else(|| panic!("{said}"));
+    let (db, rest) = rest.split_once(" dB off").unwrap_or_else(|| panic!("{rest}"));
+    assert_eq!(rest.trim_end(), " the recording");
+    let [hz, db] = [hz, db].map(|x| x.parse::<f64>().unwrap_or_else(|e| panic!("{x}: {e}")));
+    assert!((24.0..=401.0).contains(&hz) && db.abs() > 3.0, "{said}");
+    let told = ran.out.split_once("dB, at most ").and_then(|(_, rest)| rest.split_once(" dB"));
+    let told = told.and_then(|(db, _)| db.parse::<f64>().ok());
+    assert!(told.is_some_and(|told| (told - db).abs() < 0.051), "{said}{}", ran.out);
+    assert!(
+        !files(dir.path()).contains(&"m.svg".to_owned())
+            && read(dir.path(), "m.ron").texture.models()[0].ar.len() == 1
+    );
+}
+
+/// Three corners at which nothing sounds, around all that the stroke does, and a loud one beyond.
+#[test]
+fn scene_between_models_without_variance_is_silent() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let stroke = graphs("trajectories/zigzag.csv").display().to_string();
+    let peak = |silent: f64| {
+        let corner = |speed: f64, force: f64, variance: f64| {
+            format!(
+                "(speed_mm_s: {speed:?}, force_n: {force:?}, variance: {variance:?}, ar: [-1.2, 0.9], \
+                 ma: [0.3]),"
+            )
+        };
+        let models = [(1.0, 0.01, silent), (2000.0, 0.01, silent), (1.0, 20.0, silent), (2000.0, 20.0, 0.5)]
+            .map(|(v, f, s)| corner(v, f, s))
+            .concat();
+        let text = format!(
+            "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000, \
+             models: [{models}], \
+             triangles: [[0, 1, 2], [1, 2, 3]])"
+        );
+        std::fs::write(dir.path().join("m.ron"), text).expect("a file");
+        let scene = format!(
+            "Scene(version: 1, input: trajectory(file: {stroke:?}), \
+             output: audio_out(volts_at_full_scale: 1.0, \
+             amps_per_volt: 1.0), surfaces: {{\"cloth\": (shape: plane, \
+             effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: autoregressive(model: \"m.ron\")))}})"
+        );
+        std::fs::write(dir.path().join("scene.ron"), scene).expect("a file");
+        run(dir.path(), &["render", "scene.ron", "--seconds", "3", "--out", "o.wav"]).ok();
+        harness::wav(&dir.path().join("o.wav")).0.iter().fold(0.0f32, |m, x| m.max(x.abs()))
+    };
+    assert_eq!(peak(0.0), 0.0);
+    assert!(peak(1e-6) > 0.0);
+}
+
+#[test]
+fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| dir.path().join(name);
+    let good = {
+        let text = table(COLUMNS, row);
+        // Three seconds will do.
+        text.lines().take(3002).collect::<Vec<_>>().join("\n") + "\n"
+    };
+    let write = |name: &str, text: &str| std::fs::write(at(name), text).expect("a file");
+    let changed = |name: &str, line: usize, by: &dyn Fn(&str) -> String| {
+        let text: Vec<String> =
+            good.lines().enumerate().map(|(i, l)| if i + 1 == line { by(l) } else { l.to_owned() }).collect();
+        write(name, &(text.join("\n") + "\n"));
+    };
+    write("s.csv", &good);
+    changed("cell.csv", 12, &|l| l.replacen("0.009,", "0.009,x", 1));
+    changed("short.csv", 12, &|l| l.rsplit_once(',').expect("cells").0.to_owned());
+    changed("name.csv", 2, &|l| l.replace("force_n", "forc_n"));
+    changed("none.csv", 2, &|l| l.replace("acceleration_m_s2", "vx_mm_s"));
+    changed("clock.csv", 12, &|l| l.replacen("0.009", "0.0099", 1));
+    write("still.csv", &table_of(3000, |_| vec![1.0, 0.0, 0.5]));
+    write("quiet.csv", &table_of(3000, |n| vec![0.0, 50.0, (n as f64).sin()]));
+    changed("nan.csv", 12, &|l| {
+        let (time, rest) = l.split_once(',').expect("cells");
+        let (_, rest) = rest.split_once(',').expect("cells");
+        format!("{time},nan,{rest}")
+    });
+    let first = |count: usize| table_of(count, |n| vec![1.0, 50.0, (n as f64).sin()]);
+    write("header.csv", &first(0));
+    write("one.csv", &first(1));
+    write("brief.csv", &first(100));
+    std::fs::write(at("s.mat"), b"MATLAB 5.0 \xff\xfe\x00").expect("a file");
+    write("empty.csv", "");
+    write("bad.npy", "no array");
+    write("alone.wav", "RIFF");
+    write_npy(&at("s.npy"));
+    write("mine.ron", "mine");
+    std::fs::create_dir(at("folder")).expect("a folder");
+    let before: Vec<(String, Option<Vec<u8>>)> =
+        files(dir.path()).into_iter().map(|f| (f.clone(), std::fs::read(at(&f)).ok())).collect();
+    let npy = |columns: &'static str| vec!["s.npy", "--columns", columns, "--rate-hz", "1000"];
+    let with = |option: &'static str, value: &'static str| vec!["s.csv", option, value];
+    for (args, said) in [
+        (vec!["nothing.csv"], "nothing.csv: error: cannot read"),
+        (vec!["folder"], "folder: error: "),
+        (vec!["s.mat"], "a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
+        (vec!["header.csv"], "header.csv:2:1: error: a stroke of no rows or one"),
+        (vec!["one.csv"], "a stroke of no rows or one"),
+        (vec!["brief.csv"], "a stroke of 0.100 s"),
+        (vec!["nan.csv"], "nan.csv:12:7: error: `force_n` is `nan`, which is not finite"),
+        (vec!["empty.csv"], "empty.csv:1:1: error: no header line"),
+        (vec!["cell.csv"], "cell.csv:12:7: error: `force_n` is `x"),
+        (vec!["short.csv"], "error: a row of "),
+        (vec!["name.csv"], "name.csv:2:5: error: unknown column `forc_n`"),
+        (vec!["none.csv"], "none.csv:2:31: error: no acceleration"),
+        (vec!["clock.csv"], "clock.csv:12:1: error: the clock is not steady"),
+        (
+            vec!["still.csv"],
+            "still.csv: error: no stretch of 0.2 s to fit: 3.00 s without a change of acceleration",
+        ),
+        (vec!["quiet.csv"], "is it in N, and counted positive into the surface?"),
+        (vec!["alone.wav"], "nothing says what the channels of this file are"),
+        (vec!["s.npy"], "nothing says what the columns of this array are"),
+        (vec!["bad.npy", "--columns", "force_n", "--rate-hz", "1000"], "bad.npy: error: "),
+        (npy("force_n,speed_mm_s"), "s.npy: error: 4 columns, and 2 are named"),
+        (npy("speed_mm_s,none,force_n,ax"), "s.npy: error: unknown column `ax`"),
+        (npy("speed_mm_s,x_mm,force_n,ax_m_s2"), "`x_mm` is NaN in row 0"),
+        (npy("speed_mm_s,none,none,ax_m_s2"), "s.npy: error: no force"),
+        (vec!["s.npy", "--columns", "force_n"], "--rate-hz"),
+        (
+            vec!["s.csv", "--columns", "force_n", "--rate-hz", "1000"],
+            "--columns: error: a table names its own columns",
+        ),
+        (with("--rate-hz", "500"), "--rate-hz"),
+        (with("--order", "0"), "a whole number from 1 to 64"),
+        (with("--order", "65"), "--order"),
+        (with("--order", "64"), "models of order 64 of pieces of 0.2 s"),
+        (with("--max-order", "nope"), "--max-order"),
+        (vec!["s.csv", "--order", "9", "--max-order", "9"], "--max-order"),
+        (with("--by", "aic"), "--by"),
+        (with("--model-hz", "2000"), "models at 2000 Hz of a recording at 1000 Hz"),
+        (with("--model-hz", "499"), "--model-hz"),
+        (with("--high-pass-hz", "-1"), "a number from 0 to 1000 Hz"),
+        (with("--high-pass-hz", "101"), "a corner of the high-pass of 101 Hz"),
+        (with("--shortest-s", "nan"), "--shortest-s"),
+        (with("--shortest-s", "5"), "a recording of 3.000 s"),
+        (with("--most-models", "0"), "--most-models"),
+        (with("--speed-tolerance-mm-s", "0"), "--speed-tolerance-mm-s"),
+        (with("--tolerance-percent", "101"), "--tolerance-percent"),
+        (with("--plot", "s.csv"), "--plot: error: this file is read"),
+        (with("--plot", "mine.ron"), "--plot: error: this file is read, or is the texture"),
+        (with("--plot", "no/p.svg"), "--plot names this file"),
+        (vec![], "RECORDING"),
+    ] {
+        let ran = fit(dir.path(), &[&args[..], &["--out", "mine.ron"]].concat());
+        assert!(
+            ran.code == 2 && ran.err.contains(said) && !ran.err.contains("panicked") && ran.out.is_empty(),
+            "{args:?}: {} {}\nwanted {said}",
+            ran.code,
+            ran.err
+        );
+        for (name, bytes) in &before {
+            assert_eq!(&std::fs::read(at(name)).ok(), bytes, "{args:?} changed {name}");
+        }
+        assert_eq!(files(dir.path()).len(), before.len(), "{args:?}: {:?}", files(dir.path()));
+    }
+    for (out, said) in [
+        ("s.csv", "--out: error: the recording is read, and would be overwritten"),
+        ("./folder/../s.csv", "--out: error: the recording is read"),
+        ("m.txt", "--out: error: m.txt would not be found as a texture"),
+        ("no/m.ron", "--out names this file"),
+        ("folder", "--out"),
+    ] {
+        let ran = fit(dir.path(), &["s.csv", "--out", out]);
+        assert!(ran.code == 2 && ran.err.contains(said), "{out}: {} {}", ran.code, ran.err);
+        assert_eq!(files(dir.path()).len(), before.len());
+    }
+    fit(dir.path(), &["s.csv", "--out", "mine.ron"]).ok();
+    assert_eq!(read(dir.path(), "mine.ron").texture.models().len(), 1);
+}

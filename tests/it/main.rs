@@ -1,0 +1,35 @@
+//! The program and its libraries as a whole, one module a subject. Nothing here plays in real time.
+#![allow(unreachable_pub, reason = "a test program has no outside")]
+
+mod adopt;
+mod bad_input;
+mod chain;
+mod compare;
+mod compile;
+mod drive;
+mod encode;
+mod engine;
+mod everywhere;
+mod fed;
+mod fit_ar;
+mod hostile;
+mod invert;
+mod phase_survival;
+mod phase_vectors;
+mod plugin_check;
+mod plugins;
+mod range;
+mod regression;
+mod render;
+mod response;
+mod sample_commit;
+mod scene;
+mod scene_mended;
+mod scene_plot;
+mod selftest;
+mod simple_phase;
+mod state;
+mod texture;
+mod tradeoff;
+mod trust;
+mod zigzag;

@@ -1,0 +1,321 @@
+//! Cases that every phase-retrieval node must survive, built in or from a plugin, in the engine as a graph
+//! would have it.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use asperity_accuracy::phase::{self, Score};
+use asperity_engine::{Engine, Options};
+use asperity_graph::Compiled;
+use asperity_loader::Plugin;
+use asperity_node::{
+    Buffer, Descriptor, Diagnostic, FactValue, FrameLayout, FrameRate, LayoutSpec, Node, NodeKind, Output,
+    Param, Registry, Setup, ShapeSpec, Status, Tick, Unit,
+};
+use harness::{graph, plugins};
+
+const BINS: usize = 101;
+const FRAMES: u64 = 240;
+/// The frame in which some magnitudes are none, and the one at which silence ends.
+const BAD: u64 = 120;
+const ONSET: u64 = 60;
+/// Where the tone lies: between bins, and off the middle between two.
+const TONE: f64 = 15.37;
+
+const CASES: [&str; 9] = ["tone", "tie", "plateau", "flat", "one bin", "floor", "bad", "zeroed", "onset"];
+
+/// A sinusoid at place `at` in a periodic Hann window, of amplitude 1, seen at bin `k`.
+fn lobe(at: f64, k: usize) -> f64 {
+    let d = k as f64 - at;
+    match d.abs() {
+        x if x < 1e-9 => 1.0,
+        x if (x - 1.0).abs() < 1e-9 => 0.5,
+        _ => ((PI * d).sin() / (PI * d * (1.0 - d * d))).abs(),
+    }
+}
+
+/// Bin `k` of frame `n`.
+fn magnitude(case: &str, n: u64, k: usize) -> f64 {
+    let tone = lobe(TONE, k);
+    match case {
+        "tie" => lobe(15.5, k),
+        "plateau" => [0.2, 0.2, 0.1, 0.1][k % 4],
+        "flat" => 0.1,
+        "one bin" => f64::from(u8::from(k == 40)),
+        // 26.2 dB under the tone.
+        "floor" => tone.max(0.049),
+        "bad" if n == BAD && k % 25 == 10 => [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0][k / 25],
+        "zeroed" if n == BAD && k % 25 == 10 => 0.0,
+        "onset" if n < ONSET => 0.0,
+        _ => tone,
+    }
+}
+
+/// Frames of one of the cases, 500 a second.
+struct Given<const RATE_HZ: u32> {
+    case: String,
+    scale: f64,
+}
+
+fn layout(rate_hz: u32) -> FrameLayout {
+    let frame_rate = FrameRate::new(500, 1).expect("a rate");
+    FrameLayout { rate_hz, length: rate_hz / 10, bins: BINS as u32, frame_rate }
+}
+
+impl<const RATE_HZ: u32> Node for Given<RATE_HZ> {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(format!("given_{RATE_HZ}"), "Plays frames.")
+            .output(Output::new(
+                "magnitude",
+                ShapeSpec::Magnitude(LayoutSpec::Is(layout(RATE_HZ))),
+                Unit::NONE,
+            ))
+            .param(Param::choice("case", &CASES, "Which."))
+            .param(Param::number("scale", 1.0, 0.0..=1e30, "How large."))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self { case: setup.params.text("case").to_owned(), scale: setup.params.number("scale") })
+    }
+
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let (n, start) = (tick.index, tick.samples(RATE_HZ).start);
+        for (k, m) in tick.outputs.magnitude(0, n, start).iter_mut().enumerate() {
+            *m = (magnitude(&self.case, n, k) * self.scale) as f32;
+        }
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
+fn registry() -> Registry {
+    let mut all =
+        asperity_nodes::registry().with::<Given<2500>>().with::<Given<44_000>>().with::<Given<44_100>>();
+    for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
+        let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
+        for kind in plugin.kinds() {
+            assert!(all.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+        }
+    }
+    all
+}
+
+/// Every kind that takes magnitudes alone and answers one signal or spectrum, as it is and as it may be set.
+fn methods(registry: &Registry) -> Vec<(String, bool)> {
+    let retrieves = |d: &Descriptor| {
+        let mut required = d.inputs.iter().filter(|i| !i.optional);
+        match (required.next().map(|i| &i.shape), required.next(), d.outputs.as_slice()) {
+            (Some(ShapeSpec::Magnitude(_)), None, [out]) => match out.shape {
+                ShapeSpec::Spectrum(_) => Some(true),
+                ShapeSpec::Audio(_) => Some(false),
+                _ => None,
+            },
+            _ => None,
+        }
+    };
+    let mut all: Vec<(String, bool)> = registry
+        .iter()
+        .filter_map(|k| retrieves(k.descriptor()).map(|spectrum| (k.descriptor().kind.to_string(), spectrum)))
+        .collect();
+    for kind in [
+        "spsi",
+        "phase_vocoder",
+        "random_phase",
+        "oscillator_bank",
+        "sample_commit",
+        "rtpghi",
+        "gsrtisi_la",
+        "my_phase",
+    ] {
+        assert!(all.iter().any(|(k, _)| k == kind), "{kind} is missing: {all:?}");
+    }
+    for (set, spectrum) in [
+        ("sample_commit: emission: 0", false),
+        ("sample_commit: emission: 4", false),
+        ("oscillator_bank: partials: tracked", false),
+        ("rtpghi: look_ahead: 0", true),
+        ("gsrtisi_la: look_ahead: 0", true),
+    ] {
+        all.push((set.to_owned(), spectrum));
+    }
+    all
+}
+
+/// A method between frames at a rate and what hears it.
+fn compiled(registry: &Registry, method: &(String, bool), given: &str, rate_hz: u32) -> Compiled {
+    let (kind, set) = method.0.split_once(": ").unwrap_or((&method.0, ""));
+    let (last, synthesis, wire) = match method.1 {
+        true => ("synthesis", "\"synthesis\": (kind: \"overlap_add\"),", "(\"phase\", \"synthesis\"),"),
+        false => ("phase", "", ""),
+    };
+    let text = format!(
+        "Graph(version: 1, nodes: {{\"given\": (kind: \"given_{rate_hz}\", params: ({given})), \
+         \"phase\": (kind: {kind:?}, params: ({set})), {synthesis} \"end\": (kind: \"probe\")}}, \
+         wires: [(\"given\", \"phase\"), {wire} ({last:?}, \"end\")])"
+    );
+    graph::compiled(&graph::parsed(text), registry)
+}
+
+/// Runs frames through a method, from frame `from` on; sample 0 is the first of that frame.
+fn heard(registry: &Registry, method: &(String, bool), given: &str, rate_hz: u32, from: u64) -> Vec<f64> {
+    let compiled = compiled(registry, method, given, rate_hz);
+    let (num, den) = compiled.schedule.latency().as_ratio();
+    let late = (num * i64::from(rate_hz)).div_euclid(den);
+    let mut engine = Engine::new(compiled, Options::default());
+    let end = engine.schedule().index_of("end").expect("a node");
+    engine.skip(from);
+    let mut samples = vec![0.0; usize::try_from(-late).unwrap_or(0)];
+    for _ in 0..FRAMES {
+        engine.tick();
+        let Some(Buffer::Audio { samples: new, len, .. }) = engine.input(end, 0) else { panic!("no audio") };
+        samples.extend(new[..*len].iter().map(|x| f64::from(*x)));
+    }
+    assert_eq!(engine.faults(), 0, "{method:?}, {given}");
+    samples.split_off(usize::try_from(late).unwrap_or(0))
+}
+
+/// Calls the node itself, since the engine lets no NaN through to it. Answers all that it put out, as bits,
+/// and how many magnitudes it found to be none.
+fn called(registry: &Registry, method: &(String, bool), case: &str) -> (Vec<u32>, u64) {
+    let mut compiled = compiled(registry, method, &format!("case: {case:?}"), 2500);
+    let at = compiled.schedule.index_of("phase").expect("a node");
+    let node = &compiled.schedule.nodes[at];
+    let input = node.inputs[0].port.as_ref().expect("it is wired");
+    let mut buffers = [Buffer::new(input, 500), Buffer::new(&node.outputs[0].port, 500)];
+    let mut processor = compiled.processors.swap_remove(at);
+    let mut bits = Vec::new();
+    for n in 0..FRAMES {
+        let [given, out] = &mut buffers;
+        if let Buffer::Magnitude { bins, frame, .. } = given {
+            *frame = Some((n, 5 * n));
+            bins.iter_mut().enumerate().for_each(|(k, m)| *m = magnitude(case, n, k) as f32);
+        }
+        match out {
+            Buffer::Audio { samples, len, .. } => (*len, _) = (5, samples.fill(0.0)),
+            Buffer::Spectrum { frame, .. } => *frame = None,
+            _ => panic!("neither a signal nor a spectrum"),
+        }
+        crate::drive::tick(processor.as_mut(), n, std::slice::from_ref(given), std::slice::from_mut(out));
+        match out {
+            Buffer::Audio { samples, .. } => bits.extend(samples.iter().map(|x| x.to_bits())),
+            Buffer::Spectrum { bins, frame: Some(_), .. } => {
+                bits.extend(bins.iter().flat_map(|z| [z.re.to_bits(), z.im.to_bits()]));
+            }
+            _ => {}
+        }
+    }
+    let count = processor.facts().into_iter().find(|f| f.name == "bad_magnitudes").map(|f| f.value);
+    let Some(FactValue::Count(bad)) = count else { panic!("{method:?} does not count what is no magnitude") };
+    (bits, bad)
+}
+
+/// Score of a signal against the magnitudes of a case, from frame `from` on.
+fn score(case: &str, scale: f64, rate_hz: u32, heard: &[f64]) -> Score {
+    let unscaled = f64::from(rate_hz / 40) * scale;
+    // The last window's worth is still to come.
+    let frames = FRAMES - 50;
+    let all: Vec<f32> =
+        (0..frames).flat_map(|n| (0..BINS).map(move |k| (magnitude(case, n, k) * unscaled) as f32)).collect();
+    phase::score(&all, &phase::framing(rate_hz, BINS), heard).unwrap_or_else(|e| panic!("{case}: {e}"))
+}
+
+/// Level that a method loses in a case \[dB\], and why it is no fault.
+fn loss(method: &str, case: &str) -> (f64, f64) {
+    match (method.split(':').next().unwrap_or(""), case) {
+        // Overlapping frames whose phases do not agree.
+        ("random_phase", _) => (-21.0, -14.0),
+        // Noise as narrow as a tone's lobe has some ten independent values in this time: its power is known
+        // to 1.4 dB.
+        ("shaped_noise", "tone" | "tie" | "one bin" | "floor") => (-4.5, 4.5),
+        // One peak, if a spectrum is flat.
+        ("spsi" | "rtpghi", "flat") => (-16.0, -10.0),
+        ("oscillator_bank", "flat") if method.contains("tracked") => (-17.0, -10.0),
+        // No signal has these magnitudes: a tone is seen in three bins.
+        (_, "one bin") => (-3.0, 0.5),
+        _ => (-2.0, 0.5),
+    }
+}
+
+/// Runs a check over all methods.
+fn each(check: impl Fn(&Registry, &(String, bool))) {
+    let registry = registry();
+    methods(&registry).iter().for_each(|method| check(&registry, method));
+}
+
+#[test]
+fn what_is_no_magnitude_is_taken_for_0_in_its_frame_and_counted() {
+    each(|registry, method| {
+        let [bad, zeroed] = ["bad", "zeroed"].map(|case| called(registry, method, case));
+        assert_eq!((bad.1, zeroed.1), (4, 0), "{method:?}");
+        assert!(bad.0 == zeroed.0, "{method:?}: what is no magnitude is heard");
+        let finite = bad.0.iter().map(|b| f32::from_bits(*b)).all(f32::is_finite);
+        assert!(finite && bad.0.iter().any(|b| f32::from_bits(*b).abs() > 0.1), "{method:?}");
+    });
+}
+
+#[test]
+fn ties_flat_spectra_single_bins_and_floors_keep_their_level() {
+    each(|registry, method| {
+        for case in ["tone", "tie", "plateau", "flat", "one bin", "floor"] {
+            let s = score(case, 1.0, 2500, &heard(registry, method, &format!("case: {case:?}"), 2500, 0));
+            let (least, most) = loss(&method.0, case);
+            assert!((least..most).contains(&s.gain_db), "{method:?}, {case}: {s:?}");
+            // Flat amplitudes of 0.1 in phase are 10; nothing else comes near.
+            assert!(s.nonfinite == 0 && s.peak < 10.0, "{method:?}, {case}: {s:?}");
+        }
+    });
+}
+
+#[test]
+fn magnitudes_of_1e_12_and_1e12_are_as_good_as_others() {
+    each(|registry, method| {
+        let of = |scale: f64| {
+            let given = format!("case: \"tone\", scale: {scale:?}");
+            score("tone", scale, 2500, &heard(registry, method, &given, 2500, 0))
+        };
+        let one = of(1.0);
+        for scale in [1e-12, 1e12] {
+            let s = of(scale);
+            let same = (s.gain_db - one.gain_db).abs() < 0.05
+                && (s.convergence_db - one.convergence_db).abs() < 0.5
+                && (s.peak / scale / one.peak - 1.0).abs() < 0.05;
+            assert!(same, "{method:?} times {scale:e}: {s:?}, and {one:?} times 1");
+        }
+    });
+}
+
+#[test]
+fn silence_stays_silence_and_a_tone_after_it_is_there_at_once() {
+    each(|registry, method| {
+        let h = heard(registry, method, "case: \"onset\"", 2500, 0);
+        let first = 5 * ONSET as usize;
+        assert!(h[..first].iter().all(|x| *x == 0.0), "{method:?} is heard before it is asked");
+        let peak = |from: usize| h[from..from + 250].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let (least, most) = match method.0.as_str() {
+            "random_phase" => (0.05, 0.4),
+            // Noise: a quarter of a second of it seldom leaves these.
+            "shaped_noise" => (0.4, 4.0),
+            _ => (0.5, 1.4),
+        };
+        for from in [first + 250, first + 400] {
+            assert!((least..most).contains(&peak(from)), "{method:?}: {} from sample {from} on", peak(from));
+        }
+        assert!(peak(first) < most, "{method:?} begins with a click of {}", peak(first));
+    });
+}
+
+#[test]
+fn alternating_hop_and_late_start_are_as_good_as_any() {
+    each(|registry, method| {
+        let of = |rate, from| {
+            let h = heard(registry, method, "case: \"tone\"", rate, from);
+            score("tone", 1.0, rate, &h).convergence_db
+        };
+        // 88 samples throughout, 88 and 89 in turn; the numbers say how well such a tone can be met at all.
+        let (even, odd) = (of(44_000, 0), of(44_100, 0));
+        assert!(odd < (even + 1.5).max(-60.0), "{method:?}: {odd} dB at 44.1 kHz, {even} dB at 44 kHz");
+        let (now, later) = (of(2500, 0), of(2500, 500 * 36_000));
+        assert!(later < (now + 1.5).max(-40.0), "{method:?}: {later} dB after ten hours, {now} dB at once");
+    });
+}

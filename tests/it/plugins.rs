@@ -1,0 +1,489 @@
+//! Plugins through the program: found, refused, run beside built-in nodes, contained.
+
+use std::fs;
+use std::path::Path;
+
+use asperity_accuracy::npy;
+use asperity_loader::Plugin;
+use harness::{graphs, json, plugins, root, run, wav};
+
+/// Error of loading a file.
+fn refusal(path: &Path) -> String {
+    match Plugin::load(path) {
+        Ok(plugin) => panic!("{} loads: {plugin:?}", path.display()),
+        Err(e) => e.to_string(),
+    }
+}
+
+/// A folder for one test.
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+fn lie(dir: &Path, number: u32) -> std::path::PathBuf {
+    let to = dir.join(format!("lie{number}.so"));
+    // Some lies are compiler warnings too.
+    plugins::compile(&plugins::sources().join("lies.c"), &to, &[&format!("-DLIE={number}"), "-w"]);
+    to
+}
+
+#[test]
+fn a_plugin_that_lies_is_refused_and_says_where() {
+    let dir = folder();
+    for (number, says) in [
+        (1, "kind 0 says it has 8 bytes"),
+        (2, "flags are 0x40"),
+        (3, "it says 9 of how it wakes"),
+        (4, "there are two of input `in`"),
+        (5, "4000000000 of input"),
+        (6, "200 bins of a 250-point"),
+        (7, "the name of a kind is NULL"),
+        (9, "its name is to be lower case"),
+        (10, "input 0 says it has 7 bytes"),
+        (11, "input 0 says it has 1048576 bytes"),
+        (12, "port `in` carries 77"),
+        (13, "the name of a port is NULL"),
+        (14, "a name is to be lower case"),
+        (15, "port `in` has no unit"),
+        (16, "port `in` carries 0 values"),
+        (17, "port `in` carries 2147483648 values"),
+        (18, "flags of port `in` are 0x40000000"),
+        (19, "default of port `in` is not finite"),
+        (20, "parameter 0 says it has 3 bytes"),
+        (21, "parameter `gain` holds 99"),
+        (22, "parameter \"\""),
+        (23, "parameter `gain`"),
+        (24, "parameter `gain`"),
+        (25, "parameter `gain`"),
+        (26, "parameter `gain`"),
+        (27, "flags of parameter `gain` are 0x100000"),
+        (28, "no function `set_parameter"),
+        (29, "parameter `gain`"),
+        (30, "input 0 is NULL"),
+        (31, "no function `wants"),
+        (32, "no function `absorb"),
+        (33, "no function `create`"),
+        (34, "no function `process`"),
+        (35, "state_size, save and restore"),
+        (36, "output `out` promises a limited signal"),
+        (50, "its description says it has 4 bytes"),
+        (51, "it offers 0 kinds"),
+        (52, "it offers 4000000000 kinds"),
+        (53, "the kind `honest` twice"),
+        (55, "its list of kinds is NULL"),
+        (56, "its name is NULL"),
+        (57, "its version is not UTF-8"),
+        (58, "it does not open with this program"),
+        (60, "no symbol `asperity_entry`"),
+        (61, "does not begin with Asperity's magic number"),
+        (62, "its entry says it has 4 bytes"),
+        (63, "version 2.0 of the plugin interface; this program has 1.0"),
+        (64, "its entry has no `open`"),
+    ] {
+        let path = lie(dir.path(), number);
+        let said = refusal(&path);
+        assert!(said.contains(says) && said.contains("lie"), "lie {number}: {said}");
+    }
+    assert!(Plugin::load(lie(dir.path(), 0)).is_ok(), "the honest one loads");
+}
+
+#[test]
+fn a_lie_that_shows_only_later_is_an_error_of_the_graph() {
+    let dir = folder();
+    for (number, says) in
+        [(40, "cannot make an instance"), (41, "cannot be prepared"), (42, "negative denominator")]
+    {
+        let plugin = lie(dir.path(), number);
+        let graph = format!(
+            "Graph(version: 1, plugins: [{:?}], nodes: {{\n \"s\": (kind: \"stroke\"), \
+             \"f\": (kind: \"virtual_floor\"),\n \
+             \"it\": (kind: \"honest\"), \"p\": (kind: \"probe\")}}, \
+             wires: [(\"s\", \"f\"), (\"f.force\", \"it\"), (\"f.force\", \"p\")])",
+            plugin.display().to_string()
+        );
+        fs::write(dir.path().join("g.ron"), graph).unwrap();
+        let ran = run(dir.path(), &["check", "g.ron", "--no-prune"]);
+        assert!(ran.code == 2 && ran.err.contains(says) && ran.err.contains("g.ron:3:"), "{}", ran.err);
+    }
+}
+
+#[test]
+fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    let good = fs::read(plugins::c("told")).unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        fs::write(at(name), bytes).unwrap();
+        refusal(&at(name))
+    };
+    assert!(refusal(&at("missing.so")).contains("cannot read this file: No such file"));
+    assert!(refusal(dir.path()).contains("this is a folder; a regular file is needed"));
+    assert!(write("text.so", b"hello, I am a text\n").contains("this is not a shared library"));
+    assert!(write("empty.so", b"").contains("this file is empty"));
+    for cut in [good.len() / 4, good.len() / 2, 3 * good.len() / 4] {
+        let said = write("cut.so", &good[..cut]);
+        assert!(said.contains("cut short") || said.contains("not a shared library"), "{said}");
+    }
+    // ELF header: class at byte 4, machine at 18.
+    if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        let mut other = good.clone();
+        other[18..20].copy_from_slice(&183_u16.to_le_bytes());
+        let said = write("arm.so", &other);
+        assert!(said.contains("another architecture: Aarch64") && said.contains("x86_64"), "{said}");
+        let program = refusal(Path::new(env!("CARGO_BIN_EXE_asperity")));
+        assert!(program.contains("not a plugin") || program.contains("program"), "{program}");
+        let pe = write("windows.so", &[b"MZ".as_slice(), &[0; 400]].concat());
+        assert!(pe.contains("not a shared library"), "{pe}");
+    }
+}
+
+/// Errors point to the place in the graph.
+#[test]
+fn plugin_of_a_graph_is_found_by_file_or_name() {
+    let dir = folder();
+    fs::create_dir(dir.path().join("plugins")).unwrap();
+    fs::copy(plugins::c("told"), dir.path().join("plugins/libtold.so")).unwrap();
+    let graph = |plugin: &str| {
+        let text = format!(
+            "Graph(version: 1,\n  plugins: [{plugin:?}],\n  nodes: {{\"t\": (kind: \"told\"), \
+             \"l\": (kind: \"limiter\"), \
+             \"o\": (kind: \"audio_out\")}},\n  wires: [(\"t\", \"l\"), (\"l\", \"o\")])"
+        );
+        fs::write(dir.path().join("g.ron"), text).unwrap();
+    };
+    graph("plugins/libtold.so");
+    run(dir.path(), &["check", "g.ron"]).ok();
+    // From another folder: relative to the graph, not to where the program runs.
+    run(Path::new("/"), &["check", dir.path().join("g.ron").to_str().unwrap()]).ok();
+    graph("told");
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert!(ran.code == 2 && ran.err.contains("g.ron:2:13: error: there is no plugin `told`"), "{}", ran.err);
+    assert!(ran.err.contains("libtold.so") && ran.err.contains("ASPERITY_PLUGIN_PATH"), "{}", ran.err);
+    let on_path = |path: &Path, args: &[&str]| {
+        let out =
+            harness::asperity(dir.path()).env("ASPERITY_PLUGIN_PATH", path).args(args).output().unwrap();
+        (
+            out.status.code(),
+            String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr),
+        )
+    };
+    assert_eq!(on_path(&dir.path().join("plugins"), &["check", "g.ron"]).0, Some(0));
+    let (code, said) = on_path(&dir.path().join("nowhere"), &["check", "g.ron"]);
+    assert!(code == Some(2) && said.contains("there is no plugin `told`"), "{said}");
+    let (code, said) = on_path(&dir.path().join("nowhere"), &["nodes"]);
+    assert!(code == Some(0) && said.contains("nowhere: cannot look for plugins here"), "{said}");
+    graph("plugins/libtld.so");
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert!(ran.code == 2 && ran.err.contains("libtld.so: error: cannot read this file"), "{}", ran.err);
+    assert!(ran.err.contains("g.ron:2:13"), "{}", ran.err);
+    // A kind that is there twice, and one that is built in.
+    fs::copy(plugins::rust("asperity-test-panics"), dir.path().join("libpanics.so")).unwrap();
+    let spsi = lie(dir.path(), 8);
+    let ran = run(dir.path(), &["nodes", "--plugin", spsi.to_str().unwrap()]);
+    assert!(
+        ran.code == 2 && ran.err.contains("its kind `spsi` is there already: it is built in"),
+        "{}",
+        ran.err
+    );
+    let (honest, other) = (lie(dir.path(), 0), lie(dir.path(), 40));
+    let ran = run(
+        dir.path(),
+        &["nodes", "--plugin", honest.to_str().unwrap(), "--plugin", other.to_str().unwrap()],
+    );
+    assert!(ran.code == 2 && ran.err.contains("its kind `honest` is there already"), "{}", ran.err);
+    // One that merely lies on the path is left out, and the rest goes on.
+    fs::write(dir.path().join("plugins/libtext.so"), "text").unwrap();
+    let (code, said) = on_path(&dir.path().join("plugins"), &["nodes"]);
+    assert!(code == Some(0) && said.contains("told") && said.contains("libtext.so: this is not"), "{said}");
+    let (code, said) = on_path(&dir.path().join("plugins"), &["plugin", "list", "--json"]);
+    assert!(
+        code == Some(0) && said.contains("\"told\"") && said.contains("this is not a shared library"),
+        "{said}"
+    );
+}
+
+/// The signal that a phase-retrieval node makes of the texture vector.
+fn inverted(dir: &Path, kind: &str, plugin: &Path) -> Vec<f32> {
+    let magnitudes = root().join("tests/data/phase/texture_2500.mag.npy");
+    let args = ["invert", "--phase", kind, "--rate", "2500", "--out", "y.npy", "--plugin"];
+    let mut all: Vec<&str> = args.to_vec();
+    all.extend([plugin.to_str().unwrap(), "--magnitudes", magnitudes.to_str().unwrap()]);
+    run(dir, &all).ok();
+    npy::read(dir.join("y.npy")).unwrap().values.into_f32()
+}
+
+#[test]
+fn the_same_node_in_rust_c_and_cpp_makes_the_same_signal() {
+    let dir = folder();
+    let rust = inverted(dir.path(), "my_phase", &plugins::rust("my_phase"));
+    assert!(rust.iter().any(|x| x.abs() > 0.1));
+    for language in ["c", "cpp"] {
+        let source = root().join(format!("plugins/template/phase/{language}/my_phase.{language}"));
+        let library = dir.path().join(format!("{language}.so"));
+        plugins::compile(&source, &library, &[]);
+        let other = inverted(dir.path(), "my_phase", &library);
+        assert_eq!(rust.len(), other.len());
+        let worst = rust.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-4, "{language} differs by {worst}");
+    }
+}
+
+#[test]
+fn a_filter_in_rust_c_and_cpp_softens_alike() {
+    let dir = folder();
+    let graph = |plugin: &Path| {
+        let text = format!(
+            "Graph(version: 1, plugins: [{:?}, {:?}], nodes: {{\"t\": (kind: \"told\"), \
+             \"f\": (kind: \"my_filter\"), \
+             \"p\": (kind: \"probe\", params: (file: \"y.npy\"))}}, wires: [(\"t\", \"f\"), (\"f\", \"p\")])",
+            plugins::c("told").display().to_string(),
+            plugin.display().to_string(),
+        );
+        fs::write(dir.path().join("g.ron"), text).unwrap();
+        run(dir.path(), &["render", "g.ron", "--seconds", "0.5"]).ok();
+        npy::read(dir.path().join("y.npy")).unwrap().values.into_f32()
+    };
+    let rust = graph(&plugins::rust("my_filter"));
+    // The gain of a one-pole low pass at 0.01 rad a sample, in closed form.
+    let (a, w) = (0.9_f32, 0.01_f32);
+    let gain = (1.0 - a) / ((1.0 - a * w.cos()).powi(2) + (a * w.sin()).powi(2)).sqrt();
+    let peak = rust[2000..].iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    assert!((peak / (0.1 * gain) - 1.0).abs() < 1e-3, "{peak} against {}", 0.1 * gain);
+    for language in ["c", "cpp"] {
+        let source = root().join(format!("plugins/template/audio/{language}/my_filter.{language}"));
+        let library = dir.path().join(format!("{language}.so"));
+        plugins::compile(&source, &library, &[]);
+        let worst = rust.iter().zip(&graph(&library)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-6, "{language} differs by {worst}");
+    }
+}
+
+/// Renders a wave that goes wrong from tick `from` to tick `to`, beside one that does not.
+fn contained(
+    what: &str,
+    from: u64,
+    to: u64,
+    plugin: &Path,
+    kind: &str,
+) -> (Vec<f32>, serde_json::Value, String) {
+    let dir = folder();
+    let params = match kind {
+        "told" => format!("from: {from}, to: {to}, what: {what}"),
+        _ => format!("at: {from}"),
+    };
+    let graph = format!(
+        "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: {kind:?}, params: ({params})), \
+         \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), \
+         (\"guard\", \"out\")])",
+        plugin.display().to_string()
+    );
+    fs::write(dir.path().join("g.ron"), graph).unwrap();
+    let args = ["render", "g.ron", "--seconds", "1", "--out", "o.wav", "--report", "r.json"];
+    let ran = run(dir.path(), &args);
+    let (samples, _) = wav(&dir.path().join("o.wav"));
+    (samples, json(&dir.path().join("r.json")), ran.err)
+}
+
+#[test]
+fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
+    let told = plugins::c("told");
+    for what in ["error", "nan", "exception", "nonsense"] {
+        let (good, ..) = contained(what, 0, 0, &told, "told");
+        let (samples, report, err) = contained(what, 200, 202, &told, "told");
+        assert!(samples.iter().all(|x| x.is_finite()), "{what}");
+        let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        // The wave itself and a fade of 10 ms from its peak.
+        assert!(step(&samples) < step(&good) + 0.1 / 480.0 * 1.5, "{what}: {}", step(&samples));
+        let (a, b) = (good.len() - 4800, good.len());
+        let late = good[a..b].iter().zip(&samples[a..b]).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+        assert!(late < 1e-3, "{what}: it goes on where it would have been, but for {late}");
+        let text = report.to_string();
+        assert!(text.contains("\"faults\":2"), "{what}: {text}");
+        assert!(!err.contains("panicked at"), "{err}");
+        let (samples, report, _) = contained(what, 200, 1_000_000, &told, "told");
+        assert!(report.to_string().contains("\"faults\":8"), "{what}: quarantined after 8: {report}");
+        assert!(samples[samples.len() / 2..].iter().all(|x| x.abs() < 1e-4), "{what} fades to silence");
+    }
+}
+
+#[test]
+fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
+    let dir = folder();
+    // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest
+    // call.
+    let render = |to: u32| {
+        let graph = format!(
+            "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"told\", params: (from: 20, to: \
+             {to}, what: overrun)), \
+             \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, \
+             wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
+            plugins::c("told").display().to_string()
+        );
+        fs::write(dir.path().join("g.ron"), graph).unwrap();
+        let args = [
+            "render",
+            "g.ron",
+            "--seconds",
+            "0.5",
+            "--limit-us",
+            "15000",
+            "--out",
+            "o.wav",
+            "--report",
+            "r.json",
+        ];
+        run(dir.path(), &args);
+        let report = json(&dir.path().join("r.json"));
+        let bad = report["nodes"].as_array().unwrap().iter().find(|n| n["id"] == "bad").unwrap().clone();
+        (wav(&dir.path().join("o.wav")).0, bad)
+    };
+    let (samples, node) = render(22);
+    assert!(node["faults"].as_u64().unwrap() >= 2 && node["quarantined"] == false, "{node}");
+    assert_eq!(node["last_fault"], "took longer than it may");
+    assert!(samples[12_000..].iter().any(|x| x.abs() > 0.05), "it goes on");
+    let (samples, node) = render(1_000_000);
+    assert!(node["faults"] == 8 && node["quarantined"] == true, "{node}");
+    assert!(samples[12_000..].iter().all(|x| x.abs() < 1e-3), "silent once it is taken out");
+}
+
+#[test]
+fn a_panic_in_a_plugin_is_silent_and_contained() {
+    let (samples, report, err) = contained("", 200, 0, &plugins::rust("asperity-test-panics"), "panics");
+    assert!(samples.iter().all(|x| x.is_finite()) && samples.iter().any(|x| x.abs() > 0.01));
+    assert!(report.to_string().contains("\"faults\":1"), "{report}");
+    assert!(!err.contains("as told"), "{err}");
+}
+
+#[test]
+fn a_panic_while_a_plugin_is_prepared_is_an_error_of_the_graph() {
+    let dir = folder();
+    let graph = format!(
+        "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"panics\", params: (early: true)), \
+         \"p\": (kind: \"probe\")}}, wires: [(\"bad\", \"p\")])",
+        plugins::rust("asperity-test-panics").display().to_string()
+    );
+    fs::write(dir.path().join("g.ron"), graph).unwrap();
+    let ran = run(dir.path(), &["check", "g.ron"]);
+    assert!(
+        ran.code == 2 && ran.err.contains("the node panicked while it was prepared: as told, early"),
+        "{}",
+        ran.err
+    );
+    assert!(ran.err.contains("g.ron:1:") && !ran.err.contains("panicked at"), "{}", ran.err);
+}
+
+#[test]
+fn a_new_plugin_in_every_language_builds_and_is_found() {
+    let dir = folder();
+    for like in ["phase", "audio"] {
+        for (lang, kind) in [("c", "one_c"), ("cpp", "one_cpp")] {
+            let name = format!("{kind}_{like}");
+            let ran = run(dir.path(), &["plugin", "new", &name, "--lang", lang, "--like", like]).ok();
+            assert!(ran.out.contains("make"), "{}", ran.out);
+            plugins::must(std::process::Command::new("make").arg("-s").current_dir(dir.path().join(&name)));
+            let library = format!("{name}/lib{name}.so");
+            let ran = run(dir.path(), &["nodes", &name, "--plugin", &library]).ok();
+            assert!(ran.out.starts_with(&name), "{}", ran.out);
+        }
+        // What stands in a folder for Rust is checked by building it, in a folder of its own beside the other
+        // builds.
+        let name = format!("one_rust_{like}");
+        run(dir.path(), &["plugin", "new", &name, "--like", like]).ok();
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new");
+        plugins::must(
+            std::process::Command::new(env!("CARGO"))
+                .args(["build", "--locked"])
+                .current_dir(dir.path().join(&name))
+                .env("CARGO_TARGET_DIR", &target),
+        );
+        let library = target.join("debug").join(asperity_loader::file_name(&name));
+        run(dir.path(), &["nodes", &name, "--plugin", library.to_str().unwrap()]).ok();
+    }
+    let before = harness::files(dir.path());
+    for (name, says) in [
+        ("one_c_phase", "this is there already"),
+        ("One", "cannot be the name"),
+        ("fn", "means something"),
+        ("spsi", "built-in kind `spsi`"),
+        ("griffin_lim", "built-in kind `griffin_lim`"),
+        ("../x/../y z", "cannot be the name"),
+        ("no/such/folder/mine", "cannot make this folder"),
+    ] {
+        let ran = run(dir.path(), &["plugin", "new", name]);
+        assert!(ran.code == 2 && ran.err.contains(says), "{name}: {}", ran.err);
+    }
+    assert_eq!(harness::files(dir.path()), before, "nothing is left behind");
+}
+
+#[test]
+fn the_readme_of_a_new_plugin_names_what_is_there() {
+    let dir = folder();
+    run(dir.path(), &["plugin", "new", "mine", "--lang", "cpp"]).ok();
+    let readme = fs::read_to_string(dir.path().join("mine/README.md")).unwrap();
+    for gone in ["my_phase", "LIBRARY", "LANGUAGE", "SOURCE"] {
+        assert!(!readme.contains(gone), "{gone} is left in: {readme}");
+    }
+    assert!(
+        readme.contains("mine.cpp") && readme.contains("./libmine.so") && readme.contains("in C++"),
+        "{readme}"
+    );
+    assert!(graphs("").exists());
+}
+
+#[test]
+fn a_minimal_node_takes_no_more_than_25_lines() {
+    let lines = |file: &str, fence: &str, end: &str| {
+        let text = fs::read_to_string(root().join(file)).unwrap();
+        let block =
+            text.split(fence).nth(1).and_then(|rest| rest.split(end).next()).expect("a block of code");
+        assert!(block.contains("impl Node for"), "{file}: {block}");
+        block.lines().count()
+    };
+    // Both are compiled as documentation tests.
+    assert!(lines("README.md", "```rust\n", "```") <= 25);
+    assert!(lines("plugins/sdk/src/lib.rs", "//! ```\n", "//! ```") <= 25);
+}
+
+#[test]
+fn plugin_that_exits_is_no_success() {
+    let dir = folder();
+    fs::copy(plugins::c("told"), dir.path().join("libtold.so")).unwrap();
+    let graph = r#"Graph(version: 1, plugins: ["libtold.so"], nodes: {
+        "wave": (kind: "told", params: (from: 50, to: 51, what: "exit")), "guard": (kind: "limiter"),
+        "out": (kind: "audio_out"),
+    }, wires: [("wave", "guard"), ("guard", "out")])"#;
+    fs::write(dir.path().join("g.ron"), graph).unwrap();
+    for command in [
+        &["render", "g.ron", "--seconds", "1", "--out", "o.wav"][..],
+        &["run", "g.ron", "--device", "simulated:frames=96"],
+    ] {
+        let ran = run(dir.path(), command);
+        assert!(ran.code == 1 && ran.err.contains("called exit()"), "{command:?}: {} {}", ran.code, ran.err);
+        assert!(!dir.path().join("o.wav").exists());
+    }
+}
+
+#[test]
+fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
+    let dir = folder();
+    // A filter rounds in every sample: with another rounding it would put out something else.
+    let graph = |what: &str| {
+        format!(
+            r#"Graph(version: 1, plugins: [{:?}],
+                nodes: {{"told": (kind: "told", params: (from: {what}, to: 1000000, what: rounding)),
+                "guard": (kind: "limiter"),
+                    "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
+                    "other": (kind: "limiter"),
+                    "left": (kind: "audio_out"), "right": (kind: "file_out", params: (file: "right.npy"))}},
+                wires: [("told", "guard"), ("guard", "left"), ("tone", "other"), ("other", "right")])"#,
+            plugins::c("told").display().to_string()
+        )
+    };
+    let right = |what: &str| {
+        fs::write(dir.path().join("g.ron"), graph(what)).unwrap();
+        run(dir.path(), &["render", "g.ron", "--seconds", "1", "--out", "left.wav"]).ok();
+        (npy::read(dir.path().join("right.npy")).unwrap().values, wav(&dir.path().join("left.wav")).0)
+    };
+    let (rounded, untouched) = (right("100"), right("900000"));
+    assert!(rounded == untouched);
+}

@@ -1,0 +1,493 @@
+//! `asperity tradeoff` and `asperity choose`.
+
+use std::path::Path;
+
+use harness::{asperity, graphs, json, retrieving, run};
+use serde_json::Value;
+
+/// Writes a trade-off with one short stroke over one material.
+fn tradeoff(dir: &Path, grids: &str) {
+    let graph = retrieving().canonicalize().expect("the shipped graph");
+    let paper = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
+    let text = format!(
+        r#"Tradeoff(
+            version: 1,
+            graph: {graph:?},
+            baselines: [(name: "paper", graph: {paper:?})],
+            strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.5, approach_s: 0.1)],
+            materials: ["canvas"],
+            strength: 0.2,
+            steps: 10,
+            grids: [{grids}],
+            times: (turns: 2, turn_ms: 40, batch: 3),
+        )"#
+    );
+    std::fs::write(dir.join("tradeoff.ron"), text).expect("a file");
+}
+
+const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "no_such_kind")]}),
+    (name: "frames", knobs: {"phase.frames": [1, 2]}),
+    (name: "limiter", knobs: {"limiter": [kept, bypassed]}),
+    (name: "guards", knobs: {"guards": [false]})"#;
+
+/// A graph without a stylus.
+const STILL: &str = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")},
+    wires: [("tone", "out")])"#;
+
+fn names(results: &Value) -> Vec<String> {
+    let rows = results["rows"].as_array().expect("rows");
+    rows.iter().map(|r| r["name"].as_str().expect("a name").to_owned()).collect()
+}
+
+fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
+    let rows = results["rows"].as_array().expect("rows");
+    rows.iter().find(|r| r["name"] == name).unwrap_or_else(|| panic!("no {name}"))
+}
+
+/// It reports the cost and the accuracy of each setting.
+#[test]
+fn tradeoff_measures_each_setting_and_resumes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(dir.path(), TWO);
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--jobs", "2", "--no-cases"];
+    let ran = run(dir.path(), &args).ok();
+    assert!(ran.err.contains("`no_such_kind` is left out"), "{}", ran.err);
+    assert!(ran.out.contains("D the default") && ran.out.contains("REPORT.md"), "{}", ran.out);
+    let results = json(&dir.path().join("out/results.json"));
+    let found = names(&results);
+    // Two frames and `kept` are the default, and no settings of their own.
+    assert_eq!(
+        found,
+        ["default", "phase=spsi", "phase.frames=1", "limiter=bypassed", "guards=false", "paper"]
+    );
+    for name in &found {
+        let row = row(&results, name);
+        assert!(row["error"].is_null(), "{row}");
+        for figure in
+            ["perceptual", "modulation", "spectrum", "repetition", "kurtosis", "steadiness", "convergence"]
+        {
+            assert!(row["figures"][figure].is_f64(), "{name} has no {figure}: {row}");
+        }
+        assert!(
+            row["time"]["p50_us"].as_f64().expect("a time") > 0.0
+                && row["time"]["ticks"].as_u64() >= Some(40)
+        );
+        assert!(row["time"]["memory_kib"].as_f64().expect("memory") > 20.0);
+        assert!(row["lag_ms"][1].as_f64().expect("a lag") > 3.0, "{row}");
+    }
+    // An idle tick lasts about as long as the default's.
+    let median = |time: &Value| time["p50_us"].as_f64().expect("a median");
+    let ratio = median(&results["idle"]) / median(&row(&results, "default")["time"]);
+    assert!(ratio > 0.1, "{ratio}");
+    // Settings that cannot be played cannot be chosen.
+    assert!(row(&results, "limiter=bypassed")["fails"]["limiter"].is_string());
+    assert!(row(&results, "guards=false")["fails"]["guards"].is_string());
+    // Without guards a mild stroke sounds the same.
+    let figures = |name: &str| row(&results, name)["figures"].clone();
+    assert_eq!(figures("guards=false"), figures("default"));
+    assert!(results["model"]["spectrum"].is_f64() && results["noise_floor"]["spectrum"].is_f64());
+    for file in
+        ["results.csv", "REPORT.md", "perceptual_time.svg", "modulation_lag.svg", "convergence_time.svg"]
+    {
+        assert!(dir.path().join("out").join(file).exists(), "{file}");
+    }
+    let csv = std::fs::read_to_string(dir.path().join("out/results.csv")).expect("a table");
+    assert_eq!(csv.lines().count(), 1 + found.len());
+
+    // Once more: everything is known, and equal to the last digit, times too.
+    let again = run(dir.path(), &args).ok();
+    assert!(again.out.contains("6 settings"), "{}", again.out);
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+#[test]
+fn baseline_is_compared_with_its_share_of_the_physics() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(dir.path(), "");
+    let path = dir.path().join("tradeoff.ron");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    let graph = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
+    let baselines = format!("baselines: [(name: \"half\", graph: {graph:?}, strength: 0.5), ");
+    std::fs::write(&path, text.replace("baselines: [", &baselines)).expect("a file");
+    run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"]).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    let level = |name: &str| row(&results, name)["figures"]["level"].as_f64().expect("a level");
+    // The error of the level is 6 dB smaller against half of the physics.
+    let less = level("paper") - level("half");
+    assert!((less - 6.02).abs() < 0.1, "{less} dB");
+}
+
+/// Writes a recording of 1.5 s along a line, with noise of this peak in m/s^2.
+fn recording(dir: &Path, peak: f64) {
+    let mut text = String::from("t_s,force_n,x_mm,y_mm,ax_m_s2\n");
+    let mut seed = 1_u64;
+    for n in 0..3000 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        let noise = peak * ((seed >> 40) as f64 / f64::from(1_u32 << 23) - 1.0);
+        let t = f64::from(n) / 2000.0;
+        text += &format!("{t:.4},0.8,{:.4},0,{noise:.9}\n", 80.0 * t);
+    }
+    std::fs::write(dir.join("mine.csv"), text).expect("a recording");
+}
+
+#[test]
+fn setting_is_compared_with_a_recorded_stroke() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let graph = retrieving().canonicalize().expect("the shipped graph");
+    let write = |of: &str| {
+        let text = format!(
+            r#"Tradeoff(version: 1, graph: {graph:?}, steps: 10, times: (turns: 2, turn_ms: 40, batch: 3),
+                strokes: [(name: "mine", recording: "mine.csv"{of})], materials: ["sandpaper P120"])"#
+        );
+        std::fs::write(dir.path().join("tradeoff.ron"), text).expect("a file");
+    };
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    recording(dir.path(), 30.0);
+    write("");
+    let refused = run(dir.path(), &args);
+    assert_eq!(refused.code, 2, "{}", refused.err);
+    assert!(refused.err.contains("the recording `mine` does not say its material"), "{}", refused.err);
+    write(", material: \"canvas\"");
+    let level = || {
+        run(dir.path(), &args).ok();
+        let results = json(&dir.path().join("out/results.json"));
+        // It is played over its own material only.
+        assert_eq!(results["materials"], serde_json::json!(["sandpaper P120", "canvas"]));
+        let figures = &row(&results, "default")["figures"];
+        assert!(figures["perceptual"].is_f64() && figures["precision"].is_f64(), "{figures}");
+        figures["level"].as_f64().expect("a level")
+    };
+    let quiet = level();
+    // The file has changed, and is measured again: all bins are four times as large.
+    recording(dir.path(), 120.0);
+    let by = level() - quiet;
+    assert!((by - 20.0 * 4_f64.log10()).abs() < 1e-3, "{by} dB");
+}
+
+#[test]
+fn shards_merge_and_the_choice_can_be_pasted() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(
+        dir.path(),
+        r#"(name: "g", knobs: {"phase.frames": [1, 3], "tick_hz": [1000]}),
+        (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
+    );
+    for part in ["1", "2"] {
+        let shard = format!("{part}/2");
+        let part = ["tradeoff", "tradeoff.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"];
+        run(dir.path(), &[&part[..], &["--set", "strength.gain=0.34"]].concat()).ok();
+    }
+    let parts = ["1", "2"].map(|p| json(&dir.path().join(p).join("results.json")));
+    assert_eq!(names(&parts[0])[0], "default");
+    assert_eq!(names(&parts[1])[0], "default");
+    for (shards, want) in
+        [(&["1", "1"][..], "shard 1 of 2 is given twice"), (&["1", "gone"], "cannot read this file")]
+    {
+        let ran = run(dir.path(), &[&["tradeoff", "merge", "--out", "no"], shards].concat());
+        assert!(ran.code == 2 && ran.err.contains(want), "{shards:?}: {}", ran.err);
+    }
+    let lost = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "1", "--shard", "2/2", "--no-cases"]);
+    assert!(lost.code == 2 && lost.err.contains("has the results of shard 1/2"), "{}", lost.err);
+    std::fs::create_dir(dir.path().join("half")).expect("a folder");
+    for out in ["1", "half/../1"] {
+        let over = run(dir.path(), &["tradeoff", "merge", "2", "1/results.json", "--out", out]);
+        assert!(over.code == 2 && over.err.contains("would overwrite these results"), "{}", over.err);
+    }
+    assert_eq!(json(&dir.path().join("1/results.json")), parts[0]);
+    let half = run(dir.path(), &["tradeoff", "merge", "1", "--out", "half", "-q"]).ok();
+    assert!(half.err.contains("missing shards: 2 of 2"), "{}", half.err);
+    let report = std::fs::read_to_string(dir.path().join("half/REPORT.md")).expect("a report");
+    assert!(report.contains("Missing shards: 2 of 2"), "{report}");
+    run(dir.path(), &["tradeoff", "merge", "1", "2", "--out", "all", "-q"]).ok();
+    let all = json(&dir.path().join("all/results.json"));
+    let mut found = names(&all);
+    found.sort();
+    assert_eq!(
+        found,
+        ["default", "paper", "phase.frames=1 tick_hz=1000", "phase.frames=3 tick_hz=1000", "phase=spsi"]
+    );
+    let load =
+        |results: &Value, name: &str| row(results, name)["time"]["load_percent"].as_f64().expect("a load");
+    let other = names(&parts[1])[1].clone();
+    let factor = load(&parts[0], "default") / load(&parts[1], "default");
+    assert!((load(&all, &other) / (load(&parts[1], &other) * factor) - 1.0).abs() < 1e-9);
+
+    // The best setting at 1000 Hz, pasted into the graph, runs.
+    let chosen = run(dir.path(), &["choose", "all", "--tick-hz", "1000"]).ok().out;
+    assert!(
+        chosen.contains("tick_hz: 1000,") && chosen.contains("\"phase\": (kind: \"sample_commit\""),
+        "{chosen}"
+    );
+    // Changes by --set are in the fragment.
+    assert!(chosen.contains("\"strength\": (kind: \"gain\", params: (gain: 0.34)),"), "{chosen}");
+    let line = chosen.lines().find(|l| l.contains("\"phase\":")).expect("a node");
+    let text = std::fs::read_to_string(retrieving()).expect("the graph");
+    let before = text.lines().find(|l| l.contains("\"phase\":")).expect("a node");
+    let pasted = text.replace(before, line).replace("tick_hz: 500,", "tick_hz: 1000,");
+    let models = format!("{}/", graphs("").canonicalize().expect("graphs").display());
+    let pasted = pasted.replace("../../graphs/", &models);
+    std::fs::write(dir.path().join("pasted.ron"), pasted).expect("a graph");
+    run(dir.path(), &["check", "pasted.ron"]).ok();
+
+    let spsi =
+        run(dir.path(), &["choose", "all", "--by", "convergence", "--tick-hz", "500", "--json"]).ok().out;
+    let spsi: Value = serde_json::from_str(&spsi).expect("JSON");
+    assert!(spsi["fit"].as_u64() >= Some(2), "{spsi}");
+    let none = run(dir.path(), &["choose", "all", "--budget-us", "0.01"]);
+    assert!(none.code == 1 && none.err.contains("the shortest tick:"), "{}", none.err);
+    let late = run(dir.path(), &["choose", "all", "--max-lag-ms", "0"]);
+    assert!(late.code == 1 && late.err.contains("the shortest response lag:"), "{}", late.err);
+    let unknown = run(dir.path(), &["choose", "all", "--by", "spectrm"]);
+    assert!(unknown.code == 2 && unknown.err.contains("spectrum"), "{}", unknown.err);
+}
+
+#[test]
+fn errors_have_a_place_and_nothing_is_written() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (grids, want) in [
+        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has the knob `phase.frame`"),
+        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "did you mean `phase.frames`?"),
+        (r#"(name: "g", knobs: {"nothing": [kept]})"#, "no graph has the knob `nothing`"),
+        (r#"(name: "g", knobs: {"phase": [gone]})"#, "a node cannot be set to `gone`"),
+        (r#"(name: "g", knobs: {"phase.frames": []})"#, "this knob has no values"),
+        (r#"(name: "g", knobs: {".": [1]})"#, "is not a knob"),
+        (r#"(name: "g")"#, "knobs"),
+    ] {
+        tradeoff(dir.path(), grids);
+        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]);
+        assert_eq!(ran.code, 2, "{grids}: {}", ran.err);
+        assert!(ran.err.contains(want) && ran.err.contains("tradeoff.ron"), "{grids}: {}", ran.err);
+        assert!(!dir.path().join("out").exists(), "{grids}");
+    }
+    // A value that a node refuses is a row with an error; the others run.
+    tradeoff(dir.path(), r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
+    run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"]).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(
+        row(&results, "phase.frames=0")["error"].as_str().expect("why").contains("out of range"),
+        "{results}"
+    );
+    assert!(row(&results, "default")["error"].is_null());
+    for (args, want) in [
+        (&["tradeoff", "tradeoff.ron", "tradeoff.ron", "--out", "o"][..], "a second trade-off file"),
+        (&["tradeoff", "--out", "o"], "no graph is given"),
+        (&["tradeoff", "tradeoff.ron", "--out", "o", "--shard", "3/2"], "is not a shard"),
+        (&["tradeoff", "gone.ron", "--out", "o"], "gone.ron"),
+        (&["tradeoff", "merge", "gone", "--out", "o"], "cannot read this file"),
+        (&["choose", "tradeoff.ron"], "these are no results"),
+    ] {
+        let ran = run(dir.path(), args);
+        assert!(ran.code == 2 && ran.err.contains(want), "{args:?}: {}", ran.err);
+    }
+}
+
+#[test]
+fn names_are_checked_before_anything_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let text = |from: &str, to: &str| {
+        tradeoff(dir.path(), TWO);
+        let path = dir.path().join("tradeoff.ron");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        assert!(text.contains(from), "{from}");
+        std::fs::write(path, text.replace(from, to)).expect("a file");
+    };
+    let gone = "named here";
+    for (from, to, want) in [
+        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
+        ("name: \"paper\"", "name: \"default\"", "a baseline cannot be named"),
+        ("baselines: [", "baselines: [(name: \"paper\", graph: \"g.ron\"), ", "is used twice"),
+        ("Tradeoff(", "Study(", "write `Tradeoff(...)`"),
+        ("sample_commit.ron", "no_such_graph.ron", gone),
+        ("heravi2024.ron", "no_such_graph.ron", gone),
+        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
+        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
+        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
+    ] {
+        text(from, to);
+        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]);
+        assert!(
+            ran.code == 2 && ran.err.contains(want) && ran.err.contains("tradeoff.ron"),
+            "{to}: {}",
+            ran.err
+        );
+        assert!(!dir.path().join("out").exists(), "{to}");
+    }
+}
+
+#[test]
+fn tradeoff_without_a_running_setting_fails() {
+    let dir = tempfile::tempdir().expect("a folder");
+    std::fs::write(dir.path().join("still.ron"), STILL).expect("a graph");
+    let text = r#"Tradeoff(version: 1, graph: "still.ron", strokes: [(name: "circle", seconds: 1.5)])"#;
+    std::fs::write(dir.path().join("tradeoff.ron"), text).expect("a file");
+    let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases"]);
+    assert!(ran.code == 1 && ran.err.contains("nothing in this graph moves a stylus"), "{}", ran.err);
+}
+
+/// The warning comes before the study runs.
+#[test]
+fn shipped_tradeoff_skips_knobs_that_a_graph_lacks() {
+    let dir = tempfile::tempdir().expect("a folder");
+    // A graph without a stylus: all settings fail at once.
+    std::fs::write(dir.path().join("still.ron"), STILL).expect("a graph");
+    let ran = run(dir.path(), &["tradeoff", "still.ron", "--out", "out", "--no-cases"]);
+    assert_eq!(ran.code, 1, "{}", ran.err);
+    for knob in ["phase", "texture.bins"] {
+        assert!(ran.err.contains(&format!("`{knob}` is left out")), "{knob}: {}", ran.err);
+    }
+    let results = json(&dir.path().join("out/results.json"));
+    assert!(names(&results).contains(&"tick_hz=1000".to_owned()), "{results}");
+    let report = std::fs::read_to_string(dir.path().join("out/REPORT.md")).expect("a report");
+    assert!(report.contains("`texture.bins` is left out"), "{report}");
+}
+
+#[test]
+fn scene_is_measured_on_its_first_surface() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(dir.path(), "");
+    let scene = std::fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("the shipped scene");
+    let folder = graphs("scenes").canonicalize().expect("the folder").display().to_string();
+    let scene = scene.replace("\"../", &format!("\"{folder}/../"));
+    // In b the other surface and the material of the first differ.
+    std::fs::write(dir.path().join("a.ron"), &scene).expect("a scene");
+    let other = scene
+        .replace("sandpaper P80", "oak")
+        .replace("material: \"canvas\"", "material: \"leather grain, fine\"");
+    std::fs::write(dir.path().join("b.ron"), other).expect("a scene");
+    let mut figures = Vec::new();
+    for (name, out) in [("a.ron", "a"), ("b.ron", "b")] {
+        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", name, "--out", out, "--no-cases"]).ok();
+        assert!(ran.err.contains("`circle` is shrunk") && ran.err.contains("`left`"), "{}", ran.err);
+        let results = json(&dir.path().join(out).join("results.json"));
+        let row = row(&results, "default").clone();
+        assert!(row["error"].is_null() && row["lag_ms"][1].is_f64(), "{row}");
+        let level = row["figures"]["level"].as_f64().expect("a level");
+        assert!(level < 4.0, "{row}");
+        figures.push(row["figures"].clone());
+        let report = std::fs::read_to_string(dir.path().join(out).join("REPORT.md")).expect("a report");
+        let links = report.split("](").skip(1).filter_map(|l| l.split(')').next());
+        for link in links.filter(|l| l.ends_with(".svg")) {
+            assert!(dir.path().join(out).join(link).exists(), "{link}");
+        }
+    }
+    assert_eq!(figures[0], figures[1]);
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_tradeoff_resumes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(
+        dir.path(),
+        r#"(name: "g", knobs: {"phase.frames": [1, 2, 3, 4, 6, 7, 8, 9], "phase.passes": [1, 2]})"#,
+    );
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
+    // As soon as two parts are finished.
+    while parts(dir.path()).len() < 2 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill").success());
+    let ended = child.wait_with_output().expect("it ends");
+    assert_eq!(ended.status.code(), Some(130));
+    let results = json(&dir.path().join("out/results.json"));
+    let some = names(&results).len();
+    assert!((1..17).contains(&some), "{some}");
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert_eq!(names(&results).len(), 17);
+    assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
+    assert_eq!(results["unfinished"], 0);
+    // Results stay where the same command is stopped at once, and where another one has finished nothing.
+    let code = interrupted(dir.path(), &args);
+    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+    let code = interrupted(dir.path(), &[&args[..], &["--set", "strength.gain=0.34"]].concat());
+    assert_eq!(code, Some(130));
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+/// Exit code of a run that is interrupted as soon as it opens its folder; none of one that was killed.
+#[cfg(unix)]
+fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
+    let opened = || std::fs::metadata(dir.join("out/progress.jsonl")).and_then(|m| m.modified()).ok();
+    let before = opened();
+    let mut child = asperity(dir).args(args).spawn().expect("it starts");
+    // It may be over before that is seen.
+    while opened() == before && child.try_wait().expect("it runs").is_none() {
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.is_ok());
+    child.wait().expect("it ends").code()
+}
+
+/// Finished parts of `out`.
+fn parts(dir: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(dir.join("out/progress.jsonl")).unwrap_or_default();
+    text.lines().skip(1).map(str::to_owned).collect()
+}
+
+#[test]
+fn changed_input_is_measured_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let profile = graphs("actuators/hapcoil_one.ron");
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    let grid = |frames: &str| {
+        format!(
+            r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}),
+            (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
+        )
+    };
+    tradeoff(dir.path(), &grid("1"));
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    run(dir.path(), &args).ok();
+    let first = parts(dir.path());
+    // Four settings, and two batches of at most three.
+    assert_eq!(first.len(), 6);
+    // A comment changes nothing.
+    let text = std::fs::read_to_string(dir.path().join("tradeoff.ron")).expect("the file");
+    std::fs::write(dir.path().join("tradeoff.ron"), format!("// Mine.\n{text}")).expect("a file");
+    run(dir.path(), &args).ok();
+    assert_eq!(parts(dir.path()), first);
+    tradeoff(dir.path(), &grid("1, 3"));
+    run(dir.path(), &args).ok();
+    let more = parts(dir.path());
+    assert_eq!(more.len(), 7);
+    // A file that one setting reads.
+    let heavier = std::fs::read_to_string(&profile).expect("a profile").replace("g: 4.4,", "g: 5.4,");
+    std::fs::write(dir.path().join("mine.ron"), heavier).expect("a profile");
+    run(dir.path(), &args).ok();
+    let now = parts(dir.path());
+    let settings = |parts: &[String]| parts.iter().filter(|p| p.contains("\"Setting\"")).cloned().collect();
+    let (before, after): (Vec<String>, Vec<String>) = (settings(&more), settings(&now));
+    // All are measured again; the accuracy of one differs.
+    assert_eq!((after.len(), after.iter().filter(|part| !before.contains(part)).count()), (5, 1));
+    let mine = || {
+        run(dir.path(), &args).ok();
+        row(&json(&dir.path().join("out/results.json")), "inverse.profile=mine.ron")["error"].clone()
+    };
+    std::fs::write(dir.path().join("mine.ron"), "nothing").expect("a profile");
+    assert!(mine().is_string());
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    assert!(mine().is_null());
+}
+
+#[test]
+fn damaged_part_is_measured_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(dir.path(), "");
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    let path = dir.path().join("out/progress.jsonl");
+    let text = std::fs::read_to_string(&path).expect("parts");
+    std::fs::write(&path, &text[..text.len() - 20]).expect("parts");
+    run(dir.path(), &args).ok();
+    let now = json(&dir.path().join("out/results.json"));
+    for name in names(&results) {
+        assert_eq!(row(&now, &name)["figures"], row(&results, &name)["figures"]);
+    }
+    assert_eq!(parts(dir.path()).len(), text.lines().count() - 1);
+}

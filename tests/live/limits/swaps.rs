@@ -1,0 +1,261 @@
+//! Graphs that change while they play.
+
+use std::time::Duration;
+
+use asperity_audio::Request;
+use asperity_audio::simulated::Simulated;
+use asperity_graph::{Compiled, GraphFile};
+use asperity_live::driver::Clock;
+use asperity_live::view::Condition;
+use asperity_live::{Ends, Session, SessionOptions};
+use harness::alone::real_time;
+use harness::live::Live;
+use harness::stage::{by_hand, channel, graph, options, start, tend, timed};
+use harness::{self, json};
+
+use crate::coil::{Coil, RATED};
+
+const RATE: u32 = 48_000;
+
+/// Seconds of every attack: some, or a minute where much time is given.
+fn seconds() -> f64 {
+    if std::env::var_os("ASPERITY_LONG_TICKS").is_some() { 60.0 } else { 8.0 }
+}
+
+/// A sine of 1000 A at the resonance, behind a limiter of this name.
+fn attack(limiter: &str, params: &str) -> (String, String) {
+    let nodes = format!(
+        r#""tone": (kind: "sine", params: (frequency_hz: 65, amplitude: 1000)),
+           "{limiter}": (kind: "limiter", params: ({params})), "out": (kind: "audio_out"),"#
+    );
+    (nodes, format!(r#"("tone", "{limiter}"), ("{limiter}", "out"),"#))
+}
+
+fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
+    let (nodes, wires) = attack(limiter, params);
+    graph(&asperity_nodes::registry(), (500, RATE), &nodes, &wires)
+}
+
+fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
+    let conductor = session.conductor();
+    conductor.collect();
+    conductor.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+}
+
+/// Plays on a card for so long, with a change every so often.
+fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -> Vec<f64> {
+    let card = Simulated::new(name, by_hand()).expect("a card");
+    let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
+    let (mut played, mut next) = (0.0, every_s);
+    let mut number = 0;
+    while played < seconds() {
+        card.step(96);
+        played += 96.0 / f64::from(RATE);
+        if played >= next {
+            next += every_s;
+            number += 1;
+            change(&mut session, number);
+        }
+    }
+    let _ = session.tend();
+    channel(&card.played(), 2, 0)
+}
+
+#[test]
+fn renaming_the_limiter_lifts_no_limit_at_any_interval() {
+    let _alone = real_time();
+    for every_s in [0.05, 0.1, 0.3, 0.7, 1.5, 5.0] {
+        let played =
+            play("renamed", every_s, |session, n| swap(session, attacking(&format!("limiter {n}"), "")));
+        let used = Coil::new(RATE).play(played.iter().copied()).used;
+        println!("{every_s} s: {used:?}");
+        used.assert_within(&format!("renamed every {every_s} s"));
+        assert!(used.rms > 0.9, "too careful: {used:?}");
+        // What is heard is a sine still, not one that is cut by walls.
+        let last = &played[played.len() - 24_000..];
+        let peak = last.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let rms = (last.iter().map(|x| x * x).sum::<f64>() / last.len() as f64).sqrt();
+        assert!(peak / rms < 1.6, "{every_s} s: a peak of {peak} at {rms} rms");
+    }
+}
+
+#[test]
+fn other_settings_of_the_limiter_lift_no_limit() {
+    let _alone = real_time();
+    for every_s in [0.05, 0.3, 1.5] {
+        let played = play("set otherwise", every_s, |session, n| {
+            let release = if n % 2 == 0 { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
+            swap(session, attacking(&format!("limiter {}", n % 3), release));
+        });
+        Coil::new(RATE).play(played).used.assert_within(&format!("set otherwise every {every_s} s"));
+    }
+}
+
+#[test]
+fn limiter_that_goes_and_comes_back_lifts_no_limit() {
+    let _alone = real_time();
+    let silent = || {
+        let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
+                       "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
+        let wires = r#"("hush", "other"), ("other", "out")"#;
+        graph(&asperity_nodes::registry(), (500, RATE), nodes, wires)
+    };
+    for every_s in [0.05, 0.3, 1.0] {
+        let played = play("comes back", every_s, |session, n| {
+            swap(session, if n % 2 == 0 { attacking("limiter", "") } else { silent() });
+        });
+        let used = Coil::new(RATE).play(played).used;
+        used.assert_within(&format!("gone every {every_s} s"));
+    }
+}
+
+#[test]
+fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
+    let _alone = real_time();
+    let dir = tempfile::tempdir().unwrap();
+    // Half the rated current, for the same coil: what warmed it before counts.
+    let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
+    let weak = text.replace("ma_rms: 147.8", "ma_rms: 74").replace("HapCoil-One", "weak");
+    assert_ne!(text, weak);
+    let file = dir.path().join("weak.ron");
+    std::fs::write(&file, weak).unwrap();
+    for every_s in [0.05, 0.3, 1.5] {
+        let profile = |n: usize| {
+            if n.is_multiple_of(2) {
+                String::new()
+            } else {
+                format!("profile: {:?}", file.display().to_string())
+            }
+        };
+        let played = play("profile", every_s, |session, n| {
+            swap(session, attacking(&format!("limiter {n}"), &profile(n)));
+        });
+        let mut coil = Coil::new(RATE);
+        let turn = (every_s * f64::from(RATE)) as usize;
+        for (n, part) in played.chunks(turn).enumerate() {
+            let warm = coil.heat.sqrt();
+            let before = coil.heat;
+            coil.play(part.iter().copied());
+            // Under the weaker profile a coil that is warmer than it may be only cools, but for the change
+            // itself.
+            if n % 2 == 1 && warm > 0.080 && every_s >= 0.3 {
+                assert!(coil.heat < before, "{every_s} s, part {n}: from {warm} to {} A", coil.heat.sqrt());
+            }
+        }
+        coil.used.assert_within(&format!("another profile every {every_s} s"));
+    }
+}
+
+#[test]
+fn two_outputs_that_change_names_stay_within_their_limits() {
+    let _alone = real_time();
+    let both = |n: usize| {
+        let voice = |id: &str, hz: f64| {
+            let nodes = format!(
+                r#""{id} tone {n}": (kind: "sine", params: (frequency_hz: {hz:?}, amplitude: 1000)),
+                   "{id} limiter {n}": (kind: "limiter"), "{id}": (kind: "audio_out"),"#
+            );
+            (nodes, format!(r#"("{id} tone {n}", "{id} limiter {n}"), ("{id} limiter {n}", "{id}"),"#))
+        };
+        let (mut a, mut b) = (voice("a", 65.0), voice("b", 300.0));
+        if n % 2 == 1 {
+            std::mem::swap(&mut a, &mut b);
+        }
+        graph(&asperity_nodes::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
+    };
+    let card = Simulated::new("both", by_hand()).expect("a card");
+    let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
+    let mut session = start(both(0), SessionOptions { device, ..options(&card, Clock::Callback) });
+    for n in 1..40 {
+        (0..100).for_each(|_| card.step(96));
+        swap(&mut session, both(n));
+    }
+    let played = card.played();
+    for n in 0..2 {
+        let used = Coil::new(RATE).play(channel(&played, 2, n)).used;
+        used.assert_within(&format!("output {n}"));
+        assert!(used.rms > 0.8, "output {n}: {used:?}");
+    }
+}
+
+#[test]
+fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
+    let _alone = real_time();
+    let card = Simulated::new("lost and back", timed(96)).expect("a card");
+    let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
+    let mut coil = Coil::new(RATE);
+    let mut heard = 0;
+    for _ in 0..4 {
+        let until = heard + 2 * RATE as usize;
+        tend(&mut session, "the attack", |_| card.played().len() >= 2 * until);
+        card.unplug();
+        tend(&mut session, "the loss", |s| s.view().condition == Condition::Lost);
+        let played = channel(&card.played(), 2, 0);
+        coil.play(played[heard..].iter().copied());
+        heard = played.len();
+        let away = std::time::Instant::now();
+        std::thread::sleep(Duration::from_millis(50));
+        card.plug();
+        tend(&mut session, "the card", |s| s.view().condition == Condition::Playing);
+        // It lay still for no longer than this.
+        coil.rest(away.elapsed().as_secs_f64());
+    }
+    coil.used.assert_within("lost and back");
+    assert!(coil.used.rms > 0.9, "{:?}", coil.used);
+}
+
+#[test]
+fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
+    let _alone = real_time();
+    let dir = tempfile::tempdir().unwrap();
+    let write = |n: usize| {
+        let (nodes, wires) = attack(&format!("limiter {n}"), "");
+        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+        let new = dir.path().join("new");
+        std::fs::write(&new, text).unwrap();
+        std::fs::rename(new, dir.path().join("g.ron")).unwrap();
+    };
+    write(0);
+    let seconds = seconds().to_string();
+    let args = ["render", "g.ron", "--watch", "--seconds", &seconds, "--out", "o.wav", "--report", "o.json"];
+    let mut child = harness::asperity(dir.path()).args(args).arg("--quiet").spawn().unwrap();
+    let mut n = 0;
+    while child.try_wait().unwrap().is_none() {
+        n += 1;
+        write(n);
+        std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
+    }
+    assert!(child.wait().unwrap().success());
+    let swaps = json(&dir.path().join("o.json"))["swaps"].as_array().map_or(0, Vec::len);
+    assert!(swaps > 8, "{swaps} swaps");
+    let (samples, _) = harness::wav(&dir.path().join("o.wav"));
+    let used = Coil::new(RATE).play(samples.iter().map(|x| f64::from(*x))).used;
+    used.assert_within("render --watch");
+    assert!(used.rms > 0.9, "too careful: {used:?}");
+    // 0.319 A were driven before, where 0.1478 are rated.
+    assert!(used.rms * RATED < 0.15);
+}
+
+#[test]
+fn file_that_is_written_all_the_time_is_taken_each_second() {
+    let _alone = real_time();
+    let dir = tempfile::tempdir().unwrap();
+    let write = |n: usize| {
+        let (nodes, wires) = attack(&format!("limiter {n}"), "");
+        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
+        std::fs::write(dir.path().join("new"), text).unwrap();
+        std::fs::rename(dir.path().join("new"), dir.path().join("g.ron")).unwrap();
+    };
+    write(0);
+    let run = Live::start(dir.path(), &["g.ron", "--watch", "--device", "simulated:frames=96"]);
+    let begun = std::time::Instant::now();
+    for n in 1.. {
+        write(n);
+        if run.said().matches("changed:").count() >= 2 {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(30), "{}", run.said());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    run.stop().ok();
+}

@@ -1,0 +1,39 @@
+//! Everything that plays in real time, or needs an audio server or a browser.
+//!
+//! Such tests disturb each other. Each one holds `harness::alone::real_time()`, by itself or through a
+//! helper:
+//! `servers::inside` and `alone::apart` take it.
+#![allow(unreachable_pub, reason = "a test program has no outside")]
+
+mod audio;
+mod calibrate;
+mod coil;
+mod devices;
+mod driver;
+mod ear;
+mod edit;
+mod ends;
+mod faults;
+mod hand;
+mod hands;
+mod haply;
+mod jack_server;
+mod latency;
+mod limits;
+mod long;
+mod onlooker;
+mod options;
+mod page;
+mod page_server;
+mod pen;
+mod pictures;
+mod played;
+mod pulse_server;
+mod scene;
+mod simulated;
+mod socket;
+mod watch;
+
+/// Counts allocations: `long` and `driver` ask it.
+#[global_allocator]
+static ALLOCATOR: harness::counting::Counting = harness::counting::Counting;

@@ -1,0 +1,186 @@
+//! Visitors of the page who are refused, are too many, or do not listen.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use harness::alone::real_time;
+use harness::json;
+use harness::live::{CARD, EARS, Live, PATIENCE, npy, told};
+use tungstenite::{Message, WebSocket};
+
+use super::TICK;
+use crate::socket::connect;
+
+/// The answer to a request of the page's address with these headers.
+fn get(url: &str, target: &str, headers: &str) -> String {
+    let (host, _) = url["http://".len()..].split_once('/').expect("an address");
+    let mut stream = TcpStream::connect(host).expect("it listens");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
+    write!(stream, "GET {target} HTTP/1.1\r\nHost: {host}\r\n{headers}\r\n").expect("it hears");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("it answers");
+    answer
+}
+
+/// Reads so many views and says that it has got them. False where it is shown out.
+fn views(socket: &mut WebSocket<TcpStream>, many: u64) -> bool {
+    let mut got = 0_u64;
+    while got < many {
+        match socket.read() {
+            Ok(Message::Binary(_)) => {
+                got += 1;
+                let told = [0.0, got as f64].map(f64::to_le_bytes).concat();
+                if socket.send(Message::binary(told)).is_err() {
+                    return false;
+                }
+            }
+            Ok(Message::Close(_)) | Err(_) => return false,
+            Ok(_) => {}
+        }
+    }
+    true
+}
+
+/// Places where a sine breaks, other than at zeros, which are put where nothing was recorded.
+fn breaks(x: &[f32], hz: f64) -> usize {
+    let c = 2.0 * (std::f64::consts::TAU * hz / 48_000.0).cos();
+    let broken = |w: &[f32]| (f64::from(w[2]) - c * f64::from(w[1]) + f64::from(w[0])).abs() > 1e-5;
+    x.windows(3).filter(|w| w.iter().all(|x| *x != 0.0) && broken(w)).count()
+}
+
+/// Time of a run of a tone: played, and lost.
+#[derive(Debug)]
+struct Spent {
+    /// Ticks that its time has.
+    ticks: u64,
+    /// Ticks that ran, of those.
+    ran: u64,
+    misses: u64,
+    lost_samples: u64,
+    underruns: u64,
+}
+
+impl Spent {
+    /// The share of its time that was not played, or was late: ticks left out, ticks missed, samples lost,
+    /// whichever is most.
+    fn lost(&self) -> f64 {
+        let of = |n: u64| n as f64 / self.ticks.max(1) as f64;
+        of(self.ticks - self.ran).max(of(self.misses)).max(of(self.lost_samples) / TICK as f64)
+    }
+}
+
+/// Plays a tone on a page, and lets visitors do something while it does. Every tick that ran is recorded, and
+/// what is broken is counted.
+fn tone(dir: &Path, visit: impl FnOnce(&str)) -> Spent {
+    let text = format!(
+        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
+           "limiter": (kind: "limiter"),
+           "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
+        EARS[0], EARS[1]
+    );
+    std::fs::write(dir.join("g.ron"), text).expect("a graph");
+    let mut live = Live::start(dir, &["g.ron", "--page", "--device", CARD, "--report", "r.json"]);
+    let url = live.says("the page: ");
+    visit(&url);
+    live.stop().ok();
+
+    let (sent, heard) = (npy(&dir.join("sent.npy")), npy(&dir.join("heard.npy")));
+    let report = json(&dir.join("r.json"));
+    let count = |name: &str| report[name].as_u64().expect("a count");
+    let spent = Spent {
+        ticks: count("ticks"),
+        ran: count("ticks") - count("skipped_ticks"),
+        misses: count("misses"),
+        lost_samples: count("lost_samples"),
+        underruns: count("underruns"),
+    };
+    println!("{spent:?}, {:.2} % lost", 100.0 * spent.lost());
+    assert_eq!(sent.len() as u64, spent.ran * TICK as u64, "a tick is not recorded");
+    // From 2.5 s on the card plays at full level.
+    let full = heard.get(120_000..heard.len() - 12_000).expect("it ran for more than 3 s");
+    let breaks = breaks(full, 80.0);
+    let counted = spent.lost_samples + spent.underruns;
+    assert!(breaks == 0 || counted > 0, "{breaks} breaks, and nothing is said to be lost");
+    spent
+}
+
+/// More that may be lost beside a crowd than alone, of the time of a run. An engine that waits for pages
+/// loses most of it.
+const MARGIN: f64 = 0.05;
+/// Shortest time of a run.
+const LONG: Duration = Duration::from_secs(5);
+
+#[test]
+fn strangers_are_refused_and_100_pages_cost_no_ticks() {
+    let _alone = real_time();
+    told(|| {
+        let dir = tempfile::tempdir().expect("a folder");
+        let alone = tone(dir.path(), |_| std::thread::sleep(LONG));
+        let beside = tone(dir.path(), |url| {
+            strangers_are_refused(url);
+            a_crowd(url);
+        });
+        let [alone, beside] = [alone, beside].map(|spent| spent.lost());
+        if beside > alone + MARGIN {
+            return Err(format!("{:.1} % lost beside pages, {:.1} % alone", 100.0 * beside, 100.0 * alone));
+        }
+        Ok(())
+    });
+}
+
+fn strangers_are_refused(url: &str) {
+    let (host, query) = url.split_once("/?").expect("an address with a token");
+    let right = format!("/?{query}");
+    assert!(get(url, &right, "").starts_with("HTTP/1.1 200"));
+    for (target, headers, says) in [
+        ("/", "", "needs the token"),
+        ("/?token=0123456789abcdef0123456789abcdef", "", "needs the token"),
+        (&right, "Origin: http://evil.example\r\n", "another page"),
+        (&right, "Origin: null\r\n", "another page"),
+    ] {
+        let answer = get(url, target, headers);
+        assert!(answer.starts_with("HTTP/1.1 403") && answer.contains(says), "{target} {headers}: {answer}");
+    }
+    assert_eq!(connect(url, Some("http://evil.example")).err(), Some(403));
+    assert_eq!(connect(url.split_once('?').expect("a query").0, Some(host)).err(), Some(403));
+}
+
+/// One page that never reads, one that behaves, and a hundred more.
+fn a_crowd(url: &str) {
+    let (host, _) = url.split_once("/?").expect("an address with a token");
+    let lazy = connect(url, Some(host)).expect("there is room");
+    let mut good = connect(url, Some(host)).expect("there is room");
+    assert!(views(&mut good, 30));
+    let crowd: Vec<_> = (0..100).map(|_| connect(url, Some(host))).collect();
+    let (inside, outside): (Vec<_>, Vec<_>) = crowd.into_iter().partition(Result::is_ok);
+    assert!(
+        inside.len() >= 8 && outside.iter().all(|r| r.as_ref().err() == Some(&503)),
+        "{} got in",
+        inside.len()
+    );
+    let readers: Vec<_> = inside
+        .into_iter()
+        .filter_map(Result::ok)
+        .map(|mut socket| std::thread::spawn(move || views(&mut socket, 120)))
+        .collect();
+    // `good` goes on where it was.
+    let begun = Instant::now();
+    for n in 31.. {
+        if n > 150 && begun.elapsed() > LONG {
+            break;
+        }
+        let view = loop {
+            match good.read().expect("it is not shown out") {
+                Message::Binary(view) => break view,
+                _ => continue,
+            }
+        };
+        assert!(!view.is_empty() && begun.elapsed() < PATIENCE);
+        good.send(Message::binary([0.0, f64::from(n)].map(f64::to_le_bytes).concat())).expect("it hears");
+    }
+    let read = readers.into_iter().map(|r| r.join().expect("it reads")).filter(|all| *all).count();
+    println!("{read} pages read 120 views");
+    drop(lazy);
+}

@@ -1,0 +1,511 @@
+//! The server over real sockets: refusals, limits and bad clients.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use asperity_live::view::{Request, View};
+use asperity_live::{Reins, samples};
+use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
+use harness::alone::real_time;
+use harness::live::until;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::protocol::CloseFrame;
+use tungstenite::{Message, WebSocket};
+
+use super::made_up;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+const FILES: [&str; 16] = [
+    "/",
+    "/page.css",
+    "/icon.svg",
+    "/main.js",
+    "/link.js",
+    "/hand.js",
+    "/graph.js",
+    "/layers.js",
+    "/scope.js",
+    "/spectrum.js",
+    "/timing.js",
+    "/health.js",
+    "/controls.js",
+    "/draw.js",
+    "/places",
+    "/nothing",
+];
+
+struct Stage {
+    page: Page,
+    feed: Arc<Feed>,
+    reins: Reins,
+}
+
+fn stage() -> Stage {
+    let feed = Arc::new(Feed::new());
+    feed.publish_layout(made_up::layout());
+    let reins = Reins::default();
+    // Nobody reads the hand.
+    let page = serve(Options::default(), feed.clone(), reins.clone(), Some(samples().0)).expect("it serves");
+    Stage { page, feed, reins }
+}
+
+impl Stage {
+    fn port(&self) -> u16 {
+        let (port, _) = self.page.url()["http://127.0.0.1:".len()..].split_once('/').expect("an address");
+        port.parse().expect("a port")
+    }
+
+    fn token(&self) -> &str {
+        self.page.url().split_once("token=").expect("a token").1
+    }
+
+    fn tcp(&self) -> TcpStream {
+        let stream = TcpStream::connect(("127.0.0.1", self.port())).expect("it listens");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
+        stream
+    }
+
+    /// The answer to a request with these headers.
+    fn get(&self, target: &str, headers: &str) -> String {
+        let mut stream = self.tcp();
+        stream.write_all(format!("GET {target} HTTP/1.1\r\n{headers}\r\n").as_bytes()).expect("it hears");
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect("it answers");
+        answer
+    }
+
+    /// The answer where all is right.
+    fn right(&self, path: &str) -> String {
+        self.get(&format!("{path}?token={}", self.token()), &format!("Host: 127.0.0.1:{}\r\n", self.port()))
+    }
+
+    fn watch(&self) -> Result<WebSocket<TcpStream>, u16> {
+        let url = format!("ws://127.0.0.1:{}/ws?token={}", self.port(), self.token());
+        match tungstenite::client(url.into_client_request().expect("a request"), self.tcp()) {
+            Ok((socket, _)) => Ok(socket),
+            Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(answer))) => {
+                Err(answer.status().as_u16())
+            }
+            Err(e) => panic!("{e}"),
+        }
+    }
+}
+
+/// Reads until the server closes, and says why it did; none for a connection that is cut.
+fn closed(socket: &mut WebSocket<TcpStream>) -> Option<CloseFrame> {
+    loop {
+        match socket.read() {
+            Ok(Message::Close(frame)) => return frame,
+            Ok(_) => {}
+            Err(_) => return None,
+        }
+    }
+}
+
+/// Whether the server keeps a connection open until reading times out.
+fn waits(mut stream: &TcpStream) -> bool {
+    let end = stream.read_to_end(&mut Vec::new());
+    end.is_err_and(|e| matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut))
+}
+
+fn number(view: &[u8]) -> u64 {
+    let head_len = u32::from_le_bytes(view[..4].try_into().expect("four bytes")) as usize;
+    let head: serde_json::Value = serde_json::from_slice(&view[4..4 + head_len]).expect("JSON");
+    head["view"]["number"].as_u64().expect("a number")
+}
+
+fn got(count: u64) -> Message {
+    Message::binary([0.0, count as f64].map(f64::to_le_bytes).concat())
+}
+
+#[test]
+fn address_without_token_host_or_origin_is_refused() {
+    let _alone = real_time();
+    let stage = stage();
+    let (port, token) = (stage.port(), stage.token().to_owned());
+    let other = token.chars().rev().collect::<String>();
+    let host = format!("Host: 127.0.0.1:{port}\r\n");
+    let upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                   Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let mut tried = 0;
+    for path in FILES.into_iter().chain(["/ws"]) {
+        let right = format!("{path}?token={token}");
+        let extra = if path == "/ws" { upgrade } else { "" };
+        let refused = [
+            (path.to_owned(), host.clone()),
+            (format!("{path}?token="), host.clone()),
+            (format!("{path}?token={other}"), host.clone()),
+            (format!("{path}?token={}", &token[1..]), host.clone()),
+            (format!("{path}?token={token}x"), host.clone()),
+            (format!("{path}?token={token}&token={other}"), host.clone()),
+            (right.clone(), format!("Host: evil.example:{port}\r\n")),
+            (right.clone(), "Host: 127.0.0.1\r\n".to_owned()),
+            (right.clone(), format!("Host: 127.0.0.1:{port}.evil.example\r\n")),
+            (right.clone(), format!("{host}Host: evil.example\r\n")),
+            (right.clone(), format!("{host}Origin: http://evil.example\r\n")),
+            (right.clone(), format!("{host}Origin: http://127.0.0.1:{}\r\n", port ^ 1)),
+            (right.clone(), format!("{host}Origin: https://127.0.0.1:{port}\r\n")),
+            (right.clone(), format!("{host}Origin: null\r\n")),
+            (right.clone(), format!("{host}Origin: http://localhost:{port}\r\n")),
+        ];
+        for (target, headers) in refused {
+            let answer = stage.get(&target, &format!("{headers}{extra}"));
+            let bad = answer.starts_with("HTTP/1.1 403") || answer.starts_with("HTTP/1.1 400");
+            assert!(bad, "{target} {headers}: {answer}");
+            assert!(!answer.contains(&token), "the token is not told");
+            tried += 1;
+        }
+    }
+    // HTTP/1.1 without a Host never comes to the guard, 1.0 does.
+    let mut old = stage.tcp();
+    old.write_all(format!("GET /?token={token} HTTP/1.0\r\n\r\n").as_bytes()).expect("it hears");
+    let mut answer = String::new();
+    old.read_to_string(&mut answer).expect("it answers");
+    assert!(answer.starts_with("HTTP/1.0 403"), "{answer}");
+    assert!(stage.page.counts().refused >= tried, "{:?}", stage.page.counts());
+    assert_eq!(stage.page.counts().pages, 0);
+    assert!(stage.watch().is_ok(), "the program that knows the token may watch");
+    let localhost = format!("Host: localhost:{port}\r\nOrigin: http://localhost:{port}\r\n");
+    assert!(stage.get(&format!("/?token={token}"), &localhost).starts_with("HTTP/1.1 200"));
+}
+
+#[test]
+fn files_forbid_and_ask_for_nothing_from_elsewhere() {
+    let _alone = real_time();
+    let stage = stage();
+    for path in FILES {
+        let answer = stage.right(path);
+        let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
+        let head = head.to_lowercase();
+        assert_eq!(head.starts_with("http/1.1 200"), path != "/nothing", "{path}: {head}");
+        for header in [
+            "content-security-policy: default-src 'none'; script-src 'self'; style-src 'self';",
+            "x-content-type-options: nosniff",
+            "referrer-policy: no-referrer",
+            "cache-control: no-store",
+        ] {
+            assert!(head.contains(header), "{path} lacks {header}: {head}");
+        }
+        assert!(!head.contains("unsafe"), "{head}");
+        let body = body.replace("http://www.w3.org/2000/svg", "").replace("${scheme}//", "");
+        assert!(!body.contains("://"), "{path} names another place");
+        for file in FILES.iter().filter(|file| file.len() > 1) {
+            assert!(!body.contains(&format!("\".{file}\"")), "{path} asks for {file} without the token");
+        }
+    }
+}
+
+#[test]
+fn of_a_hundred_pages_sixteen_watch_and_the_rest_are_told() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut watching = Vec::new();
+    let mut refused = 0;
+    for _ in 0..100 {
+        match stage.watch() {
+            Ok(socket) => watching.push(socket),
+            Err(status) => {
+                assert_eq!(status, 503);
+                refused += 1;
+            }
+        }
+    }
+    assert_eq!((watching.len(), refused), (PAGES, 100 - PAGES));
+    assert!(stage.right("/places").ends_with(r#"{"most":16,"pages":16}"#));
+    for number in 1..=3 {
+        stage.feed.publish(View { number, ..View::default() });
+    }
+    for socket in &mut watching {
+        let mut last = 0;
+        while last < 3 {
+            if let Message::Binary(view) = socket.read().expect("it shows") {
+                last = number(&view);
+            }
+        }
+    }
+    drop(watching.pop());
+    until("a place is free", || stage.page.counts().pages < PAGES as u64);
+    watching.push(stage.watch().expect("a place was free"));
+}
+
+/// A view as heavy as a run makes one.
+fn heavy(number: u64) -> View {
+    View { number, scopes: vec![vec![0.5; 8192]; 8], ..View::default() }
+}
+
+#[test]
+fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
+    let _alone = real_time();
+    let stage = stage();
+    let silent = stage.watch().expect("a place");
+    let mut liar = stage.watch().expect("a place");
+    let mut good = stage.watch().expect("a place");
+    let reader = std::thread::spawn(move || {
+        let mut seen = Vec::new();
+        while let Ok(message) = good.read() {
+            if let Message::Binary(view) = message {
+                seen.push(number(&view));
+                good.send(got(seen.len() as u64)).expect("it hears");
+            }
+        }
+        seen
+    });
+    let mut times = Vec::new();
+    let (mut most_kept, began) = (0, Instant::now());
+    let mut gone_after = None;
+    let mut n = 0u32;
+    // Neither reads. One is silent, one claims to read: to that one much is sent.
+    while n < 600 && (gone_after.is_none() || n < 200) {
+        n += 1;
+        let view = heavy(u64::from(n));
+        let start = Instant::now();
+        stage.feed.publish(view);
+        times.push(start.elapsed().as_secs_f64() * 1e6);
+        most_kept = most_kept.max(stage.page.counts().kept_bytes);
+        if n.is_multiple_of(2) {
+            let _ = liar.send(got(u64::from(n / 4)));
+        }
+        if stage.page.counts().pages == 1 && gone_after.is_none() {
+            gone_after = Some(began.elapsed());
+        }
+        std::thread::sleep((Duration::from_secs(1) * n / 60).saturating_sub(began.elapsed()));
+    }
+    until("both are let go", || stage.page.counts().pages == 1);
+    let counts = stage.page.counts();
+    drop((silent, liar));
+    let published = u64::from(n);
+    drop(stage);
+    let seen = reader.join().expect("it reads");
+    times.sort_by(f64::total_cmp);
+    println!(
+        "publish of {} kB: p50 {:.0} us, p99 {:.0} us, max {:.0} us; kept {} kB at most; {published} \
+         views, {} read by \
+         the good page; the others were gone after {gone_after:?}; {counts:?}",
+        8192 * 8 * 4 / 1024,
+        times[times.len() / 2],
+        times[times.len() * 99 / 100],
+        times[times.len() - 1],
+        most_kept / 1024,
+        seen.len(),
+    );
+    assert!(most_kept < 5 * 300 * 1024, "at most a few views are kept");
+    assert!(seen.is_sorted(), "in order");
+    // Views that come while a busy machine holds the page are left out.
+    assert!(seen.len() as u64 * 2 > published, "the good page saw {} of {published}", seen.len());
+    assert_eq!(seen.last(), Some(&published), "and the last of all");
+}
+
+#[test]
+fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut silent = stage.watch().expect("a place");
+    for n in 1..=100 {
+        stage.feed.publish(heavy(n));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    until("the first few", || stage.page.counts().views >= AHEAD);
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(stage.page.counts().views, AHEAD);
+    // Once it answers it gets the newest view, not those it missed.
+    let mut seen = 0;
+    let mut last = 0;
+    while last < 100 {
+        if let Message::Binary(view) = silent.read().expect("it shows") {
+            seen += 1;
+            last = number(&view);
+            silent.send(got(seen)).expect("it hears");
+        }
+    }
+    assert_eq!(seen, AHEAD + 1);
+}
+
+#[test]
+fn garbage_or_too_much_ends_only_its_connection() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut good = stage.watch().expect("a place");
+    let hand = [1.0, 0.0, 0.0, f64::NAN, 0.0, 0.5, 1.0].map(f64::to_le_bytes).concat();
+    let bad = [
+        Message::text("garbage"),
+        Message::text(r#"{"set":{"node":"a"}}"#),
+        Message::text(r#"{"mute":true,"more":1}"#),
+        Message::binary(vec![7; 33]),
+        Message::binary(hand),
+        got(1_000_000),
+        Message::text("x".repeat(MESSAGE + 1)),
+        Message::binary(vec![0; 4 << 20]),
+        Message::text("[".repeat(MESSAGE - 1)),
+    ];
+    for message in bad {
+        let mut socket = stage.watch().expect("a place");
+        let what = format!("{:.30}", format!("{message:?}"));
+        // It may be cut while it still sends.
+        let sent = socket.send(message);
+        let frame = closed(&mut socket);
+        assert!(sent.is_err() || frame.is_none_or(|frame| u16::from(frame.code) != 1000), "{what}");
+        until("it is let go", || stage.page.counts().pages == 1);
+    }
+    // Not of the protocol at all.
+    let mut raw = stage.watch().expect("a place");
+    raw.get_mut().write_all(&[0xff; 4096]).expect("it hears");
+    closed(&mut raw);
+    let mut raw = stage.tcp();
+    raw.write_all(&[0x16; 70_000]).ok();
+    raw.read_to_end(&mut Vec::new()).ok();
+    // Too often.
+    let mut flood = stage.watch().expect("a place");
+    for _ in 0..4000 {
+        if flood.send(Message::text(r#"{"mute":true}"#)).is_err() {
+            break;
+        }
+    }
+    closed(&mut flood);
+    until("all are let go", || stage.page.counts().pages == 1);
+    stage.feed.publish(View { number: 9, ..View::default() });
+    while !matches!(good.read().expect("the good one is shown what is new"), Message::Binary(_)) {}
+    assert!(stage.reins.muted() && stage.reins.asked().is_empty());
+}
+
+#[test]
+fn idle_connections_are_bounded_and_closed() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut good = stage.watch().expect("a place");
+    let idle: Vec<TcpStream> = (0..CONNECTIONS + 40).map(|_| stage.tcp()).collect();
+    until("the oldest are closed for newer ones", || stage.page.counts().refused >= 40);
+    stage.feed.publish(View::default());
+    while !matches!(good.read().expect("it shows"), Message::Binary(_)) {}
+    assert!(idle.iter().all(|stream| !waits(stream)));
+}
+
+/// Once, idle connections without a token filled the server, and a page with the token got 503 for 5 s.
+#[test]
+fn idle_connections_keep_no_page_with_token_out() {
+    let _alone = real_time();
+    let stage = stage();
+    let idle: Vec<TcpStream> = (0..3 * CONNECTIONS).map(|_| stage.tcp()).collect();
+    let begun = Instant::now();
+    for _ in 0..20 {
+        let answer = stage.right("/places");
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        assert!(stage.watch().is_ok());
+    }
+    assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
+    // The oldest were closed for the newest, which wait on.
+    assert!(!waits(&idle[0]));
+    let newest = &idle[idle.len() - 1];
+    newest.set_read_timeout(Some(Duration::from_millis(50))).expect("a socket");
+    assert!(waits(newest));
+}
+
+/// A request for a part that the graph does not have is refused with a reason; any other is asked for.
+#[test]
+fn request_for_a_missing_part_is_refused_with_a_reason() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut socket = stage.watch().expect("a place");
+    let mut ask = |text: &str| {
+        socket.send(Message::text(text)).expect("it hears");
+        loop {
+            if let Message::Text(answer) = socket.read().expect("it answers")
+                && let Some(why) = answer.strip_prefix("{\"refused\":")
+            {
+                return why.trim_end_matches('}').to_owned();
+            }
+        }
+    };
+    for (text, why) in [
+        (r#"{"set":{"node":"nobody","param":"gain","value":1}}"#, "nobody has no parameter gain"),
+        (r#"{"set":{"node":"texture","param":"loud","value":1}}"#, "texture has no parameter loud"),
+        (r#"{"set":{"node":"texture","param":"gain","value":4.01}}"#, "0 to 4"),
+        (r#"{"set":{"node":"texture","param":"gain","value":-1e300}}"#, "0 to 4"),
+        (r#"{"material":{"node":"texture","name":"../../etc/passwd"}}"#, "no material"),
+        (r#"{"material":{"node":"gate","name":"felt"}}"#, "no material"),
+    ] {
+        assert!(ask(text).contains(why), "{text}");
+    }
+    assert!(stage.reins.asked().is_empty(), "nothing of this comes to the run");
+    for n in 0..4 {
+        let text = format!(r#"{{"set":{{"node":"texture","param":"gain","value":{n}}}}}"#);
+        socket.send(Message::text(text)).expect("it hears");
+    }
+    for text in [r#"{"mute":true}"#, "\"stop\"", r#"{"set":{"node":"texture","param":"gain","value":1}}"#] {
+        socket.send(Message::text(text)).expect("it hears");
+    }
+    while !matches!(socket.read().expect("it answers"), Message::Text(text) if text.contains("has ended")) {}
+    // Of one parameter the newest value counts, and a run that is to stop takes no more.
+    let set = Request::Set { node: "texture".into(), param: "gain".into(), value: 3.0 };
+    assert_eq!(stage.reins.asked(), [set]);
+    assert!(stage.reins.muted() && stage.reins.stopping());
+}
+
+#[test]
+fn pages_are_told_that_the_run_has_ended() {
+    let _alone = real_time();
+    let stage = stage();
+    let mut socket = stage.watch().expect("a place");
+    let port = stage.port();
+    let ending = std::thread::spawn(move || drop(stage));
+    // A page that is in the middle of telling something is not cut off before it has heard: a browser that
+    // cannot write does not read on.
+    for _ in 0..5 {
+        std::thread::sleep(Duration::from_millis(10));
+        socket.get_mut().write_all(&[0x8a, 0x80, 0, 0, 0, 0]).expect("it still hears");
+    }
+    let frame = closed(&mut socket).expect("a reason");
+    assert_eq!((u16::from(frame.code), frame.reason.as_str()), (1001, "the run has ended"));
+    drop(socket);
+    ending.join().expect("it ends");
+    assert!(TcpStream::connect(("127.0.0.1", port)).is_err(), "the port is free again");
+}
+
+#[test]
+fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
+    let _alone = real_time();
+    let stage = stage();
+    let taken = Options { port: stage.port(), token: None };
+    let error = serve(taken, stage.feed.clone(), Reins::default(), None).expect_err("it is taken");
+    assert_eq!(error.kind(), ErrorKind::AddrInUse);
+    let odd = Options { port: 0, token: Some("a&b".into()) };
+    assert_eq!(
+        serve(odd, stage.feed.clone(), Reins::default(), None).expect_err("odd").kind(),
+        ErrorKind::InvalidInput
+    );
+}
+
+#[test]
+fn hand_goes_on_with_another_writer_and_new_strokes() {
+    let _alone = real_time();
+    let (to, mut first) = samples();
+    let reins = Reins::default();
+    let page = serve(Options::default(), Arc::new(Feed::new()), reins.clone(), Some(to)).expect("it serves");
+    let stage = Stage { page, feed: Arc::new(Feed::new()), reins };
+    let mut socket = stage.watch().expect("a place");
+    let mut touch = |x: f64, number: f64| {
+        let told = [1.0, x, x, x, 0.0, 0.5, number].map(f64::to_le_bytes).concat();
+        socket.send(Message::binary(told)).expect("it hears");
+    };
+    let mut got = None;
+    touch(1.0, 1.0);
+    until("a sample", || {
+        got = first.take();
+        got.is_some()
+    });
+    let before = got.expect("a sample");
+    let (to, mut second) = samples();
+    stage.page.set_pointer(Some(to));
+    for (x, number, on) in [(2.0, 1.0, 0), (3.0, 2.0, 1)] {
+        touch(x, number);
+        until("a sample of the new one", || {
+            got = second.take();
+            got.is_some()
+        });
+        let after = got.expect("a sample");
+        assert_eq!((after.position[0], after.stroke), (x, before.stroke + on));
+        assert!(after.time_ns > before.time_ns);
+    }
+    assert!(first.take().is_none());
+}

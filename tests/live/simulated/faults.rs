@@ -1,0 +1,378 @@
+//! Faults of a card, and of a graph.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::time::Duration;
+
+use asperity_audio::simulated::{Params, Simulated};
+use asperity_audio::{Request, events, open};
+use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, timer};
+use asperity_live::view::Condition;
+use asperity_live::{Meters, SessionOptions};
+use asperity_node::{
+    Descriptor, Diagnostic, Node, Output, RateSpec, Setup, ShapeSpec, Status, Tick, Unit, time,
+};
+use harness::alone::real_time;
+use harness::live::told;
+use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, start, tend, timed};
+
+/// Samples in which a stop, a mute or a panic must be silent: 20 ms.
+const DOWN: usize = 960;
+
+/// Samples from the end of an undisturbed sine to the last that is heard: how long it takes to be silent.
+/// None where there is no sine. Each sample of one follows from the two before it; a ramp, or a value that is
+/// held, breaks that by 1e-6 and more.
+fn fall(all: &[f64], radians: f64) -> Option<usize> {
+    /// As many in a row are no ramp that happens to cross zero.
+    const ROW: usize = 16;
+    let last = all.iter().rposition(|y| *y != 0.0)?;
+    let follows = |n: usize| {
+        let w = &all[n - 2..=n];
+        w[2] != 0.0 && (w[2] - 2.0 * radians.cos() * w[1] + w[0]).abs() < 5e-8
+    };
+    let full = (ROW + 2..=last).rev().find(|n| (n - ROW..*n).all(follows))?;
+    Some(last + 1 - full)
+}
+
+fn heard(card: &Simulated) -> Vec<f64> {
+    channel(&card.played(), 2, 0)
+}
+
+fn playing(session: &mut asperity_live::Session) -> bool {
+    session.view().condition == Condition::Playing
+}
+
+#[test]
+fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
+    let _alone = real_time();
+    let card = Simulated::new("mute", by_hand()).expect("a card");
+    let mut session = start(one_voice(), options(&card, Clock::Callback));
+    (0..100).for_each(|_| card.step(97));
+    session.reins().mute(true);
+    assert_eq!(session.view().condition, Condition::Muted);
+    (0..40).for_each(|_| card.step(97));
+    session.reins().mute(false);
+    (0..200).for_each(|_| card.step(97));
+    assert_eq!(session.view().condition, Condition::Playing);
+    let all = heard(&card);
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    assert!(all[9700 + DOWN..13_580].iter().all(|y| *y == 0.0));
+    // The graph went on under it: what comes back is where it would have been.
+    let wanted = harness::stage::offline(one_voice().1, all.len()).swap_remove(0);
+    assert!(all[13_580 + 9700..].iter().zip(&wanted[13_580 + 9700..]).all(|(y, x)| *y == f64::from(*x)));
+}
+
+/// Nothing is played after the ramp.
+#[test]
+fn stop_or_drop_of_a_session_ramps_down_within_20_ms() {
+    let _alone = real_time();
+    for (clock, dropped) in
+        [(Clock::Callback, false), (Clock::Callback, true), (Clock::Paced, false), (Clock::Paced, true)]
+    {
+        let mut attempts = 0..;
+        told(|| ramps_down(clock, dropped, attempts.next().unwrap_or(0)));
+    }
+}
+
+/// One end of a run. A busy machine may break the sine just before.
+fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
+    // One that is stopped plays what it was given 100 ms later, and is still to be there.
+    let latency_frames = if dropped { 0 } else { 4800 };
+    let params = Params { latency_frames, ..timed(64) };
+    let name = format!("stop {} {dropped} {attempt}", clock.name());
+    let card = Simulated::new(&name, params).expect("a card");
+    let mut session = start(one_voice(), options(&card, clock));
+    // Half a second, in which the limiter's high-pass forgets the start.
+    tend(&mut session, "a tone", |s| playing(s) && heard(&card).len() > 24_000);
+    let mut view = session.view();
+    if dropped {
+        drop(session);
+    } else {
+        let ended = session.stop();
+        assert!(ended.player.is_some());
+        assert_eq!(ended.view.condition, Condition::Stopping);
+        view = ended.view;
+    }
+    let all = heard(&card);
+    let last = all.iter().rposition(|y| *y != 0.0).expect("a tone");
+    assert!(!card.in_use());
+    let silent = all.len() - last;
+    assert!(silent > if dropped { 1 } else { 1000 }, "{name}: cut off {silent} frames after its end");
+    if view.underruns + view.xruns > 0 {
+        return Err(format!("{name}: {} underruns, {} of the host", view.underruns, view.xruns));
+    }
+    assert!(largest_step(&all) < STEP, "{name}: {}", largest_step(&all));
+    let fall = fall(&all, TAU * 80.0 / 48_000.0).expect("a tone");
+    println!("{name}: down in {fall} samples");
+    assert!(fall <= DOWN, "{name}: down in {fall} samples, not {DOWN}");
+    Ok(())
+}
+
+#[test]
+fn underrun_and_gap_are_counted_and_join_without_a_step() {
+    let _alone = real_time();
+    told(|| {
+        let card = Simulated::new("gaps", timed(64)).expect("a card");
+        let mut session = start(one_voice(), options(&card, Clock::Callback));
+        tend(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
+        let xruns = session.view().xruns;
+        card.xrun();
+        tend(&mut session, "the underrun", |s| s.view().xruns > xruns);
+        let before = session.view();
+        // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is
+        // no loss: then another.
+        let mut frames = 0;
+        tend(&mut session, "the gap", |s| {
+            if heard(&card).len() > frames {
+                frames = heard(&card).len() + 48_000;
+                card.gap(Duration::from_millis(120));
+            }
+            s.view().lost_samples >= before.lost_samples + 4000
+        });
+        let frames = heard(&card).len();
+        tend(&mut session, "more", |_| heard(&card).len() > frames + 9600);
+        let view = session.stop().view;
+        assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
+        assert!(largest_step(&heard(&card)) < STEP);
+        // Position is time: what is played is as far on as what went by.
+        let heard = heard(&card);
+        // The card was listened to before, for longer on a busy machine.
+        let begin = heard.iter().position(|y| *y != 0.0).expect("a tone");
+        let seconds = ((heard.len() - begin) as u64 + view.lost_samples) as f64 / 48_000.0;
+        // A stall while the card's time is being found shifts that.
+        if (seconds - view.seconds).abs() < 0.02 {
+            Ok(())
+        } else {
+            Err(format!("{seconds} of {}", view.seconds))
+        }
+    });
+}
+
+#[test]
+fn lost_card_is_waited_for_and_fades_in_when_back() {
+    let _alone = real_time();
+    type Way = (&'static str, fn(&Simulated), fn(&Simulated));
+    let ways: [Way; 3] = [
+        ("flood", Simulated::flood, Simulated::resume),
+        ("silence", Simulated::stop, Simulated::resume),
+        ("plug", Simulated::unplug, Simulated::plug),
+    ];
+    let card = Simulated::new("lost", timed(64)).expect("a card");
+    let mut session = start(one_voice(), options(&card, Clock::Callback));
+    for (losses, (name, harm, mend)) in ways.into_iter().enumerate() {
+        tend(&mut session, "a tone", |s| playing(s) && s.view().clock == "callback");
+        let ticks = session.view().ticks;
+        harm(&card);
+        let said = tend(&mut session, name, |s| s.view().condition == Condition::Lost);
+        assert!(
+            said.iter().any(|s| s.contains("is lost") && s.contains("when the device is back")),
+            "{said:?}"
+        );
+        assert!(session.goes_on());
+        let view = session.view();
+        assert_eq!((view.losses, view.clock.as_str()), (losses as u64 + 1, "timer"));
+        // Without a card the graph goes on.
+        let further = view.ticks.max(ticks) + 50;
+        tend(&mut session, "ticks without a card", |s| s.view().ticks > further);
+        let quiet = heard(&card).len();
+        mend(&card);
+        let said = tend(&mut session, "the card", |s| playing(s) && s.view().clock == "callback");
+        assert!(said.iter().any(|s| s.contains("is back")), "{name}: {said:?}");
+        tend(&mut session, "the tone", |_| heard(&card)[quiet..].iter().any(|y| y.abs() > 0.05));
+    }
+    // One that is not waited for ends the run.
+    let ended = session.stop();
+    assert!(ended.player.is_some());
+    let options = asperity_live::SessionOptions { reconnect: false, ..options(&card, Clock::Callback) };
+    let mut session = start(one_voice(), options);
+    card.unplug();
+    tend(&mut session, "the end", |s| !s.goes_on());
+    assert!(session.stop().player.is_some());
+}
+
+/// Loud, until a tick that panics.
+struct Panics(u64);
+
+impl Ticker for Panics {
+    fn rates(&self) -> Rates {
+        Rates { tick_hz: 500, rate_hz: 48_000, channels: 1 }
+    }
+    fn next_tick(&self) -> u64 {
+        self.0
+    }
+    fn tick(&mut self, _: u64, out: &mut [f32]) {
+        assert!(self.0 < 100, "as told");
+        for (y, n) in out.iter_mut().zip(time::samples(self.0, 48_000, 500)) {
+            *y = (0.1 * (n as f64 * 0.0105).sin()) as f32;
+        }
+        self.0 += 1;
+    }
+    fn skip(&mut self, n: u64) {
+        self.0 += n;
+    }
+}
+
+/// There is no step.
+#[test]
+fn panicking_engine_is_silent_within_20_ms_and_says_so() {
+    let _alone = real_time();
+    let card = Simulated::new("panic", by_hand()).expect("a card");
+    let options = Options { start_s: 0.0, priority: None, ..Options::new(Arc::new(Meters::new(500))) };
+    let (driver, half) = Callback::new(Panics(0), &options);
+    let (to, _events) = events();
+    let request = Request { device: Some(card.id()), ..Request::default() };
+    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    stream.play().expect("it plays");
+    (0..300).for_each(|_| card.step(64));
+    assert!(driver.controls().failed());
+    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
+    let all = heard(&card);
+    assert!(all[9500..9600].iter().any(|y| *y != 0.0));
+    assert!(all[9600 + DOWN..].iter().all(|y| *y == 0.0));
+    // The last sample is held and decays in 5 ms.
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+#[test]
+fn panic_under_a_timer_is_told_and_leaves_a_report() {
+    let _alone = real_time();
+    let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
+    let timer = timer(Panics(0), &options).expect("a thread");
+    while !timer.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(timer.controls().condition(), Condition::Failed);
+    assert_eq!(timer.stop().expect("the ticker").0, 100);
+}
+
+/// There is no step.
+#[test]
+fn panic_under_the_paced_clock_is_silent_within_20_ms() {
+    let _alone = real_time();
+    let card = Simulated::new("paced panic", timed(64)).expect("a card");
+    let meters = Arc::new(Meters::new(500));
+    let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
+    let (driver, half) = paced(Panics(0), &options).expect("a thread");
+    let (to, _events) = events();
+    let request = Request { device: Some(card.id()), ..Request::default() };
+    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    stream.play().expect("it plays");
+    while !driver.controls().failed() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let failed = heard(&card).len();
+    while heard(&card).len() < failed + 9_600 {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
+    let all = heard(&card);
+    assert!(all.iter().any(|y| y.abs() > 0.05), "nothing was heard before");
+    // What the ring holds is played, then the last sample decays. Both together are within 20 ms of the
+    // failure, which may be seen here some callbacks late, but not early.
+    let loud = all.iter().rposition(|y| *y != 0.0).expect("a tone");
+    let fall = fall(&all, 0.0105).expect("a tone");
+    println!(
+        "paced panic: {} samples after it was seen, {fall} of them falling",
+        loud as i64 - failed as i64
+    );
+    assert!(loud < failed + DOWN, "it sounds for {} samples more", loud - failed);
+    assert!(fall <= DOWN, "it falls for {fall} samples");
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    assert!(driver.stop().is_some(), "the ticker is there for a report");
+}
+
+/// A slow wave, until a tick that panics.
+struct Breaks;
+
+impl Node for Breaks {
+    fn descriptor() -> Descriptor {
+        let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
+        Descriptor::new("breaks", "A wave, then a panic.").output(out)
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        assert!(tick.index < 50, "as told");
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = 0.1 * (n as f32 * 0.0105).sin();
+        }
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+#[test]
+fn panicking_node_is_named_and_every_clock_goes_on() {
+    let _alone = real_time();
+    for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
+        let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
+        let registry = asperity_nodes::registry().with::<Breaks>();
+        let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
+        let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
+        let options = options(&card, clock);
+        let device = if clock == Clock::Timer { None } else { options.device.clone() };
+        let mut session = start(graph, SessionOptions { device, ..options });
+        tend(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
+        let view = session.view();
+        assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
+        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        let node = &view.nodes[bad];
+        assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
+        let ended = session.stop();
+        assert!(ended.player.is_some());
+        if clock != Clock::Timer {
+            let all = heard(&card);
+            assert!(largest_step(&all) < STEP, "{}: {}", clock.name(), largest_step(&all));
+        }
+    }
+}
+
+/// A slow wave that is no number from tick 50 on.
+struct Fails;
+
+impl Node for Fails {
+    fn descriptor() -> Descriptor {
+        let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
+        Descriptor::new("fails", "A wave, then none.").output(out)
+    }
+    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let (index, span) = (tick.index, tick.samples(48_000));
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = if index < 50 { 0.1 * (n as f32 * 0.0105).sin() } else { f32::NAN };
+        }
+        Status::Continue
+    }
+    fn reset(&mut self) {}
+}
+
+#[test]
+fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
+    let _alone = real_time();
+    let card = Simulated::new("node", by_hand()).expect("a card");
+    let registry = asperity_nodes::registry().with::<Fails>();
+    let nodes = r#""bad": (kind: "fails"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
+    let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
+    let mut session = start(graph, options(&card, Clock::Callback));
+    (0..200).for_each(|_| card.step(64));
+    let view = session.view();
+    assert!(session.goes_on() && view.condition == Condition::Playing);
+    let bad = session.conductor().schedule().index_of("bad").expect("the node");
+    assert!(
+        view.nodes[bad].quarantined && view.nodes[bad].last_fault.contains("not finite"),
+        "{:?}",
+        view.nodes[bad]
+    );
+    assert_eq!(view.faults, view.nodes[bad].faults);
+    let all = heard(&card);
+    assert!(all[4600..4800].iter().any(|y| y.abs() > 0.01));
+    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
+    // What is left is the DC that the limiter takes out, at its corner of 5 Hz.
+    assert!(all[4800 + DOWN..].iter().all(|y| y.abs() < 0.003));
+    assert!(all[12_000..].iter().all(|y| y.abs() < 1e-4));
+}
