@@ -56,7 +56,7 @@ use crate::space::Surface;
 
 pub use contact::{Contacts, EffectNames};
 pub use effects::Effects;
-pub use lower::{Lowered, Lowering, draft, lower};
+pub use lower::{Lowered, Lowering, Rendered, draft, lower};
 pub use passivity::Finding;
 pub use slots::{NETWORK, Slots};
 pub use state::{ContactSettings, ContactState, Motion, Pull, Voice};

@@ -81,15 +81,6 @@ impl Scene {
         }
         format!("{:016x}", asperity_diagnostics::fnv(&all))
     }
-
-    /// The kinds of effect that a surface of this scene has: that by the network first, then by where they act and in
-    /// the registry's order.
-    pub fn kinds<'r>(&self, registry: &'r Registry) -> Vec<&'r str> {
-        let network = self.surfaces.iter().any(|surface| surface.effects.network.is_some());
-        let named = effects_in_order(registry)
-            .filter(|kind| self.surfaces.iter().any(|surface| surface.effects.of(kind).next().is_some()));
-        network.then_some(NETWORK).into_iter().chain(named).collect()
-    }
 }
 
 /// All kinds of effect by where they act, each in the registry's order.

@@ -9,7 +9,7 @@ use crate::effects::effect_of;
 use crate::passivity::vibrates;
 use crate::slots::effects_in_order;
 use crate::{EffectNames, NETWORK, Part, Scene, Slots};
-use crate::{Lowered, Lowering};
+use crate::{Lowered, Lowering, Rendered};
 
 /// A graph in the making.
 pub(crate) struct Builder<'a> {
@@ -17,12 +17,12 @@ pub(crate) struct Builder<'a> {
     pub(crate) registry: &'a Registry,
     pub(crate) prune: bool,
     graph: GraphFile,
-    /// The effects that are built, with their slots and the nodes that render them.
-    effects: Vec<Built<'a>>,
+    /// All effects that there are.
+    effects: Vec<Of<'a>>,
 }
 
-/// An effect that is built.
-struct Built<'a> {
+/// A kind of effect, its slots in the scene, and the nodes that render it.
+struct Of<'a> {
     kind: &'a str,
     slots: Slots,
     nodes: Vec<String>,
@@ -35,13 +35,9 @@ impl<'a> Builder<'a> {
         lowering: Lowering,
         graph: GraphFile,
     ) -> Self {
-        let prune = lowering.prune;
-        let kinds = match prune {
-            true => scene.kinds(registry),
-            false => std::iter::once(NETWORK).chain(effects_in_order(registry)).collect(),
-        };
-        let built = |kind| Built { kind, slots: scene.slots(kind), nodes: Vec::new() };
-        Self { scene, registry, prune, graph, effects: kinds.into_iter().map(built).collect() }
+        let kinds = std::iter::once(NETWORK).chain(effects_in_order(registry));
+        let effects = kinds.map(|kind| Of { kind, slots: scene.slots(kind), nodes: Vec::new() }).collect();
+        Self { scene, registry, prune: lowering.prune, graph, effects }
     }
 
     /// The graph, in which something is to be felt.
@@ -50,35 +46,37 @@ impl<'a> Builder<'a> {
         if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
             let surface = self.scene.surfaces.first();
             let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
-            let vibrates = |built: &Built<'_>| built.kind == NETWORK || vibrates(self.registry, built.kind);
-            let (message, help) = if self.effects.iter().any(vibrates) {
+            let vibrates = |of: &Of<'_>| of.kind == NETWORK || self.vibrates(of.kind);
+            let (message, help) = if self.effects.iter().any(|of| self.is_built(of.kind) && vibrates(of)) {
                 ("this scene vibrates, and nothing plays it", "output: audio_out")
             } else {
                 ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
             };
             return Err(Diagnostic::new(message).at(&place.source, place.span).help(help));
         }
-        let Self { graph, effects, .. } = self;
-        let rendered = effects.into_iter().map(|Built { kind, mut nodes, .. }| {
+        let Self { graph, effects, registry, .. } = self;
+        let rendered = effects.into_iter().map(|Of { kind, mut nodes, .. }| {
             nodes.retain(|id| graph.node(id).is_some());
-            (kind.to_owned(), nodes)
+            let acts = effect_of(registry, kind).map(|effect| effect.acts);
+            let texture = kind == NETWORK || acts == Some(Acts::Gliding);
+            Rendered { kind: kind.to_owned(), texture, nodes }
         });
         Ok(Lowered { rendered: rendered.collect(), graph })
     }
 
     /// Whether an effect is to be built: a surface has it, or everything is.
     pub(crate) fn is_built(&self, kind: &str) -> bool {
-        self.effects.iter().any(|built| built.kind == kind)
+        self.slots(kind).is_some_and(|slots| !self.prune || !slots.first.is_empty())
     }
 
     /// The effects to be built that act somewhere, in their order.
     pub(crate) fn acting(&self, acts: Acts) -> Vec<(&'a str, &'a Effect)> {
-        let of = |built: &Built<'a>| {
+        let of = |built: &Of<'a>| {
             effect_of(self.registry, built.kind)
                 .filter(|effect| effect.acts == acts)
                 .map(|effect| (built.kind, effect))
         };
-        self.effects.iter().filter_map(of).collect()
+        self.effects.iter().filter(|of| self.is_built(of.kind)).filter_map(of).collect()
     }
 
     /// The names of the effects to be built, as the `contact` node takes them.

@@ -48,8 +48,19 @@ impl Default for Lowering {
 pub struct Lowered {
     /// It.
     pub graph: GraphFile,
-    /// The ids of the nodes that render each kind of effect that the scene has, or, without pruning, of all kinds.
-    pub rendered: Vec<(String, Vec<String>)>,
+    /// Every kind of effect. One that is not built has no nodes.
+    pub rendered: Vec<Rendered>,
+}
+
+/// A kind of effect, and the nodes that render it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rendered {
+    /// Its name.
+    pub kind: String,
+    /// Whether it is a texture, which goes through the gate.
+    pub texture: bool,
+    /// Ids of its nodes.
+    pub nodes: Vec<String>,
 }
 
 /// The graph of a scene as far as it can be known without kinds of nodes: the plugins that it asks for.

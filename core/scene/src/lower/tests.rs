@@ -8,7 +8,7 @@ use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
 
-use crate::{Lowering, lower};
+use crate::{Lowering, Rendered, lower};
 
 /// What a file says to have an effect, and the kinds of nodes that it takes beyond those of touching.
 const NEEDS: [(&str, &[&str]); 9] = [
@@ -151,11 +151,11 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     let registry = asperity_nodes::registry();
     let scene = scene(TILE, &effects(|_| true)).unwrap();
     let lowered = lower(&scene, &registry, Lowering::default()).unwrap();
-    let kinds: Vec<&str> = lowered.rendered.iter().map(|(kind, _)| kind.as_str()).collect();
+    let kinds: Vec<&str> = lowered.rendered.iter().map(|of| of.kind.as_str()).collect();
     let all = "network friction tap vibration viscosity magnet autoregressive waveform relief";
     assert_eq!(kinds.join(" "), all);
     let mut seen = BTreeSet::new();
-    for (kind, ids) in &lowered.rendered {
+    for Rendered { kind, nodes: ids, .. } in &lowered.rendered {
         assert!(!ids.is_empty(), "{kind:?}");
         for id in ids {
             assert!(lowered.graph.node(id).is_some(), "{kind:?}: {id}");
