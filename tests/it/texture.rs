@@ -149,7 +149,7 @@ fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
     // 80 % into a window of 25 frames: nine times as loud as it should be.
     let said = check(&["texture.every=2", "phase.emission=-20"]).ok().err;
     assert!(said.contains("`phase` emits samples that lie 80 % into a window of 25 frames"), "{said}");
-    assert!(said.contains("`emission` of -12 or nearer to 0; left out, it follows the frames"), "{said}");
+    assert!(said.contains("Set `emission` to -12 or nearer to 0, or leave it out"), "{said}");
     // 12.5 frames a window.
     let refused = check(&["texture.every=4", "phase.emission=-20"]);
     assert_eq!(refused.code, 2);

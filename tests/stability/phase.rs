@@ -72,7 +72,7 @@ fn phase_silence() {
             Ok(Status::Continue)
         })
     });
-    fails("phase_silence", &hum, "before it is asked");
+    fails("phase_silence", &hum, "before its tone begins");
 }
 
 #[test]
