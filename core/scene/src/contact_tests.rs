@@ -386,3 +386,14 @@ fn places_that_are_no_numbers_touch_nothing_and_leave_no_trace() {
     }
     assert_eq!(c.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() }).force_n, 0.5);
 }
+
+#[test]
+fn a_surface_is_passed_where_the_distance_is_nought() {
+    assert_eq!(crossing(0.3, -0.1), Some(0.3 / 0.4));
+    assert_eq!((crossing(0.2, 0.0), crossing(0.0, -0.2), crossing(0.5, 0.1)), (Some(1.0), None, None));
+    assert_eq!((crossing(-0.1, -0.3), crossing(-0.1, 0.4)), (None, None));
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!((crossing(bad, -1.0), crossing(1.0, bad)), (None, None));
+    }
+    assert!(crossing(f64::MAX, -f64::MAX).is_some_and(|p| (0.0..=1.0).contains(&p)));
+}

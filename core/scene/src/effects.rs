@@ -1,6 +1,7 @@
 //! The effects of a surface: its wall, and what else the file names.
 
 use std::collections::HashSet;
+use std::path::PathBuf;
 
 use asperity_diagnostics::ron::{Kind, Record, Value};
 use asperity_diagnostics::{Diagnostic, Place, Span, one_of};
@@ -26,6 +27,11 @@ impl Effects {
     /// The effects of a kind, in the order of the file.
     pub fn of<'a>(&'a self, kind: &'a str) -> impl Iterator<Item = &'a Named> {
         self.named.iter().filter(move |named| named.kind == kind)
+    }
+
+    /// Whether there is a texture.
+    pub fn has_texture(&self) -> bool {
+        self.network.is_some() || self.named.iter().any(|named| named.texture)
     }
 
     /// Where the effects of a kind stand; `network` is the texture by the scene's network.
@@ -137,6 +143,13 @@ impl Named {
 }
 
 impl Scene {
+    /// The files that the effects name, once for each surface that names them.
+    pub fn files(&self, registry: &Registry) -> Vec<PathBuf> {
+        let named = self.surfaces.iter().flat_map(|surface| &surface.effects.named);
+        let settings = named.filter_map(|named| named.settings(registry).ok());
+        settings.flat_map(|settings| settings.files()).collect()
+    }
+
     /// Checks the effects of all surfaces against their kinds.
     ///
     /// # Errors

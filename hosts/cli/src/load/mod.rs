@@ -65,6 +65,8 @@ pub struct Loaded {
 pub struct OfScene {
     pub scene: Scene,
     pub rendered: Vec<Rendered>,
+    /// Files that its effects name, once for each surface.
+    pub files: Vec<PathBuf>,
 }
 
 /// Most findings about a scene that cause a warning each.
@@ -100,7 +102,8 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     check_passivity(&scene, &registry, args.strict)?;
     let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
     let graph = changed(lowered.graph, args)?;
-    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
+    let files = scene.files(&registry);
+    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
 }
 
 /// Compiles a graph that was [`read`].

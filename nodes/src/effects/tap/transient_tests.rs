@@ -208,17 +208,6 @@ fn it_goes_on_from_its_state() {
 }
 
 #[test]
-fn a_surface_is_passed_where_the_distance_is_nought() {
-    assert_eq!(crossing(0.3, -0.1), Some(0.3 / 0.4));
-    assert_eq!((crossing(0.2, 0.0), crossing(0.0, -0.2), crossing(0.5, 0.1)), (Some(1.0), None, None));
-    assert_eq!((crossing(-0.1, -0.3), crossing(-0.1, 0.4)), (None, None));
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!((crossing(bad, -1.0), crossing(1.0, bad)), (None, None));
-    }
-    assert!(crossing(f64::MAX, -f64::MAX).is_some_and(|p| (0.0..=1.0).contains(&p)));
-}
-
-#[test]
 fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let mut tap =
         tap(&[sinusoid(100.0, 1e5, 1e5)], TapSettings { max_speed_mm_s: 1e4, ..TapSettings::default() });

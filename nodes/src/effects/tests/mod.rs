@@ -8,6 +8,5 @@ mod gliding;
 mod level;
 mod limiter;
 mod settings;
-mod settings;
 mod tap;
 mod vibration;

@@ -14,7 +14,6 @@ use crate::load::OfScene;
 /// Longest part of a render that is drawn \[s\]: 4 MB of audio a signal.
 const MAX_S: u64 = 20;
 
-
 /// Signals for the plot, the first of each meaning.
 pub struct Traces {
     position: Option<Trace>,
@@ -93,11 +92,6 @@ impl Traces {
     /// Adds the effects of the scene that the graph was lowered from.
     pub fn with(self, scene: Option<OfScene>, schedule: &Schedule) -> Self {
         Self { effects: scene.map(|scene| Effects::new(scene, schedule)), ..self }
-    }
-
-    /// Names of the textures.
-    fn textures(&self) -> Vec<String> {
-        self.rendered.iter().filter(|of| of.texture).map(|of| of.kind.clone()).collect()
     }
 
     /// Records the tick that has just run.
@@ -265,7 +259,7 @@ impl Effects {
 
     /// Continues with a new schedule, of a changed scene or of no scene.
     pub fn follow(&mut self, of: Option<OfScene>, schedule: &Schedule) {
-        if let Some(OfScene { scene, rendered }) = of {
+        if let Some(OfScene { scene, rendered, .. }) = of {
             let walls = scene.surfaces.iter().map(|s| {
                 let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
                 [s.effects.stiffness.is_some(), damping]
@@ -312,6 +306,11 @@ impl Effects {
                 volume: output("volume")?,
             })
         });
+    }
+
+    /// Names of the textures.
+    fn textures(&self) -> Vec<String> {
+        self.rendered.iter().filter(|of| of.texture).map(|of| of.kind.clone()).collect()
     }
 
     /// Records the tick that has just run.

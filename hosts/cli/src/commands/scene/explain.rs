@@ -171,7 +171,7 @@ impl<'a> Told<'a> {
                 clean(&dropped.why)
             );
         }
-        let models = models(self.scene(), self.schedule, self.account);
+        let models = models(self.of_scene, self.schedule, self.account);
         if !models.is_empty() {
             let _ = writeln!(out, "\nmodel");
             for Model { file, tick_us, why } in models {
@@ -246,7 +246,7 @@ impl<'a> Told<'a> {
                 })
             })
             .collect();
-        let models: Vec<Value> = models(self.scene(), self.schedule, self.account)
+        let models: Vec<Value> = models(self.of_scene, self.schedule, self.account)
             .into_iter()
             .map(|m| {
                 json!({
@@ -431,10 +431,10 @@ struct Model {
 }
 
 /// Files that the scene names or its nodes read.
-fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
-    let mut all = of_network(scene, schedule, account);
+fn models(of: &OfScene, schedule: &Schedule, account: &Account) -> Vec<Model> {
+    let mut all = of_network(&of.scene, schedule, account);
     let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
-    for file in scene.surfaces.iter().flat_map(|surface| surface.effects.files()) {
+    for file in &of.files {
         files.entry(file.clone()).or_default().0 += 1;
     }
     for file in node_files(schedule).into_iter().filter(|file| file.param.is_empty()) {
