@@ -224,7 +224,12 @@ impl Effect {
             return Err(value.error(format!("`{kind}` has no settings")));
         };
         if first.name.is_empty() {
-            return Ok(first);
+            return match value.kind() {
+                Kind::Word(word) if word != kind => {
+                    Err(value.error(format!("expected `{kind}(...)`, found {}", value.describe())))
+                }
+                _ => Ok(first),
+            };
         }
         let names = || self.forms.iter().map(|form| form.name.as_ref());
         let (Kind::Word(name) | Kind::Record { name: Some(name), .. }) = value.kind() else {

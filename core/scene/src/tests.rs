@@ -69,7 +69,10 @@ fn what_is_wrong_has_a_place_and_the_nearest_name() {
     refused("\"a\": (shape: sphere)", &["a sphere of no size", "radius_mm"]);
     refused("\"a\": (shape: sphere(radius_mm: -1))", &["out of range"]);
     refused("\"a\": (shape: relief(heights: made(surface: \"hesian\")))", &["hesian", "hessian"]);
-    refused("\"a\": (shape: plane, effects: (texture: network))", &["does not push back"]);
+    refused(
+        "\"a\": (shape: plane, material: \"x\", effects: (texture: network))",
+        &["`network` on a surface that does not push back"],
+    );
     refused(&plane(&format!("{WALL}, texture: network")), &["of no material"]);
     refused(
         &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),

@@ -152,7 +152,7 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     let scene = scene(TILE, &effects(|_| true)).unwrap();
     let lowered = lower(&scene, &registry, Lowering::default()).unwrap();
     let kinds: Vec<&str> = lowered.rendered.iter().map(|of| of.kind.as_str()).collect();
-    let all = "network friction tap vibration viscosity magnet autoregressive waveform relief";
+    let all = "network friction tap viscosity vibration magnet autoregressive waveform relief";
     assert_eq!(kinds.join(" "), all);
     let mut seen = BTreeSet::new();
     for Rendered { kind, nodes: ids, .. } in &lowered.rendered {

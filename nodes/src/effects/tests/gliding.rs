@@ -257,7 +257,7 @@ fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
     }
     let e =
         refused::<effects::Waveform>(&[("loops", "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]")]);
-    assert!(e.contains("slot 0: a texture of another kind"), "{e}");
+    assert!(e.contains("expected `waveform(...)`"), "{e}");
     let e = refused::<effects::Relief>(&[(
         "reliefs",
         "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]",

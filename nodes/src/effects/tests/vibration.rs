@@ -88,10 +88,10 @@ fn a_slot_that_comes_back_turns_round_and_no_change_is_a_step() {
 #[test]
 fn what_cannot_sound_is_refused_at_the_rate_there_is() {
     let e = refused::<effects::Vibration>(&[("sources", "[\"(frequency_hz: 21700, amplitude_m_s2: 2)\"]")]);
-    assert!(e.contains("slot 0: a frequency of 21700 Hz"), "{e}");
+    assert!(e.contains("21700 Hz is out of range"), "{e}");
     let script = Script::new(&[("slot", 1, Unit::NONE)], |_| vec![vec![0.0]]);
     let sources = "[\"(frequency_hz: 5000, amplitude_m_s2: 2)\"]";
     let e =
         Bench::new(500, 8000, "vibration", &[("sources", sources)], script).engine("it", true).unwrap_err();
-    assert!(e.contains("slot 0: a frequency of 5000 Hz"), "{e}");
+    assert!(e.contains("a frequency of 5000 Hz"), "{e}");
 }
