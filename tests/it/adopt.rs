@@ -1,4 +1,4 @@
-//! What a node makes of the state of one with other parameters, and of a parameter that changes: what is
+//! Use that a node makes of the state of one with other parameters, and of a parameter that changes: what is
 //! heard and felt.
 
 use asperity_graph::GraphFile;

@@ -195,7 +195,7 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// What ticks keep time with: told of a callback (time in ns, frames), it says when a frame is asked for,
+/// A clock for ticks: told of a callback (time in ns, frames), it says when a frame is asked for,
 /// and at which frame a time is.
 trait Follows {
     fn heard(&mut self, now_ns: f64, frames: u64);

@@ -36,7 +36,7 @@ fn mutant(
     subject.with(wrap::wrap(kind, Arc::new(make)))
 }
 
-/// What a mutant does to a spectrum: with what came in, the frame's number and first sample, and the
+/// Change of a spectrum by a mutant: with the input, the frame's number and first sample, and the
 /// spectrum.
 type Change = fn(&mut f64, &[f32], (u64, u64), &mut [Complex<f32>]);
 

@@ -2,7 +2,7 @@
 
 use crate::subject::Subject;
 
-/// What came of a case.
+/// The result of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Everything that must hold holds.

@@ -21,7 +21,7 @@ pub type Frames = Arc<dyn Fn(u64, &mut [f32]) -> bool + Send + Sync>;
 /// Stiffness with which a played stylus presses on a floor at z = 0 \[N/mm\].
 const STIFFNESS_N_PER_MM: f64 = 0.5;
 
-/// What a node plays.
+/// Values that a node plays.
 #[derive(Clone)]
 enum What {
     Motion(Motion),

@@ -75,7 +75,7 @@ impl Wall {
     /// The force of a kind of floor, with parameters as a graph file says them.
     ///
     /// # Errors
-    /// What the compiler says.
+    /// Errors of the compiler.
     pub(crate) fn of_floor(
         subject: &Subject<'_>,
         kind: &str,

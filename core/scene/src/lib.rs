@@ -22,13 +22,14 @@
 //! )
 //! ```
 //!
-//! `input`, `phase` and `output` name a node's kind, and their fields are that node's parameters, as are those of `motion` (`velocity`), `network`
-//! (`texture_network`), `gate` (`speed_gate`) and `actuator` (`actuator_inverse` and `limiter`): they are handed on as they stand, and
-//! looked at where the graph is compiled that the scene comes to. All else is read here, and has its ranges here.
+//! `input`, `phase` and `output` name a node's kind. Their fields are that node's parameters, as are those of
+//! `motion` (`velocity`), `network` (`texture_network`), `gate` (`speed_gate`) and `actuator` (`actuator_inverse`
+//! and `limiter`). The compiler of the graph checks them. All other fields are read here, with their ranges.
 //!
-//! What stands behind an effect's field is read without a scene as well, by `parse` of the effect's type: nodes that render effects take it as a text.
+//! Each effect's type has a `parse`, so that nodes read the settings of an effect from a text, without a scene.
 //!
-//! Effects of one surface add. Where surfaces overlap the deepest is touched, until another is deeper by `hysteresis_mm`.
+//! Effects of one surface add up. Where surfaces overlap, the deepest is touched until another is deeper by
+//! `hysteresis_mm`.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -71,7 +72,7 @@ pub struct Scene {
     pub tick_hz: u32,
     /// Audio rate in Hz, 8000 to 192 000.
     pub audio_hz: u32,
-    /// What every random number follows from.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Plugins that the parts below may be of, as in a graph.
     pub plugins: Option<Value>,
@@ -79,7 +80,7 @@ pub struct Scene {
     pub input: Part,
     /// How its velocity is measured: parameters of `velocity`.
     pub motion: Part,
-    /// What it is held by.
+    /// The device that holds the stylus.
     pub device: Device,
     /// Model and library of network textures: parameters of `texture_network`.
     pub network: Option<Part>,
@@ -87,7 +88,7 @@ pub struct Scene {
     pub phase: Part,
     /// When textures are felt: parameters of `speed_gate`.
     pub gate: Part,
-    /// What acceleration is multiplied by before it goes to the actuator, 0 to 100.
+    /// Factor of the acceleration before the actuator, 0 to 100.
     pub gain: f64,
     /// The actuator: parameters of `actuator_inverse` and `limiter`.
     pub actuator: Part,
@@ -95,7 +96,7 @@ pub struct Scene {
     pub output: Option<Part>,
     /// By how much another surface must be deeper to be touched instead, 0 to 10 mm.
     pub hysteresis_mm: f64,
-    /// What can be touched, in the order of the file.
+    /// Surfaces in the order of the file.
     pub surfaces: Vec<Touchable>,
     /// Pictures of heights that shapes were made of.
     pub pictures: Vec<PathBuf>,
@@ -108,7 +109,7 @@ pub struct Part {
     pub kind: String,
     /// Where that stands.
     pub place: Place,
-    /// What the file sets.
+    /// Settings in the file.
     pub settings: Vec<(Key, Value)>,
 }
 
@@ -138,24 +139,24 @@ pub struct Touchable {
     pub name: String,
     /// Where the name stands.
     pub place: Place,
-    /// What it is and where.
+    /// Shape and place.
     pub surface: Surface,
     /// Its material in the library of the network, if it has one.
     pub material: Option<Placed<String>>,
-    /// What it does.
+    /// Its effects.
     pub effects: Effects,
 }
 
 /// Something, and where it stands in the file.
 #[derive(Clone, Debug)]
 pub struct Placed<T> {
-    /// What it is.
+    /// The thing itself.
     pub of: T,
     /// Where it stands.
     pub place: Place,
 }
 
-/// What a surface does to a stylus. What is not named does not happen.
+/// Effects of a surface on a stylus. An effect that is not named does not happen.
 #[derive(Clone, Debug, Default)]
 pub struct Effects {
     /// Hooke's wall, in N/mm, 0.001 to 100.
@@ -219,24 +220,24 @@ pub enum Friction {
 /// Kinds of texture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texture {
-    /// What the scene's network answers for the surface's material.
+    /// The scene's network, for the surface's material.
     Network,
     /// A piecewise autoregressive model.
     Autoregressive {
         /// Its RON file, or the toolkit's XML.
         model: PathBuf,
-        /// What it is multiplied by, 0 to 100.
+        /// Factor, 0 to 100.
         gain: f64,
     },
     /// A loop that is read by distance.
     Waveform {
-        /// What its values are.
+        /// Source of its values.
         values: Loop,
         /// How much of the end is faded into the beginning, in mm.
         crossfade_mm: f64,
-        /// What the values are.
+        /// Quantity of the values.
         quantity: WaveformQuantity,
-        /// What it is multiplied by, 0 to 100.
+        /// Factor, 0 to 100.
         gain: f64,
     },
     /// Heights under the tip.
@@ -247,7 +248,7 @@ pub enum Texture {
         cutoff_hz: f64,
         /// The largest acceleration in m/s^2.
         max_m_s2: f64,
-        /// What it is multiplied by, 0 to 100.
+        /// Factor, 0 to 100.
         gain: f64,
     },
 }
@@ -268,7 +269,7 @@ pub enum Loop {
         file: PathBuf,
         /// The speed, in mm/s.
         speed_mm_s: f64,
-        /// What full scale stands for, in m/s^2.
+        /// Acceleration at full scale, in m/s^2.
         full_scale_m_s2: f64,
     },
 }
@@ -301,13 +302,13 @@ pub enum Heights {
 /// A tap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knock {
-    /// What it sounds like; [`transient`](Self::transient) reads it.
+    /// Its sound; [`transient`](Self::transient) reads it.
     pub sound: Sound,
     /// When it sounds.
     pub settings: TapSettings,
 }
 
-/// What a tap sounds like.
+/// Sound of a tap.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sound {
     /// Sinusoids that decay.
@@ -320,7 +321,7 @@ pub enum Sound {
         speed_mm_s: f64,
         /// Acceleration at which the file is full in m/s^2, 0.001 to 10^5.
         full_scale_m_s2: f64,
-        /// What it is multiplied by, 0 to 100.
+        /// Factor, 0 to 100.
         gain: f64,
     },
 }

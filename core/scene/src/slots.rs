@@ -153,7 +153,8 @@ impl Scene {
         slots
     }
 
-    /// A number that tells all slots apart from others, in their order and with all that they say ([`fnv`](asperity_diagnostics::fnv), in hexadecimal digits).
+    /// Hash of all slots, in their order and with all their settings ([`fnv`](asperity_diagnostics::fnv), in
+    /// hexadecimal digits).
     pub fn slots_key(&self) -> String {
         let mut all = Vec::new();
         for kind in Kind::ALL {

@@ -9,7 +9,8 @@ fn parse(text: &str) -> Result<Scene, String> {
 /// A scene of these surfaces.
 fn scene(surfaces: &str) -> Result<Scene, String> {
     parse(&format!(
-        "Scene(version: 1, input: stroke(speed_mm_s: 80), network: (model: \"m.onnx\", library: \"l.ron\"),\n surfaces: {{\n{surfaces}\n}})"
+        "Scene(version: 1, input: stroke(speed_mm_s: 80), network: (model: \"m.onnx\", \
+         library: \"l.ron\"),\n surfaces: {{\n{surfaces}\n}})"
     ))
 }
 
@@ -23,9 +24,12 @@ const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 #[test]
 fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
     let scene = scene(&format!(
-        "\"left\": (shape: rectangle(size_mm: (40, 60), thickness_mm: 5), place_mm: (-20, 0, 0), material: \"canvas\",\n effects: ({WALL}, friction: \
-         dahl(coefficient: 0.4), texture: [network, relief(heights: made(surface: \"hessian\", side: 64))], tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: -40)]))),\n\
-         \"ball\": (shape: sphere(radius_mm: 12), effects: (magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 6)))"
+        "\"left\": (shape: rectangle(size_mm: (40, 60), thickness_mm: 5), place_mm: \
+         (-20, 0, 0), material: \"canvas\",\n effects: ({WALL}, friction: \
+         dahl(coefficient: 0.4), texture: [network, relief(heights: made(surface: \"hessian\", side: 64))], \
+         tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: -40)]))),\n\
+         \"ball\": (shape: sphere(radius_mm: 12), effects: (magnet: \
+         (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 6)))"
     ))
     .unwrap();
     assert_eq!((scene.tick_hz, scene.audio_hz, scene.seed), (500, 48_000, 1));
@@ -70,7 +74,8 @@ fn what_is_wrong_has_a_place_and_the_nearest_name() {
     refused("", &["nothing to touch"]);
     refused("\"a\": (shape: plane), \"a\": (shape: plane)", &["s.ron:3:"]);
     let e = parse(
-        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, material: \"x\", effects: (stiffness: (stiffness_n_per_mm: 1), texture: network))})",
+        "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, material: \"x\", \
+         effects: (stiffness: (stiffness_n_per_mm: 1), texture: network))})",
     );
     assert!(e.unwrap_err().contains("without a network"));
 }
@@ -90,7 +95,8 @@ fn no_scene_panics_however_it_is_cut() {
 fn surfaces_that_feel_alike_share_slots() {
     let wall = |name: &str, material: &str, more: &str| {
         format!(
-            "\"{name}\": (shape: plane, material: \"{material}\", effects: ({WALL}, texture: network{more})),\n"
+            "\"{name}\": (shape: plane, material: \"{material}\", \
+             effects: ({WALL}, texture: network{more})),\n"
         )
     };
     let text = [
@@ -113,10 +119,11 @@ fn surfaces_that_feel_alike_share_slots() {
 }
 
 #[test]
-fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
+fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
     let at = |device: &str, tick_hz: u32, effects: &str| {
         let text = format!(
-            "Scene(version: 1, tick_hz: {tick_hz}, input: stroke, device: ({device}), surfaces: {{\"wall\": (shape: plane, effects: ({effects}))}})"
+            "Scene(version: 1, tick_hz: {tick_hz}, input: stroke, device: ({device}), \
+             surfaces: {{\"wall\": (shape: plane, effects: ({effects}))}})"
         );
         parse(&text).unwrap().findings()
     };
@@ -135,7 +142,8 @@ fn a_stiffness_past_what_the_rate_keeps_passive_is_found_with_its_numbers() {
     let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
     assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
     // What acts along one direction adds: 1.9 N s/m of each are 5.7.
-    let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
+    let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, \
+                 max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
     assert!(at("damping_ns_per_m: 5.8", 500, three).is_empty());
     let found = at("damping_ns_per_m: 5.6", 500, three);
     assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + drag)"), "{found:?}");

@@ -1,20 +1,19 @@
 //! From a scene to a graph: the nodes that it calls for and no others.
 //!
 //! ```text
-//! stylus -> motion -> contact -+-> history -> texture -> phase -> audio rate -> network level -+
-//!    |                   ^     +-> autoregressive a, b -> level ------------------------------+-> textures -> gate -+
-//!    +-------------------+     +-> waveform a, b -> level ------------------------------------+                     |
-//!                              +-> relief a, b -> level --------------------------------------+                     |
-//!                              +-> tap ------------------------------------------------------------ acceleration <--+
-//!                              +-> vibration ------------------------------------------------------/      |
-//!                              |                                                  strength -> inverse -> limiter -> out
-//!                              +-> friction, viscosity, magnet -> force -> force limiter -> probe
+//! stylus -> motion -> contact
+//! contact -> history -> texture -> phase -> audio rate -> network level -> textures
+//! contact -> autoregressive a, b -> level -> textures       (waveform and relief alike)
+//! contact -> friction, viscosity, magnet -> forces -> force limiter -> probe
+//! contact -> tap, vibration -> acceleration
+//! textures -> gate -> acceleration -> strength -> inverse -> limiter -> out
 //! ```
 //!
-//! Whatever the number of surfaces there is one `contact`, one network, and at most two voices of the other textures: what a surface has of an effect is a *slot*
-//! in a list of the effect's node, which surfaces of the same settings share. Accelerations add and go to the actuator through one gate
-//! (textures), one limiter; forces add and are held to the device's largest. With [`Lowering::prune`] off, nodes of effects that no surface has are there
-//! too, with empty lists.
+//! However many surfaces there are, the graph has one `contact`, one network, and at most two voices of each other
+//! texture. The settings of an effect are a *slot* in the list of the effect's node. Surfaces with the same settings
+//! share a slot. Accelerations add up and go to the actuator through one limiter, textures through one gate before.
+//! Forces add up and are held to the device's largest. With [`Lowering::prune`] off, the graph also has nodes for
+//! effects that no surface has, with empty lists.
 
 mod acoustic;
 mod builder;
@@ -72,9 +71,12 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
 /// The graph of a scene.
 ///
 /// # Errors
-/// A part of a kind that is not there or that cannot do what it is for (`input` tells a position, `phase` makes a signal of magnitudes, `output` plays), a setting
-/// that it does not have or that does not fit, also where nothing of the scene needs the part; a material that the network's library does not have; nothing that
-/// can be felt; a list of plugins that is none.
+/// - a part of an unknown kind, or of a kind that cannot do its job: `input` tells a position, `phase` makes a signal
+///   of magnitudes, `output` plays;
+/// - a setting that is unknown or does not fit, even if the scene does not need the part;
+/// - a material that the network's library does not have;
+/// - a scene without anything to feel;
+/// - `plugins` that is not a list of names.
 pub fn lower(scene: &Scene, registry: &Registry, lowering: Lowering) -> Result<Lowered, Diagnostic> {
     let mut builder = Builder::new(scene, registry, lowering, draft(scene)?);
     builder.look()?;

@@ -1,4 +1,4 @@
-//! What a scene lowers to, against a table of what each effect needs.
+//! The graph of a scene, against a table of the nodes that each effect needs.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -10,7 +10,7 @@ use asperity_node::Registry;
 
 use crate::{Lowering, lower};
 
-/// What a file says to have an effect, and the kinds of nodes that it takes beyond those of touching.
+/// An effect as a file names it, and the kinds of nodes that it needs beyond those of touching.
 const NEEDS: [(&str, &[&str]); 9] = [
     ("friction: dahl", &["friction"]),
     (
@@ -36,7 +36,7 @@ const NEEDS: [(&str, &[&str]); 9] = [
 const FORCES: [usize; 8] = [0, 1, 2, 3, 4, 5, 7, 8];
 const SOUNDS: [usize; 6] = [1, 2, 3, 4, 5, 6];
 
-/// A scene in the folder of the shipped graphs, whose surfaces have these effects, each on a plane of its own.
+/// A scene in the folder of the shipped graphs. Each effect has a surface of its own.
 fn scene(shape: &str, effects: &[String]) -> Result<Scene, asperity_diagnostics::Diagnostic> {
     let surfaces: Vec<String> = effects
         .iter()
@@ -162,7 +162,7 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     }
 }
 
-/// What is wrong with a scene in which something is replaced, at what text, and what would fit.
+/// The error of a scene in which something is replaced: message, text at its place, help.
 fn wrong(effects: &str, (from, to): (&str, &str)) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/made.ron").display().to_string();
     let text = scene(TILE, &[effects.to_owned()]).unwrap().source.text().replacen(from, to, 1);

@@ -427,7 +427,7 @@ impl Beside {
     /// wrong.
     ///
     /// # Errors
-    /// What the compiler says.
+    /// Errors of the compiler.
     fn new(
         subject: &Subject<'_>,
         motion: &Motion,

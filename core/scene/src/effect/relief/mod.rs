@@ -31,8 +31,8 @@
 //! [`Hermite`]: super::Smoothing::Hermite
 //! [`Parabola`]: super::Smoothing::Parabola
 //!
-//! [`HeightSpline`] gives a [`HeightField`](asperity_surfaces::topography::HeightField) the derivatives that it takes. What the tip's own size leaves of the heights is the
-//! field's matter ([`envelope`](asperity_surfaces::topography::envelope)).
+//! [`HeightSpline`] gives the derivatives of a [`HeightField`](asperity_surfaces::topography::HeightField). The size of
+//! the tip is already part of the field ([`envelope`](asperity_surfaces::topography::envelope)).
 
 mod spline;
 
