@@ -14,7 +14,7 @@ use std::time::Instant;
 use asperity_accuracy::timing::Timing;
 use asperity_engine::{Clock, Engine, NoClock, Options};
 use asperity_graph::compile;
-use asperity_scene::{Kind, Scene};
+use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
 
 const COUNTS: [usize; 5] = [1, 10, 100, 1000, 10_000];
@@ -150,7 +150,8 @@ fn load(dir: &Path, text: &str) -> Loaded {
     drop(lowered.graph);
     let load_ms = began.elapsed().as_secs_f64() * 1e3;
     let grown_kib = before.zip(resident_kib()).map(|(before, after)| after - before);
-    let ids = lowered.rendered.iter().find(|(kind, _)| *kind == Kind::Network).map(|(_, ids)| ids.clone());
+    let ids =
+        lowered.rendered.iter().find(|of| of.kind == asperity_scene::NETWORK).map(|of| of.nodes.clone());
     let of_network = ids.unwrap_or_default().iter().filter_map(|id| compiled.schedule.index_of(id)).collect();
     Loaded { engine: Engine::new(compiled, Options::default()), of_network, load_ms, grown_kib }
 }

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
-use asperity_scene::effect::{
-    DecayingSinusoid, HeightSpline, Magnet, Parts, Path, Recording, Relief, ReliefSettings, Smoothing, Tap,
-    TapSettings, Transient, Vibration, Viscosity, Waveform, WaveformQuantity, WaveformTable,
-};
+use asperity_nodes::effects::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use asperity_nodes::effects::magnet::Pull;
+use asperity_nodes::effects::path::{Parts, Path, Smoothing};
+use asperity_nodes::effects::relief::{Follower, HeightSpline, ReliefSettings};
+use asperity_nodes::effects::tap::{DecayingSinusoid, Recording, TapSettings, Taps, Transient};
+use asperity_nodes::effects::vibration::Sine;
+use asperity_nodes::effects::viscosity::Drag;
+use asperity_nodes::effects::waveform::{Reader, WaveformQuantity, WaveformTable};
 use asperity_surfaces::topography::HeightField;
 use harness::counting::allocations;
 
@@ -17,12 +20,12 @@ struct All {
     viscous: ViscousCoulomb,
     dahl: Dahl,
     lugre: LuGre,
-    magnet: Magnet,
-    viscosity: Viscosity,
-    taps: [Tap; 2],
-    vibration: Vibration,
-    waveform: Waveform,
-    relief: Relief,
+    magnet: Pull,
+    viscosity: Drag,
+    taps: [Taps; 2],
+    vibration: Sine,
+    waveform: Reader,
+    relief: Follower,
     heights: HeightSpline,
 }
 
@@ -42,19 +45,19 @@ fn all() -> All {
         rate_hz: 10_000.0,
         speed_mm_s: 50.0,
     };
-    let tap = |t: &Transient| Tap::new(t, TapSettings::default(), RATE).unwrap();
+    let tap = |t: &Transient| Taps::new(t, TapSettings::default(), RATE).unwrap();
     let field = HeightField::from_fn(1024, 0.04, |x, y| 0.01 * (3.1 * x).sin() * (2.3 * y).cos());
     All {
         path: Path::new(Smoothing::Hermite, 500),
         viscous: ViscousCoulomb::new(0.5, 0.004).unwrap(),
         dahl: Dahl::new(0.5, 2.0).unwrap(),
         lugre: LuGre::new(LuGreSettings::default()).unwrap(),
-        magnet: Magnet::new(0.5, 1.0, 5.0).unwrap(),
-        viscosity: Viscosity::new(3.0, 2.0).unwrap(),
+        magnet: Pull::new(0.5, 1.0, 5.0).unwrap(),
+        viscosity: Drag::new(3.0, 2.0).unwrap(),
         taps: [tap(&sinusoids(3)), tap(&Transient::Recorded(recording))],
-        vibration: Vibration::new(123.0, 1.0, RATE).unwrap(),
-        waveform: Waveform::new(Arc::new(table)),
-        relief: Relief::new(ReliefSettings::default(), RATE).unwrap(),
+        vibration: Sine::new(123.0, 1.0, RATE).unwrap(),
+        waveform: Reader::new(Arc::new(table)),
+        relief: Follower::new(ReliefSettings::default(), RATE).unwrap(),
         heights: HeightSpline::new(&field),
     }
 }

@@ -1,7 +1,6 @@
 //! Textures of autoregressive models.
 
 use std::f64::consts::TAU;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use asperity_autoregressive::{Filter, Model, Texture, TextureFile, is_stable, line_spectrum};
@@ -9,9 +8,8 @@ use asperity_checks::textures::{
     Bench, Voice, Way, across, decibels, draw, radius, silent_after, square, stay,
 };
 use asperity_checks::{Found, Not, Subject, Verdict, holds as hold};
-use asperity_diagnostics::ron;
 use asperity_graph::GraphFile;
-use asperity_node::{Fault, Setup, Source, Status, random};
+use asperity_node::{Fault, Setup, Status, random};
 
 use tempfile::TempDir;
 
@@ -33,12 +31,8 @@ fn after(
 
 /// The first texture of a node that is prepared.
 fn first(setup: &Setup<'_>) -> Arc<Texture> {
-    let text = setup.params.texts("models").first().cloned().unwrap_or_default();
-    let value = ron::parse(&Source::new(PathBuf::new(), text.as_str())).expect("a text");
-    let Ok(asperity_scene::Texture::Autoregressive { model, .. }) = asperity_scene::Texture::parse(&value)
-    else {
-        panic!("a texture")
-    };
+    let slot = setup.params.slots().first().expect("a slot");
+    let model = slot.first().expect("a texture").file("model");
     Arc::new(Texture::read(model).expect("a texture"))
 }
 

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use asperity_graph::{GraphFile, WireDecl};
-use asperity_node::{Descriptor, NodeKind, Output, ShapeSpec, Unit, UnitSpec};
-use asperity_scene::effect::passivity::{Law, Passivity, Sampling};
+use asperity_node::{Descriptor, Law, NodeKind, Output, ShapeSpec, Unit, UnitSpec};
+use asperity_scene::bound::{Passivity, Sampling};
 
 use crate::case::{Not, not_applicable};
 use crate::rig::Rig;

@@ -1,7 +1,7 @@
 //! Text files and errors about them.
 //!
-//! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and `ron` (a
-//! feature) a strict reader for RON that keeps the position of every value. Graphs, materials and
+//! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and [`ron`] a strict
+//! reader for RON that keeps the position of every value (its parser is the feature `ron`). Graphs, materials and
 //! actuator profiles are read with it. So every bad file is reported in one way: file, line, column,
 //! what was found and what would fit.
 
@@ -11,7 +11,6 @@ pub mod file;
 mod nearest;
 mod quote;
 mod recent;
-#[cfg(feature = "ron")]
 pub mod ron;
 
 pub use diagnostic::{Diagnostic, MAX_TEXT_BYTES, Place, Position, Source, Span};

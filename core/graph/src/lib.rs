@@ -8,6 +8,7 @@ mod compile;
 mod format;
 mod params;
 mod schedule;
+mod slots;
 mod write;
 
 pub use compile::{Compiled, Options, compile};
@@ -17,4 +18,3 @@ pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
     Step, topological_order,
 };
-pub use write::text_of;

@@ -6,7 +6,7 @@ use asperity_diagnostics::file::irregular;
 use asperity_diagnostics::{Diagnostic, nearest, one_of};
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
 
-use crate::{NodeDecl, Setting};
+use crate::{NodeDecl, Setting, slots};
 
 /// Checks the settings of a node of some kind, in a graph or not: unknown names, and values that do not
 /// fit. Missing settings are not errors, and files are not checked.
@@ -63,30 +63,20 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
         };
         params.insert(param.name.to_string(), value, place);
     }
+    match slots::read(&node.params, descriptor) {
+        Ok(slots) => params.set_slots(slots),
+        // Of a list that is no list it is said already.
+        Err(e) if errors.is_empty() => errors.push(e),
+        Err(_) => {}
+    }
     params
 }
 
 fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
-    let value = &setting.value;
-    let unit = param.unit.as_ref();
     match &param.kind {
-        ParamKind::Number(range) => value.f64_in(range.clone(), unit).map(ParamValue::Number),
-        ParamKind::Integer(range) => value.i64_in(range.clone(), unit).map(ParamValue::Integer),
-        ParamKind::Flag => value.bool().map(ParamValue::Flag),
         ParamKind::Text => text(setting).map(|t| ParamValue::Text(t.to_owned())),
-        ParamKind::Choice(words) => {
-            let words: Vec<&str> = words.iter().map(|w| w.as_ref()).collect();
-            value.choice(&words).map(|w| ParamValue::Text(w.to_owned()))
-        }
         ParamKind::File => file(setting, text(setting)?).map(ParamValue::File),
-        ParamKind::Numbers(range) => {
-            let items = value.list()?.iter().map(|v| v.f64_in(range.clone(), unit));
-            items.collect::<Result<_, _>>().map(ParamValue::Numbers)
-        }
-        ParamKind::Texts => {
-            let items = value.list()?.iter().map(|v| v.text().map(str::to_owned));
-            items.collect::<Result<_, _>>().map(ParamValue::Texts)
-        }
+        _ => param.read(&setting.value),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Writes a graph as a file, ready to edit.
 
-use std::fmt::{self, Write as _};
+use std::fmt;
 
-use asperity_diagnostics::ron::{Kind, Value};
+use asperity_diagnostics::ron::quoted;
 
 use crate::{GraphFile, NodeDecl, WireDecl};
 
@@ -40,8 +40,7 @@ impl fmt::Display for NodeDecl {
             write!(f, ", every: {}", self.every)?;
         }
         if !self.params.is_empty() {
-            let settings: Vec<_> =
-                self.params.iter().map(|s| format!("{}: {}", s.name, text_of(&s.value))).collect();
+            let settings: Vec<_> = self.params.iter().map(|s| format!("{}: {}", s.name, s.value)).collect();
             write!(f, ", params: ({})", settings.join(", "))?;
         }
         f.write_str("),")
@@ -57,49 +56,6 @@ impl fmt::Display for WireDecl {
         };
         write!(f, "({:?}, {:?}),", end(&self.from), end(&self.to))
     }
-}
-
-/// A value as it stands in a file, on one line.
-pub fn text_of(value: &Value) -> String {
-    let join = |parts: Vec<String>| parts.join(", ");
-    match value.kind() {
-        Kind::Unit => "()".into(),
-        Kind::Bool(b) => b.to_string(),
-        Kind::Int(i) => i.to_string(),
-        Kind::Float(x) => format!("{x:?}"),
-        Kind::Text(t) => quoted(t),
-        Kind::Word(w) => w.clone(),
-        Kind::List(items) => format!("[{}]", join(items.iter().map(text_of).collect())),
-        Kind::Map(entries) => {
-            let entries =
-                entries.iter().map(|(k, v)| format!("{}: {}", quoted(&k.name), text_of(v))).collect();
-            format!("{{{}}}", join(entries))
-        }
-        Kind::Record { name, fields } => {
-            let fields = fields.iter().map(|(k, v)| format!("{}: {}", k.name, text_of(v))).collect();
-            format!("{}({})", name.as_deref().unwrap_or(""), join(fields))
-        }
-    }
-}
-
-/// A RON string. RON's escapes differ from Rust's, and only these few are needed.
-fn quoted(text: &str) -> String {
-    let mut out = String::from('"');
-    for c in text.chars() {
-        match c {
-            '"' => out.push_str("\\\""),
-            '\\' => out.push_str("\\\\"),
-            '\n' => out.push_str("\\n"),
-            '\r' => out.push_str("\\r"),
-            '\t' => out.push_str("\\t"),
-            c if c.is_control() => {
-                let _ = write!(out, "\\u{{{:x}}}", u32::from(c));
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
 }
 
 #[cfg(test)]

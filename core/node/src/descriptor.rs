@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Input, Output, Param};
+use crate::{Effect, Input, Output, Param};
 
 /// The engine's action when a sleeping node wakes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +56,8 @@ pub struct Descriptor {
     /// The parameter with the node's delay, for a node that can close a cycle: its output in a tick
     /// does not need its input in that tick.
     pub feedback: Option<Cow<'static, str>>,
+    /// What a scene has to know, for a kind that renders an effect of surfaces.
+    pub effect: Option<Effect>,
     /// Notes on latency and tail; empty if both are zero.
     pub timing: Cow<'static, str>,
 }
@@ -74,6 +76,7 @@ impl Descriptor {
             passive: false,
             gate: None,
             feedback: None,
+            effect: None,
             timing: Cow::Borrowed(""),
         }
     }
@@ -132,6 +135,13 @@ impl Descriptor {
     #[must_use]
     pub fn closes_cycles(mut self, parameter: impl Into<Cow<'static, str>>) -> Self {
         self.feedback = Some(parameter.into());
+        self
+    }
+
+    /// Renders an effect of surfaces.
+    #[must_use]
+    pub fn effect(mut self, effect: Effect) -> Self {
+        self.effect = Some(effect);
         self
     }
 

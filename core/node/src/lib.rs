@@ -8,6 +8,7 @@
 mod buffer;
 mod check;
 mod descriptor;
+mod effect;
 mod fact;
 mod guard;
 mod kind;
@@ -23,6 +24,7 @@ pub use asperity_numbers::random;
 pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
 pub use descriptor::{Descriptor, Resume};
+pub use effect::{Acts, Direction, Effect, Form, Law, Settings};
 pub use fact::{Fact, FactValue};
 pub use guard::{Coil, Guard};
 pub use kind::{Config, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};

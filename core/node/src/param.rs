@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, Place};
 
+use crate::Settings;
+
 /// Kinds of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParamKind {
@@ -169,6 +171,7 @@ impl Param {
 pub struct Params {
     entries: Vec<Entry>,
     node: Option<Place>,
+    slots: Vec<Vec<Settings>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -181,12 +184,22 @@ struct Entry {
 impl Params {
     /// Makes an empty set for a node at position `node` of its file.
     pub fn new(node: Option<Place>) -> Self {
-        Self { entries: Vec::new(), node }
+        Self { entries: Vec::new(), node, slots: Vec::new() }
     }
 
     /// Adds a parameter. `value` is `None` for an optional one that is missing.
     pub fn insert(&mut self, name: impl Into<String>, value: Option<ParamValue>, place: Option<Place>) {
         self.entries.push(Entry { name: name.into(), value, place });
+    }
+
+    /// Sets what the list of an [`Effect`](crate::Effect) holds.
+    pub fn set_slots(&mut self, slots: Vec<Vec<Settings>>) {
+        self.slots = slots;
+    }
+
+    /// The slots of an [`Effect`](crate::Effect): of each its settings, one, or for textures one and more.
+    pub fn slots(&self) -> &[Vec<Settings>] {
+        &self.slots
     }
 
     /// All parameters that have a value, in the descriptor's order.

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use crate::{Config, Descriptor, Diagnostic, Node, NodeKind, Ports, Processor, Setup};
+use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Processor, Setup};
 
 /// Node kinds by name.
 #[derive(Clone, Default)]
 pub struct Registry {
     kinds: BTreeMap<String, Arc<dyn NodeKind>>,
+    /// Names in the order in which they were added.
+    order: Vec<String>,
 }
 
 impl std::fmt::Debug for Registry {
@@ -33,7 +35,12 @@ impl Registry {
 
     /// Adds a kind, replacing one of the same name. Returns the replaced one.
     pub fn add(&mut self, kind: Arc<dyn NodeKind>) -> Option<Arc<dyn NodeKind>> {
-        self.kinds.insert(kind.descriptor().kind.to_string(), kind)
+        let name = kind.descriptor().kind.to_string();
+        let before = self.kinds.insert(name.clone(), kind);
+        if before.is_none() {
+            self.order.push(name);
+        }
+        before
     }
 
     /// A kind by name.
@@ -44,6 +51,15 @@ impl Registry {
     /// All kinds, by name.
     pub fn iter(&self) -> impl Iterator<Item = &Arc<dyn NodeKind>> {
         self.kinds.values()
+    }
+
+    /// Kinds that render an effect of surfaces, in the order in which they were added.
+    pub fn effects(&self) -> impl Iterator<Item = (&str, &Effect)> {
+        let kinds = self.order.iter().filter_map(|name| self.kinds.get(name));
+        kinds.filter_map(|kind| {
+            let descriptor = kind.descriptor();
+            Some((descriptor.kind.as_ref(), descriptor.effect.as_ref()?))
+        })
     }
 
     /// The names of all kinds.

@@ -4,9 +4,8 @@ use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-use super::felt::{ContactSettings, Felt, Motion, VOICED, Voice};
-use super::{Kind, Scene, Slots};
-use crate::effect::crossing;
+use super::state::{ContactSettings, ContactState, Motion, Pull, Voice};
+use super::{NETWORK, Scene, Slots};
 use crate::space::{Contact, Entry, Hold, Index};
 
 /// How deep a stylus is at least in what it touches \[mm\].
@@ -16,26 +15,42 @@ const FAR_MM: f64 = 1e7;
 /// What no surface, slot or material is.
 const NONE: f64 = -1.0;
 
-/// What a wall has, beside its shape.
+/// The effects whose slots contacts tell, by the names of their kinds and by where they act.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EffectNames {
+    /// While a wall is touched.
+    pub touching: Vec<String>,
+    /// Inside of volumes too.
+    pub inside: Vec<String>,
+    /// From both sides of a surface, within a reach.
+    pub near: Vec<String>,
+    /// Textures, but for that by the network.
+    pub textures: Vec<String>,
+}
+
+impl EffectNames {
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        [&self.touching, &self.inside, &self.near, &self.textures].into_iter().flatten().map(String::as_str)
+    }
+}
+
+/// The wall of a surface. Its slots stand in [`Contacts::wall_slots`].
 #[derive(Clone, Copy, Debug)]
 struct Wall {
     number: f64,
     stiffness_n_per_mm: f64,
     damping_ns_per_m: f64,
-    friction: f64,
-    tap: f64,
     material: f64,
-    voiced: [f64; 3],
-    vibration: f64,
-    viscosity: f64,
 }
 
-/// What a volume has that does not push back.
-#[derive(Clone, Copy, Debug)]
-struct Zone {
-    number: f64,
-    vibration: f64,
-    viscosity: f64,
+/// Surfaces with an effect that acts from both sides of them.
+#[derive(Clone, Debug)]
+struct Near {
+    index: Index,
+    /// The slot of each.
+    slots: Vec<f64>,
+    held: Option<Hold>,
 }
 
 /// One of two that fade.
@@ -110,12 +125,15 @@ pub struct Contacts {
     tick_s: f64,
     walls: Index,
     of_walls: Vec<Wall>,
+    /// Slots of the walls: of each those of `touching`, of `inside` and of `textures`.
+    wall_slots: Vec<f64>,
     zones: Index,
-    of_zones: Vec<Zone>,
-    magnets: Index,
-    /// Slots of the magnets, and numbers of their surfaces.
-    of_magnets: Vec<[f64; 2]>,
-    held: [Option<Hold>; 3],
+    /// Numbers of the volumes, and of each its slots of `inside`.
+    of_zones: Vec<f64>,
+    zone_slots: Vec<f64>,
+    near: Vec<Near>,
+    /// Wall and volume that are touched.
+    held: [Option<Hold>; 2],
     /// Whether the wall that is held is touched.
     touching: bool,
     air_ticks: u64,
@@ -134,48 +152,51 @@ pub struct Contacts {
     rested: bool,
     network: f64,
     material: f64,
+    /// The last answer; its lists are as long as the lists of names.
+    state: ContactState,
 }
 
 impl Contacts {
-    /// Contacts with the surfaces of a scene, for `run_hz` calls a second.
+    /// Contacts with the surfaces of a scene, for `run_hz` calls a second. `names` says of which effects slots are told.
     ///
     /// # Errors
-    /// More surfaces than an [`Index`] takes.
-    pub fn new(scene: &Scene, settings: ContactSettings, run_hz: f64) -> Result<Self, Diagnostic> {
-        let slots: Vec<(Kind, Slots)> = Kind::ALL.iter().map(|kind| (*kind, scene.slots(*kind))).collect();
-        let slot = |kind: Kind, number: usize| -> f64 {
-            let slots = slots.iter().find(|(k, _)| *k == kind);
-            slots.and_then(|(_, s)| *s.of.get(number)?).map_or(NONE, |slot| slot as f64)
+    /// More surfaces than an [`Index`] takes, an effect with a reach whose settings have no `reach_mm`.
+    pub fn new(
+        scene: &Scene,
+        names: &EffectNames,
+        settings: ContactSettings,
+        run_hz: f64,
+    ) -> Result<Self, Diagnostic> {
+        let all = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
+        let [touching, inside, textures] = [&names.touching, &names.inside, &names.textures].map(|n| all(n));
+        let network = scene.slots(NETWORK);
+        let slot = |slots: &Slots, number: usize| -> f64 {
+            slots.of.get(number).copied().flatten().map_or(NONE, |slot| slot as f64)
         };
-        let (mut walls, mut of_walls) = (Vec::new(), Vec::new());
-        let (mut zones, mut of_zones) = (Vec::new(), Vec::new());
-        let (mut magnets, mut of_magnets) = (Vec::new(), Vec::new());
+        let (mut walls, mut of_walls, mut wall_slots) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut zones, mut of_zones, mut zone_slots) = (Vec::new(), Vec::new(), Vec::new());
         for (number, touchable) in scene.surfaces.iter().enumerate() {
             let entry = |reach_mm| Entry { surface: touchable.surface.clone(), reach_mm };
             let effects = &touchable.effects;
-            let (vibration, viscosity) = (slot(Kind::Vibration, number), slot(Kind::Viscosity, number));
+            let of_inside = inside.iter().map(|slots| slot(slots, number));
             if let Some(stiffness) = &effects.stiffness {
                 walls.push(entry(settings.anticipate_mm));
                 of_walls.push(Wall {
                     number: number as f64,
                     stiffness_n_per_mm: stiffness.of,
                     damping_ns_per_m: effects.damping.as_ref().map_or(0.0, |d| d.of),
-                    friction: slot(Kind::Friction, number),
-                    tap: slot(Kind::Tap, number),
-                    material: slot(Kind::Network, number),
-                    voiced: VOICED.map(|kind| slot(kind, number)),
-                    vibration,
-                    viscosity,
+                    material: slot(&network, number),
                 });
-            } else if vibration >= 0.0 || viscosity >= 0.0 {
+                wall_slots.extend(touching.iter().map(|slots| slot(slots, number)));
+                wall_slots.extend(of_inside);
+                wall_slots.extend(textures.iter().map(|slots| slot(slots, number)));
+            } else if of_inside.clone().any(|slot| slot >= 0.0) {
                 zones.push(entry(0.0));
-                of_zones.push(Zone { number: number as f64, vibration, viscosity });
-            }
-            if let Some(magnet) = &effects.magnet {
-                magnets.push(entry(magnet.of.reach_mm));
-                of_magnets.push([slot(Kind::Magnet, number), number as f64]);
+                of_zones.push(number as f64);
+                zone_slots.extend(of_inside);
             }
         }
+        let near = names.near.iter().map(|kind| near(scene, kind)).collect::<Result<_, _>>()?;
         let index = |entries| Index::new(entries, scene.hysteresis_mm);
         Ok(Self {
             settings,
@@ -184,9 +205,10 @@ impl Contacts {
             of_walls,
             zones: index(zones)?,
             of_zones,
-            magnets: index(magnets)?,
-            of_magnets,
-            held: [None; 3],
+            zone_slots,
+            wall_slots,
+            near,
+            held: [None; 2],
             touching: false,
             air_ticks: 0,
             before: None,
@@ -200,17 +222,20 @@ impl Contacts {
             rested: true,
             network: 0.0,
             material: 0.0,
+            state: ContactState::of_nothing(names),
         })
     }
 
-    /// Walls, volumes and magnets.
+    /// How many walls and volumes there are, and surfaces that act from both sides.
     pub fn counts(&self) -> [usize; 3] {
-        [self.of_walls.len(), self.of_zones.len(), self.of_magnets.len()]
+        let near = self.near.iter().map(|near| near.slots.len()).sum();
+        [self.of_walls.len(), self.of_zones.len(), near]
     }
 
     /// Bytes of the search trees.
     pub fn bytes(&self) -> usize {
-        self.walls.bytes() + self.zones.bytes() + self.magnets.bytes()
+        let near: usize = self.near.iter().map(|near| near.index.bytes()).sum();
+        self.walls.bytes() + self.zones.bytes() + near
     }
 
     /// So many ticks have gone by of which no place is known: a wall that the next one lies in was reached
@@ -221,7 +246,7 @@ impl Contacts {
     }
 
     /// One tick. Nothing is allocated.
-    pub fn step(&mut self, motion: &Motion) -> Felt {
+    pub fn step(&mut self, motion: &Motion) -> &ContactState {
         let at = motion.position_mm;
         let put_down = motion.stroke != self.stroke;
         if put_down {
@@ -271,37 +296,48 @@ impl Contacts {
         let pushed =
             if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
         let zone = self.zone(at);
-        let of_zone = |pick: fn(&Zone) -> f64| zone.as_ref().map_or(NONE, pick);
-        let of_wall = |pick: fn(&Wall) -> f64| wall.as_ref().map_or(NONE, pick);
-        let first = |wall: f64, zone: f64| if wall >= 0.0 { wall } else { zone };
-        let (magnet, magnet_distance_mm, magnet_normal) = self.magnet(at);
-        Felt {
-            force_n: hooke.min(most),
-            depth_mm,
-            plane_mm,
-            normal,
-            stiffness_n_per_mm: stiffness,
-            damping_ns_per_m: damping,
-            push_n: normal.map(|n| n * pushed),
-            tangents,
-            place_mm: [self.place_mm[0], self.place_mm[1], -depth_mm],
-            velocity_mm_s,
-            speed_mm_s: velocity_mm_s[0].hypotenuse(velocity_mm_s[1]),
-            slide_mm_s: along(tangents, motion.unfiltered_mm_s),
-            surface: of_wall(|w| w.number),
-            volume: of_zone(|z| z.number),
-            approach_mm_s,
-            moment,
-            friction: of_wall(|w| w.friction),
-            tap: of_wall(|w| w.tap),
-            material: self.material,
-            network: level(self.network),
-            voices: self.voices.map(|voice| self.voice(&voice)),
-            vibration: first(of_wall(|w| w.vibration), of_zone(|z| z.vibration)),
-            viscosity: first(of_wall(|w| w.viscosity), of_zone(|z| z.viscosity)),
-            magnet,
-            magnet_distance_mm,
-            magnet_normal,
+        self.slots(touched.map(|contact| contact.entry as usize), zone);
+        for i in 0..self.near.len() {
+            self.pull(i, at);
+        }
+        for i in 0..2 {
+            self.state.voices[i] = self.voice(i);
+        }
+        let [x, y] = self.place_mm;
+        let state = &mut self.state;
+        state.force_n = hooke.min(most);
+        state.depth_mm = depth_mm;
+        state.plane_mm = plane_mm;
+        state.normal = normal;
+        state.stiffness_n_per_mm = stiffness;
+        state.damping_ns_per_m = damping;
+        state.push_n = normal.map(|n| n * pushed);
+        state.tangents = tangents;
+        state.place_mm = [x, y, -depth_mm];
+        state.velocity_mm_s = velocity_mm_s;
+        state.speed_mm_s = velocity_mm_s[0].hypotenuse(velocity_mm_s[1]);
+        state.slide_mm_s = along(tangents, motion.unfiltered_mm_s);
+        state.surface = wall.as_ref().map_or(NONE, |w| w.number);
+        state.volume = zone.and_then(|zone| self.of_zones.get(zone).copied()).unwrap_or(NONE);
+        state.approach_mm_s = approach_mm_s;
+        state.moment = moment;
+        state.material = self.material;
+        state.network = level(self.network);
+        state
+    }
+
+    /// Tells the slots of a wall and of a volume: what a wall has goes before what a volume has.
+    fn slots(&mut self, wall: Option<usize>, zone: Option<usize>) {
+        let (touching, inside) = (self.state.touching.len(), self.state.inside.len());
+        let each = touching + inside + self.state.textures[0].len();
+        let of_wall = wall.and_then(|wall| self.wall_slots.get(wall * each..(wall + 1) * each));
+        let of_zone = zone.and_then(|zone| self.zone_slots.get(zone * inside..(zone + 1) * inside));
+        for (i, slot) in self.state.touching.iter_mut().enumerate() {
+            *slot = of_wall.map_or(NONE, |slots| slots[i]);
+        }
+        for (i, slot) in self.state.inside.iter_mut().enumerate() {
+            let of_wall = of_wall.map_or(NONE, |slots| slots[touching + i]);
+            *slot = if of_wall >= 0.0 { of_wall } else { of_zone.map_or(NONE, |slots| slots[i]) };
         }
     }
 
@@ -333,25 +369,31 @@ impl Contacts {
         Some((far.unwrap_or((from - to) / (ticks * self.tick_s)), moment))
     }
 
-    fn zone(&mut self, at: [f64; 3]) -> Option<Zone> {
+    /// The volume that a place lies in.
+    fn zone(&mut self, at: [f64; 3]) -> Option<usize> {
         if self.of_zones.is_empty() {
             return None;
         }
         let found = self.zones.deepest(at, self.held[1]);
         self.held[1] = found.map(|contact| contact.hold());
-        self.of_zones.get(found?.entry as usize).copied()
+        Some(found?.entry as usize)
     }
 
-    fn magnet(&mut self, at: [f64; 3]) -> (f64, f64, [f64; 3]) {
-        let none = (NONE, 0.0, [0.0; 3]);
-        if self.of_magnets.is_empty() {
-            return none;
+    /// The nearest surface with an effect that acts from both sides.
+    fn pull(&mut self, number: usize, at: [f64; 3]) {
+        let (Some(near), Some(state)) = (self.near.get_mut(number), self.state.near.get_mut(number)) else {
+            return;
+        };
+        *state = NO_PULL;
+        if near.slots.is_empty() {
+            return;
         }
-        let found = self.magnets.nearest(at, self.held[2]);
-        self.held[2] = found.map(|contact| contact.hold());
-        let Some(contact) = found else { return none };
-        let slot = self.of_magnets.get(contact.entry as usize).map_or(NONE, |[slot, _]| *slot);
-        (slot, -contact.touch.depth_mm, contact.touch.normal)
+        let found = near.index.nearest(at, near.held);
+        near.held = found.map(|contact| contact.hold());
+        if let Some(Contact { entry, touch, .. }) = found {
+            let slot = near.slots.get(entry as usize).copied().unwrap_or(NONE);
+            *state = Pull { slot, distance_mm: -touch.depth_mm, normal: touch.normal };
+        }
     }
 
     /// Takes textures on towards what is touched.
@@ -367,7 +409,7 @@ impl Contacts {
             return;
         };
         let step = if std::mem::take(&mut self.rested) { 1.0 } else { step };
-        if wall.voiced.iter().all(|slot| *slot < 0.0) {
+        if self.textures_of(contact.entry).iter().all(|slot| *slot < 0.0) {
             self.current = None;
         } else {
             let hold = Some(contact.hold());
@@ -412,19 +454,28 @@ impl Contacts {
         if here.iter().all(|x: &f64| x.abs() < FAR_MM) { here } else { place_mm }
     }
 
-    fn voice(&self, voice: &Fading) -> Voice {
-        let wall = voice.of.and_then(|hold| self.of_walls.get(hold.entry as usize));
-        Voice {
-            level: level(voice.gain),
-            place_mm: voice.place_mm,
-            stroke: voice.stroke as f64,
-            slots: wall.map_or([NONE; 3], |wall| wall.voiced),
+    /// Slots of the textures of a wall.
+    fn textures_of(&self, wall: u32) -> &[f64] {
+        let textures = self.state.textures[0].len();
+        let each = self.state.touching.len() + self.state.inside.len() + textures;
+        let end = (wall as usize + 1) * each;
+        self.wall_slots.get(end - textures..end).unwrap_or(&[])
+    }
+
+    /// A voice as it is now; its slots are told beside it.
+    fn voice(&mut self, number: usize) -> Voice {
+        let voice = self.voices[number];
+        for i in 0..self.state.textures[number].len() {
+            let slot = voice.of.and_then(|hold| self.textures_of(hold.entry).get(i).copied());
+            self.state.textures[number][i] = slot.unwrap_or(NONE);
         }
+        Voice { level: level(voice.gain), place_mm: voice.place_mm, stroke: voice.stroke as f64 }
     }
 
     /// Forgets where the stylus was.
     pub fn reset(&mut self) {
-        self.held = [None; 3];
+        self.held = [None; 2];
+        self.near.iter_mut().for_each(|near| near.held = None);
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
         (self.past.known, self.missed) = (0, 0);
         (self.tangents, self.voices, self.place_mm) = (FLAT, [SILENT; 2], [0.0; 2]);
@@ -446,6 +497,9 @@ impl Contacts {
             .keep(&mut self.tangents)
             .keep(&mut self.place_mm)
             .keep(&mut self.stroke);
+        for near in &mut self.near {
+            state.keep(&mut near.held);
+        }
         for voice in &mut self.voices {
             state.keep(&mut voice.of).keep(&mut voice.gain).keep(&mut voice.place_mm);
             state.keep(&mut voice.tangents).keep(&mut voice.stroke);
@@ -469,6 +523,66 @@ impl Contacts {
             state.require(sound);
         }
     }
+}
+
+/// Surfaces with an effect that acts as far as its settings' `reach_mm` says.
+fn near(scene: &Scene, kind: &str) -> Result<Near, Diagnostic> {
+    let slots = scene.slots(kind);
+    let (mut entries, mut of_entries) = (Vec::new(), Vec::new());
+    for (number, touchable) in scene.surfaces.iter().enumerate() {
+        let (Some(named), Some(Some(slot))) = (touchable.effects.of(kind).next(), slots.of.get(number))
+        else {
+            continue;
+        };
+        let reach_mm = named.value.record(kind)?.required("reach_mm")?.f64_in(1e-3..=1000.0, "mm")?;
+        entries.push(Entry { surface: touchable.surface.clone(), reach_mm });
+        of_entries.push(*slot as f64);
+    }
+    Ok(Near { index: Index::new(entries, scene.hysteresis_mm)?, slots: of_entries, held: None })
+}
+
+const NO_PULL: Pull = Pull { slot: NONE, distance_mm: 0.0, normal: [0.0; 3] };
+
+impl ContactState {
+    /// No contact yet.
+    fn of_nothing(names: &EffectNames) -> Self {
+        let none = |names: &[String]| vec![NONE; names.len()];
+        Self {
+            force_n: 0.0,
+            depth_mm: 0.0,
+            plane_mm: [0.0; 3],
+            normal: [0.0; 3],
+            stiffness_n_per_mm: 0.0,
+            damping_ns_per_m: 0.0,
+            push_n: [0.0; 3],
+            tangents: FLAT,
+            place_mm: [0.0; 3],
+            velocity_mm_s: [0.0; 2],
+            speed_mm_s: 0.0,
+            slide_mm_s: [0.0; 2],
+            surface: NONE,
+            volume: NONE,
+            approach_mm_s: 0.0,
+            moment: 0.0,
+            material: 0.0,
+            network: 0.0,
+            voices: [Voice { level: 0.0, place_mm: [0.0; 2], stroke: 0.0 }; 2],
+            touching: none(&names.touching),
+            inside: none(&names.inside),
+            near: vec![NO_PULL; names.near.len()],
+            textures: [none(&names.textures), none(&names.textures)],
+        }
+    }
+}
+
+/// Where between two ticks a surface was passed, from the distances above it before and now in mm: the part of the tick,
+/// above 0 and at most 1; `None` where it was not passed from outside. The speed of approach is the fall in distance times
+/// the tick rate.
+fn crossing(before_mm: f64, now_mm: f64) -> Option<f64> {
+    let fell = before_mm > 0.0 && now_mm <= 0.0 && before_mm.is_finite() && now_mm.is_finite();
+    let part = before_mm / (before_mm - now_mm);
+    let part = if part.is_finite() { part.clamp(0.0, 1e6) } else { 0.0 };
+    fell.then(|| part.clamp(f64::MIN_POSITIVE, 1.0))
 }
 
 /// Equal power: the squares of two that fade over into one another add up to 1.

@@ -18,8 +18,24 @@ fn scene(surfaces: &str) -> Scene {
     Scene::parse(&Source::new("s.ron", text)).unwrap_or_else(|e| panic!("{e}"))
 }
 
+fn names() -> EffectNames {
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    EffectNames {
+        touching: names(&["friction"]),
+        inside: names(&["vibration", "viscosity"]),
+        near: names(&["magnet"]),
+        textures: names(&["waveform"]),
+    }
+}
+
+impl Contacts {
+    fn step_once(&mut self, motion: &Motion) -> ContactState {
+        self.step(motion).clone()
+    }
+}
+
 fn contacts(surfaces: &str) -> Contacts {
-    Contacts::new(&scene(surfaces), SETTINGS, TICK_HZ).unwrap()
+    Contacts::new(&scene(surfaces), &names(), SETTINGS, TICK_HZ).unwrap()
 }
 
 /// Tiles of 20 mm in a row along x from 0 on, each with these effects.
@@ -32,13 +48,13 @@ fn tiles(effects: &[&str]) -> String {
 }
 
 /// A stylus that goes from place to place at a constant velocity, tick by tick.
-fn go(contacts: &mut Contacts, from: [f64; 3], to: [f64; 3], ticks: usize) -> Vec<Felt> {
+fn go(contacts: &mut Contacts, from: [f64; 3], to: [f64; 3], ticks: usize) -> Vec<ContactState> {
     let step: [f64; 3] = std::array::from_fn(|k| (to[k] - from[k]) / ticks as f64);
     let velocity = step.map(|s| s * TICK_HZ);
     (0..=ticks)
         .map(|n| {
             let at = std::array::from_fn(|k| from[k] + step[k] * n as f64);
-            contacts.step(&Motion {
+            contacts.step_once(&Motion {
                 position_mm: at,
                 velocity_mm_s: velocity,
                 unfiltered_mm_s: velocity,
@@ -58,26 +74,26 @@ fn a_plane_pushes_back_by_hookes_law_with_its_damping_and_never_pulls() {
         unfiltered_mm_s: [70.0, -90.0, vz],
         stroke: 0.0,
     };
-    let felt = c.step(&at(1.0, 0.0));
+    let felt = c.step_once(&at(1.0, 0.0));
     assert_eq!((felt.force_n, felt.surface, felt.push_n, felt.normal), (0.0, -1.0, [0.0; 3], [0.0; 3]));
     assert_eq!(felt.velocity_mm_s, [7.0, -9.0]);
     // 0.5 N/mm 2 mm, and 2 N s/m at 100 mm/s is 0.2 N more on the way in.
-    let felt = c.step(&at(-2.0, -100.0));
+    let felt = c.step_once(&at(-2.0, -100.0));
     assert_eq!((felt.force_n, felt.depth_mm, felt.surface), (1.0, 2.0, 0.0));
     assert!((felt.push_n[2] - 1.2).abs() < 1e-12 && felt.push_n[0] == 0.0);
     assert_eq!((felt.velocity_mm_s, felt.slide_mm_s), ([7.0, -9.0], [70.0, -90.0]));
     assert_eq!(felt.speed_mm_s, 7.0_f64.hypot(9.0));
     assert_eq!((felt.normal, felt.plane_mm), ([0.0, 0.0, 1.0], [3.0, -4.0, 0.0]));
     // On the way out it lets go, and does not hold on.
-    assert_eq!(c.step(&at(-2.0, 1000.0)).push_n, [0.0; 3]);
-    assert_eq!(c.step(&at(-20.0, 0.0)).push_n, [0.0, 0.0, 3.3]);
+    assert_eq!(c.step_once(&at(-2.0, 1000.0)).push_n, [0.0; 3]);
+    assert_eq!(c.step_once(&at(-20.0, 0.0)).push_n, [0.0, 0.0, 3.3]);
 }
 
 #[test]
 fn on_a_turned_surface_velocities_and_forces_follow_its_own_axes() {
     // Turned by 90 degrees about y: z, the way out, becomes x; x becomes -z.
     let mut c = contacts(&format!("\"a\": (shape: plane, turn_deg: (0, 90, 0), effects: ({WALL}))"));
-    let felt = c.step(&Motion {
+    let felt = c.step_once(&Motion {
         position_mm: [-1.0, 5.0, 6.0],
         velocity_mm_s: [1.0, 2.0, 3.0],
         unfiltered_mm_s: [10.0, 20.0, 30.0],
@@ -102,7 +118,7 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
     // A place that comes in steps of 0.1 mm may be on the wall for a tick; it is reached all the same, and once.
     for steps in [[2.1, 2.0, 1.9, 1.8], [2.05, 2.0, 1.95, 1.9], [2.0, 2.0, 1.7, 1.4]] {
         let mut c = contacts(&format!("\"a\": (shape: plane, place_mm: (0, 0, 2), effects: ({WALL}))"));
-        let felt = steps.map(|z| c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }));
+        let felt = steps.map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }));
         let hits: Vec<usize> = (0..4).filter(|&n| felt[n].approach_mm_s > 0.0).collect();
         assert_eq!(hits, [2], "{steps:?}");
         let wanted = (steps[1] - steps[2]) * TICK_HZ;
@@ -111,7 +127,7 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
     // Up again and put down elsewhere: between them lies no way, and how fast it came is not known.
     go(&mut c, [0.0, 0.0, 1.0], [0.0, 0.0, 3.0], 5);
     let put = |c: &mut Contacts, z: f64, stroke: f64| {
-        c.step(&Motion { position_mm: [9.0, 9.0, z], stroke, ..Motion::default() })
+        c.step_once(&Motion { position_mm: [9.0, 9.0, z], stroke, ..Motion::default() })
     };
     let felt = put(&mut c, 1.0, 1.0);
     assert_eq!((felt.surface, felt.approach_mm_s, felt.moment), (0.0, 80.0, 0.0));
@@ -132,14 +148,14 @@ fn a_wall_that_is_reached_while_ticks_are_lost_is_reached_no_faster() {
         // 150 mm/s, for as many ticks as are missed and one more; the wall is passed after a sixth of the last.
         let z = 0.05 - 0.3;
         let from = z + 0.3 * (missed as f64 + 1.0);
-        c.step(&Motion { position_mm: [0.0, 0.0, from], ..Motion::default() });
+        c.step_once(&Motion { position_mm: [0.0, 0.0, from], ..Motion::default() });
         c.missed(missed);
-        let felt = c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
+        let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
         assert!((felt.approach_mm_s - 150.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
         assert!((felt.moment - 1.0 / 6.0).abs() < 1e-9, "{missed}: {}", felt.moment);
         // The next wall is reached as ever.
-        c.step(&Motion { position_mm: [0.0, 0.0, 0.3], ..Motion::default() });
-        let felt = c.step(&Motion { position_mm: [0.0, 0.0, -0.3], ..Motion::default() });
+        c.step_once(&Motion { position_mm: [0.0, 0.0, 0.3], ..Motion::default() });
+        let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, -0.3], ..Motion::default() });
         assert!((felt.approach_mm_s - 300.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
     }
 }
@@ -152,10 +168,13 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
     let scene = Scene::parse(&Source::new("s.ron", text)).unwrap();
     for tick_hz in [500.0, 1000.0, 4000.0] {
         for speed in [20.0, 60.0, 200.0] {
-            let mut c = Contacts::new(&scene, SETTINGS, tick_hz).unwrap();
+            let mut c = Contacts::new(&scene, &names(), SETTINGS, tick_hz).unwrap();
             let felt = (0..(0.5 * tick_hz) as usize).map(|n| {
                 let z: f64 = 3.01 - speed * n as f64 / tick_hz;
-                c.step(&Motion { position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()], ..Motion::default() })
+                c.step_once(&Motion {
+                    position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()],
+                    ..Motion::default()
+                })
             });
             let told: Vec<f64> = felt.map(|f| f.approach_mm_s).filter(|v| *v > 0.0).collect();
             // A step of 0.055 mm at either end of 20 ms, or of 3 mm of way.
@@ -167,10 +186,10 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
         }
     }
     // A stylus that left the wall within that time approaches from where it was furthest back outside.
-    let mut c = Contacts::new(&scene, SETTINGS, 1000.0).unwrap();
+    let mut c = Contacts::new(&scene, &names(), SETTINGS, 1000.0).unwrap();
     let heights = [0.5, -0.5, -0.5, -0.5, 0.5, 1.0, 0.5, 0.0, -0.5];
-    let told =
-        heights.map(|z| c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
+    let told = heights
+        .map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
     assert!(told[1] > 0.0 && told[8] > 0.0 && told[8] <= 1000.0, "{told:?}");
 }
 
@@ -180,7 +199,7 @@ fn textures_go_over_from_tile_to_tile_at_equal_power_in_the_time_that_was_set() 
     let mut c = contacts(&tiles(&[&effects, &effects.replace("(0.5, 1)", "(0.5, 2)")]));
     let felt = go(&mut c, [10.0, 0.0, -1.0], [30.0, 0.0, -1.0], 100);
     assert_eq!((felt[0].voices[0].level, felt[0].voices[1].level), (1.0, 0.0), "at once from the air");
-    assert_eq!((felt[0].voices[0].slots, felt[60].voices[1].slots), ([-1.0, 0.0, -1.0], [-1.0, 1.0, -1.0]));
+    assert_eq!((felt[0].textures[0][0], felt[60].textures[1][0]), (0.0, 1.0));
     for f in &felt {
         let [a, b] = f.voices;
         assert!((a.level.powi(2) + b.level.powi(2) - 1.0).abs() < 1e-12, "{a:?} {b:?}");
@@ -207,8 +226,8 @@ fn a_third_tile_waits_for_a_voice_and_a_way_back_turns_a_fade_round() {
     let all: Vec<String> = (1..4).map(|i| effects.replace("(0.5, 1)", &format!("(0.5, {i})"))).collect();
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
     let mut c = contacts(&tiles(&all));
-    let heard = |f: &Felt, slot: f64| -> f64 {
-        f.voices.iter().filter(|v| v.slots[1] == slot).map(|v| v.level).sum()
+    let heard = |f: &ContactState, slot: f64| -> f64 {
+        f.voices.iter().zip(&f.textures).filter(|(_, t)| t[0] == slot).map(|(v, _)| v.level).sum()
     };
     go(&mut c, [18.0, 0.0, -1.0], [18.0, 0.0, -1.0], 5);
     // Over the middle tile within 8 ms.
@@ -267,17 +286,17 @@ fn a_volume_is_felt_beside_the_wall_in_it_and_gives_way_to_the_walls_own() {
          \"floor\": (shape: plane, effects: ({WALL})),\n\
          \"buzz\": (shape: rectangle(size_mm: (4, 4)), place_mm: (10, 0, 0.5), effects: ({WALL}, vibration: (frequency_hz: 150, amplitude_m_s2: 1)))"
     ));
-    let mut at = |x: f64, z: f64| c.step(&Motion { position_mm: [x, 0.0, z], ..Motion::default() });
+    let mut at = |x: f64, z: f64| c.step_once(&Motion { position_mm: [x, 0.0, z], ..Motion::default() });
     let felt = at(0.0, 5.0);
     assert_eq!((felt.surface, felt.volume), (-1.0, 0.0));
-    assert_eq!((felt.volume, felt.viscosity, felt.vibration, felt.force_n), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((felt.volume, felt.inside[1], felt.inside[0], felt.force_n), (0.0, 0.0, 0.0, 0.0));
     // Deep in the honey and a little in the floor: both.
     let felt = at(0.0, -1.0);
-    assert_eq!((felt.surface, felt.viscosity, felt.vibration, felt.force_n), (1.0, 0.0, 0.0, 0.5));
+    assert_eq!((felt.surface, felt.inside[1], felt.inside[0], felt.force_n), (1.0, 0.0, 0.0, 0.5));
     let felt = at(10.0, 0.2);
-    assert_eq!((felt.surface, felt.viscosity, felt.vibration), (2.0, 0.0, 1.0));
+    assert_eq!((felt.surface, felt.inside[1], felt.inside[0]), (2.0, 0.0, 1.0));
     let felt = at(0.0, 11.0);
-    assert_eq!((felt.volume, felt.viscosity, felt.vibration), (-1.0, -1.0, -1.0));
+    assert_eq!((felt.volume, felt.inside[1], felt.inside[0]), (-1.0, -1.0, -1.0));
 }
 
 #[test]
@@ -285,13 +304,13 @@ fn a_magnet_is_told_of_within_its_reach_on_both_sides() {
     let mut c = contacts(&format!(
         "\"a\": (shape: sphere(radius_mm: 10), effects: ({WALL}, magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)))"
     ));
-    let mut at = |z: f64| c.step(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
-    assert_eq!(at(15.0).magnet, -1.0);
+    let mut at = |z: f64| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
+    assert_eq!(at(15.0).near[0].slot, -1.0);
     let felt = at(12.0);
-    assert_eq!((felt.magnet, felt.surface, felt.magnet_normal), (0.0, -1.0, [0.0, 0.0, 1.0]));
-    assert!((felt.magnet_distance_mm - 2.0).abs() < 1e-12);
+    assert_eq!((felt.near[0].slot, felt.surface, felt.near[0].normal), (0.0, -1.0, [0.0, 0.0, 1.0]));
+    assert!((felt.near[0].distance_mm - 2.0).abs() < 1e-12);
     let felt = at(9.0);
-    assert!((felt.magnet_distance_mm + 1.0).abs() < 1e-12 && felt.surface == 0.0);
+    assert!((felt.near[0].distance_mm + 1.0).abs() < 1e-12 && felt.surface == 0.0);
 }
 
 #[test]
@@ -309,7 +328,7 @@ fn the_deepest_wall_wins_and_is_held_by_the_hysteresis_as_a_look_at_all_would_ha
         })
         .collect();
     let scene = scene(&surfaces);
-    let mut c = Contacts::new(&scene, SETTINGS, TICK_HZ).unwrap();
+    let mut c = Contacts::new(&scene, &names(), SETTINGS, TICK_HZ).unwrap();
     let mut held: Option<usize> = None;
     let mut changes = 0;
     for n in 0..4000 {
@@ -318,7 +337,7 @@ fn the_deepest_wall_wins_and_is_held_by_the_hysteresis_as_a_look_at_all_would_ha
         let depths: Vec<f64> = scene.surfaces.iter().map(|s| s.surface.depth_mm(at)).collect();
         let deepest = (0..6).max_by(|a, b| depths[*a].total_cmp(&depths[*b])).unwrap();
         let before = held;
-        let felt = c.step(&Motion { position_mm: at, ..Motion::default() });
+        let felt = c.step_once(&Motion { position_mm: at, ..Motion::default() });
         held = match held.filter(|h| depths[*h] > TOUCHED_MM) {
             // Depths are compared in steps: close to the hysteresis both will do.
             Some(h) if (depths[deepest] - depths[h] - 0.1).abs() < 3e-4 => Some(felt.surface as usize),
@@ -350,7 +369,7 @@ fn what_goes_on_from_a_state_goes_on_alike_and_a_state_that_cannot_be_is_refused
     assert_eq!(a, b);
     assert!(!State::restore(&vec![0xff; size], |s| other.state(s)));
     // It is as new.
-    let felt = other.step(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() });
+    let felt = other.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() });
     assert!(felt.voices.iter().all(|v| v.place_mm.iter().all(|x| x.is_finite())));
 }
 
@@ -360,10 +379,21 @@ fn places_that_are_no_numbers_touch_nothing_and_leave_no_trace() {
     let mut c = contacts(&tiles(&[&effects]));
     go(&mut c, [10.0, 0.0, 1.0], [10.0, 0.0, -1.0], 4);
     for bad in [f64::NAN, f64::INFINITY, -1e300] {
-        let felt = c.step(&Motion { position_mm: [bad; 3], ..Motion::default() });
+        let felt = c.step_once(&Motion { position_mm: [bad; 3], ..Motion::default() });
         assert!(felt.force_n == 0.0 && felt.surface == -1.0 && felt.approach_mm_s == 0.0);
         assert!(felt.velocity_mm_s.iter().all(|v| v.is_finite()), "{felt:?}");
         assert!(felt.voices.iter().all(|v| v.place_mm.iter().all(|x| x.is_finite())));
     }
-    assert_eq!(c.step(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() }).force_n, 0.5);
+    assert_eq!(c.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() }).force_n, 0.5);
+}
+
+#[test]
+fn a_surface_is_passed_where_the_distance_is_nought() {
+    assert_eq!(crossing(0.3, -0.1), Some(0.3 / 0.4));
+    assert_eq!((crossing(0.2, 0.0), crossing(0.0, -0.2), crossing(0.5, 0.1)), (Some(1.0), None, None));
+    assert_eq!((crossing(-0.1, -0.3), crossing(-0.1, 0.4)), (None, None));
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!((crossing(bad, -1.0), crossing(1.0, bad)), (None, None));
+    }
+    assert!(crossing(f64::MAX, -f64::MAX).is_some_and(|p| (0.0..=1.0).contains(&p)));
 }

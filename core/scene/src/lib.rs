@@ -26,23 +26,23 @@
 //! `motion` (`velocity`), `network` (`texture_network`), `gate` (`speed_gate`) and `actuator` (`actuator_inverse`
 //! and `limiter`). The compiler of the graph checks them. All other fields are read here, with their ranges.
 //!
-//! Each effect's type has a `parse`, so that nodes read the settings of an effect from a text, without a scene.
+//! Behind `effects` stand the stiffness and damping of the surface, and effects by name: kinds of node whose descriptor
+//! has an [`Effect`](asperity_node::Effect), built in or from a plugin. What a scene may say of them, they say themselves.
 //!
 //! Effects of one surface add up. Where surfaces overlap, the deepest is touched until another is deeper by
 //! `hysteresis_mm`.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod bound;
 mod contact;
-pub mod effect;
 mod effects;
-mod felt;
 mod lower;
-mod parse;
 mod passivity;
 mod read;
 mod slots;
 pub mod space;
+mod state;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -53,15 +53,14 @@ use std::sync::Arc;
 use asperity_diagnostics::ron::{Key, Value};
 use asperity_diagnostics::{Place, Source};
 
-use crate::effect::friction::LuGreSettings;
-use crate::effect::{DecayingSinusoid, TapSettings, WaveformQuantity};
 use crate::space::Surface;
 
-pub use contact::Contacts;
-pub use felt::{ContactSettings, Felt, Motion, VOICED, Voice};
-pub use lower::{Lowered, Lowering, draft, lower};
+pub use contact::{Contacts, EffectNames};
+pub use effects::Effects;
+pub use lower::{Lowered, Lowering, Rendered, draft, lower};
 pub use passivity::Finding;
-pub use slots::{Kind, Slots};
+pub use slots::{NETWORK, Slots};
+pub use state::{ContactSettings, ContactState, Motion, Pull, Voice};
 
 /// A scene.
 #[derive(Clone, Debug)]
@@ -156,122 +155,17 @@ pub struct Placed<T> {
     pub place: Place,
 }
 
-/// Effects of a surface on a stylus. An effect that is not named does not happen.
-#[derive(Clone, Debug, Default)]
-pub struct Effects {
-    /// Hooke's wall, in N/mm, 0.001 to 100.
-    pub stiffness: Option<Placed<f64>>,
-    /// Damping along the normal while touched, in N s/m, 0 to 1000.
-    pub damping: Option<Placed<f64>>,
-    /// Force against the motion along the surface.
-    pub friction: Option<Placed<Friction>>,
-    /// Vibration of gliding; they add.
-    pub textures: Vec<Placed<Texture>>,
-    /// Vibration of coming into contact.
-    pub tap: Option<Placed<Knock>>,
-    /// Vibration while touched.
-    pub vibration: Option<Placed<Hum>>,
-    /// Drag in the volume.
-    pub viscosity: Option<Placed<Drag>>,
-    /// Pull toward the surface.
-    pub magnet: Option<Placed<Pull>>,
-}
-
-impl Effects {
-    /// Files that they are made of.
-    pub fn files(&self) -> Vec<&PathBuf> {
-        let mut files = Vec::new();
-        for texture in &self.textures {
-            match &texture.of {
-                Texture::Autoregressive { model: file, .. }
-                | Texture::Waveform { values: Loop::Recorded { file, .. }, .. }
-                | Texture::Relief { heights: Heights::Picture { file, .. }, .. } => files.push(file),
-                _ => {}
-            }
-        }
-        if let Some(Sound::Recorded { file, .. }) = self.tap.as_ref().map(|tap| &tap.of.sound) {
-            files.push(file);
-        }
-        files
-    }
-}
-
-/// Laws of friction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Friction {
-    /// [`crate::effect::friction::ViscousCoulomb`].
-    ViscousCoulomb {
-        /// Friction over normal force, mu.
-        coefficient: f64,
-        /// Part of the normal force a speed, in s/mm.
-        viscosity_s_per_mm: f64,
-    },
-    /// [`crate::effect::friction::Dahl`].
-    Dahl {
-        /// Friction over normal force, mu.
-        coefficient: f64,
-        /// Stiffness of the bristle in N/mm.
-        bristle_stiffness_n_per_mm: f64,
-    },
-    /// [`crate::effect::friction::LuGre`].
-    LuGre(LuGreSettings),
-}
-
-/// Kinds of texture.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Texture {
-    /// The scene's network, for the surface's material.
-    Network,
-    /// A piecewise autoregressive model.
-    Autoregressive {
-        /// Its RON file, or the toolkit's XML.
-        model: PathBuf,
-        /// Factor, 0 to 100.
-        gain: f64,
-    },
-    /// A loop that is read by distance.
-    Waveform {
-        /// Source of its values.
-        values: Loop,
-        /// How much of the end is faded into the beginning, in mm.
-        crossfade_mm: f64,
-        /// Quantity of the values.
-        quantity: WaveformQuantity,
-        /// Factor, 0 to 100.
-        gain: f64,
-    },
-    /// Heights under the tip.
-    Relief {
-        /// The heights.
-        heights: Heights,
-        /// Cutoff of the low-pass in Hz.
-        cutoff_hz: f64,
-        /// The largest acceleration in m/s^2.
-        max_m_s2: f64,
-        /// Factor, 0 to 100.
-        gain: f64,
-    },
-}
-
-/// Where the values of a loop come from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Loop {
-    /// They were drawn.
-    Segments {
-        /// Pairs of distance in mm and value.
-        segments: Vec<(f64, f64)>,
-        /// Distance of the values that are made of them, in mm.
-        spacing_mm: f64,
-    },
-    /// They were recorded at a constant speed.
-    Recorded {
-        /// A WAV file; of several channels the first.
-        file: PathBuf,
-        /// The speed, in mm/s.
-        speed_mm_s: f64,
-        /// Acceleration at full scale, in m/s^2.
-        full_scale_m_s2: f64,
-    },
+/// An effect that a surface has, as the file names it.
+#[derive(Clone, Debug)]
+pub struct Named {
+    /// Its kind.
+    pub kind: String,
+    /// Where the name stands.
+    pub name: Place,
+    /// Whether it stands behind `texture`.
+    pub texture: bool,
+    /// Its settings, as they stand there.
+    pub value: Value,
 }
 
 /// Where heights come from.
@@ -297,60 +191,4 @@ pub enum Heights {
         /// Height of white over black, 0 to 1000 mm.
         height_mm: f64,
     },
-}
-
-/// A tap.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Knock {
-    /// Its sound; [`transient`](Self::transient) reads it.
-    pub sound: Sound,
-    /// When it sounds.
-    pub settings: TapSettings,
-}
-
-/// Sound of a tap.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Sound {
-    /// Sinusoids that decay.
-    Sinusoids(Vec<DecayingSinusoid>),
-    /// A recorded acceleration.
-    Recorded {
-        /// A WAV file, of which the first channel counts.
-        file: PathBuf,
-        /// Speed of approach at which it was recorded in mm/s, 0.1 to 10 000.
-        speed_mm_s: f64,
-        /// Acceleration at which the file is full in m/s^2, 0.001 to 10^5.
-        full_scale_m_s2: f64,
-        /// Factor, 0 to 100.
-        gain: f64,
-    },
-}
-
-/// A fixed source.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hum {
-    /// Frequency in Hz.
-    pub frequency_hz: f64,
-    /// Amplitude in m/s^2.
-    pub amplitude_m_s2: f64,
-}
-
-/// Drag.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drag {
-    /// Force a speed, in N s/m.
-    pub viscosity_ns_per_m: f64,
-    /// The largest force in N.
-    pub max_force_n: f64,
-}
-
-/// Pull.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pull {
-    /// Stiffness at the surface in N/mm.
-    pub stiffness_n_per_mm: f64,
-    /// The largest force in N.
-    pub max_force_n: f64,
-    /// How far it is felt in mm.
-    pub reach_mm: f64,
 }

@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 
-use super::{Device, Friction, Kind, Placed, Scene, Touchable};
-use crate::effect::Magnet;
-use crate::effect::friction::{Dahl, LuGre, ViscousCoulomb};
-use crate::effect::passivity::{Law, Passivity, Quantisation, Sampling};
 use asperity_diagnostics::Place;
+use asperity_node::{Direction, Law, Registry, ShapeSpec};
+
+use super::bound::{Passivity, Quantisation, Sampling};
+use super::effects::effect_of;
+use super::{Device, Placed, Scene, Touchable};
 
 /// Something about a scene that its device may not bear.
 #[derive(Clone, Debug)]
@@ -34,11 +35,11 @@ impl Scene {
 
     /// Every law of force that is not passive on this device in any hand, and every wall at which its steps of place can be felt; once for all surfaces of
     /// which the same is to be said, at the first of them.
-    pub fn findings(&self) -> Vec<Finding> {
+    pub fn findings(&self, registry: &Registry) -> Vec<Finding> {
         let mut all: Vec<(String, &str, Place, usize)> = Vec::new();
         let mut known: HashMap<String, usize> = HashMap::new();
         for surface in &self.surfaces {
-            for (message, place) in self.of(surface) {
+            for (message, place) in self.of(surface, registry) {
                 let at = *known.entry(message.clone()).or_insert(all.len());
                 match all.get_mut(at) {
                     Some((.., count)) => *count += 1,
@@ -50,17 +51,18 @@ impl Scene {
             let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
             Finding { message: format!("`{name}`{more}{message}"), place }
         };
-        all.into_iter().map(told).chain(self.unheard()).collect()
+        all.into_iter().map(told).chain(self.unheard(registry)).collect()
     }
 
     /// Vibration that nothing plays.
-    fn unheard(&self) -> Option<Finding> {
+    fn unheard(&self, registry: &Registry) -> Option<Finding> {
         if self.output.is_some() {
             return None;
         }
         let place = |surface: &Touchable| {
-            let kinds = Kind::ALL.iter().filter(|kind| kind.vibrates());
-            kinds.flat_map(|kind| kind.places(&surface.effects)).next().cloned()
+            let effects = &surface.effects;
+            let vibrates = effects.named.iter().find(|named| vibrates(registry, &named.kind));
+            effects.network.clone().or_else(|| vibrates.map(|named| named.value.place()))
         };
         let mut all = self.surfaces.iter().filter_map(|surface| Some((&surface.name, place(surface)?)));
         let (name, place) = all.next()?;
@@ -71,40 +73,27 @@ impl Scene {
         Some(Finding { message, place })
     }
 
-    fn of(&self, surface: &Touchable) -> Vec<(String, Place)> {
+    fn of(&self, surface: &Touchable, registry: &Registry) -> Vec<(String, Place)> {
         let mut all = Vec::new();
-        let effects = &surface.effects;
-        let drag = effects.viscosity.as_ref().map(|Placed { of, place }| {
-            let law = Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: of.viscosity_ns_per_m };
-            ("drag", law, place)
-        });
-        let wall = effects.stiffness.as_ref().zip(self.passivity(surface));
-        let wall = wall.map(|(Placed { place, .. }, passivity)| ("wall", passivity.law, place));
-        let magnet = effects.magnet.as_ref().and_then(|Placed { of, place }| {
-            let magnet = Magnet::new(of.stiffness_n_per_mm, of.max_force_n, of.reach_mm).ok()?;
-            Some(("magnet", magnet.law(), place))
-        });
-        let friction = effects
-            .friction
-            .as_ref()
-            .map(|Placed { of, place }| ("friction", law(*of, self.device.max_force_n), place));
-        // What acts along one direction adds. Drag acts along all, and is told of once where there is nothing else.
-        let along = |what: &str, laws: [Option<(&str, Law, &Place)>; 3]| {
-            let laws: Vec<_> =
-                laws.into_iter().flatten().filter(|(_, law, _)| *law != Law::default()).collect();
-            let sum = laws.iter().fold(Law::default(), |sum, (_, law, _)| sum + *law);
-            let passivity = Passivity::of(sum, self.sampling(), self.device.damping_ns_per_m);
-            let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
-            let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
-            let unset = self.device.damping_ns_per_m == 0.0;
-            let hint = if unset { "; `device: (damping_ns_per_m: ..)` says what it has" } else { "" };
-            Some((format!(" {what} ({}): {passivity}{hint}", names.join(" + ")), (*place).clone()))
+        let wall = surface.effects.stiffness.as_ref().zip(self.passivity(surface));
+        let wall = wall.map(|(Placed { place, .. }, passivity)| ("wall", passivity.law, place.clone()));
+        let laws = self.laws(surface, registry);
+        let of = |direction: Direction| {
+            let laws = laws.iter().filter(move |(of, ..)| *of == direction);
+            laws.map(|(_, name, law, place)| (*name, *law, place.clone()))
         };
-        let of_normal = wall.is_some() || magnet.is_some();
-        all.extend(along("along its normal", [wall, magnet, drag.filter(|_| of_normal)]));
-        all.extend(friction.and_then(|friction| along("along its surface", [Some(friction), drag, None])));
-        if !of_normal && friction.is_none() {
-            all.extend(along("in its volume", [drag, None, None]));
+        // Laws along one direction add up. What acts in any direction counts with others, and alone where there are none.
+        let normal: Vec<_> = wall.clone().into_iter().chain(of(Direction::Normal)).collect();
+        let surface: Vec<_> = of(Direction::Surface).collect();
+        let any: Vec<_> = of(Direction::Any).collect();
+        let alone = normal.is_empty() && surface.is_empty();
+        for (what, laws) in [("along its normal", normal), ("along its surface", surface)] {
+            if !laws.is_empty() {
+                all.extend(self.sum(what, laws.into_iter().chain(any.clone())));
+            }
+        }
+        if alone {
+            all.extend(self.sum("in its volume", any.into_iter()));
         }
         if let Some((_, law, place)) = wall
             && self.device.position_step_mm > 0.0
@@ -112,24 +101,42 @@ impl Scene {
             let Device { position_step_mm, friction_n, .. } = &self.device;
             let quantisation = Quantisation::of(law, self.sampling(), *position_step_mm, *friction_n);
             if !quantisation.holds() {
-                all.push((format!(": {quantisation}"), place.clone()));
+                all.push((format!(": {quantisation}"), place));
             }
         }
         all
     }
+
+    /// The laws of a surface's effects, at the largest normal force.
+    fn laws<'s>(&self, surface: &'s Touchable, registry: &Registry) -> Vec<(Direction, &'s str, Law, Place)> {
+        let of = |named: &'s super::Named| {
+            let settings = named.settings(registry).ok()?;
+            let effect = effect_of(registry, &named.kind)?;
+            let (direction, law) = effect.law_of(&settings, self.device.max_force_n)?;
+            Some((direction, named.kind.as_str(), law, named.value.place()))
+        };
+        surface.effects.named.iter().filter_map(of).collect()
+    }
+
+    /// A finding of the sum of some laws, where the device does not bear it.
+    fn sum<'s>(
+        &self,
+        what: &str,
+        laws: impl Iterator<Item = (&'s str, Law, Place)>,
+    ) -> Option<(String, Place)> {
+        let laws: Vec<_> = laws.filter(|(_, law, _)| *law != Law::default()).collect();
+        let sum = laws.iter().fold(Law::default(), |sum, (_, law, _)| sum + *law);
+        let passivity = Passivity::of(sum, self.sampling(), self.device.damping_ns_per_m);
+        let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
+        let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
+        let unset = self.device.damping_ns_per_m == 0.0;
+        let hint = if unset { "; `device: (damping_ns_per_m: ..)` says what it has" } else { "" };
+        Some((format!(" {what} ({}): {passivity}{hint}", names.join(" + ")), place.clone()))
+    }
 }
 
-/// Friction as a law, at the largest normal force.
-fn law(friction: Friction, normal_force_n: f64) -> Law {
-    match friction {
-        Friction::ViscousCoulomb { coefficient: 0.0, .. } | Friction::Dahl { coefficient: 0.0, .. } => None,
-        Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
-            ViscousCoulomb::new(coefficient, viscosity_s_per_mm).map(|f| f.law(normal_force_n)).ok()
-        }
-        Friction::Dahl { coefficient, bristle_stiffness_n_per_mm } => {
-            Dahl::new(coefficient, bristle_stiffness_n_per_mm).map(|f| f.law()).ok()
-        }
-        Friction::LuGre(settings) => LuGre::new(settings).map(|f| f.law(normal_force_n)).ok(),
-    }
-    .unwrap_or_default()
+/// Whether an effect is felt as vibration, and not as a force: its output is audio.
+pub(super) fn vibrates(registry: &Registry, kind: &str) -> bool {
+    let outputs = registry.get(kind).map(|kind| &kind.descriptor().outputs);
+    outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))
 }

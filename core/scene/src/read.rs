@@ -10,7 +10,7 @@ use asperity_diagnostics::{Diagnostic, Place, Source, Span, nearest, one_of};
 
 use crate::space::HeightGrid;
 
-use super::{Device, Part, Placed, Scene, Texture, Touchable, effects, surface};
+use super::{Device, Part, Placed, Scene, Touchable, effects, surface};
 
 const FIELDS: &[&str] = &[
     "version",
@@ -48,12 +48,12 @@ impl Scene {
         ron::first_word(source) == Some("Scene")
     }
 
-    /// Reads a scene from a text.
+    /// Reads a scene from a text. Whether its effects are known and have settings that fit is found out by
+    /// [`check`](Self::check), which asks the registry.
     ///
     /// # Errors
-    /// A text that is no RON, an unknown field, effect or shape (with the nearest known), a number out of
-    /// its range, a surface of no area, effects of one surface that contradict each other; a picture of
-    /// heights of a shape that cannot be read. Other files that it names are not looked at.
+    /// A text that is no RON, an unknown field or shape (with the nearest known), a number out of its range, a surface of
+    /// no area; a picture of heights of a shape that cannot be read. Other files that it names are not looked at.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
         let mut scene = value.record("Scene")?;
@@ -99,9 +99,9 @@ impl Scene {
             .map(|(key, value)| touchable(key, value, &mut known))
             .collect::<Result<Vec<_>, _>>()?;
         scene.finish(FIELDS)?;
-        let networked = surfaces.iter().flat_map(|s| &s.effects.textures).find(|t| t.of == Texture::Network);
+        let networked = surfaces.iter().find_map(|surface| surface.effects.network.as_ref());
         if let (Some(texture), None) = (networked, &network) {
-            return Err(error(&texture.place, "a network texture in a scene without a network")
+            return Err(error(texture, "a network texture in a scene without a network")
                 .help("network: (model: \"FILE.onnx\", library: \"FILE.ron\")"));
         }
         let source = source.clone();
@@ -127,47 +127,29 @@ impl Scene {
     }
 }
 
-/// What was made of texts that stand in the file more than once, as they do where surfaces are alike.
-/// Checking a table or making heights takes a millisecond and more.
+/// Grids of heights that were made of texts that stand in the file more than once. Making one takes a millisecond and
+/// more.
 #[derive(Default)]
 pub(super) struct Known {
-    textures: HashMap<String, Texture>,
     grids: HashMap<String, Arc<HeightGrid>>,
     /// Pictures that were read.
     pub(super) pictures: Vec<PathBuf>,
 }
 
 impl Known {
-    pub(super) fn texture(
-        &mut self,
-        value: &Value,
-        read: impl FnOnce(&Value) -> Result<Texture, Diagnostic>,
-    ) -> Result<Texture, Diagnostic> {
-        remembered(&mut self.textures, value, read)
-    }
-
     pub(super) fn grid(
         &mut self,
         value: &Value,
         make: impl FnOnce(&Value) -> Result<HeightGrid, Diagnostic>,
     ) -> Result<Arc<HeightGrid>, Diagnostic> {
-        remembered(&mut self.grids, value, |value| make(value).map(Arc::new))
+        let text = value.to_string();
+        if let Some(found) = self.grids.get(&text) {
+            return Ok(found.clone());
+        }
+        let made = Arc::new(make(value)?);
+        self.grids.insert(text, made.clone());
+        Ok(made)
     }
-}
-
-fn remembered<T: Clone>(
-    known: &mut HashMap<String, T>,
-    value: &Value,
-    make: impl FnOnce(&Value) -> Result<T, Diagnostic>,
-) -> Result<T, Diagnostic> {
-    let span = value.span();
-    let text = value.source().text().get(span.start..span.end).unwrap_or_default();
-    if let Some(found) = known.get(text) {
-        return Ok(found.clone());
-    }
-    let made = make(value)?;
-    known.insert(text.to_owned(), made.clone());
-    Ok(made)
 }
 
 /// An error at a place.
@@ -215,15 +197,6 @@ pub(super) fn numbers<const N: usize>(
         *to = item.f64_in(range.clone(), unit)?;
     }
     Ok(all)
-}
-
-/// A file's path, from the folder of the text that names it.
-pub(super) fn file(value: &Value) -> Result<PathBuf, Diagnostic> {
-    let text = value.text()?;
-    if text.trim().is_empty() {
-        return Err(value.error("an empty path"));
-    }
-    Ok(value.source().path().parent().unwrap_or(Path::new("")).join(text))
 }
 
 /// The name of a variant, one of some: `name` or `name(...)`.
@@ -304,11 +277,10 @@ fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchab
     let mut record = value.record("Surface")?;
     let surface = surface::surface(&mut record, known)?;
     let material = record.optional("material").map(material).transpose()?;
-    let effects = effects::effects(record.optional("effects"), known)?;
+    let effects = effects::effects(record.optional("effects"))?;
     record.finish(TOUCHABLE)?;
-    let network = effects.textures.iter().find(|t| t.of == Texture::Network);
-    if let (Some(texture), None) = (network, &material) {
-        return Err(error(&texture.place, "a network texture of no material")
+    if let (Some(texture), None) = (&effects.network, &material) {
+        return Err(error(texture, "a network texture of no material")
             .help("material: \"NAME\" of the network's library, beside `effects`"));
     }
     Ok(Touchable { name: key.name.clone(), place, surface, material, effects })

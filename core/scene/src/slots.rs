@@ -1,126 +1,16 @@
-//! The different settings of an effect in a scene: surfaces that feel alike share them.
+//! The different settings of an effect in a scene. Surfaces that feel alike share them.
 
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
 use asperity_diagnostics::Place;
+use asperity_node::Registry;
 
-use super::{Effects, Placed, Scene, Texture, Touchable};
+use super::{Scene, Touchable};
 
-/// A kind of effect that a node renders, for all surfaces that have it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Kind {
-    /// Force against the motion.
-    Friction,
-    /// A texture by the scene's network; its settings are materials.
-    Network,
-    /// A texture by autoregressive models.
-    Autoregressive,
-    /// A texture by a loop.
-    Waveform,
-    /// A texture by heights.
-    Relief,
-    /// Contact transients.
-    Tap,
-    /// A fixed source.
-    Vibration,
-    /// Drag.
-    Viscosity,
-    /// Pull.
-    Magnet,
-}
+/// The name of the texture by the scene's network, whose settings are materials.
+pub const NETWORK: &str = "network";
 
-impl Kind {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::Friction,
-        Self::Network,
-        Self::Autoregressive,
-        Self::Waveform,
-        Self::Relief,
-        Self::Tap,
-        Self::Vibration,
-        Self::Viscosity,
-        Self::Magnet,
-    ];
-
-    /// How a scene file calls it.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Friction => "friction",
-            Self::Network => "network",
-            Self::Autoregressive => "autoregressive",
-            Self::Waveform => "waveform",
-            Self::Relief => "relief",
-            Self::Tap => "tap",
-            Self::Vibration => "vibration",
-            Self::Viscosity => "viscosity",
-            Self::Magnet => "magnet",
-        }
-    }
-
-    /// Whether it is felt as vibration, and not as a force.
-    pub fn vibrates(self) -> bool {
-        !matches!(self, Self::Friction | Self::Viscosity | Self::Magnet)
-    }
-
-    /// Whether a surface has it.
-    pub fn is_of(self, effects: &Effects) -> bool {
-        !self.places(effects).is_empty()
-    }
-
-    /// Where a surface's effects of this kind stand; none where it has none.
-    pub fn places(self, effects: &Effects) -> Vec<&Place> {
-        fn of<T>(effect: &Option<Placed<T>>) -> Vec<&Place> {
-            effect.iter().map(|placed| &placed.place).collect()
-        }
-        match self {
-            Self::Friction => of(&effects.friction),
-            Self::Tap => of(&effects.tap),
-            Self::Vibration => of(&effects.vibration),
-            Self::Viscosity => of(&effects.viscosity),
-            Self::Magnet => of(&effects.magnet),
-            Self::Network | Self::Autoregressive | Self::Waveform | Self::Relief => {
-                let textures = effects.textures.iter().filter(|t| self == Self::of_texture(&t.of));
-                textures.map(|texture| &texture.place).collect()
-            }
-        }
-    }
-
-    /// What two surfaces that have the same of it have in common: all settings, of which none is a NaN.
-    fn settings(self, surface: &Touchable) -> Option<String> {
-        let effects = &surface.effects;
-        if !self.is_of(effects) {
-            return None;
-        }
-        let mut key = String::new();
-        let _ = match self {
-            Self::Friction => write!(key, "{:?}", effects.friction.as_ref().map(|e| &e.of)),
-            Self::Network => write!(key, "{:?}", surface.material.as_ref().map(|m| &m.of)),
-            Self::Tap => write!(key, "{:?}", effects.tap.as_ref().map(|e| &e.of)),
-            Self::Vibration => write!(key, "{:?}", effects.vibration.as_ref().map(|e| &e.of)),
-            Self::Viscosity => write!(key, "{:?}", effects.viscosity.as_ref().map(|e| &e.of)),
-            Self::Magnet => write!(key, "{:?}", effects.magnet.as_ref().map(|e| &e.of)),
-            Self::Autoregressive | Self::Waveform | Self::Relief => {
-                let all: Vec<&Texture> = effects.textures.iter().map(|t| &t.of).collect();
-                let of_kind: Vec<_> = all.into_iter().filter(|t| self == Self::of_texture(t)).collect();
-                write!(key, "{of_kind:?}")
-            }
-        };
-        Some(key)
-    }
-
-    fn of_texture(texture: &Texture) -> Self {
-        match texture {
-            Texture::Network => Self::Network,
-            Texture::Autoregressive { .. } => Self::Autoregressive,
-            Texture::Waveform { .. } => Self::Waveform,
-            Texture::Relief { .. } => Self::Relief,
-        }
-    }
-}
-
-/// Which surfaces share settings of one kind.
+/// The slots of one kind of effect: different settings, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// For each slot the first surface that has it.
@@ -136,13 +26,30 @@ impl Slots {
     }
 }
 
+impl Touchable {
+    /// The settings of a kind of effect as a text, the same for surfaces that share a slot; `None` for a surface without
+    /// the effect. For `network` it is the material's name.
+    pub fn settings(&self, kind: &str) -> Option<String> {
+        if kind == NETWORK {
+            self.effects.network.as_ref()?;
+            return Some(self.material.as_ref().map(|m| m.of.clone()).unwrap_or_default());
+        }
+        let all: Vec<String> = self.effects.of(kind).map(|named| named.value.to_string()).collect();
+        match &all[..] {
+            [] => None,
+            [one] => Some(one.clone()),
+            _ => Some(format!("[{}]", all.join(", "))),
+        }
+    }
+}
+
 impl Scene {
-    /// The slots of a kind: as many as there are different settings, in the order of the file.
-    pub fn slots(&self, kind: Kind) -> Slots {
+    /// The slots of a kind.
+    pub fn slots(&self, kind: &str) -> Slots {
         let mut slots = Slots::default();
         let mut known: HashMap<String, usize> = HashMap::new();
         for (number, surface) in self.surfaces.iter().enumerate() {
-            let slot = kind.settings(surface).map(|settings| {
+            let slot = surface.settings(kind).map(|settings| {
                 *known.entry(settings).or_insert_with(|| {
                     slots.first.push(number);
                     slots.first.len() - 1
@@ -153,35 +60,32 @@ impl Scene {
         slots
     }
 
-    /// Hash of all slots, in their order and with all their settings ([`fnv`](asperity_diagnostics::fnv), in
-    /// hexadecimal digits).
-    pub fn slots_key(&self) -> String {
+    /// The texts of a kind's slots with the places at which they stand in the file.
+    pub fn slot_texts(&self, kind: &str, slots: &Slots) -> Vec<(String, Place)> {
+        let surfaces = slots.first.iter().filter_map(|first| self.surfaces.get(*first));
+        surfaces
+            .filter_map(|surface| {
+                Some((surface.settings(kind)?, surface.effects.places(kind).into_iter().next()?))
+            })
+            .collect()
+    }
+
+    /// A number that tells all slots of the named effects apart from others (a hash, in hexadecimal digits).
+    pub fn slots_key<'a>(&self, kinds: impl Iterator<Item = &'a str>) -> String {
         let mut all = Vec::new();
-        for kind in Kind::ALL {
-            let slots = self.slots(kind);
-            for slot in 0..slots.first.len() {
-                all.extend(self.slot_text(kind, &slots, slot).bytes().chain([0]));
+        for kind in kinds {
+            all.extend(kind.bytes().chain([1]));
+            for (text, _) in self.slot_texts(kind, &self.slots(kind)) {
+                all.extend(text.bytes().chain([0]));
             }
-            all.push(1);
         }
         format!("{:016x}", asperity_diagnostics::fnv(&all))
     }
+}
 
-    /// What stands in the file of a slot: as a text for the parameter of the kind's node. Materials are names.
-    pub fn slot_text(&self, kind: Kind, slots: &Slots, slot: usize) -> String {
-        let Some(surface) = slots.first.get(slot).and_then(|first| self.surfaces.get(*first)) else {
-            return String::new();
-        };
-        if kind == Kind::Network {
-            return surface.material.as_ref().map(|m| m.of.clone()).unwrap_or_default();
-        }
-        let text = |place: &Place| {
-            let whole = place.source.text();
-            whole.get(place.span.start..place.span.end).unwrap_or_default().to_owned()
-        };
-        match &kind.places(&surface.effects)[..] {
-            [one] => text(one),
-            all => format!("[{}]", all.iter().map(|place| text(place)).collect::<Vec<_>>().join(", ")),
-        }
-    }
+/// All kinds of effect by where they act, each in the registry's order.
+pub(crate) fn effects_in_order(registry: &Registry) -> impl Iterator<Item = &str> {
+    let mut all: Vec<_> = registry.effects().collect();
+    all.sort_by_key(|(_, effect)| effect.acts);
+    all.into_iter().map(|(kind, _)| kind)
 }

@@ -4,7 +4,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Record, Value};
 
 use super::Heights;
-use super::read::{Known, body, file, number, numbers, variant};
+use super::read::{Known, body, number, numbers, variant};
 use crate::space::{HeightGrid, Pose, Shape, Surface, WORLD_MM};
 use asperity_surfaces::topography::{HeightField, made_surfaces};
 
@@ -62,7 +62,7 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
             let from = record.required("heights")?;
             let mut picture = None;
             let grid = known_before.grid(from, |from| {
-                let heights = heights(from)?;
+                let heights = Heights::parse(from)?;
                 if let Heights::Picture { file, .. } = &heights {
                     picture = Some(file.clone());
                 }
@@ -88,40 +88,43 @@ fn usage(name: &str) -> &'static str {
     }
 }
 
-/// Where heights come from, as a file says it.
-pub(super) fn heights(value: &Value) -> Result<Heights, Diagnostic> {
-    let name = variant(value, "source of heights", HEIGHTS)?;
-    let mut record = value.record(name)?;
-    let heights = if name == "made" {
-        let surface = record.required("surface")?;
-        let name = surface.text()?;
-        let all = made_surfaces();
-        if all.iter().all(|made| made.name != name) {
-            let names: Vec<&str> = all.iter().map(|made| made.name.as_str()).collect();
-            let e = surface.error(format!("no made surface is called `{name}`"));
-            return Err(match asperity_diagnostics::nearest(name, names) {
-                Some(near) => e.help(format!("did you mean `{near}`?")),
-                None => e.help("`asperity materials` lists them"),
-            });
-        }
-        let mut whole =
-            |name, range, default| record.optional(name).map_or(Ok(default), |v| v.i64_in(range, ""));
-        let side = whole("side", 8..=2048, 512)? as usize;
-        let piece = whole("piece", 0..=i64::MAX, 1)? as u64;
-        let step_mm = number(&mut record, "step_mm", 0.005..=1.0, "mm", Some(0.04))?;
-        record.finish(&["surface", "side", "step_mm", "piece"])?;
-        return Ok(Heights::Made { name: name.to_owned(), side, step_mm, piece });
-    } else {
-        let file = file(record.required("file")?)?;
-        let step_mm = number(&mut record, "step_mm", 0.001..=100.0, "mm", None)?;
-        let height_mm = number(&mut record, "height_mm", 0.0..=1000.0, "mm", None)?;
-        Heights::Picture { file, step_mm, height_mm }
-    };
-    record.finish(&["file", "step_mm", "height_mm"])?;
-    Ok(heights)
-}
-
 impl Heights {
+    /// Reads where heights come from: `made(...)` or `picture(...)`.
+    ///
+    /// # Errors
+    /// An unknown source, surface or field, a number out of its range. A picture's file is not looked at.
+    pub fn parse(value: &Value) -> Result<Self, Diagnostic> {
+        let name = variant(value, "source of heights", HEIGHTS)?;
+        let mut record = value.record(name)?;
+        let heights = if name == "made" {
+            let surface = record.required("surface")?;
+            let name = surface.text()?;
+            let all = made_surfaces();
+            if all.iter().all(|made| made.name != name) {
+                let names: Vec<&str> = all.iter().map(|made| made.name.as_str()).collect();
+                let e = surface.error(format!("no made surface is called `{name}`"));
+                return Err(match asperity_diagnostics::nearest(name, names) {
+                    Some(near) => e.help(format!("did you mean `{near}`?")),
+                    None => e.help("`asperity materials` lists them"),
+                });
+            }
+            let mut whole =
+                |name, range, default| record.optional(name).map_or(Ok(default), |v| v.i64_in(range, ""));
+            let side = whole("side", 8..=2048, 512)? as usize;
+            let piece = whole("piece", 0..=i64::MAX, 1)? as u64;
+            let step_mm = number(&mut record, "step_mm", 0.005..=1.0, "mm", Some(0.04))?;
+            record.finish(&["surface", "side", "step_mm", "piece"])?;
+            return Ok(Heights::Made { name: name.to_owned(), side, step_mm, piece });
+        } else {
+            let file = record.required("file")?.path()?;
+            let step_mm = number(&mut record, "step_mm", 0.001..=100.0, "mm", None)?;
+            let height_mm = number(&mut record, "height_mm", 0.0..=1000.0, "mm", None)?;
+            Heights::Picture { file, step_mm, height_mm }
+        };
+        record.finish(&["file", "step_mm", "height_mm"])?;
+        Ok(heights)
+    }
+
     /// The heights on a grid that repeats.
     ///
     /// # Errors

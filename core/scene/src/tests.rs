@@ -1,9 +1,17 @@
+use asperity_node::Registry;
+
 use super::*;
-use crate::effect::Transient;
 use crate::space::Form;
 
+/// Parses a scene and checks its effects.
 fn parse(text: &str) -> Result<Scene, String> {
-    Scene::parse(&Source::new("s.ron", text)).map_err(|e| e.to_string())
+    let scene = Scene::parse(&Source::new("s.ron", text)).map_err(|e| e.to_string())?;
+    scene.check(&registry()).map_err(|e| e.to_string())?;
+    Ok(scene)
+}
+
+fn registry() -> Registry {
+    asperity_nodes::registry()
 }
 
 /// A scene of these surfaces.
@@ -43,19 +51,19 @@ fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
     assert!(matches!(left.surface.shape.form(), Form::Rectangle { thickness_mm: 5.0, .. }));
     let effects = &left.effects;
     assert_eq!(effects.stiffness.as_ref().unwrap().of, 0.5);
-    assert_eq!(
-        effects.friction.as_ref().unwrap().of,
-        Friction::Dahl { coefficient: 0.4, bristle_stiffness_n_per_mm: 1.0 }
-    );
-    assert_eq!(effects.textures.len(), 2);
+    let friction = effects.of("friction").next().unwrap().settings(&registry()).unwrap();
+    assert_eq!((friction.form(), friction.number("coefficient")), ("dahl", 0.4));
+    assert_eq!(friction.number("bristle_stiffness_n_per_mm"), 1.0);
+    assert!(effects.network.is_some() && effects.of("relief").count() == 1);
     assert_eq!(left.place.position().line, 3);
-    assert!(ball.effects.stiffness.is_none() && ball.effects.magnet.as_ref().unwrap().of.reach_mm == 6.0);
+    let magnet = ball.effects.of("magnet").next().unwrap().settings(&registry()).unwrap();
+    assert!(ball.effects.stiffness.is_none() && magnet.number("reach_mm") == 6.0);
 }
 
 #[test]
 fn what_is_wrong_has_a_place_and_the_nearest_name() {
     let plane = |effects: &str| format!("\"a\": (shape: plane, effects: ({effects}))");
-    refused(&plane(&format!("{WALL}, fricton: dahl")), &["s.ron:3:", "unknown field `fricton`", "friction"]);
+    refused(&plane(&format!("{WALL}, fricton: dahl")), &["s.ron:3:", "unknown effect `fricton`", "friction"]);
     refused(&plane(&format!("{WALL}, friction: dall")), &["unknown friction `dall`", "dahl"]);
     refused(&plane(&format!("{WALL}, texture: netwrk")), &["unknown texture `netwrk`", "network"]);
     refused(&plane("stiffness: (stiffness_n_per_mm: 1e4)"), &["out of range", "N/mm"]);
@@ -65,7 +73,10 @@ fn what_is_wrong_has_a_place_and_the_nearest_name() {
     refused("\"a\": (shape: sphere)", &["a sphere of no size", "radius_mm"]);
     refused("\"a\": (shape: sphere(radius_mm: -1))", &["out of range"]);
     refused("\"a\": (shape: relief(heights: made(surface: \"hesian\")))", &["hesian", "hessian"]);
-    refused("\"a\": (shape: plane, effects: (texture: network))", &["does not push back"]);
+    refused(
+        "\"a\": (shape: plane, material: \"x\", effects: (texture: network))",
+        &["`network` on a surface that does not push back"],
+    );
     refused(&plane(&format!("{WALL}, texture: network")), &["of no material"]);
     refused(
         &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),
@@ -103,19 +114,19 @@ fn surfaces_that_feel_alike_share_slots() {
         wall("a", "oak", ""),
         wall("b", "ash", ", friction: dahl"),
         wall("c", "oak", ", friction: dahl(coefficient: 0.5)"),
-        wall("d", "oak", ", friction: dahl(coefficient: 0.3)"),
+        wall("d", "oak", ", friction: dahl( /* as b */ )"),
     ]
     .concat();
     let scene = scene(&text).unwrap();
     assert_eq!(
-        scene.slots(Kind::Network),
+        scene.slots(NETWORK),
         Slots { first: vec![0, 1], of: vec![Some(0), Some(1), Some(0), Some(0)] }
     );
     assert_eq!(
-        scene.slots(Kind::Friction),
-        Slots { first: vec![1, 2], of: vec![None, Some(0), Some(1), Some(0)] }
+        scene.slots("friction"),
+        Slots { first: vec![1, 2, 3], of: vec![None, Some(0), Some(1), Some(2)] }
     );
-    assert_eq!(scene.slots(Kind::Tap).first, Vec::<usize>::new());
+    assert_eq!(scene.slots("tap").first, Vec::<usize>::new());
 }
 
 #[test]
@@ -125,7 +136,7 @@ fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
             "Scene(version: 1, tick_hz: {tick_hz}, input: stroke, device: ({device}), \
              surfaces: {{\"wall\": (shape: plane, effects: ({effects}))}})"
         );
-        parse(&text).unwrap().findings()
+        parse(&text).unwrap().findings(&registry())
     };
     // b > K T / 2: 0.5 N/mm at 500 Hz take 0.5 N s/m
     assert!(at("damping_ns_per_m: 0.51", 500, WALL).is_empty());
@@ -146,101 +157,22 @@ fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
                  max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
     assert!(at("damping_ns_per_m: 5.8", 500, three).is_empty());
     let found = at("damping_ns_per_m: 5.6", 500, three);
-    assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + drag)"), "{found:?}");
+    assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + viscosity)"), "{found:?}");
     assert!(found[0].message.contains("5.700 N s/m"), "{found:?}");
     // Along the surface a bristle of 1 N/mm and drag of 1.5 N s/m are 2.5.
     let two = "stiffness: (stiffness_n_per_mm: 0.1), friction: dahl, viscosity: (viscosity_ns_per_m: 1.5)";
     assert!(at("damping_ns_per_m: 2.6", 500, two).is_empty());
     let found = at("damping_ns_per_m: 2.4", 500, two);
     assert!(
-        found.len() == 1 && found[0].message.contains("along its surface (friction + drag)"),
+        found.len() == 1 && found[0].message.contains("along its surface (friction + viscosity)"),
         "{found:?}"
     );
     let found = at("damping_ns_per_m: 1", 500, "viscosity: (viscosity_ns_per_m: 1.5)");
-    assert!(found.len() == 1 && found[0].message.contains("in its volume (drag)"), "{found:?}");
+    assert!(found.len() == 1 && found[0].message.contains("in its volume (viscosity)"), "{found:?}");
     // 13.8 mN at 0.5 N/mm and 0.055 mm
     let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
     assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
     assert_eq!(at(&format!("{quantised}: 0.0136"), 500, WALL).len(), 1);
-}
-
-fn value(text: &str) -> asperity_diagnostics::ron::Value {
-    asperity_diagnostics::ron::parse(&Source::new("folder/g.ron", text)).unwrap()
-}
-
-#[test]
-fn an_effect_is_read_without_its_scene() {
-    assert_eq!(
-        Friction::parse(&value("dahl")).unwrap(),
-        Friction::Dahl { coefficient: 0.3, bristle_stiffness_n_per_mm: 1.0 }
-    );
-    assert_eq!(
-        Hum::parse(&value("(frequency_hz: 120, amplitude_m_s2: 2)")).unwrap(),
-        Hum { frequency_hz: 120.0, amplitude_m_s2: 2.0 }
-    );
-    assert_eq!(Drag::parse(&value("(viscosity_ns_per_m: 2)")).unwrap().max_force_n, 3.3);
-    assert_eq!(
-        Pull::parse(&value("(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")).unwrap().reach_mm,
-        4.0
-    );
-    let all = Texture::parse_all(&value(
-        "[autoregressive(model: \"a.ron\"), relief(heights: made(surface: \"hessian\"))]",
-    ));
-    assert_eq!(all.unwrap().iter().map(Texture::word).collect::<Vec<_>>(), ["autoregressive", "relief"]);
-    let one = Texture::parse_all(&value("autoregressive(model: \"a.ron\", gain: 0.5)")).unwrap();
-    assert_eq!(one, [Texture::Autoregressive { model: "folder/a.ron".into(), gain: 0.5 }]);
-    assert!(
-        Texture::parse_all(&value("[autoregressiv(model: \"a.ron\")]"))
-            .unwrap_err()
-            .to_string()
-            .contains("autoregressive")
-    );
-}
-
-#[test]
-fn a_tap_is_of_sinusoids_or_recorded() {
-    let knock = |text: &str| Knock::parse(&value(text)).map_err(|e| e.to_string());
-    let sinusoids = "sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)]";
-    let recording = "recording: (file: \"tap.wav\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2)";
-    let recorded = knock(&format!("({recording}, debounce_ms: 30)")).unwrap();
-    assert_eq!(
-        recorded.sound,
-        Sound::Recorded { file: "folder/tap.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 }
-    );
-    assert_eq!(recorded.settings.debounce_ms, 30.0);
-    assert!(
-        recorded
-            .transient()
-            .unwrap_err()
-            .to_string()
-            .contains("tap.wav: cannot read this file: No such file")
-    );
-    for (text, wanted) in [
-        (format!("({sinusoids}, {recording})"), "sinusoids and a recording"),
-        ("(min_speed_mm_s: 3)".to_owned(), "a tap of no sound"),
-        ("(sinusoid: [])".to_owned(), "unknown field `sinusoid`"),
-        ("(sinusoids: [])".to_owned(), "0 sinusoids"),
-        ("(recording: (file: \"tap.wav\", speed_mm_s: 80))".to_owned(), "full_scale_m_s2"),
-        ("(recording: (file: \"tap.wav\", speed_mm_s: 0, full_scale_m_s2: 1))".to_owned(), "out of range"),
-        ("(recording: (file: \"\", speed_mm_s: 1, full_scale_m_s2: 1))".to_owned(), "an empty path"),
-    ] {
-        let e = knock(&text).unwrap_err();
-        assert!(e.contains(wanted) && e.starts_with("folder/g.ron:1:"), "{e}");
-    }
-    let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("tap.wav");
-    let spec = hound::WavSpec {
-        channels: 2,
-        sample_rate: 8000,
-        bits_per_sample: 16,
-        sample_format: hound::SampleFormat::Int,
-    };
-    let mut writer = hound::WavWriter::create(&file, spec).unwrap();
-    [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
-    writer.finalize().unwrap();
-    let sound = Sound::Recorded { file, speed_mm_s: 80.0, full_scale_m_s2: 50.0, gain: 2.0 };
-    let Transient::Recorded(found) = (Knock { sound, ..recorded }).transient().unwrap() else { panic!() };
-    assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
 }
 
 #[test]
@@ -282,23 +214,4 @@ fn surfaces_of_the_same_heights_share_them() {
         })
         .collect();
     assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]) && !std::sync::Arc::ptr_eq(&grids[0], &grids[2]));
-}
-
-#[test]
-fn a_waveform_may_be_recorded_and_has_then_no_other_speed() {
-    let wave =
-        |fields: &str| format!("\"a\": (shape: plane, effects: ({WALL}, texture: waveform({fields})))");
-    let recording = "recording: (file: \"felt.wav\", speed_mm_s: 80, full_scale_m_s2: 50)";
-    let found = scene(&wave(&format!("{recording}, crossfade_mm: 5, gain: 2"))).unwrap();
-    let Texture::Waveform { values, crossfade_mm: 5.0, quantity, gain: 2.0 } =
-        &found.surfaces[0].effects.textures[0].of
-    else {
-        panic!("{found:?}")
-    };
-    assert_eq!(values, &Loop::Recorded { file: "felt.wav".into(), speed_mm_s: 80.0, full_scale_m_s2: 50.0 });
-    assert!(matches!(quantity, WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, .. }));
-    refused(&wave(&format!("{recording}, reference_speed_mm_s: 90")), &["s.ron:3:", "reference_speed_mm_s"]);
-    refused(&wave(&format!("{recording}, segments: [(0, 0), (1, 1)]")), &["one of the two"]);
-    refused(&wave("gain: 1"), &["a waveform of no values", "recording"]);
-    refused(&wave("recording: (file: \"felt.wav\", speed_mm_s: 80)"), &["full_scale_m_s2"]);
 }

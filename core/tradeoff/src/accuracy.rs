@@ -178,8 +178,7 @@ fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
         if !can_be_double(registry, &node.kind) {
             continue;
         }
-        let is =
-            node.params.iter().find(|p| p.name == "precision").map(|p| asperity_graph::text_of(&p.value));
+        let is = node.params.iter().find(|p| p.name == "precision").map(|p| p.value.to_string());
         any |= is.as_deref().map(|word| word.trim_matches('"')) != Some("f64");
         let value = Value::made(Kind::Text("f64".into()), &node.place);
         set(node, "precision", &value);

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{file, fnv};
-use asperity_graph::{GraphFile, compile, text_of};
+use asperity_graph::{GraphFile, compile};
 use asperity_node::{ParamKind, ParamValue, Registry};
 
 use crate::chain::over;
@@ -78,7 +78,7 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
         for param in &node.params {
             if matches!(has(registry, &node.kind, &param.name), Some(ParamKind::File | ParamKind::Text)) {
                 let from = param.value.place();
-                text += &format!("{} {} {};", node.kind, text_of(&param.value), from.source.path().display());
+                text += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
                 files.extend(beside(&param.value).ok().filter(|path| path.is_file()));
             }
         }

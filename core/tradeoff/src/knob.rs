@@ -4,7 +4,7 @@ use std::fmt;
 
 use asperity_diagnostics::ron::{Key, Kind, Value};
 use asperity_diagnostics::{Diagnostic, Place, one_of};
-use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting, text_of};
+use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting};
 use asperity_node::{NodeKind, ParamKind, Registry, ShapeSpec};
 
 /// The part of a graph that a knob sets.
@@ -148,7 +148,7 @@ impl Knob {
         let graph = &mut turned.graph;
         match &self.target {
             Target::Guards => turned.guards = value.bool()?,
-            Target::Graph(name) => graph.set(&format!("{name}={}", text_of(value)), ORIGIN).map_err(|e| {
+            Target::Graph(name) => graph.set(&format!("{name}={}", value), ORIGIN).map_err(|e| {
                 let help = e.help.clone().unwrap_or_default();
                 value.error(e.message).help(help)
             })?,

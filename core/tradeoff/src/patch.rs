@@ -70,7 +70,7 @@ impl Patch {
 
     fn on(touchable: &Touchable, scene: &Scene) -> Option<Self> {
         let stiffness = touchable.effects.stiffness.as_ref().filter(|s| s.of > 0.0)?.of;
-        if touchable.effects.textures.is_empty() {
+        if !touchable.effects.has_texture() {
             return None;
         }
         let surface = touchable.surface.clone();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::ron::{Kind, Value};
 use asperity_diagnostics::{Diagnostic, fnv};
-use asperity_graph::{GraphFile, NodeDecl, text_of};
+use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{ParamKind, ParamValue, Registry};
 
 use crate::file::{DEFAULT, Grid, Tradeoff, beside};
@@ -214,7 +214,7 @@ fn named(bases: &[LoadedGraph], b: usize, name: &str) -> String {
 
 /// A value for people: of a node its kind and parameters.
 fn shown(value: &Value) -> String {
-    let text = text_of(value);
+    let text = value.to_string();
     let Some(rest) = text.strip_prefix("(kind: \"") else { return text.trim_matches('"').to_owned() };
     let Some((kind, rest)) = rest.split_once('"') else { return text };
     let params = rest.strip_prefix(", params: (").and_then(|r| r.strip_suffix("))"));
@@ -250,7 +250,7 @@ fn node_text(node: &NodeDecl, registry: &Registry, home: &Path) -> String {
             Some((_, value)) => {
                 Some(format!("{}: {}", s.name, relative(s.value.text().unwrap_or(""), value)))
             }
-            None => Some(format!("{}: {}", s.name, s.typed.clone().unwrap_or_else(|| text_of(&s.value)))),
+            None => Some(format!("{}: {}", s.name, s.typed.clone().unwrap_or_else(|| s.value.to_string()))),
         }
     };
     let mut params: Vec<String> = node.params.iter().filter_map(text).collect();

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::since::Since;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, State,
     Status, Tick, Unit,
 };
-use asperity_scene::{ContactSettings, Contacts, Felt, Motion, Scene};
+use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
 /// Finds which surface of a scene a stylus touches, and tells the nodes of the effects what to do.
 pub struct Contact {
@@ -19,17 +19,17 @@ pub struct Contact {
     files: Vec<PathBuf>,
 }
 
-/// Puts what is felt where a port is.
-type Put = fn(&Felt, &mut [f64]);
+/// Writes a quantity of the contact to its port.
+type Put = fn(&ContactState, &mut [f64]);
 
 /// An output: name, number of values, unit, what it is.
 struct Port(&'static str, usize, Unit, &'static str, Put);
 
 macro_rules! one {
-    ($($field:tt)+) => { |felt, to| to[0] = felt.$($field)+ };
+    ($($field:tt)+) => { |state, to| to[0] = state.$($field)+ };
 }
 macro_rules! all {
-    ($($field:tt)+) => { |felt, to| to.copy_from_slice(&felt.$($field)+) };
+    ($($field:tt)+) => { |state, to| to.copy_from_slice(&state.$($field)+) };
 }
 
 const MM: Unit = Unit::MILLIMETRE;
@@ -56,8 +56,8 @@ const PORTS: &[Port] = &[
         one!(damping_ns_per_m),
     ),
     Port("push", 3, N, "force of the wall with its damping, never a pull", all!(push_n)),
-    Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |felt, to| {
-        to.copy_from_slice(felt.tangents.as_flattened());
+    Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |state, to| {
+        to.copy_from_slice(state.tangents.as_flattened());
     }),
     Port("place", 3, MM, "where along these the stylus is, and how high over the surface", all!(place_mm)),
     Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
@@ -79,10 +79,8 @@ const PORTS: &[Port] = &[
         one!(approach_mm_s),
     ),
     Port("moment", 1, Unit::NONE, "when in the tick that was, 0 to 1", one!(moment)),
-    Port("friction", 1, Unit::NONE, "slot of friction; -1 for none, as all slots", one!(friction)),
-    Port("tap", 1, Unit::NONE, "slot of taps", one!(tap)),
     Port("material", 1, Unit::NONE, "material of the network", one!(material)),
-    Port("network", 1, Unit::NONE, "level of the network, 0 to 1", one!(network)),
+    Port("material_level", 1, Unit::NONE, "level of that material, 0 to 1", one!(network)),
     Port("level_a", 1, Unit::NONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
     Port("place_a", 2, MM, "where the stylus is on that voice's surface", all!(voices[0].place_mm)),
     Port(
@@ -92,21 +90,50 @@ const PORTS: &[Port] = &[
         "another number: that voice is of another surface",
         one!(voices[0].stroke),
     ),
-    Port("autoregressive_a", 1, Unit::NONE, "slot of its autoregressive texture", one!(voices[0].slots[0])),
-    Port("waveform_a", 1, Unit::NONE, "slot of its waveform", one!(voices[0].slots[1])),
-    Port("relief_a", 1, Unit::NONE, "slot of its relief", one!(voices[0].slots[2])),
     Port("level_b", 1, Unit::NONE, "the same of the second voice", one!(voices[1].level)),
     Port("place_b", 2, MM, "where the stylus is on its surface", all!(voices[1].place_mm)),
     Port("stroke_b", 1, Unit::NONE, "another number: it is of another surface", one!(voices[1].stroke)),
-    Port("autoregressive_b", 1, Unit::NONE, "slot of its autoregressive texture", one!(voices[1].slots[0])),
-    Port("waveform_b", 1, Unit::NONE, "slot of its waveform", one!(voices[1].slots[1])),
-    Port("relief_b", 1, Unit::NONE, "slot of its relief", one!(voices[1].slots[2])),
-    Port("vibration", 1, Unit::NONE, "slot of vibration", one!(vibration)),
-    Port("viscosity", 1, Unit::NONE, "slot of drag", one!(viscosity)),
-    Port("magnet", 1, Unit::NONE, "slot of pull", one!(magnet)),
-    Port("magnet_distance", 1, MM, "distance to what pulls, below 0 inside", one!(magnet_distance_mm)),
-    Port("magnet_normal", 3, Unit::NONE, "the way from it", all!(magnet_normal)),
 ];
+
+/// The lists of effects, by where they act.
+const LISTS: [(&str, &str); 4] = [
+    (
+        "touching",
+        "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for all slots.",
+    ),
+    ("inside", "Effects that act inside of volumes too: for each NAME an output `NAME_slot`."),
+    (
+        "near",
+        "Effects that act from both sides of a surface within a reach: for each NAME the outputs `NAME_slot`, \
+         `NAME_distance` (below 0 inside) and `NAME_normal`.",
+    ),
+    (
+        "textures",
+        "Textures, but for those by the network: for each NAME the outputs `NAME_slot_a` and `NAME_slot_b`.",
+    ),
+];
+
+fn names(config: &Config<'_>) -> EffectNames {
+    let [touching, inside, near, textures] = LISTS.map(|(list, _)| config.params.texts(list).to_vec());
+    EffectNames { touching, inside, near, textures }
+}
+
+/// The outputs for the effects, in the order in which `process` writes them.
+fn of_effects(names: &EffectNames) -> Vec<Output> {
+    let output = |name: String, count, unit: Unit| Output::new(name, ShapeSpec::Control(count), unit);
+    let slot = |name: String| output(name, 1, Unit::NONE);
+    let mut all = Vec::new();
+    all.extend(names.touching.iter().chain(&names.inside).map(|name| slot(format!("{name}_slot"))));
+    for name in &names.near {
+        all.push(slot(format!("{name}_slot")));
+        all.push(output(format!("{name}_distance"), 1, MM));
+        all.push(output(format!("{name}_normal"), 3, Unit::NONE));
+    }
+    for voice in ["a", "b"] {
+        all.extend(names.textures.iter().map(|name| slot(format!("{name}_slot_{voice}"))));
+    }
+    all
+}
 
 impl Node for Contact {
     fn descriptor() -> Descriptor {
@@ -134,6 +161,10 @@ impl Node for Contact {
                 "scene",
                 "RON: a scene, of which the surfaces count, and which of them share settings of an effect (slots).",
             ))
+            .param(Param::texts(LISTS[0].0, LISTS[0].1))
+            .param(Param::texts(LISTS[1].0, LISTS[1].1))
+            .param(Param::texts(LISTS[2].0, LISTS[2].1))
+            .param(Param::texts(LISTS[3].0, LISTS[3].1))
             .param(
                 Param::text("slots", "", "What the lists of the effects' nodes were made of: with another scene, whose slots differ, the graph is refused; left out, anything goes.")
             )
@@ -180,10 +211,21 @@ impl Node for Contact {
             .resumes(Resume::Never)
     }
 
+    fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
+        ports.outputs.extend(of_effects(&names(config)));
+        for (i, output) in ports.outputs.iter().enumerate() {
+            if ports.outputs.iter().take(i).any(|before| before.name == output.name) {
+                return Err(config.params.node_error(format!("two outputs are called `{}`", output.name)));
+            }
+        }
+        Ok(ports)
+    }
+
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let p = setup.params;
         let scene = Scene::read(p.file("scene"))?;
-        let (slots, now) = (p.text("slots"), scene.slots_key());
+        let names = names(setup);
+        let (slots, now) = (p.text("slots"), scene.slots_key(names.iter()));
         if !slots.is_empty() && slots != now {
             return Err(p
                 .error("scene", "the effects of this scene have changed since the graph was made of it")
@@ -197,7 +239,7 @@ impl Node for Contact {
             put_down_mm_s: p.number("put_down_mm_s"),
         };
         Ok(Self {
-            contacts: Contacts::new(&scene, settings, runs_hz(setup))?,
+            contacts: Contacts::new(&scene, &names, settings, runs_hz(setup))?,
             surfaces: scene.surfaces.len(),
             since: Since::new(setup.every),
             files: scene.pictures,
@@ -218,10 +260,22 @@ impl Node for Contact {
                 self.contacts.missed(runs - 1);
             }
         }
-        let felt = self.contacts.step(&motion);
+        let state = self.contacts.step(&motion);
         for (output, Port(.., put)) in PORTS.iter().enumerate() {
-            put(&felt, tick.outputs.control(output));
+            put(state, tick.outputs.control(output));
         }
+        let mut output = PORTS.len();
+        let mut next = |values: &[f64]| {
+            tick.outputs.control(output).copy_from_slice(values);
+            output += 1;
+        };
+        state.touching.iter().chain(&state.inside).for_each(|slot| next(&[*slot]));
+        for pull in &state.near {
+            next(&[pull.slot]);
+            next(&[pull.distance_mm]);
+            next(&pull.normal);
+        }
+        state.textures.iter().flatten().for_each(|slot| next(&[*slot]));
         Status::Continue
     }
 
@@ -244,12 +298,12 @@ impl Node for Contact {
     }
 
     fn facts(&self) -> Vec<Fact> {
-        let [walls, volumes, magnets] = self.contacts.counts();
+        let [walls, volumes, near] = self.contacts.counts();
         vec![
             Fact::count("surfaces", self.surfaces as u64),
             Fact::count("walls", walls as u64),
             Fact::count("volumes", volumes as u64),
-            Fact::count("magnets", magnets as u64),
+            Fact::count("near", near as u64),
             Fact::number("index", self.contacts.bytes() as f64 / 1024.0, "KiB"),
         ]
     }

@@ -3,17 +3,15 @@
 use std::path::PathBuf;
 
 use asperity_autoregressive::{self, Synthesis};
-use asperity_diagnostics::ron::Value;
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
-    Unit, random, time,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Resume, Settings, Setup,
+    ShapeSpec, State, Status, Tick, Unit, random, time,
 };
-use asperity_scene::Texture;
 
-use super::texts::{self, Shared};
+use super::shared::Shared;
 use super::voices::{Voice, Voices};
-use super::{acceleration, slot};
+use super::{acceleration, each, files, gain, slot};
 
 const SLOT: usize = 0;
 const SPEED: usize = 1;
@@ -126,28 +124,35 @@ impl Node for Autoregressive {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "models",
-                "Textures, each a text as behind `texture` in a scene: `autoregressive(model: \"models/made_ar/rough.ron\", gain: 1)` with a RON file, or the \
-                 Penn toolkit's XML, relative to the graph file; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. Quotes within a text are written \
-                 r#\"..\"#.",
+                "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's XML; or a \
+                 list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. Quotes within a text \
+                 are written r#\"..\"#.",
             ))
             .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
             .resumes(Resume::Restart)
+            .effect(
+                Effect::new("models", Acts::Gliding)
+                    .form(
+                        Form::new("", "autoregressive(model: \"FILE.ron\")")
+                            .field(Param::file("model", "RON or the toolkit's XML"))
+                            .field(gain()),
+                    )
+                    .needs("speed", "speed")
+                    .needs("force", "force"),
+            )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let mut textures = Shared::default();
         let mut bands = Vec::new();
-        let mut read = |value: &Value| {
-            let Texture::Autoregressive { model, gain } = Texture::parse(value)? else {
-                return Err(value
-                    .error("a texture of another kind")
-                    .help("autoregressive(model: \"FILE.ron\")"));
-            };
-            let texture = textures.get(model.clone(), || asperity_autoregressive::Texture::read(&model))?;
-            let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| value.error(e))?;
-            Ok((texture, gain as f32, band))
+        let read = |settings: &Settings| {
+            let model = settings.file("model");
+            let text = model.display().to_string();
+            let texture = textures.get_by(text, || asperity_autoregressive::Texture::read(model))?;
+            let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| settings.value().error(e))?;
+            Ok((texture, settings.number("gain") as f32, band))
         };
-        let slots = texts::read_each(setup, "models", &mut read)?.into_iter().map(|slot| {
+        let slots = each(setup, read)?.into_iter().map(|slot| {
             let all = slot.into_iter().enumerate();
             let mut models: Vec<Model> = all
                 .map(|(number, (texture, gain, band))| {
@@ -170,7 +175,7 @@ impl Node for Autoregressive {
             bands,
             sum: vec![0.0; time::max_samples(setup.audio_hz, setup.tick_hz)].into(),
             rate_hz: setup.audio_hz,
-            files: textures.wanted().cloned().collect(),
+            files: files(setup),
         })
     }
 

@@ -1,11 +1,11 @@
 //! `level`: a gate that follows a level.
 
+use super::path::Parts;
 use asperity_dsp::filter::Sample;
 use asperity_node::{
     Descriptor, Diagnostic, Input, Inputs, Node, Output, RateSpec, Setup, ShapeSpec, State, Status, Tick,
     Unit,
 };
-use asperity_scene::effect::Parts;
 
 const IN: usize = 0;
 const LEVEL: usize = 1;

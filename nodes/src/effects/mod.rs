@@ -22,21 +22,23 @@
 //! | `force_limiter` | 0.10 | 0.10 |
 
 mod autoregressive;
+mod bounds;
 mod force_limiter;
-mod friction;
+pub mod friction;
 mod level;
-mod magnet;
+pub mod magnet;
 mod mix;
-mod relief;
-mod tap;
+pub mod path;
+pub mod relief;
+mod shared;
+pub mod tap;
 #[cfg(test)]
 mod tests;
-mod texts;
 mod track;
-mod vibration;
-mod viscosity;
+pub mod vibration;
+pub mod viscosity;
 mod voices;
-mod waveform;
+pub mod waveform;
 
 pub use autoregressive::Autoregressive;
 pub use force_limiter::ForceLimiter;
@@ -49,9 +51,16 @@ pub use vibration::Vibration;
 pub use viscosity::Viscosity;
 pub use waveform::Waveform;
 
-use asperity_diagnostics::ron::Value;
-use asperity_node::{Diagnostic, Input, Inputs, Output, RateSpec, ShapeSpec, Status, Tick, Unit};
-use asperity_scene::effect::EffectError;
+pub use bounds::EffectError;
+
+use std::path::PathBuf;
+
+use asperity_node::{
+    Diagnostic, Input, Inputs, Output, Param, RateSpec, Settings, Setup, ShapeSpec, Status, Tick, Unit,
+};
+
+/// Audio rate at which settings of a scene are tried. The node tries them again at its own.
+const TRIED_HZ: u32 = 48_000;
 
 /// The entry that a slot picks of so many.
 fn pick(slot: f64, count: usize) -> Option<usize> {
@@ -95,7 +104,44 @@ fn let_go(tick: &mut Tick<'_>, every: u32) -> Status {
     if every > 1 { Status::Continue } else { Status::Asleep }
 }
 
-/// What a kernel's constructor says, at the effect.
-fn at<T>(value: &Value, made: Result<T, EffectError>) -> Result<T, Diagnostic> {
-    made.map_err(|e| value.error(e.to_string()))
+/// The settings of every slot, each made into what plays it.
+fn each<T>(
+    setup: &Setup<'_>,
+    mut make: impl FnMut(&Settings) -> Result<T, Diagnostic>,
+) -> Result<Vec<Vec<T>>, Diagnostic> {
+    setup.params.slots().iter().map(|slot| slot.iter().map(&mut make).collect()).collect()
+}
+
+/// The same for an effect whose slots have one setting each.
+fn one_each<T>(
+    setup: &Setup<'_>,
+    mut make: impl FnMut(&Settings) -> Result<T, Diagnostic>,
+) -> Result<Vec<T>, Diagnostic> {
+    let one = |slot: &Vec<Settings>| match &slot[..] {
+        [one] => make(one),
+        [] => Err(setup.params.node_error("an empty slot")),
+        [_, second, ..] => Err(second.value().error("one setting is wanted here")),
+    };
+    setup.params.slots().iter().map(one).collect()
+}
+
+/// The files that the settings of all slots name, each once.
+fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for file in setup.params.slots().iter().flatten().flat_map(Settings::files) {
+        if !files.contains(&file) {
+            files.push(file);
+        }
+    }
+    files
+}
+
+/// What a law's constructor answers, with an error that points at the settings.
+fn made<T>(settings: &Settings, made: Result<T, EffectError>) -> Result<T, Diagnostic> {
+    made.map_err(|e| settings.value().error(e.to_string()))
+}
+
+/// The field `gain` of textures.
+fn gain() -> Param {
+    Param::number("gain", 1.0, 0.0..=100.0, "factor of the acceleration")
 }

@@ -1,8 +1,8 @@
 //! The way of the stylus along a surface, from places alone.
 
+use super::path::{Path, Smoothing};
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{Diagnostic, Latency, Setup, State};
-use asperity_scene::effect::{Path, Smoothing};
 
 /// A path through the places that are told once a tick.
 ///

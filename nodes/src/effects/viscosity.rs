@@ -1,14 +1,54 @@
 //! `viscosity`: drag in a volume.
 
-use asperity_node::{Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
-use asperity_scene::Drag;
-use asperity_scene::effect;
+use asperity_node::{
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Law, Node, Param, Settings, Setup,
+    ShapeSpec, Status, Tick, Unit,
+};
 
-use super::{at, let_go, pick, put, slot, texts, vector};
+use super::bounds::{EffectError, counted_vector, length};
+use super::{let_go, made, one_each, pick, put, slot, vector};
+
+/// Drag in a volume: a force against the velocity and in proportion to it, up to a greatest one. It remembers nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drag {
+    ns_per_mm: f64,
+    max_force_n: f64,
+}
+
+impl Drag {
+    /// A drag of `viscosity_ns_per_m` \[N s/m\], at most `max_force_n` \[N\].
+    ///
+    /// # Errors
+    /// A viscosity that is not from 0 to 1000 N s/m, a force that is not from 0 to 1000 N.
+    pub fn new(viscosity_ns_per_m: f64, max_force_n: f64) -> Result<Self, EffectError> {
+        let viscosity = EffectError::check("a viscosity", viscosity_ns_per_m, (0.0, 1000.0), "N s/m")?;
+        let max_force_n = EffectError::check("a greatest force", max_force_n, (0.0, 1000.0), "N")?;
+        Ok(Self { ns_per_mm: 1e-3 * viscosity, max_force_n })
+    }
+
+    /// The force on a stylus of this velocity, F = -c v, shortened to the greatest force. A velocity that is not finite counts as 0.
+    pub fn force_n(&self, velocity_mm_s: [f64; 3]) -> [f64; 3] {
+        let force = counted_vector(velocity_mm_s).map(|v| -self.ns_per_mm * v);
+        let size = length(force);
+        let share = if size > self.max_force_n { self.max_force_n / size } else { 1.0 };
+        force.map(|f| share * f)
+    }
+
+    /// The law near rest, in every direction.
+    pub fn law(&self) -> Law {
+        Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: 1e3 * self.ns_per_mm }
+    }
+}
+
+impl Drag {
+    fn read(settings: &Settings) -> Result<Self, Diagnostic> {
+        made(settings, Self::new(settings.number("viscosity_ns_per_m"), settings.number("max_force_n")))
+    }
+}
 
 /// A force against the velocity and in proportion to it, by the drag of the volume that the stylus is in.
 pub struct Viscosity {
-    drags: Vec<effect::Viscosity>,
+    drags: Vec<Drag>,
     every: u32,
 }
 
@@ -28,14 +68,28 @@ impl Node for Viscosity {
             "drags",
             "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: 1.5)\"].",
         ))
+        .effect(
+            Effect::new("drags", Acts::Inside)
+                .form(
+                    Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
+                        .field(
+                            Param::number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "force per speed")
+                                .unit("N s/m")
+                                .required(),
+                        )
+                        .field(Param::number("max_force_n", 3.3, 0.0..=100.0, "the largest force").unit("N")),
+                )
+                .needs("velocity", "unfiltered")
+                .law(Direction::Any, |settings, _| Law {
+                    stiffness_n_per_mm: 0.0,
+                    damping_ns_per_m: settings.number("viscosity_ns_per_m"),
+                }),
+        )
         .timing("no latency; not called while the stylus is in none")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let drags = texts::read(setup, "drags", |value| {
-            let drag = Drag::parse(value)?;
-            at(value, effect::Viscosity::new(drag.viscosity_ns_per_m, drag.max_force_n))
-        })?;
+        let drags = one_each(setup, Drag::read)?;
         Ok(Self { drags, every: setup.every })
     }
 
@@ -51,5 +105,35 @@ impl Node for Viscosity {
 
     fn facts(&self) -> Vec<Fact> {
         vec![Fact::count("slots", self.drags.len() as u64)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drag_is_against_the_velocity_in_proportion_to_it_and_bounded() {
+        let honey = Drag::new(5.0, 2.0).unwrap();
+        // 5 N s/m at 100 mm/s is half a newton.
+        assert!((honey.force_n([100.0, 0.0, 0.0])[0] + 0.5).abs() < 1e-15);
+        let force = honey.force_n([-60.0, 0.0, 80.0]);
+        assert!((force[0] - 0.3).abs() < 1e-15 && force[1] == 0.0 && (force[2] + 0.4).abs() < 1e-15);
+        let most = honey.force_n([-6e4, 0.0, 8e4]);
+        assert!((most[0] - 1.2).abs() < 1e-12 && (most[2] + 1.6).abs() < 1e-12, "{most:?}");
+        assert_eq!(honey.law().damping_ns_per_m, 5.0);
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_no_drag_and_nothing_is_refused_silently() {
+        let honey = Drag::new(1000.0, 1000.0).unwrap();
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(honey.force_n([5.0, bad, 1.0]), [0.0; 3]);
+            assert!(Drag::new(bad, 1.0).is_err() && Drag::new(1.0, bad).is_err());
+        }
+        let force = honey.force_n([f64::MAX; 3]);
+        assert!((length(force) - 1000.0).abs() < 1e-9, "{force:?}");
+        assert_eq!(Drag::new(3.0, 0.0).unwrap().force_n([1e3; 3]).map(f64::abs), [0.0; 3]);
+        assert!(Drag::new(-1.0, 1.0).unwrap_err().to_string().contains("from 0 to 1000 N s/m"));
     }
 }

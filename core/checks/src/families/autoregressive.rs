@@ -3,9 +3,8 @@
 use std::sync::Arc;
 
 use asperity_autoregressive::{Filter, Texture};
-use asperity_diagnostics::ron;
 use asperity_graph::NodeDecl;
-use asperity_node::{Source, Unit, random};
+use asperity_node::{Settings, Unit, random};
 
 use crate::case::{Case, Family, Found, Not, holds, not_applicable};
 use crate::played::{Played, Values};
@@ -190,16 +189,8 @@ impl<'s> Bench<'s> {
         let mut all = Vec::new();
         for node in graph.nodes.iter().filter(|n| n.kind == KIND) {
             let Some(made) = schedule.nodes.iter().find(|n| n.id == node.id) else { continue };
-            let place = made.params.place("models").or(made.params.node_place());
-            let path = place.map(|p| p.source.path().to_owned()).unwrap_or_default();
-            let slot = |text: &String| {
-                let value = ron::parse(&Source::new(path.clone(), text.as_str()))?;
-                match value.kind() {
-                    ron::Kind::List(all) => all.iter().map(voice).collect::<Result<_, Not>>(),
-                    _ => voice(&value).map(|one| vec![one]),
-                }
-            };
-            let slots = made.params.texts("models").iter().map(slot).collect::<Result<_, Not>>()?;
+            let slots = made.params.slots().iter();
+            let slots = slots.map(|slot| slot.iter().map(voice).collect()).collect::<Result<_, Not>>()?;
             all.push(Self::new(subject, node.clone(), [graph.tick_hz, graph.audio_hz], slots));
         }
         Ok(all)
@@ -243,14 +234,9 @@ impl<'s> Bench<'s> {
     }
 }
 
-/// A texture of a slot, from its text.
-fn voice(value: &ron::Value) -> Result<Voice, Not> {
-    match asperity_scene::Texture::parse(value)? {
-        asperity_scene::Texture::Autoregressive { model, gain } => {
-            Ok(Voice { texture: Texture::read(model)?, gain })
-        }
-        _ => Err(value.error("a texture of another kind").into()),
-    }
+/// A texture of a slot.
+fn voice(settings: &Settings) -> Result<Voice, Not> {
+    Ok(Voice { texture: Texture::read(settings.file("model"))?, gain: settings.number("gain") })
 }
 
 /// A bench that runs.

@@ -1,16 +1,15 @@
 //! Friction and drag: forces that only take energy.
 //!
-//! Checked is every kind in the registry that answers a velocity in a slot with a force, alone with a
-//! stylus, at every tick rate. The built-in kinds run with several laws: viscous, Dahl's, LuGre's, soft and
-//! stiff. A kind of a plugin runs with its defaults, if it needs no parameter.
+//! The cases run every kind in the registry that answers a velocity in a slot with a force, alone with a
+//! stylus, at every tick rate. An effect runs with the examples of its forms, and held to the law that it
+//! tells. Another kind runs with its defaults, if it needs no parameter.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use asperity_node::{Descriptor, Output, ShapeSpec, Unit, UnitSpec, random};
-use asperity_scene::effect::Viscosity;
-use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
-use asperity_scene::effect::passivity::{Law, Passivity, Sampling};
+use asperity_diagnostics::ron;
+use asperity_node::{Descriptor, Effect, Law, Output, ShapeSpec, Source, Unit, UnitSpec, random};
+use asperity_scene::bound::{Passivity, Sampling};
 
 use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
 use crate::handle::{Device, Handle, Loop};
@@ -280,9 +279,9 @@ struct Rub {
     /// Its name in texts.
     pub name: String,
     kind: String,
-    params: Vec<(&'static str, String)>,
-    /// Its law at rest by the normal force, where it is known.
-    pub law: Option<fn(f64) -> Law>,
+    params: Vec<(String, String)>,
+    /// Its law at rest by the normal force, where the kind tells it.
+    pub law: Option<Box<dyn Fn(f64) -> Law>>,
 }
 
 /// Number of values of its velocity, and whether it takes a normal force. None for another kind.
@@ -302,72 +301,55 @@ fn ports(d: &Descriptor) -> Option<(usize, bool)> {
     (known && pushes && speed && input("slot").is_some()).then_some((axes, input("force").is_some()))
 }
 
-fn stiff() -> LuGreSettings {
-    LuGreSettings {
-        bristle_stiffness_n_per_mm: 10.0,
-        bristle_damping_ns_per_m: 1.0,
-        ..LuGreSettings::default()
-    }
-}
+/// Settings to check beside the examples of the forms: gentle and stiff ones.
+const MORE: [(&str, &str); 3] = [
+    ("friction", "viscous_coulomb(viscosity_s_per_mm: 0.0005)"),
+    ("friction", "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 10)"),
+    ("friction", "lugre(bristle_stiffness_n_per_mm: 10, bristle_damping_ns_per_m: 1)"),
+];
 
-/// Every kind of friction and drag: the built-in ones with several laws, others with their defaults. A kind
-/// that needs a parameter is left out.
+/// Every kind of friction and drag: an effect with the examples of its forms, another kind with its defaults.
+/// A kind that needs a parameter is left out.
 fn laws(subject: &Subject<'_>) -> Vec<Rub> {
-    let of = |kind: &str, name: &'static str, text: &str, law: fn(f64) -> Law| {
-        let list = if kind == "friction" { "laws" } else { "drags" };
-        let params = vec![(list, format!("[{text:?}]"))];
-        Rub { name: name.to_owned(), kind: kind.to_owned(), params, law: Some(law) }
-    };
     let mut all = Vec::new();
     for kind in subject.registry().iter() {
         let d = kind.descriptor();
         if ports(d).is_none() {
             continue;
         }
-        match &*d.kind {
-            "friction" => all.extend([
-                of("friction", "viscous_coulomb", "viscous_coulomb", |n| {
-                    ViscousCoulomb::new(0.3, ViscousCoulomb::VISCOSITY_S_PER_MM)
-                        .map_or(Law::default(), |f| f.law(n))
-                }),
-                of(
-                    "friction",
-                    "viscous_coulomb, gentle",
-                    "viscous_coulomb(viscosity_s_per_mm: 0.0005)",
-                    |n| ViscousCoulomb::new(0.3, 0.0005).map_or(Law::default(), |f| f.law(n)),
-                ),
-                of("friction", "dahl", "dahl", |_| Dahl::new(0.3, 1.0).map_or(Law::default(), |f| f.law())),
-                of(
-                    "friction",
-                    "dahl, stiff",
-                    "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 10)",
-                    |_| Dahl::new(0.5, 10.0).map_or(Law::default(), |f| f.law()),
-                ),
-                of("friction", "lugre", "lugre", |n| {
-                    LuGre::new(LuGreSettings::default()).map_or(Law::default(), |f| f.law(n))
-                }),
-                of(
-                    "friction",
-                    "lugre, stiff",
-                    "lugre(bristle_stiffness_n_per_mm: 10, bristle_damping_ns_per_m: 1)",
-                    |n| LuGre::new(stiff()).map_or(Law::default(), |f| f.law(n)),
-                ),
-            ]),
-            "viscosity" => {
-                all.push(of("viscosity", "drag", "(viscosity_ns_per_m: 2, max_force_n: 1.5)", |_| {
-                    Viscosity::new(2.0, 1.5).map_or(Law::default(), |f| f.law())
-                }))
+        match &d.effect {
+            Some(effect) => {
+                let examples = effect.forms.iter().map(|form| form.example.as_ref());
+                let more = MORE.iter().filter(|(kind, _)| *kind == d.kind).map(|(_, text)| *text);
+                all.extend(examples.chain(more).map(|text| with_settings(&d.kind, effect, text)));
             }
-            other if !has_to_be_set(d, &[]) => all.push(Rub {
-                name: other.to_owned(),
-                kind: other.to_owned(),
+            None if !has_to_be_set(d, &[]) => all.push(Rub {
+                name: d.kind.to_string(),
+                kind: d.kind.to_string(),
                 params: Vec::new(),
                 law: None,
             }),
-            _ => {}
+            None => {}
         }
     }
     all
+}
+
+/// An effect with one slot.
+fn with_settings(kind: &str, effect: &Effect, text: &str) -> Rub {
+    let value = ron::parse(&Source::new("case", text)).ok();
+    let settings = value.and_then(|value| effect.read(kind, &value).ok());
+    let law = settings.filter(|settings| effect.law_of(settings, 1.0).is_some()).map(|settings| {
+        let effect = effect.clone();
+        let law = move |normal_n| effect.law_of(&settings, normal_n).map_or(Law::default(), |(_, law)| law);
+        Box::new(law) as Box<dyn Fn(f64) -> Law>
+    });
+    Rub {
+        name: format!("{kind}: {text}"),
+        kind: kind.to_owned(),
+        params: vec![(effect.list.to_string(), format!("[{text:?}]"))],
+        law,
+    }
 }
 
 /// A law that runs alone with a stylus.
@@ -393,7 +375,7 @@ impl Rubbed {
         let slot = Played::control("slot from memory", 1, Unit::NONE, Arc::new(|_, to| to.fill(0.0)));
         let (axes, takes) = ports(subject.kind(&rub.kind)?.descriptor()).unwrap_or((2, false));
         let params: Vec<(&str, &str)> =
-            rub.params.iter().map(|(name, text)| (*name, text.as_str())).collect();
+            rub.params.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
         let mut graph = CaseGraph::new(tick_hz, 48_000)
             .plays("stylus", Played::fed_stylus("stylus from memory", &like))?
             .node("motion", "velocity", &[("cutoff_hz", "0")])?
@@ -455,7 +437,7 @@ impl Rubbed {
             stiffness_n_per_mm: held / step,
             damping_ns_per_m: 1e3 * (moved - held) / step * self.tick_s(),
         };
-        if let Some(law) = rub.law {
+        if let Some(law) = &rub.law {
             let want = law(normal_n);
             let whole = 1e3 * want.stiffness_n_per_mm * self.tick_s() + want.damping_ns_per_m;
             let off = 1e3 * (found.stiffness_n_per_mm - want.stiffness_n_per_mm).abs() * self.tick_s()

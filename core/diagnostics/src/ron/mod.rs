@@ -5,19 +5,21 @@
 //! [`Value::map`], [`Value::list`] and the scalar accessors. Each returns an error with its position if
 //! the kind differs.
 
+#[cfg(feature = "ron")]
 mod read;
-#[cfg(test)]
+#[cfg(all(test, feature = "ron"))]
 mod tests;
 mod value;
+mod write;
 
 use std::sync::Arc;
 
-use ron::value::RawValue;
+use crate::{Source, Span};
 
-use crate::{Diagnostic, Source, Span};
-
-use read::Reader;
+#[cfg(feature = "ron")]
+pub use read::{first_word, parse, parse_or_text};
 pub use value::Record;
+pub use write::quoted;
 
 /// A value with its position.
 #[derive(Clone, Debug)]
@@ -74,33 +76,4 @@ impl PartialEq for Key {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }
-}
-
-/// Reads a whole text.
-///
-/// # Errors
-/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
-pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
-    Reader { source }.whole()
-}
-
-/// First word of a text after comments, such as `Graph` or `Scene`, even if the rest cannot be read.
-pub fn first_word(source: &Source) -> Option<&str> {
-    let text = read::after_comments(source.text().trim_start_matches('\u{feff}'));
-    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
-}
-
-/// Reads a value from a command line; a text that is not RON becomes a text value.
-///
-/// # Errors
-/// A value that parses but is refused: duplicate keys, numbers that are not finite.
-pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
-    let text = source.text();
-    let whole = Span { start: 0, end: text.len() };
-    let as_text = || Value { source: source.clone(), span: whole, kind: Kind::Text(text.to_owned()) };
-    if ron::from_str::<&RawValue>(text).is_err() {
-        return Ok(as_text());
-    }
-    let value = parse(source)?;
-    Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
 }

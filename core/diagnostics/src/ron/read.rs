@@ -9,8 +9,37 @@ use serde::de::{Deserialize, MapAccess, SeqAccess, Visitor};
 use super::{Key, Kind, Value};
 use crate::{Diagnostic, Source, Span, budget};
 
+/// Reads a whole text.
+///
+/// # Errors
+/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
+pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    Reader { source }.whole()
+}
+
+/// Reads a value from a command line; a text that is not RON becomes a text value.
+///
+/// # Errors
+/// A value that parses but is refused: duplicate keys, numbers that are not finite.
+pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
+    let text = source.text();
+    let whole = Span { start: 0, end: text.len() };
+    let as_text = || Value { source: source.clone(), span: whole, kind: Kind::Text(text.to_owned()) };
+    if ron::from_str::<&RawValue>(text).is_err() {
+        return Ok(as_text());
+    }
+    let value = parse(source)?;
+    Ok(if matches!(value.kind, Kind::Word(_)) { as_text() } else { value })
+}
+
+/// First word of a text after comments, such as `Graph` or `Scene`, even if the rest cannot be read.
+pub fn first_word(source: &Source) -> Option<&str> {
+    let text = after_comments(source.text().trim_start_matches('\u{feff}'));
+    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().filter(|word| !word.is_empty())
+}
+
 /// The text after white space and comments.
-pub(super) fn after_comments(text: &str) -> &str {
+fn after_comments(text: &str) -> &str {
     let mut rest = text.trim_start();
     loop {
         rest = match (rest.strip_prefix("//"), rest.strip_prefix("/*")) {

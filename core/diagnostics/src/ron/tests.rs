@@ -1,6 +1,7 @@
 //! Tests of the reader and of what it refuses.
 
 use super::*;
+use crate::Diagnostic;
 
 fn read(text: &str) -> Result<Value, Diagnostic> {
     parse(&Source::new("t.ron", text))

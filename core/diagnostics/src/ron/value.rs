@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Key, Kind, Value};
@@ -12,6 +13,24 @@ impl Value {
     /// relative to that file.
     pub fn made(kind: Kind, place: &Place) -> Self {
         Self { source: place.source.clone(), span: place.span, kind }
+    }
+
+    /// The same value, each part of it where `place` says that its span stands now.
+    #[must_use]
+    pub fn moved(self, place: &impl Fn(Span) -> Place) -> Self {
+        let all = |fields: Vec<(Key, Self)>| {
+            let one =
+                |(key, value): (Key, Self)| (Key { span: place(key.span).span, ..key }, value.moved(place));
+            fields.into_iter().map(one).collect()
+        };
+        let Place { source, span } = place(self.span);
+        let kind = match self.kind {
+            Kind::List(items) => Kind::List(items.into_iter().map(|item| item.moved(place)).collect()),
+            Kind::Record { name, fields } => Kind::Record { name, fields: all(fields) },
+            Kind::Map(entries) => Kind::Map(all(entries)),
+            plain => plain,
+        };
+        Self { source, span, kind }
     }
 
     /// Position of this value, with its text.
@@ -180,6 +199,18 @@ impl Value {
             Kind::Map(entries) => Ok(entries),
             _ => Err(self.mismatch("a map `{\"name\": ...}`")),
         }
+    }
+
+    /// The path in a text, from the folder of the file that names it.
+    ///
+    /// # Errors
+    /// Anything but a text, an empty text.
+    pub fn path(&self) -> Result<PathBuf, Diagnostic> {
+        let text = self.text()?;
+        if text.trim().is_empty() {
+            return Err(self.error("an empty path"));
+        }
+        Ok(self.source.path().parent().unwrap_or(Path::new("")).join(text))
     }
 
     /// A struct with named fields, called `name` or without a name.

@@ -1,13 +1,13 @@
 //! Vibration, from the effects to the actuator.
 
+use crate::NETWORK;
 use crate::space::Form as ShapeForm;
-use crate::{Kind, VOICED};
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::Setting;
-use asperity_node::{Descriptor, ShapeSpec};
+use asperity_node::{Acts, Descriptor, Effect, ShapeSpec};
 
-use crate::lower::builder::{Builder, handed_on, number, setting};
+use crate::lower::builder::{Builder, handed_on, number, setting, slot_port};
 
 /// What acceleration goes through on its way to the output.
 pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
@@ -18,13 +18,13 @@ impl Builder<'_> {
     /// What vibrates, and what plays it.
     pub(crate) fn acoustic(&mut self) -> Result<(), Diagnostic> {
         let mut textures = Vec::new();
-        if self.scene.network.is_some() && self.is_built(Kind::Network) {
+        if self.scene.network.is_some() && self.is_built(NETWORK) {
             textures.push(self.network()?);
         }
         let voices: &[&str] = if self.is_one_voice_enough() { &["a"] } else { &["a", "b"] };
-        for kind in VOICED.into_iter().filter(|kind| self.is_built(*kind)).collect::<Vec<_>>() {
+        for (kind, effect) in self.acting(Acts::Gliding) {
             for voice in voices {
-                textures.push(self.voice(kind, voice));
+                textures.push(self.voice(kind, effect, voice));
             }
         }
         let mut all = Vec::new();
@@ -37,13 +37,12 @@ impl Builder<'_> {
             self.wire("contact.force", "gate.force");
             all.push("gate.out".to_owned());
         }
-        if self.is_built(Kind::Tap) {
-            self.effect(Kind::Tap, "taps", &["slot", "approach", "moment"], &["tap", "approach", "moment"]);
-            all.push("tap.acceleration".to_owned());
-        }
-        if self.is_built(Kind::Vibration) {
-            self.effect(Kind::Vibration, "sources", &["slot"], &["vibration"]);
-            all.push("vibration".to_owned());
+        for acts in [Acts::Touching, Acts::Inside, Acts::Near] {
+            for (kind, effect) in self.acting(acts) {
+                if self.vibrates(kind) {
+                    all.push(self.effect(kind, effect, ""));
+                }
+            }
         }
         if all.is_empty() {
             return Ok(());
@@ -123,16 +122,16 @@ impl Builder<'_> {
         }
         self.node("network level", "level", &here, Vec::new());
         self.wire(last, "network level.in");
-        self.wire("contact.network", "network level.level");
+        self.wire("contact.material_level", "network level.level");
         for id in ["history", "texture", "phase", "synthesis", "audio rate", "network level"] {
-            self.renders(Kind::Network, id);
+            self.renders(NETWORK, id);
         }
         Ok("network level".into())
     }
 
     /// The materials that surfaces with a network's texture name.
     fn materials(&self, params: &mut Vec<Setting>) {
-        let Some(slots) = self.slots(Kind::Network) else { return };
+        let Some(slots) = self.slots(NETWORK) else { return };
         let surfaces = slots.first.iter().filter_map(|first| self.scene.surfaces.get(*first));
         let named: Vec<_> = surfaces.filter_map(|surface| surface.material.as_ref()).collect();
         let value =
@@ -155,45 +154,21 @@ impl Builder<'_> {
     }
 
     /// One voice of a texture: its output.
-    fn voice(&mut self, kind: Kind, voice: &str) -> String {
-        let (word, place) = (kind.word(), self.first_place(kind));
-        let (id, level) = (format!("{word} {voice}"), format!("{word} {voice} level"));
-        let list = match kind {
-            Kind::Autoregressive => "models",
-            Kind::Waveform => "loops",
-            _ => "reliefs",
-        };
-        let mut params = vec![self.list(list, kind)];
-        let device = &self.scene.device;
-        if kind != Kind::Autoregressive && device.position_step_mm > 0.0 {
-            // Places that come in steps are heard as such.
-            let cutoff_hz = number(&self.scene.motion, "cutoff_hz").unwrap_or(20.0);
-            params.push(setting("smooth_hz", Form::Float(cutoff_hz), &device.place));
-        }
-        self.node(&id, word, &place, params);
-        self.node(&level, "level", &place, Vec::new());
-        self.wire(&format!("contact.{word}_{voice}"), &format!("{id}.slot"));
-        let inputs: &[(&str, &str)] = match kind {
-            Kind::Autoregressive => &[("speed", "speed"), ("force", "force")],
-            _ => &[("place", "place"), ("stroke", "stroke")],
-        };
-        for (from, to) in inputs {
-            let from =
-                if kind == Kind::Autoregressive { (*from).to_owned() } else { format!("{from}_{voice}") };
-            self.wire(&format!("contact.{from}"), &format!("{id}.{to}"));
-        }
+    fn voice(&mut self, kind: &str, effect: &Effect, voice: &str) -> String {
+        let id = self.effect(kind, effect, voice);
+        let level = format!("{id} level");
+        self.node(&level, "level", &self.first_place(kind), Vec::new());
+        self.renders(kind, &level);
         self.wire(&id, &format!("{level}.in"));
         self.wire(&format!("contact.level_{voice}"), &format!("{level}.level"));
-        self.wire(&format!("contact.{word}_{voice}"), &format!("{level}.slot"));
-        self.renders(kind, &id);
-        self.renders(kind, &level);
+        self.wire(&format!("contact.{}", slot_port(kind, voice)), &format!("{level}.slot"));
         level
     }
 
     /// Whether there is nothing to go over into: one surface with such textures, of one face.
     fn is_one_voice_enough(&self) -> bool {
-        let mut voiced =
-            self.scene.surfaces.iter().filter(|s| VOICED.iter().any(|kind| kind.is_of(&s.effects)));
+        let has_textures = |effects: &crate::Effects| effects.named.iter().any(|named| named.texture);
+        let mut voiced = self.scene.surfaces.iter().filter(|s| has_textures(&s.effects));
         let one_face = |form: &ShapeForm| !matches!(form, ShapeForm::Box { .. } | ShapeForm::Sphere { .. });
         let alone = voiced.next().is_none_or(|s| one_face(s.surface.shape.form())) && voiced.next().is_none();
         alone && self.prune

@@ -1,12 +1,15 @@
 //! Nodes and wires, one after the other.
 
-use crate::{Kind, Part, Scene, Slots};
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_diagnostics::{Diagnostic, Place, Span, one_of};
 use asperity_graph::{Endpoint, GraphFile, NodeDecl, Setting, WireDecl};
-use asperity_node::{Descriptor, Registry};
+use asperity_node::{Acts, Descriptor, Effect, Registry};
 
-use crate::{Lowered, Lowering};
+use crate::effects::effect_of;
+use crate::passivity::vibrates;
+use crate::slots::effects_in_order;
+use crate::{EffectNames, NETWORK, Part, Scene, Slots};
+use crate::{Lowered, Lowering, Rendered};
 
 /// A graph in the making.
 pub(crate) struct Builder<'a> {
@@ -14,8 +17,15 @@ pub(crate) struct Builder<'a> {
     pub(crate) registry: &'a Registry,
     pub(crate) prune: bool,
     graph: GraphFile,
-    rendered: Vec<(Kind, Vec<String>)>,
-    slots: Vec<(Kind, Slots)>,
+    /// All effects that there are.
+    effects: Vec<Of<'a>>,
+}
+
+/// A kind of effect, its slots in the scene, and the nodes that render it.
+struct Of<'a> {
+    kind: &'a str,
+    slots: Slots,
+    nodes: Vec<String>,
 }
 
 impl<'a> Builder<'a> {
@@ -25,9 +35,9 @@ impl<'a> Builder<'a> {
         lowering: Lowering,
         graph: GraphFile,
     ) -> Self {
-        let slots = Kind::ALL.iter().map(|kind| (*kind, scene.slots(*kind))).collect();
-        let rendered = Kind::ALL.iter().map(|kind| (*kind, Vec::new())).collect();
-        Self { scene, registry, prune: lowering.prune, graph, rendered, slots }
+        let kinds = std::iter::once(NETWORK).chain(effects_in_order(registry));
+        let effects = kinds.map(|kind| Of { kind, slots: scene.slots(kind), nodes: Vec::new() }).collect();
+        Self { scene, registry, prune: lowering.prune, graph, effects }
     }
 
     /// The graph, in which something is to be felt.
@@ -36,28 +46,57 @@ impl<'a> Builder<'a> {
         if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
             let surface = self.scene.surfaces.first();
             let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
-            let vibrates = |kind: &Kind| kind.vibrates() && self.is_built(*kind);
-            let (message, help) = if Kind::ALL.iter().any(vibrates) {
+            let vibrates = |of: &Of<'_>| of.kind == NETWORK || self.vibrates(of.kind);
+            let (message, help) = if self.effects.iter().any(|of| self.is_built(of.kind) && vibrates(of)) {
                 ("this scene vibrates, and nothing plays it", "output: audio_out")
             } else {
                 ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
             };
             return Err(Diagnostic::new(message).at(&place.source, place.span).help(help));
         }
-        let Self { graph, mut rendered, .. } = self;
-        for (_, ids) in &mut rendered {
-            ids.retain(|id| graph.node(id).is_some());
-        }
-        Ok(Lowered { graph, rendered })
+        let Self { graph, effects, registry, .. } = self;
+        let rendered = effects.into_iter().map(|Of { kind, mut nodes, .. }| {
+            nodes.retain(|id| graph.node(id).is_some());
+            let acts = effect_of(registry, kind).map(|effect| effect.acts);
+            let texture = kind == NETWORK || acts == Some(Acts::Gliding);
+            Rendered { kind: kind.to_owned(), texture, nodes }
+        });
+        Ok(Lowered { rendered: rendered.collect(), graph })
     }
 
     /// Whether an effect is to be built: a surface has it, or everything is.
-    pub(crate) fn is_built(&self, kind: Kind) -> bool {
-        !self.prune || self.slots(kind).is_some_and(|slots| !slots.first.is_empty())
+    pub(crate) fn is_built(&self, kind: &str) -> bool {
+        self.slots(kind).is_some_and(|slots| !self.prune || !slots.first.is_empty())
     }
 
-    pub(crate) fn slots(&self, kind: Kind) -> Option<&Slots> {
-        self.slots.iter().find(|(k, _)| *k == kind).map(|(_, slots)| slots)
+    /// The effects to be built that act somewhere, in their order.
+    pub(crate) fn acting(&self, acts: Acts) -> Vec<(&'a str, &'a Effect)> {
+        let of = |built: &Of<'a>| {
+            effect_of(self.registry, built.kind)
+                .filter(|effect| effect.acts == acts)
+                .map(|effect| (built.kind, effect))
+        };
+        self.effects.iter().filter(|of| self.is_built(of.kind)).filter_map(of).collect()
+    }
+
+    /// The names of the effects to be built, as the `contact` node takes them.
+    pub(crate) fn names(&self) -> EffectNames {
+        let of = |acts| self.acting(acts).into_iter().map(|(kind, _)| kind.to_owned()).collect();
+        EffectNames {
+            touching: of(Acts::Touching),
+            inside: of(Acts::Inside),
+            near: of(Acts::Near),
+            textures: of(Acts::Gliding),
+        }
+    }
+
+    /// Whether an effect is felt as vibration.
+    pub(crate) fn vibrates(&self, kind: &str) -> bool {
+        vibrates(self.registry, kind)
+    }
+
+    pub(crate) fn slots(&self, kind: &str) -> Option<&Slots> {
+        self.effects.iter().find(|built| built.kind == kind).map(|built| &built.slots)
     }
 
     /// The beginning of the file, for what nothing in it says.
@@ -66,10 +105,10 @@ impl<'a> Builder<'a> {
     }
 
     /// Where the first surface stands that has an effect.
-    pub(crate) fn first_place(&self, kind: Kind) -> Place {
+    pub(crate) fn first_place(&self, kind: &str) -> Place {
         let first = self.slots(kind).and_then(|slots| slots.first.first());
         let surface = first.and_then(|first| self.scene.surfaces.get(*first));
-        let place = surface.and_then(|surface| kind.places(&surface.effects).first().map(|p| (*p).clone()));
+        let place = surface.and_then(|surface| surface.effects.places(kind).into_iter().next());
         place.unwrap_or_else(|| self.here())
     }
 
@@ -86,9 +125,9 @@ impl<'a> Builder<'a> {
     }
 
     /// Says that a node renders a kind of effect.
-    pub(crate) fn renders(&mut self, kind: Kind, id: &str) {
-        if let Some((_, ids)) = self.rendered.iter_mut().find(|(k, _)| *k == kind) {
-            ids.push(id.to_owned());
+    pub(crate) fn renders(&mut self, kind: &str, id: &str) {
+        if let Some(built) = self.effects.iter_mut().find(|built| built.kind == kind) {
+            built.nodes.push(id.to_owned());
         }
     }
 
@@ -132,15 +171,55 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The list of a kind's slots, as its node takes them.
-    pub(crate) fn list(&self, name: &str, kind: Kind) -> Setting {
-        let place = self.first_place(kind);
-        let texts = self.slots(kind).map_or_else(Vec::new, |slots| {
-            (0..slots.first.len()).map(|slot| self.scene.slot_text(kind, slots, slot)).collect()
-        });
-        let items = texts.into_iter().map(|text| Value::made(Form::Text(text), &place)).collect();
-        setting(name, Form::List(items), &place)
+    /// The list of a kind's slots, as its node takes them. Each text has the place at which it stands in the scene.
+    pub(crate) fn list(&self, kind: &str, effect: &Effect) -> Setting {
+        let texts = self.slots(kind).map_or_else(Vec::new, |slots| self.scene.slot_texts(kind, slots));
+        let items = texts.into_iter().map(|(text, place)| Value::made(Form::Text(text), &place)).collect();
+        setting(&effect.list, Form::List(items), &self.first_place(kind))
     }
+
+    /// The node of an effect, as voice `voice` of a texture where that is not empty. What it needs comes from the
+    /// contact, or from the motion.
+    pub(crate) fn effect(&mut self, kind: &str, effect: &Effect, voice: &str) -> String {
+        let place = self.first_place(kind);
+        let id = if voice.is_empty() { kind.to_owned() } else { format!("{kind} {voice}") };
+        let mut params = vec![self.list(kind, effect)];
+        let device = &self.scene.device;
+        let smooths = |descriptor: &Descriptor| descriptor.params.iter().any(|p| p.name == "smooth_hz");
+        if device.position_step_mm > 0.0 && self.registry.get(kind).is_some_and(|k| smooths(k.descriptor())) {
+            // Places that come in steps are heard as such.
+            let cutoff_hz = number(&self.scene.motion, "cutoff_hz").unwrap_or(20.0);
+            params.push(setting("smooth_hz", Form::Float(cutoff_hz), &device.place));
+        }
+        self.node(&id, kind, &place, params);
+        self.renders(kind, &id);
+        self.wire(&format!("contact.{}", slot_port(kind, voice)), &format!("{id}.slot"));
+        for (input, quantity) in &effect.needs {
+            let from = self.quantity(kind, effect.acts, voice, quantity);
+            self.wire(&from, &format!("{id}.{input}"));
+        }
+        id
+    }
+
+    /// The output that gives a quantity of the contact.
+    fn quantity(&self, kind: &str, acts: Acts, voice: &str, quantity: &str) -> String {
+        let of_contact = |name: &str| {
+            let contact = self.registry.get("contact").map(|kind| kind.descriptor());
+            contact.is_some_and(|contact| contact.outputs.iter().any(|output| output.name == name))
+        };
+        let of_voice = format!("{quantity}_{voice}");
+        match acts {
+            Acts::Near if matches!(quantity, "distance" | "normal") => format!("contact.{kind}_{quantity}"),
+            Acts::Gliding if of_contact(&of_voice) => format!("contact.{of_voice}"),
+            _ if of_contact(quantity) => format!("contact.{quantity}"),
+            _ => format!("motion.{quantity}"),
+        }
+    }
+}
+
+/// The output of `contact` with the slot of an effect, of a texture in voice `voice`.
+pub(crate) fn slot_port(kind: &str, voice: &str) -> String {
+    if voice.is_empty() { format!("{kind}_slot") } else { format!("{kind}_slot_{voice}") }
 }
 
 /// A parameter that a program sets.

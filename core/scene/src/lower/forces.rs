@@ -1,8 +1,9 @@
 //! The hand, what it touches, and the forces on it.
 
-use crate::{Kind, Part};
+use crate::Part;
 use asperity_diagnostics::Diagnostic;
-use asperity_diagnostics::ron::Kind as Form;
+use asperity_diagnostics::ron::{Kind as Form, Value};
+use asperity_node::Acts;
 
 use crate::lower::builder::{Builder, handed_on, number, setting};
 
@@ -30,9 +31,18 @@ impl Builder<'_> {
         let here = self.here();
         let name = scene.source.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let gate_ms = number(&scene.gate, "fade_ms").unwrap_or(GATE_FADE_MS);
+        let names = self.names();
+        let list = |name, kinds: &[String]| {
+            let items = kinds.iter().map(|kind| Value::made(Form::Text(kind.clone()), &here)).collect();
+            setting(name, Form::List(items), &here)
+        };
         let mut params = vec![
+            list("touching", &names.touching),
+            list("inside", &names.inside),
+            list("near", &names.near),
+            list("textures", &names.textures),
             setting("scene", Form::Text(name.unwrap_or_default()), &here),
-            setting("slots", Form::Text(scene.slots_key()), &here),
+            setting("slots", Form::Text(scene.slots_key(names.iter())), &here),
             setting("max_force_n", Form::Float(scene.device.max_force_n), &scene.device.place),
             setting("crossfade_ms", Form::Float(CROSSFADE_MS), &here),
             setting("hold_ms", Form::Float(gate_ms.max(CROSSFADE_MS)), &here),
@@ -57,28 +67,12 @@ impl Builder<'_> {
         let scene = self.scene;
         let walls = scene.surfaces.iter().any(|surface| surface.effects.stiffness.is_some());
         let mut beside = Vec::new();
-        if self.is_built(Kind::Friction) {
-            self.effect(
-                Kind::Friction,
-                "laws",
-                &["slot", "velocity", "force", "tangents"],
-                &["friction", "slide", "force", "tangents"],
-            );
-            beside.push("friction.force".to_owned());
-        }
-        if self.is_built(Kind::Viscosity) {
-            self.effect(Kind::Viscosity, "drags", &["slot"], &["viscosity"]);
-            self.wire("motion.unfiltered", "viscosity.velocity");
-            beside.push("viscosity.force".to_owned());
-        }
-        if self.is_built(Kind::Magnet) {
-            self.effect(
-                Kind::Magnet,
-                "magnets",
-                &["slot", "distance", "normal"],
-                &["magnet", "magnet_distance", "magnet_normal"],
-            );
-            beside.push("magnet.force".to_owned());
+        for acts in [Acts::Touching, Acts::Inside, Acts::Near] {
+            for (kind, effect) in self.acting(acts) {
+                if !self.vibrates(kind) {
+                    beside.push(self.effect(kind, effect, ""));
+                }
+            }
         }
         let mut all = beside.clone();
         if walls || !self.prune {
@@ -128,16 +122,5 @@ impl Builder<'_> {
             self.wire("forces beside", "device.force");
         }
         Ok(())
-    }
-
-    /// The one node of an effect, with its list of slots; `from` are outputs of `contact`, in the order of `to`, its inputs.
-    pub(crate) fn effect(&mut self, kind: Kind, list: &str, to: &[&str], from: &[&str]) {
-        let (word, place) = (kind.word(), self.first_place(kind));
-        let list = self.list(list, kind);
-        self.node(word, word, &place, vec![list]);
-        self.renders(kind, word);
-        for (from, to) in from.iter().zip(to) {
-            self.wire(&format!("contact.{from}"), &format!("{word}.{to}"));
-        }
     }
 }

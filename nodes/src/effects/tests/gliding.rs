@@ -5,13 +5,13 @@ use std::sync::Arc;
 use asperity_diagnostics::{Source, ron};
 use asperity_dsp::filter::Section;
 use asperity_node::Unit;
-use asperity_scene::Texture;
-use asperity_scene::effect::{
-    HeightSpline, Parts, Path, Relief, ReliefSettings, Smoothing, Waveform, WaveformQuantity, WaveformTable,
-};
+use asperity_scene::Heights;
 
 use super::bench::{Bench, Script, largest_step, refused, spans};
 use crate::effects;
+use crate::effects::path::{Parts, Path, Smoothing};
+use crate::effects::relief::{Follower, HeightSpline, ReliefSettings};
+use crate::effects::waveform::{Reader, WaveformQuantity, WaveformTable};
 
 /// Slot, place, stroke and level of a tick.
 type Told = (f64, [f64; 2], f64, f64);
@@ -86,12 +86,12 @@ fn a_waveform_is_its_kernel_along_the_path_of_places() {
         let play = move |tick: u64| (if tick < 200 { 0.0 } else { 1.0 }, place(tick, tick_hz), 0.0, 1.0);
         let (run, _) = bench(tick_hz, rate, "waveform", &[("loops", &loops_text)], play).run("it", 400);
         let [(drawn, _), (height, gain)] = loops();
-        let mut on = vec![(Waveform::new(drawn.clone()), 1.0)];
+        let mut on = vec![(Reader::new(drawn.clone()), 1.0)];
         for ((tick, path), (_, first, len)) in
             paths(0..400, tick_hz, |t| place(t, tick_hz)).zip(spans(400, rate, tick_hz).skip(1))
         {
             if tick == 200 {
-                on = vec![(Waveform::new(drawn.clone()), 1.0), (Waveform::new(height.clone()), gain)];
+                on = vec![(Reader::new(drawn.clone()), 1.0), (Reader::new(height.clone()), gain)];
             }
             let parts = Parts::new(tick, first, rate, tick_hz);
             let mut want = vec![0.0_f64; len];
@@ -145,8 +145,7 @@ fn a_stroke_that_begins_elsewhere_is_no_way_between() {
 
 #[test]
 fn a_relief_is_its_kernel_along_the_path_of_places_smoothed_or_not() {
-    let value = ron::parse(&Source::new("", format!("relief(heights: {HEIGHTS})"))).unwrap();
-    let Texture::Relief { heights, .. } = Texture::parse(&value).unwrap() else { panic!() };
+    let heights = Heights::parse(&ron::parse(&Source::new("", HEIGHTS)).unwrap()).unwrap();
     let spline = HeightSpline::new(&heights.field().unwrap());
     for (tick_hz, rate, smooth) in
         [(500, 48_000, 0.0), (500, 44_100, 20.0), (4000, 48_000, 20.0), (4000, 44_100, 0.0)]
@@ -180,7 +179,7 @@ fn a_relief_is_its_kernel_along_the_path_of_places_smoothed_or_not() {
             (0..300).map(one).collect()
         };
         let settings = ReliefSettings { cutoff_hz: 800.0, max_m_s2: 100.0 };
-        let mut kernel = Relief::new(settings, rate).unwrap();
+        let mut kernel = Follower::new(settings, rate).unwrap();
         for ((tick, path), (_, first, len)) in
             paths(0..300, tick_hz, |t| smoothed[t as usize]).zip(spans(300, rate, tick_hz).skip(1))
         {
@@ -258,7 +257,7 @@ fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
     }
     let e =
         refused::<effects::Waveform>(&[("loops", "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]")]);
-    assert!(e.contains("slot 0: a texture of another kind"), "{e}");
+    assert!(e.contains("expected `waveform(...)`"), "{e}");
     let e = refused::<effects::Relief>(&[(
         "reliefs",
         "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]",

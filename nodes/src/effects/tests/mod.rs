@@ -7,5 +7,6 @@ mod forces;
 mod gliding;
 mod level;
 mod limiter;
+mod settings;
 mod tap;
 mod vibration;

@@ -27,7 +27,7 @@ mod tests;
 use std::f64::consts::TAU;
 
 use asperity_node::random;
-use asperity_scene::effect::passivity::Passivity;
+use asperity_scene::bound::Passivity;
 
 use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
 use crate::handle::{Device, Hand, Handle, Loop};

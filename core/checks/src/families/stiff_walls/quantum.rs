@@ -19,7 +19,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use asperity_scene::effect::passivity::Quantisation;
+use asperity_scene::bound::Quantisation;
 
 use crate::case::{Found, holds};
 use crate::handle::{Device, Handle, Loop};

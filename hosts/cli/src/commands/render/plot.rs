@@ -6,16 +6,13 @@ use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Shape, Unit};
 use asperity_plot::{Above, Moment, Render, Seen, Series};
-use asperity_scene::{Kind, VOICED};
+use asperity_scene::Rendered;
 
 use super::samples;
 use crate::load::OfScene;
 
 /// Longest part of a render that is drawn \[s\]: 4 MB of audio a signal.
 const MAX_S: u64 = 20;
-
-/// Effects of a scene that are textures.
-const TEXTURES: [Kind; 4] = [Kind::Network, VOICED[0], VOICED[1], VOICED[2]];
 
 /// Signals for the plot, the first of each meaning.
 pub struct Traces {
@@ -163,10 +160,11 @@ impl Traces {
         let cut = if drawn >= MAX_S { format!(", first {MAX_S} s") } else { String::new() };
         let drive =
             if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
+        let textures = self.effects.as_ref().map(Effects::textures).unwrap_or_default();
         let above = self.effects.map(|effects| effects.into_above(schedule.tick_hz));
         // The gate of a scene is open over what has no texture too.
         let active = match &above {
-            Some(above) => above.times(&TEXTURES.map(Kind::word)),
+            Some(above) => above.times(&textures.iter().map(String::as_str).collect::<Vec<_>>()),
             None => self.active.map(spans).unwrap_or_default(),
         };
         Render {
@@ -210,7 +208,7 @@ const OF_SURFACES: [&str; 2] = ["stiffness", "damping"];
 
 /// The stroke over a scene, with the effects that were active in each tick.
 pub struct Effects {
-    rendered: Vec<(Kind, Vec<String>)>,
+    rendered: Vec<Rendered>,
     /// Of each surface: whether it is stiff, whether it is damped.
     walls: Vec<[bool; 2]>,
     surfaces: Vec<Seen>,
@@ -261,7 +259,7 @@ impl Effects {
 
     /// Continues with a new schedule, of a changed scene or of no scene.
     pub fn follow(&mut self, of: Option<OfScene>, schedule: &Schedule) {
-        if let Some(OfScene { scene, rendered }) = of {
+        if let Some(OfScene { scene, rendered, .. }) = of {
             let walls = scene.surfaces.iter().map(|s| {
                 let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
                 [s.effects.stiffness.is_some(), damping]
@@ -281,18 +279,17 @@ impl Effects {
             self.rendered = rendered;
         }
         self.watched.clear();
-        for (place, (kind, ids)) in self.rendered.iter().enumerate() {
+        for (place, Rendered { texture: gated, nodes: ids, .. }) in self.rendered.iter().enumerate() {
             let nodes = || ids.iter().filter_map(|id| schedule.index_of(id));
             // A voice is heard behind its level.
             let is_level = |node: &usize| schedule.nodes[*node].kind == "level";
             let leveled = nodes().any(|node| is_level(&node));
-            let gated = *kind == Kind::Network || VOICED.contains(kind);
             // The next tick sets the count of calls: the node may have been called before.
             let watched = nodes().filter(|node| !leveled || is_level(node)).map(|node| Watched {
                 bit: OF_SURFACES.len() + place,
                 node,
                 calls: u64::MAX,
-                gated,
+                gated: *gated,
             });
             self.watched.extend(watched);
         }
@@ -309,6 +306,11 @@ impl Effects {
                 volume: output("volume")?,
             })
         });
+    }
+
+    /// Names of the textures.
+    fn textures(&self) -> Vec<String> {
+        self.rendered.iter().filter(|of| of.texture).map(|of| of.kind.clone()).collect()
     }
 
     /// Records the tick that has just run.
@@ -358,8 +360,8 @@ impl Effects {
 
     /// The picture.
     pub fn into_above(self, tick_hz: u32) -> Above {
-        let rendered = self.rendered.iter().map(|(kind, _)| kind.word());
-        let effects = OF_SURFACES.into_iter().chain(rendered).map(str::to_owned).collect();
+        let rendered = self.rendered.iter().map(|of| of.kind.clone());
+        let effects = OF_SURFACES.into_iter().map(str::to_owned).chain(rendered).collect();
         Above { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
     }
 }

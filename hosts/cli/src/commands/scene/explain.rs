@@ -12,7 +12,7 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
 use asperity_node::Buffer;
 use asperity_scene::space::Form;
-use asperity_scene::{Kind, Scene, Touchable};
+use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde_json::{Value, json};
 
 use super::{Explain, load_scene};
@@ -63,7 +63,7 @@ struct Told<'a> {
 
 /// A kind of effect: whether it is built, why, and its nodes.
 struct Effect<'a> {
-    name: &'static str,
+    name: &'a str,
     built: bool,
     why: String,
     nodes: Vec<&'a Work>,
@@ -100,17 +100,17 @@ impl<'a> Told<'a> {
         let mut all = vec![of_contact("stiffness", walls)];
         // `contact` is counted once.
         all.push(Effect { nodes: Vec::new(), ..of_contact("damping", damped) });
-        for (kind, ids) in &self.of_scene.rendered {
-            let slots = self.scene().slots(*kind);
+        for Rendered { kind, nodes: ids, .. } in &self.of_scene.rendered {
+            let slots = self.scene().slots(kind);
             let nodes: Vec<&Work> = ids.iter().filter_map(|id| self.account.node(id)).collect();
-            let what = if *kind == Kind::Network { "material" } else { "setting" };
+            let what = if kind == NETWORK { "material" } else { "setting" };
             let why = match (slots.surfaces(), ids.is_empty(), nodes.is_empty()) {
                 (0, true, _) => "no surface has it".into(),
                 (0, false, _) => "no surface has it; built since nothing is to be left out".into(),
                 (_, false, true) => "nothing that it leads to is wanted".into(),
                 (n, ..) => format!("{}, {}", plural(n, "surface"), plural(slots.first.len(), what)),
             };
-            all.push(Effect { name: kind.word(), built: !nodes.is_empty(), why, nodes, active: 0 });
+            all.push(Effect { name: kind, built: !nodes.is_empty(), why, nodes, active: 0 });
         }
         for (effect, active) in all.iter_mut().zip(&self.account.active) {
             effect.active = *active;
@@ -171,7 +171,7 @@ impl<'a> Told<'a> {
                 clean(&dropped.why)
             );
         }
-        let models = models(self.scene(), self.schedule, self.account);
+        let models = models(self.of_scene, self.schedule, self.account);
         if !models.is_empty() {
             let _ = writeln!(out, "\nmodel");
             for Model { file, tick_us, why } in models {
@@ -246,7 +246,7 @@ impl<'a> Told<'a> {
                 })
             })
             .collect();
-        let models: Vec<Value> = models(self.scene(), self.schedule, self.account)
+        let models: Vec<Value> = models(self.of_scene, self.schedule, self.account)
             .into_iter()
             .map(|m| {
                 json!({
@@ -301,13 +301,18 @@ fn names(surface: &Touchable) -> Vec<String> {
     if effects.damping.is_some() {
         all.push("damping".to_owned());
     }
-    for kind in Kind::ALL {
-        let count = kind.places(effects).len();
-        match (kind, &surface.material) {
-            (_, _) if count == 0 => {}
-            (Kind::Network, Some(material)) => all.push(format!("network of {}", material.of)),
-            _ if count > 1 => all.push(format!("{count} {}s", kind.word())),
-            _ => all.push(kind.word().to_owned()),
+    match (&effects.network, &surface.material) {
+        (Some(_), Some(material)) => all.push(format!("network of {}", material.of)),
+        (Some(_), None) => all.push(NETWORK.to_owned()),
+        (None, _) => {}
+    }
+    let mut seen = BTreeSet::new();
+    for named in &effects.named {
+        if seen.insert(&named.kind) {
+            match effects.of(&named.kind).count() {
+                1 => all.push(named.kind.clone()),
+                count => all.push(format!("{count} {}s", named.kind)),
+            }
         }
     }
     all
@@ -426,10 +431,10 @@ struct Model {
 }
 
 /// Files that the scene names or its nodes read.
-fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
-    let mut all = of_network(scene, schedule, account);
+fn models(of: &OfScene, schedule: &Schedule, account: &Account) -> Vec<Model> {
+    let mut all = of_network(&of.scene, schedule, account);
     let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
-    for file in scene.surfaces.iter().flat_map(|surface| surface.effects.files()) {
+    for file in &of.files {
         files.entry(file.clone()).or_default().0 += 1;
     }
     for file in node_files(schedule).into_iter().filter(|file| file.param.is_empty()) {
@@ -450,12 +455,12 @@ fn models(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
 /// Model and library of the network, if the scene has one.
 fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Model> {
     let Some(part) = &scene.network else { return Vec::new() };
-    let slots = scene.slots(Kind::Network);
+    let slots = scene.slots(NETWORK);
     let why = match slots.first.len() {
         0 => "no surface has a network texture".to_owned(),
         n => {
-            let name = |slot| scene.slot_text(Kind::Network, &slots, slot);
-            let names: Vec<String> = (0..n.min(MOST_NAMED)).map(name).collect();
+            let all = scene.slot_texts(NETWORK, &slots);
+            let names: Vec<String> = all.into_iter().take(MOST_NAMED).map(|(name, _)| name).collect();
             let more = if n > MOST_NAMED { format!(" and {} more", n - MOST_NAMED) } else { String::new() };
             format!("{}: {}{more}", plural(n, "material"), names.join(", "))
         }

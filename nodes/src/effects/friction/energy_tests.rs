@@ -4,7 +4,7 @@ use asperity_state::State;
 use proptest::prelude::*;
 
 use super::*;
-use crate::effect::EffectError;
+use crate::effects::bounds::EffectError;
 
 /// A law with a bristle, as these tests see it.
 trait Law {
@@ -205,7 +205,7 @@ fn the_laws_at_rest_are_what_a_small_push_meets() {
     let force = -law.step([1e-3, 0.0], 2.0, dt)[0];
     let want = stated.stiffness_n_per_mm * 1e-3 * dt + 1e-3 * stated.damping_ns_per_m * 1e-3;
     assert!((force / want - 1.0).abs() < 1e-3, "{force} {want}");
-    assert_eq!(law.law(0.0), crate::effect::passivity::Law::default());
+    assert_eq!(law.law(0.0), asperity_node::Law::default());
     let mut dahl = Dahl::new(0.5, 2.0).unwrap();
     let force = -dahl.step([1e-3, 0.0], 2.0, dt)[0];
     assert!((force / (dahl.law().stiffness_n_per_mm * 1e-3 * dt) - 1.0).abs() < 1e-3);

@@ -1,8 +1,9 @@
 use asperity_state::State;
 
-use super::{BRISTLE, Bristle, MAX_COEFFICIENT, inputs};
-use crate::effect::EffectError;
-use crate::effect::passivity::Law;
+use super::law::{BRISTLE, Bristle, MAX_COEFFICIENT, inputs};
+use asperity_node::Law;
+
+use crate::effects::bounds::EffectError;
 
 /// Dahl's friction (P. R. Dahl, "A solid friction model", 1968) on a plane: a bristle that is bent as the surface passes, and gives way,
 ///
@@ -49,7 +50,8 @@ impl Dahl {
 
     /// Energy in the bristle \[mJ\].
     pub fn stored_mj(&self) -> f64 {
-        0.5 * self.stiffness_n_per_mm * super::dot(self.bristle.bent_mm, self.bristle.bent_mm)
+        0.5 * self.stiffness_n_per_mm
+            * crate::effects::bounds::dot(self.bristle.bent_mm, self.bristle.bent_mm)
     }
 
     /// Unbends the bristle.

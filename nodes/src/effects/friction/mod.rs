@@ -1,13 +1,25 @@
 //! `friction`: force against the motion along a surface.
 
-use asperity_diagnostics::ron::Value;
+mod dahl;
+#[cfg(test)]
+mod energy_tests;
+pub mod law;
+mod lugre;
+#[cfg(test)]
+mod stick_slip_tests;
+mod viscous_coulomb;
+
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Node, Param, Settings, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
-use asperity_scene::effect::friction::{Dahl, LuGre, ViscousCoulomb};
+
+pub use dahl::Dahl;
+pub use lugre::{LuGre, LuGreSettings};
+pub use viscous_coulomb::ViscousCoulomb;
 
 use super::voices::{Voice, Voices};
-use super::{at, let_go, put, slot, texts, vector};
+use super::{each, let_go, made, put, slot, vector};
 
 const SLOT: usize = 0;
 const VELOCITY: usize = 1;
@@ -37,15 +49,34 @@ enum Law {
 }
 
 impl Law {
-    fn read(value: &Value) -> Result<Self, Diagnostic> {
-        match asperity_scene::Friction::parse(value)? {
-            asperity_scene::Friction::ViscousCoulomb { coefficient, viscosity_s_per_mm } => {
-                at(value, ViscousCoulomb::new(coefficient, viscosity_s_per_mm)).map(Self::ViscousCoulomb)
+    fn read(settings: &Settings) -> Result<Self, Diagnostic> {
+        let number = |name| settings.number(name);
+        let law = match settings.form() {
+            "viscous_coulomb" => ViscousCoulomb::new(number("coefficient"), number("viscosity_s_per_mm"))
+                .map(Self::ViscousCoulomb),
+            "dahl" => Dahl::new(number("coefficient"), number("bristle_stiffness_n_per_mm")).map(Self::Dahl),
+            _ => LuGre::new(LuGreSettings {
+                static_coefficient: number("static_coefficient"),
+                kinetic_coefficient: number("kinetic_coefficient"),
+                stribeck_speed_mm_s: number("stribeck_speed_mm_s"),
+                bristle_stiffness_n_per_mm: number("bristle_stiffness_n_per_mm"),
+                bristle_damping_ns_per_m: number("bristle_damping_ns_per_m"),
+                viscosity_s_per_mm: number("viscosity_s_per_mm"),
+            })
+            .map(Self::LuGre),
+        };
+        made(settings, law)
+    }
+
+    /// The law near rest, along the surface.
+    fn near_rest(self, settings: &Settings, normal_force_n: f64) -> asperity_node::Law {
+        match self {
+            Self::ViscousCoulomb(_) | Self::Dahl(_) if settings.number("coefficient") == 0.0 => {
+                asperity_node::Law::default()
             }
-            asperity_scene::Friction::Dahl { coefficient, bristle_stiffness_n_per_mm } => {
-                at(value, Dahl::new(coefficient, bristle_stiffness_n_per_mm)).map(Self::Dahl)
-            }
-            asperity_scene::Friction::LuGre(settings) => at(value, LuGre::new(settings)).map(Self::LuGre),
+            Self::ViscousCoulomb(law) => law.law(normal_force_n),
+            Self::Dahl(law) => law.law(),
+            Self::LuGre(law) => law.law(normal_force_n),
         }
     }
 
@@ -56,6 +87,61 @@ impl Law {
             Self::LuGre(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
         }
     }
+}
+
+/// How a scene writes the laws, with their usual values.
+fn effect() -> Effect {
+    let usual = LuGreSettings::default();
+    let coefficient = |name, usual| Param::number(name, usual, 0.0..=10.0, "friction over normal force");
+    let bristle = |usual| {
+        Param::number("bristle_stiffness_n_per_mm", usual, 0.0..=1000.0, "stiffness of what sticks")
+            .unit("N/mm")
+    };
+    let viscosity = |usual| {
+        Param::number("viscosity_s_per_mm", usual, 0.0..=10.0, "part of the normal force per speed")
+            .unit("s/mm")
+    };
+    let viscous_coulomb =
+        Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)")
+            .field(coefficient("coefficient", 0.3))
+            .field(viscosity(ViscousCoulomb::VISCOSITY_S_PER_MM));
+    let dahl = Form::new("dahl", "dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)")
+        .field(coefficient("coefficient", 0.3))
+        .field(bristle(1.0));
+    let lugre = Form::new(
+        "lugre",
+        "lugre(static_coefficient: 0.8, kinetic_coefficient: 0.5, stribeck_speed_mm_s: 30, \
+         bristle_stiffness_n_per_mm: 1, bristle_damping_ns_per_m: 0.3, viscosity_s_per_mm: 0)",
+    )
+    .field(coefficient("static_coefficient", usual.static_coefficient))
+    .field(coefficient("kinetic_coefficient", usual.kinetic_coefficient))
+    .field(
+        Param::number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.0..=1000.0, "where it slips")
+            .unit("mm/s"),
+    )
+    .field(bristle(usual.bristle_stiffness_n_per_mm))
+    .field(
+        Param::number(
+            "bristle_damping_ns_per_m",
+            usual.bristle_damping_ns_per_m,
+            0.0..=1000.0,
+            "damping of what sticks",
+        )
+        .unit("N s/m"),
+    )
+    .field(viscosity(usual.viscosity_s_per_mm));
+    Effect::new("laws", Acts::Touching)
+        .form(viscous_coulomb)
+        .form(dahl)
+        .form(lugre)
+        .needs("velocity", "slide")
+        .needs("force", "force")
+        .needs("tangents", "tangents")
+        .check(|settings| Law::read(settings).map(drop))
+        .law(Direction::Surface, |settings, normal_force_n| {
+            Law::read(settings)
+                .map_or_else(|_| asperity_node::Law::default(), |law| law.near_rest(settings, normal_force_n))
+        })
 }
 
 impl Law {
@@ -104,16 +190,14 @@ impl Node for Friction {
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
                 "laws",
-                "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \"viscous_coulomb(coefficient: 0.5)\"]: `viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)`, \
-                 `dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)`, `lugre(static_coefficient: 0.8, kinetic_coefficient: 0.5, \
-                 stribeck_speed_mm_s: 30, bristle_stiffness_n_per_mm: 1, bristle_damping_ns_per_m: 0.3, viscosity_s_per_mm: 0)`, which are their \
-                 usual values.",
+                "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \"viscous_coulomb(coefficient: 0.5)\"].",
             ))
+            .effect(effect())
             .timing("no latency: the force of a tick's velocity in that tick; not called while nothing is touched")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let laws = texts::read(setup, "laws", |value| Law::read(value).map(|law| vec![law]))?;
+        let laws = each(setup, Law::read)?;
         let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
         Ok(Self { laws: Voices::new(laws), tangents: FLAT, dt_s, every: setup.every })
     }

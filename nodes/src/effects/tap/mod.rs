@@ -1,16 +1,19 @@
 //! `tap`: the transient of a contact.
 
+mod transient;
+
 use std::path::PathBuf;
 
+use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, Node, Param, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Settings, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
-use asperity_scene::effect;
-use asperity_scene::{Knock, Sound};
 
 use super::mix::Mix;
-use super::{acceleration, at, pick, slot, texts};
+use super::{TRIED_HZ, acceleration, files, made, one_each, pick, slot};
+pub use transient::{DecayingSinusoid, Recording, TapSettings, Taps, Transient};
 
 const SLOT: usize = 0;
 const APPROACH: usize = 1;
@@ -27,9 +30,9 @@ const FORGOTTEN_S: u64 = 1;
 /// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time: at a seventh the one that was struck
 /// first fades out in a millisecond.
 pub struct Tap {
-    kernels: Vec<effect::Tap>,
+    kernels: Vec<Taps>,
     /// In place of kernels that the state has room for and that are not there.
-    spare: Option<effect::Tap>,
+    spare: Option<Taps>,
     struck: [Option<Struck>; ROOM],
     mix: Mix,
     rate_hz: u32,
@@ -65,7 +68,7 @@ impl Tap {
         let Self { kernels, struck, .. } = self;
         for entry in struck.iter_mut() {
             *entry = entry.filter(|s| {
-                let sounds = kernels.get(s.slot).is_some_and(effect::Tap::sounds);
+                let sounds = kernels.get(s.slot).is_some_and(Taps::sounds);
                 sounds || sample.saturating_sub(s.at) <= forgotten
             });
         }
@@ -86,24 +89,127 @@ impl Tap {
         }
         self.counts[0] += 1;
         struck[place] = Some(Struck { slot, at: sample, released: false });
-        let full = |s: &&mut Struck| !s.released && kernels.get(s.slot).is_some_and(effect::Tap::sounds);
+        let full = |s: &&mut Struck| !s.released && kernels.get(s.slot).is_some_and(Taps::sounds);
         if struck.iter_mut().flatten().filter(full).count() > MOST
             && let Some(first) = struck.iter_mut().flatten().filter(full).min_by_key(|s| s.at)
         {
             first.released = true;
             let slot = first.slot;
             self.counts[1] += 1;
-            kernels.get_mut(slot).into_iter().for_each(effect::Tap::release);
+            kernels.get_mut(slot).into_iter().for_each(Taps::release);
         }
     }
 }
 
-fn read(value: &Value, rate_hz: u32, files: &mut Vec<PathBuf>) -> Result<effect::Tap, Diagnostic> {
-    let knock = Knock::parse(value)?;
-    if let Sound::Recorded { file, .. } = &knock.sound {
-        files.push(file.clone());
+/// Longest recording of a tap in samples: a minute and a half at 48 kHz.
+const MAX_RECORDED: u32 = 1 << 22;
+/// The loudest of a recording.
+const MOST_M_S2: f32 = 1e6;
+
+fn effect() -> Effect {
+    let usual = TapSettings::default();
+    let speed = |name, usual, range, doc| Param::number(name, usual, range, doc).unit("mm/s");
+    Effect::new("taps", Acts::Touching)
+        .form(
+            Form::new("", "(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)])")
+                .nested("sinusoids")
+                .nested("recording")
+                .field(speed("min_speed_mm_s", usual.min_speed_mm_s, 0.0..=1000.0, "slower is silent"))
+                .field(speed("max_speed_mm_s", usual.max_speed_mm_s, 1.0..=10_000.0, "loudest from here on"))
+                .field(
+                    Param::number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "from one tap to the next")
+                        .unit("ms"),
+                )
+                .field(
+                    Param::number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "quieter is over")
+                        .unit("m/s^2"),
+                ),
+        )
+        .needs("approach", "approach")
+        .needs("moment", "moment")
+        .check(|settings| match sound(settings)? {
+            Sound::Sinusoids(all) => {
+                let taps = Taps::new(&Transient::Sinusoids(all), of(settings), TRIED_HZ);
+                made(settings, taps).map(drop)
+            }
+            Sound::Recorded { .. } => Ok(()),
+        })
+}
+
+/// When a tap sounds.
+fn of(settings: &Settings) -> TapSettings {
+    TapSettings {
+        min_speed_mm_s: settings.number("min_speed_mm_s"),
+        max_speed_mm_s: settings.number("max_speed_mm_s"),
+        debounce_ms: settings.number("debounce_ms"),
+        floor_m_s2: settings.number("floor_m_s2"),
     }
-    at(value, effect::Tap::new(&knock.transient()?, knock.settings, rate_hz))
+}
+
+/// Sinusoids, or a recording whose file was not read yet.
+enum Sound {
+    Sinusoids(Vec<DecayingSinusoid>),
+    Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64, gain: f64 },
+}
+
+fn sound(settings: &Settings) -> Result<Sound, Diagnostic> {
+    let TapSettings { min_speed_mm_s: least, max_speed_mm_s: most, .. } = of(settings);
+    if least > most {
+        let message = format!("`min_speed_mm_s` ({least}) must not be larger than `max_speed_mm_s` ({most})");
+        return Err(settings.value().error(message));
+    }
+    match (settings.nested("sinusoids"), settings.nested("recording")) {
+        (Some(list), None) => {
+            list.list()?.iter().map(sinusoid).collect::<Result<_, _>>().map(Sound::Sinusoids)
+        }
+        (None, Some(value)) => recording(value),
+        (Some(_), Some(second)) => {
+            Err(second.error("a tap has both `sinusoids` and a `recording`").help("leave one of the two out"))
+        }
+        (None, None) => Err(settings.value().error("a tap needs `sinusoids` or a `recording`").help(
+            "sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], or recording: (file: \"tap.wav\", \
+             speed_mm_s: 100, full_scale_m_s2: 50)",
+        )),
+    }
+}
+
+fn sinusoid(item: &Value) -> Result<DecayingSinusoid, Diagnostic> {
+    let mut one = item.record("sinusoid")?;
+    let sinusoid = DecayingSinusoid {
+        frequency_hz: one.required("frequency_hz")?.f64_in(1.0..=20_000.0, "Hz")?,
+        decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
+        gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
+    };
+    one.finish(&["frequency_hz", "decay_ms", "gain"])?;
+    Ok(sinusoid)
+}
+
+fn recording(value: &Value) -> Result<Sound, Diagnostic> {
+    let mut record = value.record("recording")?;
+    let file = record.required("file")?.path()?;
+    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
+    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+    let gain = record.optional("gain").map_or(Ok(1.0), |gain| gain.f64_in(0.0..=100.0, ""))?;
+    record.finish(&["file", "speed_mm_s", "full_scale_m_s2", "gain"])?;
+    Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
+}
+
+/// The transient of a slot. A recording is read from its file: of several channels the first.
+fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
+    match sound(settings)? {
+        Sound::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids)),
+        Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
+            let wav = Wav::read(&file, MAX_RECORDED)?;
+            let samples: Vec<f32> = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
+            if let Some(x) = samples.iter().find(|x| !x.is_finite() || x.abs() > MOST_M_S2) {
+                return Err(Diagnostic::new(format!("a tap of {x:e} m/s^2 is out of range"))
+                    .in_file(&file)
+                    .help(format!("up to {MOST_M_S2:e} m/s^2")));
+            }
+            let rate_hz = f64::from(wav.rate_hz);
+            Ok(Transient::Recorded(Recording { samples, rate_hz, speed_mm_s }))
+        }
+    }
 }
 
 impl Node for Tap {
@@ -123,23 +229,25 @@ impl Node for Tap {
             .output(acceleration().doc("the transients"))
             .param(Param::texts(
                 "taps",
-                "Taps, each a text as behind `tap` in a scene: `(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], min_speed_mm_s: 2, \
-                 max_speed_mm_s: 1000, debounce_ms: 20, floor_m_s2: 0.001)`, the gain in m/s^2 per m/s; or `(recording: (file: \"tap.wav\", \
-                 speed_mm_s: 100, full_scale_m_s2: 50, gain: 1))`, a WAV file whose first channel was recorded at that speed. Quotes within a text are written r#\"..\"#.",
+                "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
             ))
+            .effect(effect())
             .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let (rate_hz, mut files) = (setup.audio_hz, Vec::new());
-        let kernels = texts::read(setup, "taps", |value| read(value, rate_hz, &mut files))?;
+        let rate_hz = setup.audio_hz;
+        let kernels = one_each(setup, |settings| {
+            made(settings, Taps::new(&transient(settings)?, of(settings), rate_hz))
+        })?;
+        let files = files(setup);
         Ok(Self {
             spare: kernels.first().cloned(),
             struck: [None; ROOM],
             mix: Mix::new(setup),
             rate_hz,
             tick_hz: setup.tick_hz,
-            longest: kernels.iter().map(effect::Tap::longest).max().unwrap_or(0),
+            longest: kernels.iter().map(Taps::longest).max().unwrap_or(0),
             kernels,
             files,
             counts: [0; 2],
@@ -177,7 +285,7 @@ impl Node for Tap {
 
     fn reset(&mut self) {
         for s in self.struck.iter_mut().filter_map(Option::take) {
-            self.kernels.get_mut(s.slot).into_iter().for_each(effect::Tap::reset);
+            self.kernels.get_mut(s.slot).into_iter().for_each(Taps::reset);
         }
     }
 
@@ -230,5 +338,37 @@ impl Node for Tap {
             Fact::count("taps", self.counts[0]),
             Fact::count("cut_short", self.counts[1]),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use asperity_diagnostics::{Source, ron};
+
+    #[test]
+    fn recording_is_scaled_and_read_from_its_first_channel() {
+        let dir = tempfile::tempdir().unwrap();
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 8000,
+            bits_per_sample: 16,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let mut writer = hound::WavWriter::create(dir.path().join("tap.wav"), spec).unwrap();
+        [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
+        writer.finalize().unwrap();
+        let settings = |file: &str| {
+            let text = format!(
+                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: 30)"
+            );
+            let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
+            effect().read("tap", &value).unwrap()
+        };
+        assert_eq!(of(&settings("tap.wav")).debounce_ms, 30.0);
+        let Transient::Recorded(found) = transient(&settings("tap.wav")).unwrap() else { panic!() };
+        assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
+        let e = transient(&settings("none.wav")).unwrap_err().to_string();
+        assert!(e.contains("none.wav: cannot read this file: No such file"), "{e}");
     }
 }

@@ -10,8 +10,8 @@ fn sinusoid(frequency_hz: f64, decay_ms: f64, gain: f64) -> DecayingSinusoid {
     DecayingSinusoid { frequency_hz, decay_ms, gain }
 }
 
-fn tap(all: &[DecayingSinusoid], settings: TapSettings) -> Tap {
-    Tap::new(&Transient::Sinusoids(all.to_vec()), settings, RATE).unwrap()
+fn tap(all: &[DecayingSinusoid], settings: TapSettings) -> Taps {
+    Taps::new(&Transient::Sinusoids(all.to_vec()), settings, RATE).unwrap()
 }
 
 /// A tap of 1 m/s, `age` samples old.
@@ -158,7 +158,7 @@ fn recording(phase: f64) -> Recording {
 
 #[test]
 fn a_recording_sounds_as_it_was_at_its_own_speed_and_in_proportion_at_others() {
-    let mut tap = Tap::new(&Transient::Recorded(recording(0.0)), TapSettings::default(), RATE).unwrap();
+    let mut tap = Taps::new(&Transient::Recorded(recording(0.0)), TapSettings::default(), RATE).unwrap();
     for (begin, part, speed) in [(0, 0.0, 80.0), (10_000, 0.5, 20.0)] {
         assert!(tap.strike(begin, part, speed));
         let mut out = [0.0f64; 4000];
@@ -175,7 +175,7 @@ fn a_recording_sounds_as_it_was_at_its_own_speed_and_in_proportion_at_others() {
 #[test]
 fn a_recording_that_begins_and_ends_with_a_step_is_faded() {
     let flat = Recording { samples: vec![1.0; 480], rate_hz: 48_000.0, speed_mm_s: 100.0 };
-    let mut tap = Tap::new(&Transient::Recorded(flat), TapSettings::default(), RATE).unwrap();
+    let mut tap = Taps::new(&Transient::Recorded(flat), TapSettings::default(), RATE).unwrap();
     tap.strike(0, 0.0, 100.0);
     let mut out = [0.0f64; 600];
     tap.process(0, &mut out);
@@ -208,17 +208,6 @@ fn it_goes_on_from_its_state() {
 }
 
 #[test]
-fn a_surface_is_passed_where_the_distance_is_nought() {
-    assert_eq!(crossing(0.3, -0.1), Some(0.3 / 0.4));
-    assert_eq!((crossing(0.2, 0.0), crossing(0.0, -0.2), crossing(0.5, 0.1)), (Some(1.0), None, None));
-    assert_eq!((crossing(-0.1, -0.3), crossing(-0.1, 0.4)), (None, None));
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!((crossing(bad, -1.0), crossing(1.0, bad)), (None, None));
-    }
-    assert!(crossing(f64::MAX, -f64::MAX).is_some_and(|p| (0.0..=1.0).contains(&p)));
-}
-
-#[test]
 fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let mut tap =
         tap(&[sinusoid(100.0, 1e5, 1e5)], TapSettings { max_speed_mm_s: 1e4, ..TapSettings::default() });
@@ -232,7 +221,7 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     tap.process(u64::MAX - 100, &mut [0.0f32; 200]);
     tap.process(0, &mut [0.0f32; 200]);
 
-    let new = |t: &Transient| Tap::new(t, TapSettings::default(), RATE).unwrap_err().to_string();
+    let new = |t: &Transient| Taps::new(t, TapSettings::default(), RATE).unwrap_err().to_string();
     assert!(new(&Transient::Sinusoids(vec![])).contains("0 sinusoids"));
     assert!(new(&Transient::Sinusoids(vec![sinusoid(50.0, 1.0, 1.0); 9])).contains("from 1 to 8"));
     for bad in [sinusoid(21_601.0, 1.0, 1.0), sinusoid(50.0, 0.0, 1.0)] {
@@ -260,9 +249,9 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
             debounce_ms: debounce,
             floor_m_s2: floor,
         };
-        assert!(Tap::new(&good, s, RATE).is_err());
+        assert!(Taps::new(&good, s, RATE).is_err());
     }
-    assert!(Tap::new(&good, TapSettings::default(), 99).is_err());
+    assert!(Taps::new(&good, TapSettings::default(), 99).is_err());
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::super::Smoothing;
 use super::*;
-use crate::effect::EffectError;
+use crate::effects::bounds::EffectError;
+use crate::effects::path::Smoothing;
 
 const RATE: u32 = 48_000;
 const SPACING_MM: f64 = 0.05;
@@ -26,7 +26,7 @@ fn stroke(
     seconds: f64,
     speed: impl Fn(f64) -> (f64, f64),
 ) -> Vec<f64> {
-    let (mut path, mut waveform) = (Path::new(Smoothing::Hermite, tick_hz), Waveform::new(table.clone()));
+    let (mut path, mut waveform) = (Path::new(Smoothing::Hermite, tick_hz), Reader::new(table.clone()));
     let mut all = Vec::new();
     for tick in 0..(seconds * f64::from(tick_hz)) as u64 {
         let (place, v) = speed(tick as f64 / f64::from(tick_hz));
@@ -216,11 +216,11 @@ fn it_goes_on_from_its_state_and_begins_anew_on_a_reset() {
     path.advance([0.1, 0.1], [50.0, 50.0]);
     let parts = Parts::new(1, 96, RATE, 500);
     let (mut a, mut b) = ([0.0f32; 96], [0.0f32; 96]);
-    let mut one = Waveform::new(table.clone());
+    let mut one = Reader::new(table.clone());
     one.process(&path, &parts, &mut a);
     let mut bytes = vec![0; State::measure(|s| one.state(s))];
     State::save(&mut bytes, |s| one.state(s)).unwrap();
-    let mut other = Waveform::new(table);
+    let mut other = Reader::new(table);
     assert!(State::restore(&bytes, |s| other.state(s)));
     path.advance([0.2, 0.2], [50.0, 50.0]);
     one.process(&path, &parts, &mut a);
@@ -238,7 +238,7 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let quantity = WaveformQuantity::Acceleration { reference_speed_mm_s: 0.1, speed_exponent: 2.0 };
     for table in [wave(4, 1.0, quantity), wave(5, 1.0, WaveformQuantity::Height), wave(1000, 499.0, quantity)]
     {
-        let mut waveform = Waveform::new(table);
+        let mut waveform = Reader::new(table);
         let mut path = Path::new(Smoothing::Hermite, 500);
         for (tick, x) in [f64::NAN, 1e300, -1e300, f64::INFINITY, 3.0, 3.1].into_iter().enumerate() {
             path.advance([x, 0.0], [-x, x]);

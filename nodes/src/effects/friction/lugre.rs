@@ -1,9 +1,10 @@
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-use super::{BRISTLE, Bristle, MAX_COEFFICIENT, VISCOSITY, inputs};
-use crate::effect::passivity::Law;
-use crate::effect::{EffectError, dot};
+use super::law::{BRISTLE, Bristle, MAX_COEFFICIENT, VISCOSITY, inputs};
+use asperity_node::Law;
+
+use crate::effects::bounds::{EffectError, dot};
 
 /// What is chosen about LuGre's friction.
 #[derive(Clone, Copy, Debug, PartialEq)]

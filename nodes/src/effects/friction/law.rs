@@ -2,9 +2,9 @@
 //!
 //! | law | sticks | stick-slip | remembers |
 //! |---|---|---|---|
-//! | [`ViscousCoulomb`] | no | no | nothing |
-//! | [`Dahl`] | as a spring | no: static and kinetic friction are one | the bristle |
-//! | [`LuGre`] | as a spring | yes | the bristle |
+//! | [`ViscousCoulomb`](super::ViscousCoulomb) | no | no | nothing |
+//! | [`Dahl`](super::Dahl) | as a spring | no: static and kinetic friction are one | the bristle |
+//! | [`LuGre`](super::LuGre) | as a spring | yes | the bristle |
 //!
 //! Velocities are plane vectors along the surface in mm/s, of the tick that has just passed and not filtered: behind a low-pass friction comes late, and
 //! drives what it should brake. Answers are the force on the stylus in N, against the motion. Call a law once a tick, also out of contact, where the
@@ -14,7 +14,7 @@
 //!
 //! All laws are dissipative for any velocities, normal forces and lengths of ticks: with F the force on the stylus that a call answers and v
 //! the velocity that it was given, `sum -F v dt` is never below 0. (A bound on the loop is another matter, since a force answers
-//! the tick before it: each law states its [`Law`](super::passivity::Law) at rest.)
+//! the tick before it: each law states its [`Law`](asperity_node::Law) at rest.)
 //!
 //! The two bristles `z` \[mm\] hold `s0 |z|^2 / 2`. Their stiffness `s0` does not depend on the normal force; how far they bend does, at most
 //! `mu F_n / s0`. When the normal force falls, a bristle that is bent further is let go to there at once, and what that frees is lost. A stiffness that grew
@@ -35,35 +35,27 @@
 //! A call takes 9 ns of viscous friction, 22 ns of Dahl's and 38 ns of LuGre's on a virtual AMD EPYC core (`examples/effect_cost.rs`, as all figures of
 //! effects).
 
-mod dahl;
-mod lugre;
-mod viscous_coulomb;
-
-pub use dahl::Dahl;
-pub use lugre::{LuGre, LuGreSettings};
-pub use viscous_coulomb::ViscousCoulomb;
-
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-use super::{counted_positive, counted_vector, dot};
+use crate::effects::bounds::{counted_positive, counted_vector, dot};
 
 /// Largest coefficient of friction.
-const MAX_COEFFICIENT: f64 = 10.0;
+pub(super) const MAX_COEFFICIENT: f64 = 10.0;
 /// Range of a bristle's stiffness \[N/mm\].
-const BRISTLE: (f64, f64) = (1e-3, 1000.0);
+pub(super) const BRISTLE: (f64, f64) = (1e-3, 1000.0);
 /// Range of the viscosity \[s/mm\].
-const VISCOSITY: (f64, f64) = (0.0, 10.0);
+pub(super) const VISCOSITY: (f64, f64) = (0.0, 10.0);
 
 /// What is bent along the surface, in mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Bristle {
-    bent_mm: [f64; 2],
+pub(super) struct Bristle {
+    pub(super) bent_mm: [f64; 2],
 }
 
 impl Bristle {
     /// Lets go what is bent beyond `most_mm`.
-    fn hold(&mut self, most_mm: f64) {
+    pub(super) fn hold(&mut self, most_mm: f64) {
         let square = dot(self.bent_mm, self.bent_mm);
         // What has been cut to the most is not cut again for its rounding.
         if square > most_mm * most_mm * (1.0 + 1e-12) {
@@ -74,7 +66,7 @@ impl Bristle {
 
     /// The surface goes on another way: what is bent stays as it stands in space, but for what stands out of the new tangents, which is let go. It never
     /// gets longer, whatever the tangents are.
-    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+    pub(super) fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
         let [u, v] = self.bent_mm;
         let bent: [f64; 3] = std::array::from_fn(|k| u * from[0][k] + v * from[1][k]);
         let turned = to.map(|t| bent[0] * t[0] + bent[1] * t[1] + bent[2] * t[2]);
@@ -84,7 +76,7 @@ impl Bristle {
     }
 
     /// A tick in which the surface passes at `velocity`, of size `speed`; the bend goes toward `end_mm` along it.
-    fn pass(&mut self, velocity: [f64; 2], speed: f64, end_mm: f64, dt_s: f64) {
+    pub(super) fn pass(&mut self, velocity: [f64; 2], speed: f64, end_mm: f64, dt_s: f64) {
         if speed <= 0.0 || end_mm <= 0.0 {
             return;
         }
@@ -95,7 +87,7 @@ impl Bristle {
         }
     }
 
-    fn state(&mut self, state: &mut State<'_>) {
+    pub(super) fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.bent_mm);
         if state.restores() && !self.bent_mm.iter().all(|z| z.abs() < 1e12) {
             *self = Self::default();
@@ -105,12 +97,7 @@ impl Bristle {
 }
 
 /// Velocity and its size, normal force and time as they count.
-fn inputs(velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> ([f64; 2], f64, f64, f64) {
+pub(super) fn inputs(velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> ([f64; 2], f64, f64, f64) {
     let velocity = counted_vector(velocity_mm_s);
     (velocity, velocity[0].hypotenuse(velocity[1]), counted_positive(normal_force_n), counted_positive(dt_s))
 }
-
-#[cfg(test)]
-mod energy_tests;
-#[cfg(test)]
-mod stick_slip_tests;

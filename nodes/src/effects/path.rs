@@ -2,7 +2,7 @@
 
 use asperity_state::State;
 
-use super::{counted, counted_vector};
+use super::bounds::{counted, counted_vector};
 
 /// How a path is laid through what is told once a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,40 +1,8 @@
-//! What a surface does to a stylus: forces by the tick, vibration by the sample.
+//! Errors of effects' laws, and how numbers count that are too large or not finite.
 //!
-//! | kernel | answers | of |
-//! |---|---|---|
-//! | [`friction`] | force along the surface, N | velocity and normal force |
-//! | [`Magnet`] | force along the normal, N | distance to the surface |
-//! | [`Viscosity`] | force, N | velocity |
-//! | [`Tap`] | acceleration, m/s^2 | speed of approach |
-//! | [`Vibration`] | acceleration, m/s^2 | the sample's number |
-//! | [`Waveform`] | acceleration, m/s^2 | the [`Path`] along the surface, by distance |
-//! | [`Relief`] | acceleration, m/s^2 | the [`Path`] along the surface, by place |
-//!
-//! [`passivity`] says of every law of force whether a device at a tick rate bears it; laws state themselves as a [`passivity::Law`].
-//!
-//! Lengths are in mm, speeds in mm/s, forces in N, accelerations in m/s^2. Constructors check and may allocate; what runs per tick does neither,
-//! keeps f64 state, and is finite for any input: a number that is not finite counts as 0, unless a kernel says otherwise, and none counts for more
-//! than 10^6.
-
-pub mod friction;
-mod magnet;
-pub mod passivity;
-mod path;
-pub mod relief;
-mod tap;
-mod vibration;
-mod viscosity;
-pub mod waveform;
+//! Constructors check and may allocate. What runs per tick does neither, keeps f64 state, and is finite for any input.
 
 use std::fmt;
-
-pub use magnet::Magnet;
-pub use path::{Parts, Path, Point, Smoothing};
-pub use relief::{HeightSpline, Heights, Jet, Relief, ReliefSettings};
-pub use tap::{DecayingSinusoid, Recording, Tap, TapSettings, Transient, crossing};
-pub use vibration::Vibration;
-pub use viscosity::Viscosity;
-pub use waveform::{Waveform, WaveformQuantity, WaveformTable};
 
 /// What cannot be made into an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +48,7 @@ pub enum EffectError {
 
 impl EffectError {
     /// `Ok(value)` if it is within `from..=to`.
-    fn check(
+    pub(super) fn check(
         what: &'static str,
         found: f64,
         (from, to): (f64, f64),
@@ -94,7 +62,7 @@ impl EffectError {
     }
 
     /// Whether a list is of a length that fits and all of it is finite.
-    fn check_list(
+    pub(super) fn check_list(
         what: &'static str,
         list: impl ExactSizeIterator<Item = f64>,
         (from, to): (usize, usize),
@@ -129,24 +97,24 @@ impl std::error::Error for EffectError {}
 const LARGEST: f64 = 1e6;
 
 /// A number as it counts: 0 for what is not finite, no more than [`LARGEST`].
-fn counted(x: f64) -> f64 {
+pub(super) fn counted(x: f64) -> f64 {
     if x.is_finite() { x.clamp(-LARGEST, LARGEST) } else { 0.0 }
 }
 
 /// A number that is at least 0, as it counts.
-fn counted_positive(x: f64) -> f64 {
+pub(super) fn counted_positive(x: f64) -> f64 {
     counted(x).max(0.0)
 }
 
 /// A vector as it counts: 0 if part of it is not finite.
-fn counted_vector<const N: usize>(v: [f64; N]) -> [f64; N] {
+pub(super) fn counted_vector<const N: usize>(v: [f64; N]) -> [f64; N] {
     if v.iter().all(|x| x.is_finite()) { v.map(counted) } else { [0.0; N] }
 }
 
-fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+pub(super) fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn length<const N: usize>(a: [f64; N]) -> f64 {
+pub(super) fn length<const N: usize>(a: [f64; N]) -> f64 {
     dot(a, a).sqrt()
 }

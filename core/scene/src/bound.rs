@@ -37,28 +37,8 @@
 //! Both are about any hand. A given one may be stable beyond, since grips add damping of their own.
 
 use std::fmt;
-use std::ops::Add;
 
-/// A law of force along one direction, as it is near where it is held against the bound.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Law {
-    /// Stiffness K \[N/mm\], at least 0.
-    pub stiffness_n_per_mm: f64,
-    /// Damping B \[N s/m\], of either sign.
-    pub damping_ns_per_m: f64,
-}
-
-impl Add for Law {
-    type Output = Self;
-
-    /// Both at once along one direction.
-    fn add(self, other: Self) -> Self {
-        Self {
-            stiffness_n_per_mm: self.stiffness_n_per_mm + other.stiffness_n_per_mm,
-            damping_ns_per_m: self.damping_ns_per_m + other.damping_ns_per_m,
-        }
-    }
-}
+use asperity_node::Law;
 
 /// When places are read and forces are set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -197,5 +177,5 @@ impl fmt::Display for Quantisation {
 }
 
 #[cfg(test)]
-#[path = "passivity_tests.rs"]
+#[path = "bound_tests.rs"]
 mod tests;

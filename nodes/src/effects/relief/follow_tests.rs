@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::super::Smoothing;
+use super::super::HeightSpline;
 use super::*;
+use crate::effects::path::Smoothing;
 use asperity_surfaces::topography::HeightField;
 
 const RATE: u32 = 48_000;
@@ -12,13 +13,13 @@ type Told = ([f64; 2], [f64; 2]);
 
 /// All samples along a motion.
 fn felt(
-    heights: &impl Heights,
+    heights: &impl Surface,
     settings: ReliefSettings,
     (smoothing, tick_hz): (Smoothing, u32),
     seconds: f64,
     motion: impl Fn(f64) -> Told,
 ) -> Vec<f64> {
-    let (mut path, mut relief) = (Path::new(smoothing, tick_hz), Relief::new(settings, RATE).unwrap());
+    let (mut path, mut relief) = (Path::new(smoothing, tick_hz), Follower::new(settings, RATE).unwrap());
     let mut all = Vec::new();
     for tick in 0..(seconds * f64::from(tick_hz)) as u64 {
         let (position, velocity) = motion(tick as f64 / f64::from(tick_hz));
@@ -86,7 +87,7 @@ fn a_sine_grating_at_constant_speed_has_its_frequency_and_its_amplitude() {
         let hz = speed * angle.cos().abs() / wavelength;
         let want = 1e-3 * amplitude * (TAU * hz).powi(2);
         let how = (Smoothing::Hermite, tick_hz);
-        let all: [&dyn Heights; 2] = [&wave, &spline];
+        let all: [&dyn Surface; 2] = [&wave, &spline];
         for heights in all {
             let x = felt(&|x: f64, y: f64| heights.jet(x, y), ReliefSettings::default(), how, 1.0, motion);
             let off = decibels(lock_in(&x, hz).0 / want);
@@ -286,32 +287,32 @@ fn it_goes_on_from_its_state() {
     path.advance([0.0; 2], [90.0, 10.0]);
     let parts = Parts::new(0, 0, RATE, 500);
     let wave = grating(0.01, 0.7, 0.0);
-    let mut one = Relief::new(ReliefSettings::default(), RATE).unwrap();
+    let mut one = Follower::new(ReliefSettings::default(), RATE).unwrap();
     let (mut a, mut b) = ([0.0f32; 96], [0.0f32; 96]);
     one.process(&wave, &path, &parts, &mut a);
     let mut bytes = vec![0; State::measure(|s| one.state(s))];
     State::save(&mut bytes, |s| one.state(s)).unwrap();
-    let mut other = Relief::new(ReliefSettings::default(), RATE).unwrap();
+    let mut other = Follower::new(ReliefSettings::default(), RATE).unwrap();
     assert!(State::restore(&bytes, |s| other.state(s)));
     assert_eq!(one, other);
     one.process(&wave, &path, &parts, &mut a);
     other.process(&wave, &path, &parts, &mut b);
     assert!(a == b && a[0].abs() > 0.1);
     other.reset();
-    assert_eq!(other, Relief::new(ReliefSettings::default(), RATE).unwrap());
+    assert_eq!(other, Follower::new(ReliefSettings::default(), RATE).unwrap());
 }
 
 #[test]
 fn whatever_comes_is_finite_and_bounded_and_what_cannot_be_is_refused() {
     let settings = ReliefSettings { max_m_s2: 5.0, ..ReliefSettings::default() };
-    let mut relief = Relief::new(settings, RATE).unwrap();
+    let mut relief = Follower::new(settings, RATE).unwrap();
     let mut path = Path::new(Smoothing::Hermite, 500);
     let steep = grating(1.0, 1.0, 0.3);
     let bad = |_: f64, _: f64| Jet { height_mm: 0.0, slope: [f64::NAN; 2], curve_per_mm: [f64::INFINITY; 3] };
     let mut field = HeightField::from_fn(8, 0.1, |x, y| x * y);
     field.heights_mut()[5] = f32::NAN;
     let spline = HeightSpline::new(&field);
-    let all: [&dyn Heights; 3] = [&steep, &bad, &spline];
+    let all: [&dyn Surface; 3] = [&steep, &bad, &spline];
     for (tick, x) in [0.0, f64::NAN, 1e300, -1e300, 3.0, 3.5, f64::INFINITY, 4.0, 4.1].into_iter().enumerate()
     {
         path.advance([x, -x], [x, 1.0]);
@@ -325,7 +326,7 @@ fn whatever_comes_is_finite_and_bounded_and_what_cannot_be_is_refused() {
         assert_eq!(HeightSpline::new(&degenerate).jet(0.3, -7.0), Jet::default());
     }
     let refused = |cutoff_hz: f64, max_m_s2: f64, rate: u32| {
-        Relief::new(ReliefSettings { cutoff_hz, max_m_s2 }, rate).is_err()
+        Follower::new(ReliefSettings { cutoff_hz, max_m_s2 }, rate).is_err()
     };
     assert!(refused(19.0, 5.0, RATE) && refused(21_601.0, 5.0, RATE) && refused(f64::NAN, 5.0, RATE));
     assert!(refused(1000.0, 0.0, RATE) && refused(1000.0, f64::NAN, RATE) && refused(1000.0, 5.0, 0));

@@ -28,28 +28,25 @@
 //!
 //! 96 samples take 7.4 us on a virtual AMD EPYC core.
 //!
-//! [`Hermite`]: super::Smoothing::Hermite
-//! [`Parabola`]: super::Smoothing::Parabola
+//! [`Hermite`]: crate::effects::path::Smoothing::Hermite
+//! [`Parabola`]: crate::effects::path::Smoothing::Parabola
 //!
-//! [`HeightSpline`] gives the derivatives of a [`HeightField`](asperity_surfaces::topography::HeightField). The size of
-//! the tip is already part of the field ([`envelope`](asperity_surfaces::topography::envelope)).
-
-mod spline;
+//! [`HeightSpline`](super::HeightSpline) gives a [`HeightField`](asperity_surfaces::topography::HeightField) the derivatives that it takes. What the tip's own size leaves of the heights is the
+//! field's matter ([`envelope`](asperity_surfaces::topography::envelope)).
 
 use asperity_dsp::filter::{Biquad, Sample, Section};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-pub use spline::HeightSpline;
-
-use super::{EffectError, Parts, Path, Point};
+use crate::effects::bounds::EffectError;
+use crate::effects::path::{Parts, Path, Point};
 
 /// Damping of the two sections of a Butterworth low-pass of fourth order: cos(pi / 8) and cos(3 pi / 8).
 const DAMPING: [f64; 2] = [0.923_879_532_511_286_7, 0.382_683_432_365_089_8];
 /// From this to this part of a spacing per sample the acceleration ends.
 const TOO_FAST: (f64, f64) = (1.0, 1.5);
 
-/// Heights about a place.
+/// Surface about a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jet {
     /// Height in mm.
@@ -60,9 +57,9 @@ pub struct Jet {
     pub curve_per_mm: [f64; 3],
 }
 
-/// Heights with their derivatives at any place.
-pub trait Heights {
-    /// Heights about a place in mm. What is not finite counts as flat.
+/// Surface with their derivatives at any place.
+pub trait Surface {
+    /// Surface about a place in mm. What is not finite counts as flat.
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet;
 
     /// Half of the shortest wavelength in mm; 0 where it is not known. A stylus that is so fast that it passes one and a half of it in a sample feels
@@ -72,7 +69,7 @@ pub trait Heights {
     }
 }
 
-impl<F: Fn(f64, f64) -> Jet> Heights for F {
+impl<F: Fn(f64, f64) -> Jet> Surface for F {
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet {
         self(x_mm, y_mm)
     }
@@ -95,12 +92,12 @@ impl Default for ReliefSettings {
 
 /// The acceleration of a tip that follows heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Relief {
+pub struct Follower {
     settings: ReliefSettings,
     filters: [Biquad; 2],
 }
 
-impl Relief {
+impl Follower {
     /// A relief at `rate_hz` samples a second.
     ///
     /// # Errors
@@ -126,7 +123,7 @@ impl Relief {
     /// The samples of a tick in m/s^2, along the path that [has been told](Path::advance) of it.
     pub fn process<T: Sample>(
         &mut self,
-        heights: &(impl Heights + ?Sized),
+        heights: &(impl Surface + ?Sized),
         path: &Path,
         parts: &Parts,
         out: &mut [T],
@@ -181,4 +178,5 @@ fn not_too_fast(here: &Point, per_sample: f64) -> f64 {
 }
 
 #[cfg(test)]
+#[path = "follow_tests.rs"]
 mod tests;

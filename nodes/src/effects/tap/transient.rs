@@ -4,7 +4,7 @@ use asperity_dsp::filter::Sample;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
-use super::{EffectError, counted, counted_positive};
+use crate::effects::bounds::{EffectError, counted};
 
 /// Most sinusoids of a transient.
 const MAX_SINUSOIDS: usize = 8;
@@ -135,7 +135,7 @@ impl Voice {
 ///
 /// 96 samples of a tap of three sinusoids take 0.7 us on a virtual AMD EPYC core, of four such taps 2.1 us, of none 6 ns; a strike 0.9 us.
 #[derive(Clone, Debug)]
-pub struct Tap {
+pub struct Taps {
     settings: TapSettings,
     partials: [Partial; MAX_SINUSOIDS],
     count: usize,
@@ -147,7 +147,7 @@ pub struct Tap {
     last: Option<(u64, f64)>,
 }
 
-impl Tap {
+impl Taps {
     /// Taps at `rate_hz` samples a second.
     ///
     /// # Errors
@@ -451,14 +451,6 @@ impl Recorded {
     }
 }
 
-/// Where between two ticks a surface was passed, from the distances above it before and now in mm: the part of the tick, above 0 and at most 1; `None` where it
-/// was not passed from outside. The speed of approach is the fall in distance times the tick rate.
-pub fn crossing(before_mm: f64, now_mm: f64) -> Option<f64> {
-    let fell = before_mm > 0.0 && now_mm <= 0.0 && before_mm.is_finite() && now_mm.is_finite();
-    let part = counted_positive(before_mm / (before_mm - now_mm));
-    fell.then(|| part.clamp(f64::MIN_POSITIVE, 1.0))
-}
-
 #[cfg(test)]
-#[path = "tap_tests.rs"]
+#[path = "transient_tests.rs"]
 mod tests;

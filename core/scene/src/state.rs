@@ -1,6 +1,4 @@
-//! What contacts are told in a tick, and what they answer.
-
-use super::Kind;
+//! Motion of the stylus, and the state of the contact that follows from it.
 
 /// Where a stylus is and how it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,16 +39,23 @@ pub struct Voice {
     pub place_mm: [f64; 2],
     /// Another number: it is of another surface than before.
     pub stroke: f64,
-    /// Slots of autoregressive textures, waveforms and reliefs; -1 for none.
-    pub slots: [f64; 3],
 }
 
-/// Kinds of texture that a [`Voice`] has slots of, in their order there.
-pub const VOICED: [Kind; 3] = [Kind::Autoregressive, Kind::Waveform, Kind::Relief];
-
-/// What is felt in a tick. Numbers of surfaces and slots count from 0 and are -1 for none.
+/// A force from both sides of a surface, within a reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Felt {
+pub struct Pull {
+    /// Slot of the effect; -1 for none.
+    pub slot: f64,
+    /// Distance to the surface \[mm\], below 0 inside.
+    pub distance_mm: f64,
+    /// The surface's outward normal.
+    pub normal: [f64; 3],
+}
+
+/// State of the contact in a tick. Numbers of surfaces and slots count from 0 and are -1 for none. The lists have the
+/// order of [`EffectNames`](crate::EffectNames).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ContactState {
     /// Normal force by Hooke's law, in N.
     pub force_n: f64,
     /// Penetration in mm.
@@ -84,24 +89,18 @@ pub struct Felt {
     pub approach_mm_s: f64,
     /// When in the tick that was, 0 to 1.
     pub moment: f64,
-    /// Slot of friction.
-    pub friction: f64,
-    /// Slot of taps.
-    pub tap: f64,
     /// Material of the network; the last one where nothing is touched.
     pub material: f64,
     /// Level of the network, 0 to 1.
     pub network: f64,
     /// Textures of two surfaces.
     pub voices: [Voice; 2],
-    /// Slot of vibration.
-    pub vibration: f64,
-    /// Slot of drag.
-    pub viscosity: f64,
-    /// Slot of pull.
-    pub magnet: f64,
-    /// Distance to what pulls in mm.
-    pub magnet_distance_mm: f64,
-    /// The way from it.
-    pub magnet_normal: [f64; 3],
+    /// Slots of effects that act while a wall is touched.
+    pub touching: Vec<f64>,
+    /// Slots of effects that act inside of volumes too.
+    pub inside: Vec<f64>,
+    /// Effects that act from both sides.
+    pub near: Vec<Pull>,
+    /// Slots of textures, of the first voice and of the second.
+    pub textures: [Vec<f64>; 2],
 }

@@ -1,6 +1,7 @@
-use super::{MAX_COEFFICIENT, VISCOSITY, inputs};
-use crate::effect::EffectError;
-use crate::effect::passivity::Law;
+use super::law::{MAX_COEFFICIENT, VISCOSITY, inputs};
+use asperity_node::Law;
+
+use crate::effects::bounds::EffectError;
 
 /// Friction that begins as drag: `F_n c |v|` up to `mu F_n`, against the velocity. Continuous in velocity and normal force; it remembers nothing and does not
 /// stick.

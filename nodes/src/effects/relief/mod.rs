@@ -1,18 +1,25 @@
 //! `relief`: a texture straight from heights under the tip.
 
+mod follow;
+mod spline;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::Value;
-use asperity_node::{Descriptor, Diagnostic, Fact, Latency, Node, Param, Resume, Setup, State, Status, Tick};
-use asperity_scene::effect::{self, HeightSpline, Parts, ReliefSettings};
-use asperity_scene::{Heights, Texture};
+use asperity_node::{
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Param, Resume, Settings, Setup, State,
+    Status, Tick,
+};
+use asperity_scene::Heights;
 
 use super::mix::Mix;
-use super::texts::{self, Shared};
+use super::path::Parts;
+use super::shared::Shared;
 use super::track::Track;
 use super::voices::{Voice, Voices};
-use super::{acceleration, at, slot, waveform};
+use super::{acceleration, each, files, gain, made, slot, waveform};
+pub use follow::{Follower, Jet, ReliefSettings, Surface};
+pub use spline::HeightSpline;
 
 const SLOT: usize = 0;
 const PLACE: usize = 1;
@@ -35,7 +42,7 @@ pub struct Relief {
 /// Heights as they are felt.
 #[derive(Clone)]
 struct Field {
-    relief: effect::Relief,
+    relief: Follower,
     heights: Arc<HeightSpline>,
     gain: f64,
 }
@@ -50,19 +57,35 @@ impl Voice for Field {
     }
 }
 
-fn read(
-    value: &Value,
-    rate_hz: u32,
-    fields: &mut Shared<Heights, HeightSpline>,
-) -> Result<Field, Diagnostic> {
-    let Texture::Relief { heights, cutoff_hz, max_m_s2, gain } = Texture::parse(value)? else {
-        return Err(value
-            .error("a texture of another kind")
-            .help("relief(heights: made(surface: \"NAME\"))"));
+fn effect() -> Effect {
+    let usual = ReliefSettings::default();
+    Effect::new("reliefs", Acts::Gliding)
+        .form(
+            Form::new("", "relief(heights: made(surface: \"hessian\"))")
+                .nested("heights")
+                .field(
+                    Param::number("cutoff_hz", usual.cutoff_hz, 20.0..=20_000.0, "cutoff of the low-pass")
+                        .unit("Hz"),
+                )
+                .field(
+                    Param::number("max_m_s2", usual.max_m_s2, 0.1..=1e4, "the largest acceleration")
+                        .unit("m/s^2"),
+                )
+                .field(gain()),
+        )
+        .needs("place", "place")
+        .needs("stroke", "stroke")
+        .check(|settings| heights(settings).map(drop))
+}
+
+fn heights(settings: &Settings) -> Result<Heights, Diagnostic> {
+    let Some(heights) = settings.nested("heights") else {
+        return Err(settings
+            .value()
+            .error("a relief needs `heights`")
+            .help("relief(heights: made(surface: \"hessian\"))"));
     };
-    let relief = at(value, effect::Relief::new(ReliefSettings { cutoff_hz, max_m_s2 }, rate_hz))?;
-    let heights = fields.get(heights.clone(), || heights.field().map(|field| HeightSpline::new(&field)))?;
-    Ok(Field { relief, heights, gain })
+    Heights::parse(heights)
 }
 
 impl Node for Relief {
@@ -75,24 +98,30 @@ impl Node for Relief {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "reliefs",
-                "Reliefs, each a text as behind `texture` in a scene: `relief(heights: made(surface: \"hessian\", side: 512, step_mm: 0.04, piece: 1), \
-                 cutoff_hz: 1000, max_m_s2: 200, gain: 1)`, or `heights: picture(file: \"heights.png\", step_mm: 0.05, height_mm: 0.2)`, light is \
-                 high; or a list of them, `[relief(..), relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
+                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), relief(..)]`, \
+                 whose sum is one entry. Quotes within a text are written r#\"..\"#.",
             ))
             .param(waveform::smooth_hz())
             .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
             .resumes(Resume::Restart)
+            .effect(effect())
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
         let mut fields = Shared::default();
         let rate_hz = setup.audio_hz;
-        let reliefs = texts::read_each(setup, "reliefs", |value| read(value, rate_hz, &mut fields))?;
+        let reliefs = each(setup, |settings| {
+            let usual = ReliefSettings {
+                cutoff_hz: settings.number("cutoff_hz"),
+                max_m_s2: settings.number("max_m_s2"),
+            };
+            let relief = made(settings, Follower::new(usual, rate_hz))?;
+            let heights = heights(settings)?;
+            let field = || heights.field().map(|field| HeightSpline::new(&field));
+            let heights = fields.get_by(format!("{heights:?}"), field)?;
+            Ok(Field { relief, heights, gain: settings.number("gain") })
+        })?;
         let track = Track::new(setup, setup.params.number("smooth_hz"))?;
-        let files = fields.wanted().filter_map(|heights| match heights {
-            Heights::Picture { file, .. } => Some(file.clone()),
-            Heights::Made { .. } => None,
-        });
         Ok(Self {
             reliefs: Voices::new(reliefs),
             latency: track.latency(setup),
@@ -101,7 +130,7 @@ impl Node for Relief {
             mix: Mix::new(setup),
             rate_hz,
             fields: fields.count(),
-            files: files.collect(),
+            files: files(setup),
         })
     }
 

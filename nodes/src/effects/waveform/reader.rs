@@ -20,18 +20,15 @@
 //!
 //! 96 samples take 3.6 us on a virtual AMD EPYC core; a table of 100 000 values is made in 25 ms.
 
-mod kernel;
-mod table;
-
 use asperity_numbers::Elementary as _;
 use std::sync::Arc;
 
 use asperity_dsp::filter::Sample;
 use asperity_state::State;
 
-pub use table::{WaveformQuantity, WaveformTable};
-
-use super::{Parts, Path, length};
+use super::table::{WaveformQuantity, WaveformTable};
+use crate::effects::bounds::length;
+use crate::effects::path::{Parts, Path};
 
 /// The fastest that counts for the level \[mm/s\].
 const FASTEST_MM_S: f64 = 5000.0;
@@ -40,14 +37,14 @@ const STILL_MM_S: f64 = 1.0;
 
 /// A table as it is read along a path.
 #[derive(Clone, Debug)]
-pub struct Waveform {
+pub struct Reader {
     table: Arc<WaveformTable>,
     /// In the loop, in mm.
     distance_mm: f64,
     last: Option<[f64; 2]>,
 }
 
-impl Waveform {
+impl Reader {
     /// A table that is read from its beginning.
     pub fn new(table: Arc<WaveformTable>) -> Self {
         Self { table, distance_mm: 0.0, last: None }
@@ -125,4 +122,5 @@ impl Waveform {
 }
 
 #[cfg(test)]
+#[path = "reader_tests.rs"]
 mod tests;

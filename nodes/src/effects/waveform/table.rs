@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use asperity_dsp::Complex;
 
 use super::kernel::{BEFORE, Kernel, TAPS};
-use crate::effect::EffectError;
+use crate::effects::bounds::EffectError;
 
 /// Fewest and most values of a table.
 const COUNT: (usize, usize) = (4, 1 << 22);

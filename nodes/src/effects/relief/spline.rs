@@ -1,4 +1,4 @@
-use super::{Heights, Jet};
+use super::{Jet, Surface};
 use asperity_surfaces::topography::HeightField;
 
 /// Points along a line that make a height.
@@ -76,7 +76,7 @@ impl HeightSpline {
     }
 }
 
-impl Heights for HeightSpline {
+impl Surface for HeightSpline {
     #[inline]
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet {
         let per_mm = 1.0 / self.step_mm;
