@@ -29,6 +29,18 @@ pub enum Acts {
     Gliding,
 }
 
+impl Acts {
+    /// Words for a person.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Touching => "while a wall is touched",
+            Self::Inside => "while a wall is touched, and inside of a volume",
+            Self::Near => "from both sides of a surface, within its reach",
+            Self::Gliding => "while a stylus glides over a wall",
+        }
+    }
+}
+
 /// The direction in which a force acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -177,6 +189,12 @@ impl Effect {
     pub fn law_of(&self, settings: &Settings, normal_force_n: f64) -> Option<(Direction, Law)> {
         let (direction, law) = self.law.as_ref()?;
         Some((*direction, law(settings, normal_force_n)))
+    }
+
+    /// A form as a scene writes it for the effect of a kind, with the example's settings.
+    pub fn written(&self, kind: &str, form: &Form) -> String {
+        let key = if self.acts == Acts::Gliding { "texture" } else { kind };
+        format!("{key}: {}", form.example)
     }
 
     /// The direction of its force; `None` for an effect that gives no law.

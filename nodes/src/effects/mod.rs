@@ -23,6 +23,8 @@
 
 mod autoregressive;
 mod bounds;
+#[cfg(test)]
+mod docs_tests;
 mod force_limiter;
 pub mod friction;
 mod level;
