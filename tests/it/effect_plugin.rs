@@ -49,7 +49,7 @@ fn plugin_effect_in_every_language_follows_its_law() {
         let mut on = 0;
         for (force, place) in force.chunks(3).zip(place.chunks(3)).take(700) {
             let wanted = -0.2 * (TAU * place[0] / 4.0).sin();
-            assert!((force[0] - wanted).abs() < 1e-12 && force[1] == 0.0, "{force:?} {wanted}");
+            assert!((force[0] - wanted).abs() < 1e-6 && force[1] == 0.0, "{force:?} {wanted}");
             on += usize::from(force[0] != 0.0);
         }
         assert!(on > 600, "{on}");
@@ -80,7 +80,7 @@ fn plugin_effect_beyond_passivity_is_a_warning_and_an_error_if_strict() {
         // K = 2 pi 5 / 0.5 N/mm needs b > K T / 2 = 31 N s/m at 1 kHz.
         scene(dir.path(), &library, "(force_n: 5, spacing_mm: 0.5)");
         let ran = run(dir.path(), &["check", "s.ron"]).ok();
-        assert!(ran.err.contains("my_effect") && ran.err.contains("62.8 N/mm"), "{}", ran.err);
+        assert!(ran.err.contains("my_effect") && ran.err.contains("62.832 N/mm"), "{}", ran.err);
         let ran = run(dir.path(), &["check", "s.ron", "--strict"]);
         assert_eq!(ran.code, 2, "{}", ran.err);
         scene(dir.path(), &library, "(force_n: 0.2, spacing_mm: 4)");
@@ -94,9 +94,9 @@ fn wrong_settings_of_a_plugin_effect_point_at_their_place() {
     let dir = tempfile::tempdir().unwrap();
     for library in libraries(dir.path()) {
         for (settings, says) in [
-            ("(force_n: 11)", "s.ron:6:21: 11 is out of range (from 0 to 10 N)"),
-            ("(forse_n: 1)", "s.ron:6:13: unknown field `forse_n`"),
-            ("hard", "s.ron:6:12: expected `my_effect(...)`"),
+            ("(force_n: 11)", "s.ron:6:22: error: 11 N is out of range"),
+            ("(forse_n: 1)", "s.ron:6:13: error: unknown field `forse_n`"),
+            ("hard", "s.ron:6:12: error: expected `my_effect(...)`"),
         ] {
             scene(dir.path(), &library, settings);
             let ran = run(dir.path(), &["check", "s.ron"]);

@@ -321,7 +321,7 @@ fn two_outputs_on_a_server_stay_within_their_limits() {
 
 #[test]
 fn runs_in_a_row_on_a_server_heat_the_coil_no_more_than_one() {
-    let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    let Some(_) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
     told(|| {
         let dir = tempfile::tempdir().unwrap();
         let state = tempfile::tempdir().unwrap();

@@ -4,7 +4,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{Capture, Event, OpenError, Request, events, hosts, open};
-use harness::live::until;
+use harness::live::{told, until};
 use harness::servers::{Parec, Pulse, inside};
 use harness::test_name;
 
@@ -220,22 +220,28 @@ fn vanished_device_is_a_loss_and_not_replaced() {
         ("default", None, None),
         ("input", Some("test"), Some("haptic.monitor")),
     ] {
-        let sink = pactl(&["load-module", "module-null-sink", "sink_name=haptic", "rate=48000"]);
-        pactl(&["set-default-sink", "haptic"]);
-        let wanted = Request { device: device.map(str::to_owned), ..request() };
-        let inputs = if input.is_some() { vec![1] } else { Vec::new() };
-        let wanted = Request { input_device: input.map(str::to_owned), inputs, ..wanted };
-        let capture = input.map(|_| Box::new(Ear::new().0) as Box<dyn Capture>);
-        let (sender, received) = events();
-        let stream = open(&wanted, Box::new(Count::default()), capture, sender).unwrap();
-        assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
-        stream.play().unwrap();
-        until("calls", || stream.stats().callbacks > 200);
-        assert_eq!(stream.lost(), None, "{what}");
-        let unloaded = Instant::now();
-        pactl(&["unload-module", &sink]);
-        let (reason, _) = wait_for_loss(&received);
-        println!("{what}: lost after {} ms: {reason}", unloaded.elapsed().as_millis());
-        assert!(reason.contains("the device is gone: pulseaudio:haptic"), "{what}: {reason}");
+        told(|| {
+            let sink = pactl(&["load-module", "module-null-sink", "sink_name=haptic", "rate=48000"]);
+            pactl(&["set-default-sink", "haptic"]);
+            let wanted = Request { device: device.map(str::to_owned), ..request() };
+            let inputs = if input.is_some() { vec![1] } else { Vec::new() };
+            let wanted = Request { input_device: input.map(str::to_owned), inputs, ..wanted };
+            let capture = input.map(|_| Box::new(Ear::new().0) as Box<dyn Capture>);
+            let (sender, received) = events();
+            let stream = open(&wanted, Box::new(Count::default()), capture, sender).unwrap();
+            assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
+            stream.play().unwrap();
+            until("calls", || stream.lost().is_some() || stream.stats().callbacks > 200);
+            if let Some(reason) = stream.lost() {
+                pactl(&["unload-module", &sink]);
+                return Err(format!("{what}: lost before the device is gone: {reason}"));
+            }
+            let unloaded = Instant::now();
+            pactl(&["unload-module", &sink]);
+            let (reason, _) = wait_for_loss(&received);
+            println!("{what}: lost after {} ms: {reason}", unloaded.elapsed().as_millis());
+            assert!(reason.contains("the device is gone: pulseaudio:haptic"), "{what}: {reason}");
+            Ok(())
+        });
     }
 }

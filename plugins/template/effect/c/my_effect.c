@@ -53,19 +53,17 @@ static int32_t process(void *instance, AsperityTick *tick) {
     const double *tangents = tick->inputs[2].data;
     double *force = tick->outputs[0].data;
     /* What is not a number is not at least 0. */
-    int on = slot >= 0.0 && slot < it->count;
-    double along = 0.0;
-    if (on) {
-        const Ridges *ridges = &it->ridges[(uint32_t)slot];
-        along = -ridges->force_n * sin(TAU * place[0] / ridges->spacing_mm);
+    if (!(slot >= 0.0 && slot < it->count)) {
+        memset(force, 0, 3 * sizeof(double));
+        return ASPERITY_ASLEEP;
     }
-    if (!isfinite(along)) {
-        along = 0.0;
-    }
+    const Ridges *ridges = &it->ridges[(uint32_t)slot];
+    double along = -ridges->force_n * sin(TAU * place[0] / ridges->spacing_mm);
     for (int i = 0; i < 3; i++) {
-        force[i] = along * tangents[i];
+        double part = along * tangents[i];
+        force[i] = isfinite(part) ? part : 0.0;
     }
-    return on ? ASPERITY_CONTINUE : ASPERITY_ASLEEP;
+    return ASPERITY_CONTINUE;
 }
 
 static int32_t reset(void *instance) {

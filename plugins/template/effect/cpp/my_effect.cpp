@@ -30,20 +30,18 @@ struct MyEffectNode {
         const auto in = [&tick](int i) { return static_cast<const double *>(tick.inputs[i].data); };
         const double slot = *in(0);
         // What is not a number is not at least 0.
-        const bool on = slot >= 0.0 && slot < double(all.size());
-        double along = 0.0;
-        if (on) {
-            const Ridges &ridges = all[size_t(slot)];
-            along = -ridges.force_n * std::sin(TAU * *in(1) / ridges.spacing_mm);
-        }
-        if (!std::isfinite(along)) {
-            along = 0.0;
-        }
         double *force = static_cast<double *>(tick.outputs[0].data);
-        for (int i = 0; i < 3; i++) {
-            force[i] = along * in(2)[i];
+        if (!(slot >= 0.0 && slot < double(all.size()))) {
+            std::memset(force, 0, 3 * sizeof(double));
+            return ASPERITY_ASLEEP;
         }
-        return on ? ASPERITY_CONTINUE : ASPERITY_ASLEEP;
+        const Ridges &ridges = all[size_t(slot)];
+        const double along = -ridges.force_n * std::sin(TAU * *in(1) / ridges.spacing_mm);
+        for (int i = 0; i < 3; i++) {
+            const double part = along * in(2)[i];
+            force[i] = std::isfinite(part) ? part : 0.0;
+        }
+        return ASPERITY_CONTINUE;
     }
 };
 

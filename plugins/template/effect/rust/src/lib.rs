@@ -58,15 +58,16 @@ impl Node for MyEffectNode {
         let slot = tick.inputs.value(0);
         // What is not a number is not at least 0.
         let ridges = (slot >= 0.0).then(|| self.ridges.get(slot as usize)).flatten();
-        let along = match ridges {
-            Some((force_n, spacing_mm)) => -force_n * (TAU * tick.inputs.value(1) / spacing_mm).sin(),
-            None => 0.0,
+        let Some((force_n, spacing_mm)) = ridges else {
+            tick.outputs.control(0).fill(0.0);
+            return Status::Asleep;
         };
-        let along = if along.is_finite() { along } else { 0.0 };
+        let along = -force_n * (TAU * tick.inputs.value(1) / spacing_mm).sin();
         for (force, tangent) in tick.outputs.control(0).iter_mut().zip(tick.inputs.control(2)) {
-            *force = along * tangent;
+            let part = along * tangent;
+            *force = if part.is_finite() { part } else { 0.0 };
         }
-        if ridges.is_some() { Status::Continue } else { Status::Asleep }
+        Status::Continue
     }
 
     fn reset(&mut self) {}
