@@ -68,9 +68,13 @@ fn explain_counts_calls_of_a_plugin_effect() {
     let dir = tempfile::tempdir().unwrap();
     scene(dir.path(), &plugins::rust("my_effect"), "(force_n: 0.2, spacing_mm: 4)");
     let ran = run(dir.path(), &["scene", "explain", "s.ron"]).ok();
-    let line =
-        ran.out.lines().find(|line| line.contains("my_effect")).unwrap_or_else(|| panic!("{}", ran.out));
-    assert!(line.contains("ridges") || ran.out.contains("1 slot"), "{}", ran.out);
+    // On the ridges from -35 to 0 mm, then once to let go: 702 of 1500 ticks.
+    let starts = |words: &[&str]| {
+        let has = |line: &str| line.split_whitespace().take(words.len()).eq(words.iter().copied());
+        ran.out.lines().find(|line| has(line)).unwrap_or_else(|| panic!("{words:?}: {}", ran.out))
+    };
+    assert!(starts(&["my_effect", "yes"]).contains("47 %   1 surface, 1 setting"), "{}", ran.out);
+    starts(&["my_effect", "my_effect", "702"]);
 }
 
 #[test]
