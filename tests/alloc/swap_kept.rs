@@ -5,7 +5,7 @@ use std::sync::Arc;
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
-use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Prepared, Setup};
 use harness::graph::{of_lines, parsed};
 use harness::live::largest_step;
 
@@ -41,7 +41,7 @@ impl NodeKind for Build {
     fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
         self.0.ports(config)
     }
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         self.0.prepare(setup)
     }
 }

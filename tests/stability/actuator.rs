@@ -21,7 +21,7 @@ fn changed(
         Arc::new(move |_| {
             let (change, mut n, mut last) = (change.clone(), 0, 0.0);
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 for y in tick.outputs.audio(0) {
                     *y = change(*y, n, last);
                     (n, last) = (n + 1, *y);
@@ -65,7 +65,7 @@ fn inverse_band() {
         Arc::new(|_| {
             let mut before = 0.0;
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 tick.outputs.audio(0).iter_mut().for_each(|y| std::mem::swap(y, &mut before));
                 Ok(Status::Continue)
             })

@@ -21,7 +21,7 @@ fn changed(
         Arc::new(move |_| {
             let (change, mut calls) = (change.clone(), 0);
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 let hz = tick.tick_hz;
                 change(tick.outputs.audio(0), calls, hz);
                 calls += 1;
@@ -41,7 +41,7 @@ fn failing(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
             let when = when.clone();
-            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.process(tick) })
+            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
         }),
     )
 }
@@ -157,7 +157,7 @@ fn tail_of_graph() {
         Arc::new(|_| {
             let mut heard = false;
             Box::new(move |node, tick| {
-                let status = node.process(tick)?;
+                let status = node.run(tick)?;
                 let y = tick.outputs.audio(0);
                 heard |= y.iter().any(|y| *y != 0.0);
                 if heard {

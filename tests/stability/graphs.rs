@@ -22,7 +22,7 @@ fn once(
             let mut calls = 0;
             Box::new(move |node, tick| {
                 calls += 1;
-                let status = node.process(tick)?;
+                let status = node.run(tick)?;
                 if calls == 30 { what(tick) } else { Ok(status) }
             })
         }),

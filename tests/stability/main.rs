@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
-use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Prepared, Setup};
 use harness::graph::lowered;
 
 /// The folder of the shipped graphs.
@@ -80,7 +80,7 @@ fn plugin(
             self.0.ports(config)
         }
 
-        fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+        fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
             self.0.prepare(setup)
         }
     }

@@ -14,7 +14,7 @@ pub(crate) fn with_memory<M: Default + Send + 'static>(
     let make = move |_: &Setup<'_>| -> Process {
         let (change, mut memory) = (change.clone(), M::default());
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             change(&mut memory, tick);
             Ok(if status == Status::Quiet { Status::Continue } else { status })
         })

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, FrameLayout, Input, LayoutSpec, NodeKind, Output, Ports,
+    Config, Descriptor, Diagnostic, FrameLayout, Input, LayoutSpec, NodeKind, Output, Ports, Prepared,
     Processor, RateSpec, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
@@ -121,7 +121,7 @@ impl NodeKind for Played {
         Ok(Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() })
     }
 
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let place = |name: &str| self.descriptor.outputs.iter().position(|o| o.name == name);
         let feed = match (&self.what, setup.output(0)) {
             (What::Signal(signal, seed), Some(port)) => {
@@ -129,7 +129,7 @@ impl NodeKind for Played {
             }
             _ => None,
         };
-        Ok(Box::new(Player {
+        Ok(Prepared::new(Player {
             what: self.what.clone(),
             position: place("position"),
             force: place("force"),
@@ -162,7 +162,7 @@ impl Player {
 }
 
 impl Processor for Player {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         match &self.what {
             What::Motion(motion) => self.put(tick, motion(tick.index)),
             What::Fed => match tick.inputs.control(0) {
@@ -178,9 +178,9 @@ impl Processor for Player {
                 let frame = tick.index / self.every;
                 let start = layout.frame_rate.first_sample(frame, layout.rate_hz);
                 let mut bins = [0.0; 4096];
-                let Some(bins) = bins.get_mut(..layout.bins as usize) else { return Err(Fault::Failed(1)) };
+                let Some(bins) = bins.get_mut(..layout.bins as usize) else { return Status::Error(1) };
                 if !frames(frame, bins) {
-                    return Ok(Status::Quiet);
+                    return Status::Quiet;
                 }
                 tick.outputs.magnitude(0, frame, start).copy_from_slice(bins);
             }
@@ -191,10 +191,8 @@ impl Processor for Player {
                 }
             }
         }
-        Ok(Status::Continue)
+        Status::Continue
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }

@@ -27,7 +27,7 @@ pub use descriptor::{Descriptor, Resume};
 pub use effect::{Acts, Direction, Effect, Form, Law, Settings};
 pub use fact::{Fact, FactValue};
 pub use guard::{Coil, Guard};
-pub use kind::{Config, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};
+pub use kind::{Config, Fault, Node, NodeKind, Ports, Prepared, Processor, Setup, Status, Tick, Wiring};
 pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Processor, Setup};
+use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Prepared, Setup};
 
 /// Node kinds by name.
 #[derive(Clone, Default)]
@@ -86,7 +86,7 @@ impl<N: Node> NodeKind for Built<N> {
         )
     }
 
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(N::prepare(setup)?))
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        N::prepare(setup)
     }
 }

@@ -100,6 +100,28 @@ impl<'a> State<'a> {
         self
     }
 
+    /// Passes the rest of the state as bytes that only their owner reads. `size` answers the most bytes;
+    /// `save` writes to the front and answers the length; `restore` answers whether it took them all.
+    pub fn opaque(
+        &mut self,
+        size: impl FnOnce() -> usize,
+        save: impl FnOnce(&mut [u8]) -> Option<usize>,
+        restore: impl FnOnce(&[u8]) -> bool,
+    ) {
+        let at = self.at;
+        match &mut self.pass {
+            Pass::Measure => self.at += size(),
+            Pass::Save(bytes) => match bytes.get_mut(at..).and_then(save) {
+                Some(len) if len <= bytes.len() - at => self.at += len,
+                _ => self.failed = true,
+            },
+            Pass::Restore(bytes) => {
+                self.failed = self.failed || !bytes.get(at..).is_some_and(restore);
+                self.at = bytes.len();
+            }
+        }
+    }
+
     /// Whether this pass writes to the parts.
     pub fn restores(&self) -> bool {
         matches!(self.pass, Pass::Restore(_))

@@ -5,7 +5,7 @@ use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
-use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Processor, Setup};
+use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Prepared, Setup};
 
 use crate::checked::Lie;
 use crate::describe;
@@ -104,13 +104,13 @@ impl NodeKind for PluginKind {
         Ok(ports)
     }
 
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let lent = Lent::setup(setup, &self.descriptor)?;
         let mut said = Said::new();
         // SAFETY: the setup lives through the call.
         let made = unsafe { PluginProcessor::new(self.functions, &lent.abi, setup, &mut said.abi) };
         match made {
-            Ok(processor) => Ok(Box::new(processor)),
+            Ok(prepared) => Ok(prepared),
             Err(lie) if lie.is_empty() => Err(self.error(&setup.config, &said)),
             Err(lie) => {
                 Err(setup.params.node_error(format!("the plugin's kind `{}`: {lie}", self.descriptor.kind)))

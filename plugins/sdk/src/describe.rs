@@ -14,13 +14,6 @@ use asperity_node::{
 use crate::text::Texts;
 use crate::{facts, instance, panics};
 
-/// A kind as the host sees it, with the plugin's own data about it.
-#[repr(C)]
-pub(crate) struct Record {
-    pub(crate) abi: AsperityKind,
-    pub(crate) facts: unsafe fn(*mut c_void, &AsperityFactSink),
-}
-
 /// The kinds of a plugin.
 #[derive(Debug, Default)]
 pub struct Kinds(Vec<*const AsperityKind>);
@@ -29,9 +22,8 @@ impl Kinds {
     /// Adds a node type.
     pub fn add<N: Node>(&mut self) {
         let texts = Box::leak(Box::<Texts>::default());
-        let record = Record { abi: kind::<N>(&N::descriptor(), texts), facts: facts::tell::<N> };
-        let record: &'static Record = Box::leak(Box::new(record));
-        self.0.push(ptr::from_ref(record).cast());
+        let kind: &'static AsperityKind = Box::leak(Box::new(kind::<N>(&N::descriptor(), texts)));
+        self.0.push(kind);
     }
 }
 
@@ -113,19 +105,19 @@ fn kind<N: Node>(d: &Descriptor, texts: &mut Texts) -> AsperityKind {
         gate: d.gate.as_deref().map_or(ptr::null(), |t| texts.text(t)),
         feedback: d.feedback.as_deref().map_or(ptr::null(), |t| texts.text(t)),
         ports: Some(instance::ports::<N>),
-        create: Some(instance::create::<N>),
+        create: Some(instance::create),
         prepare: Some(instance::prepare::<N>),
-        info: Some(instance::info::<N>),
-        process: Some(instance::process::<N>),
-        reset: Some(instance::reset::<N>),
-        wants: Some(instance::wants::<N>),
-        absorb: Some(instance::absorb::<N>),
-        elapsed: Some(instance::elapsed::<N>),
-        set_parameter: Some(instance::set_parameter::<N>),
-        state_size: Some(instance::state_size::<N>),
-        save: Some(instance::save::<N>),
-        restore: Some(instance::restore::<N>),
-        destroy: Some(instance::destroy::<N>),
+        info: Some(instance::info),
+        process: Some(instance::process),
+        reset: Some(instance::reset),
+        wants: Some(instance::wants),
+        absorb: Some(instance::absorb),
+        elapsed: Some(instance::elapsed),
+        set_parameter: Some(instance::set_parameter),
+        state_size: Some(instance::state_size),
+        save: Some(instance::save),
+        restore: Some(instance::restore),
+        destroy: Some(instance::destroy),
     }
 }
 

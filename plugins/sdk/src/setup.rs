@@ -12,7 +12,7 @@ use crate::text;
 
 /// A setup that owns a copy of the host's data.
 #[derive(Debug)]
-pub(crate) struct Prepared {
+pub(crate) struct HostSetup {
     id: String,
     params: Params,
     /// Placeholder for the position of each parameter, by which an error finds its parameter.
@@ -26,7 +26,7 @@ pub(crate) struct Prepared {
     closes_cycle: bool,
 }
 
-impl Prepared {
+impl HostSetup {
     /// Reads the host's setup.
     ///
     /// # Safety

@@ -4,8 +4,8 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{
     Buffer, Complex, Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec,
-    Node, NodeKind, Output, Param, Ports, RateSpec, Registry, Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
-    random,
+    Node, NodeKind, Output, Param, Ports, Prepared, Processor, RateSpec, Registry, Setup, ShapeSpec, Status,
+    Tick, Unit, UnitSpec, random,
 };
 
 /// Signals of a source.
@@ -63,18 +63,20 @@ impl Node for Source {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let l = layout(&setup.config);
         let frames = matches!(p.text("shape"), "magnitude" | "spectrum");
-        Ok(Self {
+        Ok(Prepared::new(Self {
             signal: p.text("signal").to_owned(),
             seed: setup.seed,
             clock: frames.then(|| (setup.frame_clock(l.frame_rate), l)),
             rate_hz: setup.output_rate(0),
-        })
+        }))
     }
+}
 
+impl Processor for Source {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (signal, seed) = (&self.signal, self.seed);
         if let Some((clock, l)) = &self.clock {

@@ -7,8 +7,8 @@ use asperity_engine::Engine;
 use asperity_graph::{BufferEntry, Compiled, compile};
 use asperity_node::{
     Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind,
-    Output, Params, PortType, Ports, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec, Status, Tick,
-    Unit, UnitSpec, Wiring, random,
+    Output, Params, PortType, Ports, Prepared, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec,
+    Status, Tick, Unit, UnitSpec, Wiring, random,
 };
 
 use crate::case::Not;
@@ -134,9 +134,12 @@ impl Node for Probe {
         let input = Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u');
         Descriptor::new(Self::KIND, "Looks on.").input(input).sink()
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
+
+impl Processor for Probe {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {
         Status::Continue
     }
@@ -157,7 +160,7 @@ impl NodeKind for Watched {
         let ports = self.kind.ports(config)?;
         Ok(self.ports.get_or_init(|| ports).clone())
     }
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         self.kind.prepare(setup)
     }
 }
@@ -276,8 +279,8 @@ impl Place {
         let seed = random::seed_of(SEED, IT);
         let config = Config { id: IT, params: &self.params, tick_hz, every, audio_hz, seed };
         let setup = Setup { config, inputs: &self.inputs, outputs: &self.outputs, closes_cycle };
-        let processor = self.kind.prepare(&setup).map_err(|e| e.message)?;
-        Ok(Stand::new(self, subject, processor, signal, SEED + 100, closes_cycle))
+        let node = self.kind.prepare(&setup).map_err(|e| e.message)?;
+        Ok(Stand::new(self, subject, node, signal, SEED + 100, closes_cycle))
     }
 
     /// The same graph in the engine, and the node's index in it.

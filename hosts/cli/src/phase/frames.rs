@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_accuracy::npy;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports,
+    Config, Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports, Prepared,
     Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
 };
 
@@ -153,23 +153,21 @@ impl NodeKind for MagnitudesKind {
         Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
     }
 
-    fn prepare(&self, _setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(Magnitudes(self.frames.clone())))
+    fn prepare(&self, _setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Magnitudes(self.frames.clone())))
     }
 }
 
 struct Magnitudes(Arc<Frames>);
 
 impl Processor for Magnitudes {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Frames { layout, bins } = &*self.0;
         let at = tick.index as usize * layout.bins as usize;
-        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Ok(Status::Asleep) };
+        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Status::Asleep };
         tick.outputs.magnitude(0, tick.index, self.0.start(tick.index)).copy_from_slice(frame);
-        Ok(Status::Continue)
+        Status::Continue
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Buffer, Config, Descriptor, Diagnostic, Fault, Node, NodeKind, Output, Ports, Processor, Resume, Setup,
-    ShapeSpec, Source, Status, Tick, Unit,
+    Buffer, Config, Descriptor, Diagnostic, Node, NodeKind, Output, Ports, Prepared, Processor, Resume,
+    Setup, ShapeSpec, Source, Status, Tick, Unit,
 };
 
 /// What a script puts out in a tick, for each of its outputs.
@@ -39,23 +39,21 @@ impl NodeKind for Script {
     fn ports(&self, _: &Config<'_>) -> Result<Ports, Diagnostic> {
         Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
     }
-    fn prepare(&self, _: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(Playing(self.play.clone())))
+    fn prepare(&self, _: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Playing(self.play.clone())))
     }
 }
 
 struct Playing(Play);
 
 impl Processor for Playing {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (output, values) in (self.0)(tick.index).iter().enumerate() {
             tick.outputs.control(output).copy_from_slice(values);
         }
-        Ok(Status::Continue)
+        Status::Continue
     }
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }
 
 /// A script, the node `it` with an input of each of the script's names, and what else stands behind it.

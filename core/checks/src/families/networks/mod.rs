@@ -297,7 +297,7 @@ fn multiplied(inner: Arc<dyn NodeKind>, told: &Told, at: &[Range<u64>]) -> Arc<d
                     values.copy_from_slice(before);
                 }
             }
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             let wrong = at.iter().any(|ticks| ticks.contains(&tick.index));
             for (output, times, before) in &mut mine {
                 let values = tick.outputs.control(*output);
@@ -386,7 +386,7 @@ fn spoiled(inner: Arc<dyn NodeKind>, wrongs: &[Wrong], windows: &[Window]) -> Ar
         let plan = plan.clone();
         let mut came = vec![0; plan.len()];
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             for ((ticks, most, spoil), came) in plan.iter().zip(&mut came) {
                 if !ticks.contains(&tick.index) || *came >= *most {
                     continue;
