@@ -1,7 +1,7 @@
 //! Node types and the interface between nodes and the engine.
 //!
-//! A node author writes one type that implements [`Node`]: a [`Descriptor`] (kind, ports, parameters),
-//! a `prepare` that allocates, and a `process` that does not. [`Registry`] holds the kinds that a host
+//! A node author writes a [`Node`]: a [`Descriptor`] (kind, ports, parameters) and a `prepare` that
+//! allocates; and a [`Processor`]: a `process` that does not. [`Registry`] holds the kinds that a host
 //! offers. The types of a graph are here too: [`PortType`], [`Unit`], [`FrameLayout`], and exact time
 //! in [`time`].
 

@@ -4,9 +4,7 @@
 //! type `cdylib`:
 //!
 //! ```
-//! use asperity_sdk::{
-//!     Descriptor, Diagnostic, Input, Node, Output, Prepared, Processor, Setup, ShapeSpec, Status, Tick, Unit,
-//! };
+//! use asperity_sdk::*;
 //!
 //! struct Twice;
 //!
