@@ -19,7 +19,7 @@ const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \
 fn compiled(plugin: &Plugin) -> Compiled {
     let mut registry = asperity_nodes::registry();
     for kind in plugin.kinds() {
-        assert!(registry.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+        assert!(registry.add(Arc::<NodeKind>::clone(kind)).is_none());
     }
     graph::compiled(&graph::parsed(GRAPH), &registry)
 }

@@ -100,7 +100,7 @@ fn registry() -> Registry {
     for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
         let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
         for kind in plugin.kinds() {
-            assert!(all.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+            assert!(all.add(Arc::<NodeKind>::clone(kind)).is_none());
         }
     }
     all

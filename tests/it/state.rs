@@ -59,12 +59,12 @@ fn saved(p: &mut dyn Processor) -> Vec<u8> {
     bytes
 }
 
-fn kinds() -> Vec<Arc<dyn NodeKind>> {
+fn kinds() -> Vec<Arc<NodeKind>> {
     asperity_nodes::registry().iter().cloned().collect()
 }
 
 /// Parameters that are live, with their places.
-fn live(kind: &dyn NodeKind) -> Vec<(usize, Param)> {
+fn live(kind: &NodeKind) -> Vec<(usize, Param)> {
     let params = kind.descriptor().params.iter().cloned().enumerate();
     params.filter(|(_, p)| p.live).collect()
 }

@@ -15,7 +15,7 @@ fn changed(
     subject: &Subject<'_>,
     kind: &str,
     change: impl Fn(f32, u64, f32) -> f32 + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
@@ -37,7 +37,7 @@ fn changed(
 fn in_place(
     subject: &Subject<'_>,
     does: impl Fn(f32, f32) -> f32 + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind("limiter").expect("the kind"),
         Arc::new(move |_| {
@@ -130,7 +130,7 @@ fn full_scale_at_resonance() {
 fn limiter_random() {
     let subject = subject(None);
     holds("limiter_random", &subject);
-    let mutants: [(&str, Arc<dyn NodeKind>); 4] = [
+    let mutants: [(&str, Arc<NodeKind>); 4] = [
         ("over the peak", in_place(&subject, |x, last| last + (x - last).clamp(-0.004, 0.004))),
         // Now and then a sample that jumps, too short to warm the coil or to move it.
         (

@@ -15,7 +15,7 @@ fn changed(
     subject: &Subject<'_>,
     kind: &str,
     change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
@@ -36,7 +36,7 @@ fn failing(
     subject: &Subject<'_>,
     kind: &str,
     when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {

@@ -15,7 +15,7 @@ fn once(
     subject: &Subject<'_>,
     kind: &str,
     what: fn(&mut asperity_node::Tick<'_>) -> Result<Status, Fault>,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {

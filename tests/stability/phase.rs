@@ -18,7 +18,7 @@ fn all() -> Subject<'static> {
         for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
             let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
             for kind in plugin.kinds() {
-                assert!(registry.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+                assert!(registry.add(Arc::<NodeKind>::clone(kind)).is_none());
             }
         }
         registry

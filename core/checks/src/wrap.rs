@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, NodeKind, Ports, Prepared, Processor, Setup, Status, Tick,
-};
+use asperity_node::{Fault, NodeKind, Prepared, Processor, Setup, Status, Tick};
 
 /// Called instead of a node's `process`, with the node; it may run it.
 pub type Process = Box<dyn FnMut(&mut dyn Processor, &mut Tick<'_>) -> Result<Status, Fault> + Send>;
@@ -12,21 +10,19 @@ pub type Process = Box<dyn FnMut(&mut dyn Processor, &mut Tick<'_>) -> Result<St
 /// Makes a [`Process`] for a node.
 pub type Maker = Arc<dyn Fn(&Setup<'_>) -> Process + Send + Sync>;
 
-struct Wrapped {
-    inner: Arc<dyn NodeKind>,
-    make: Maker,
-}
-
 /// A kind with the same name, ports and parameters. Its nodes are called by the process that `make` makes.
-pub fn wrap(inner: Arc<dyn NodeKind>, make: Maker) -> Arc<dyn NodeKind> {
-    Arc::new(Wrapped { inner, make })
+pub fn wrap(inner: Arc<NodeKind>, make: Maker) -> Arc<NodeKind> {
+    Arc::new(Arc::unwrap_or_clone(inner).wrapped(move |setup, node| {
+        let wrapped = Node { inner: node.processor, process: make(setup), fault: None };
+        Ok(Prepared { processor: Box::new(wrapped), ..node })
+    }))
 }
 
 /// A kind whose nodes run as they are, and then have their outputs changed.
 pub fn after(
-    inner: Arc<dyn NodeKind>,
+    inner: Arc<NodeKind>,
     change: impl Fn(&mut Tick<'_>) + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     let make = move |_: &Setup<'_>| -> Process {
         let change = change.clone();
         Box::new(move |node, tick| {
@@ -37,26 +33,6 @@ pub fn after(
         })
     };
     wrap(inner, Arc::new(make))
-}
-
-impl NodeKind for Wrapped {
-    fn descriptor(&self) -> &Descriptor {
-        self.inner.descriptor()
-    }
-
-    fn origin(&self) -> &str {
-        self.inner.origin()
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        self.inner.ports(config)
-    }
-
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let inner = self.inner.prepare(setup)?;
-        let node = Node { inner: inner.processor, process: (self.make)(setup), fault: None };
-        Ok(Prepared { processor: Box::new(node), ..inner })
-    }
 }
 
 struct Node {

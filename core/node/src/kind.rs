@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use asperity_state::State;
 
@@ -398,31 +399,90 @@ impl<'p> dyn Processor + 'p {
     }
 }
 
-/// A kind of node, built in or from a plugin.
-pub trait NodeKind: Send + Sync {
+type RefinePorts = dyn Fn(&Config<'_>, Ports) -> Result<Ports, Diagnostic> + Send + Sync;
+type Prepare = dyn Fn(&Setup<'_>) -> Result<Prepared, Diagnostic> + Send + Sync;
+
+/// A kind of node, built in or from a plugin. Whoever wraps a kind changes a copy of it, so that the rest
+/// stays as it is.
+#[derive(Clone)]
+pub struct NodeKind {
+    descriptor: Descriptor,
+    origin: Arc<str>,
+    build: u64,
+    ports: Arc<RefinePorts>,
+    prepare: Arc<Prepare>,
+}
+
+impl NodeKind {
+    /// The kind of a node type of this program.
+    pub fn of<N: Node>() -> Self {
+        Self::new(N::descriptor(), N::prepare).with_ports(N::ports)
+    }
+
+    /// A built-in kind with the ports of its descriptor.
+    pub fn new(
+        descriptor: Descriptor,
+        prepare: impl Fn(&Setup<'_>) -> Result<Prepared, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        let ports: Arc<RefinePorts> = Arc::new(|_, ports| Ok(ports));
+        Self { descriptor, origin: "built in".into(), build: 0, ports, prepare: Arc::new(prepare) }
+    }
+
+    /// The same kind, whose ports are the answer of `ports` to those of the descriptor.
+    #[must_use]
+    pub fn with_ports(
+        self,
+        ports: impl Fn(&Config<'_>, Ports) -> Result<Ports, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        Self { ports: Arc::new(ports), ..self }
+    }
+
+    /// The same kind from a plugin's file, with the number of its [build](Self::build).
+    #[must_use]
+    pub fn from_plugin(self, origin: Arc<str>, build: u64) -> Self {
+        Self { origin, build, ..self }
+    }
+
+    /// The same kind, of whose nodes `wrap` makes others.
+    #[must_use]
+    pub fn wrapped(
+        self,
+        wrap: impl Fn(&Setup<'_>, Prepared) -> Result<Prepared, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        let prepare = self.prepare;
+        Self { prepare: Arc::new(move |setup| wrap(setup, prepare(setup)?)), ..self }
+    }
+
     /// Kind, ports and parameters.
-    fn descriptor(&self) -> &Descriptor;
+    pub fn descriptor(&self) -> &Descriptor {
+        &self.descriptor
+    }
 
     /// Origin for a person: `built in`, or a plugin's file.
-    fn origin(&self) -> &str {
-        "built in"
+    pub fn origin(&self) -> &str {
+        &self.origin
     }
 
     /// Number of the build of a kind's code, so that a recompiled graph uses the newer one. 0 for a
     /// built-in kind.
-    fn build(&self) -> u64 {
-        0
+    pub fn build(&self) -> u64 {
+        self.build
     }
 
     /// Ports for these parameters.
     ///
     /// # Errors
     /// Parameters that fit no ports.
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic>;
+    pub fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        let Descriptor { inputs, outputs, .. } = &self.descriptor;
+        (self.ports)(config, Ports { inputs: inputs.clone(), outputs: outputs.clone() })
+    }
 
     /// Makes a processor.
     ///
     /// # Errors
     /// See [`Node::prepare`].
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic>;
+    pub fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        (self.prepare)(setup)
+    }
 }

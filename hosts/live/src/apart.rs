@@ -15,8 +15,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use asperity_node::{
-    Buffer, Config, Descriptor, Diagnostic, Fact, Fault, InputRef, Inputs, NodeKind, Outputs, Ports,
-    Prepared, Processor, Setup, State, Status, Tick, Wiring,
+    Buffer, Fact, Fault, InputRef, Inputs, NodeKind, Outputs, Prepared, Processor, Setup, State, Status,
+    Tick, Wiring,
 };
 use asperity_numbers::denormals::Flushed;
 
@@ -30,38 +30,12 @@ const AWAKE: Duration = Duration::from_micros(200);
 
 /// The same kind, whose nodes run on threads of their own. With `priority`, these request a real-time
 /// priority.
-pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
-    Arc::new(Kind { kind, priority })
-}
-
-struct Kind {
-    kind: Arc<dyn NodeKind>,
-    priority: Option<i32>,
-}
-
-impl NodeKind for Kind {
-    fn descriptor(&self) -> &Descriptor {
-        self.kind.descriptor()
-    }
-
-    fn origin(&self) -> &str {
-        self.kind.origin()
-    }
-
-    fn build(&self) -> u64 {
-        self.kind.build()
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        self.kind.ports(config)
-    }
-
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let node = self.kind.prepare(setup)?;
-        let apart = Apart::start(node.processor, Desk::new(setup), setup.id, self.priority)
+pub fn apart(kind: Arc<NodeKind>, priority: Option<i32>) -> Arc<NodeKind> {
+    Arc::new(Arc::unwrap_or_clone(kind).wrapped(move |setup, node| {
+        let apart = Apart::start(node.processor, Desk::new(setup), setup.id, priority)
             .map_err(|e| setup.params.node_error(format!("no thread for this node: {e}")))?;
         Ok(Prepared { processor: Box::new(apart), ..node })
-    }
+    }))
 }
 
 /// Call to the thread. Inputs, outputs and bytes lie on the desk.

@@ -61,7 +61,7 @@ fn largest_step(x: &[f32]) -> f32 {
 #[test]
 fn sources_are_as_every_node_must_be() {
     for kind in ["sine", "sweep"] {
-        let kind: Arc<dyn NodeKind> = crate::registry().get(kind).unwrap().clone();
+        let kind: Arc<NodeKind> = crate::registry().get(kind).unwrap().clone();
         let subject = Subject::one(kind.clone()).ticks(500);
         for case in node_cases() {
             let outcome = case.run(&subject);

@@ -32,8 +32,6 @@ unsafe impl Sync for Functions {}
 pub(crate) struct PluginKind {
     functions: Functions,
     descriptor: Descriptor,
-    build: u64,
-    origin: Arc<str>,
 }
 
 impl PluginKind {
@@ -42,10 +40,8 @@ impl PluginKind {
         abi: AsperityKind,
         descriptor: Descriptor,
         facts: Option<FactsFn>,
-        build: u64,
-        origin: Arc<str>,
     ) -> Self {
-        Self { functions: Functions { at, abi, facts }, descriptor, build, origin }
+        Self { functions: Functions { at, abi, facts }, descriptor }
     }
 
     fn error(&self, config: &Config<'_>, error: &Said) -> Diagnostic {
@@ -62,24 +58,19 @@ impl PluginKind {
     }
 }
 
-impl NodeKind for PluginKind {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
+impl PluginKind {
+    /// The kind for a registry.
+    pub(crate) fn kind(self, origin: Arc<str>, build: u64) -> NodeKind {
+        let (descriptor, it) = (self.descriptor.clone(), Arc::new(self));
+        let same = it.clone();
+        NodeKind::new(descriptor, move |setup| same.prepare(setup))
+            .with_ports(move |config, ports| it.ports(config, ports))
+            .from_plugin(origin, build)
     }
 
-    fn origin(&self) -> &str {
-        &self.origin
-    }
-
-    fn build(&self) -> u64 {
-        self.build
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+    fn ports(&self, config: &Config<'_>, declared: Ports) -> Result<Ports, Diagnostic> {
         let d = &self.descriptor;
-        let Some(ports) = self.functions.abi.ports else {
-            return Ok(Ports { inputs: d.inputs.clone(), outputs: d.outputs.clone() });
-        };
+        let Some(ports) = self.functions.abi.ports else { return Ok(declared) };
         let lent = Lent::config(config, d)?;
         let mut told = Told::default();
         let sink = AsperityPortSink {

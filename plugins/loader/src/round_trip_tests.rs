@@ -194,7 +194,7 @@ impl Processor for Gate {
 
 asperity_sdk::export!(Everything, Gate);
 
-fn kinds() -> Vec<std::sync::Arc<dyn NodeKind>> {
+fn kinds() -> Vec<std::sync::Arc<NodeKind>> {
     Plugin::built_in(&asperity_entry).unwrap().kinds().to_vec()
 }
 
@@ -232,7 +232,7 @@ fn wirings() -> (Vec<Wiring>, Vec<Wiring>) {
     )
 }
 
-fn prepare(kind: &dyn NodeKind, params: &Params) -> Result<Prepared, Diagnostic> {
+fn prepare(kind: &NodeKind, params: &Params) -> Result<Prepared, Diagnostic> {
     let (inputs, outputs) = wirings();
     let config = Config { id: "it", params, tick_hz: 500, every: 2, audio_hz: 48_000, seed: u64::MAX };
     kind.prepare(&Setup { config, inputs: &inputs, outputs: &outputs, closes_cycle: false })
@@ -332,7 +332,7 @@ fn every_answer_crosses_the_interface() {
 fn node_output_is_unchanged_by_the_interface() {
     let params = params(&settings());
     // Past the tick that panics, which only one side catches itself.
-    let seen = |kind: &dyn NodeKind| run(prepare(kind, &params).unwrap(), false);
+    let seen = |kind: &NodeKind| run(prepare(kind, &params).unwrap(), false);
     let (there, here) = (seen(kinds()[0].as_ref()), seen(direct().get("everything").unwrap().as_ref()));
     assert_eq!(there, here);
     assert!(there.contains("some/where/x.csv"), "{there}");

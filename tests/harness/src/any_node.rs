@@ -125,7 +125,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
 }
 
 /// A graph of one node, each input fed by a source and each output read by a probe.
-pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> GraphFile {
+pub fn graph(kind: &NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> GraphFile {
     let mut graph = GraphFile::empty("conformance");
     (graph.tick_hz, graph.audio_hz, graph.seed) = (tick_hz, audio_hz, 5);
     let d = kind.descriptor();

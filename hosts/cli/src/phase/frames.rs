@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use asperity_accuracy::npy;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports, Prepared,
-    Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Prepared, Processor,
+    ShapeSpec, Status, Tick, Unit, time,
 };
 
 use crate::failure::{Failure, wrong};
@@ -129,33 +129,12 @@ fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
 /// Kind of the source. No graph file can name it: its name has spaces.
 pub(super) const MAGNITUDES: &str = "magnitudes from memory";
 
-/// A source that plays frames from memory, one a tick.
-pub(super) struct MagnitudesKind {
-    descriptor: Descriptor,
-    frames: Arc<Frames>,
-}
-
-impl MagnitudesKind {
-    pub(super) fn new(frames: Arc<Frames>) -> Self {
-        let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
-        let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);
-        let descriptor = Descriptor::new(MAGNITUDES, "Plays the frames it was given.").output(output);
-        Self { descriptor, frames }
-    }
-}
-
-impl NodeKind for MagnitudesKind {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
-    }
-
-    fn ports(&self, _config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
-    }
-
-    fn prepare(&self, _setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Magnitudes(self.frames.clone())))
-    }
+/// A kind that plays these frames.
+pub(super) fn magnitudes(frames: Arc<Frames>) -> NodeKind {
+    let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
+    let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);
+    let descriptor = Descriptor::new(MAGNITUDES, "Plays the frames it was given.").output(output);
+    NodeKind::new(descriptor, move |_| Ok(Prepared::new(Magnitudes(frames.clone()))))
 }
 
 struct Magnitudes(Arc<Frames>);

@@ -352,7 +352,7 @@ fn levels(subject: &Subject<'_>) -> Found {
 type Instead = fn(u64, usize) -> Option<f32>;
 
 /// A kind that gets wrong magnitudes in some frames. The engine itself would not pass them on.
-fn misled(inner: Arc<dyn NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<dyn NodeKind> {
+fn misled(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<NodeKind> {
     let make = move |setup: &Setup<'_>| -> Process {
         let mut given = setup.input(0).map(|port| Buffer::new(port, setup.tick_hz));
         let frames = frames.clone();
