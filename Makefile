@@ -3,7 +3,7 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests setup-fuzz header stability-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -83,6 +83,10 @@ header: setup
 # Writes the hard cases into docs/stability.md anew.
 stability-docs: setup
 	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks docs
+
+# Writes the effects into docs/scenes.md anew.
+scene-docs: setup
+	ASPERITY_WRITE_SCENES=1 $(CARGO) test -p asperity-nodes docs
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup

@@ -7,6 +7,7 @@ mod chain;
 mod compare;
 mod compile;
 mod drive;
+mod effect_plugin;
 mod encode;
 mod engine;
 mod everywhere;

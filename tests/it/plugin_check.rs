@@ -128,7 +128,7 @@ fn good_plugin_passes_every_case() {
 
 #[test]
 fn rust_plugins_are_checked_and_their_allocations_counted() {
-    for package in ["my_phase", "my_filter", "asperity-rtpghi", "asperity-gsrtisi-la"] {
+    for package in ["my_phase", "my_filter", "my_effect", "asperity-rtpghi", "asperity-gsrtisi-la"] {
         let ran = check(&plugins::rust(package), &["--ticks", "5000"]);
         assert!(ran.code == 0 && ran.out.contains(" 0 failed"), "{}\n{}", ran.out, ran.err);
     }

@@ -375,7 +375,7 @@ fn a_panic_while_a_plugin_is_prepared_is_an_error_of_the_graph() {
 #[test]
 fn a_new_plugin_in_every_language_builds_and_is_found() {
     let dir = folder();
-    for like in ["phase", "audio"] {
+    for like in ["phase", "audio", "effect"] {
         for (lang, kind) in [("c", "one_c"), ("cpp", "one_cpp")] {
             let name = format!("{kind}_{like}");
             let ran = run(dir.path(), &["plugin", "new", &name, "--lang", lang, "--like", like]).ok();

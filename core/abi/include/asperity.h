@@ -15,6 +15,7 @@
 #ifndef ASPERITY_H
 #define ASPERITY_H
 
+#include <stddef.h>
 #include <stdint.h>
 #ifdef _WIN32
 #define ASPERITY_VISIBLE __declspec(dllexport)
@@ -31,6 +32,10 @@
 // Names of extensions.
 #define ASPERITY_EXTENSION_RANDOM "asperity.random/1"
 #define ASPERITY_EXTENSION_FACTS "asperity.facts/1"
+#define ASPERITY_EXTENSION_EFFECT "asperity.effect/1"
+
+// The element `i` of an array of structs that may grow: a newer host's are longer.
+#define ASPERITY_AT(type, first, i) ((const type *)((const char *)(first) + (size_t)(i) * (first)->size))
 
 
 // The first eight bytes of `AsperityEntry`: `ASPERITY` in ASCII, read as a little-endian number.
@@ -40,7 +45,28 @@
 #define ASPERITY_MAJOR 1
 
 // Minor version: additions to the major one.
-#define ASPERITY_MINOR 0
+#define ASPERITY_MINOR 1
+
+// Acts while a wall is touched. A wall is a surface with a stiffness.
+#define ASPERITY_TOUCHING 1
+
+// Acts while a wall is touched, and inside of a volume, a surface without a stiffness.
+#define ASPERITY_INSIDE 2
+
+// Acts from both sides of a surface, as far as the field `reach_mm` says.
+#define ASPERITY_NEAR 3
+
+// Acts while a stylus glides over a wall: a texture.
+#define ASPERITY_GLIDING 4
+
+// The force acts along the surface's normal.
+#define ASPERITY_NORMAL 1
+
+// The force acts along the surface.
+#define ASPERITY_SURFACE 2
+
+// The force acts against any motion.
+#define ASPERITY_ANY 3
 
 // A port with the type of all ports with its `shape_var`. Not for a single port.
 #define ASPERITY_LIKE 1
@@ -291,6 +317,30 @@ typedef struct AsperityWire {
     const char *unit;
 } AsperityWire;
 
+// Settings of an effect. Arrays of these advance by the first one's `size`.
+typedef struct AsperitySettings {
+    // `sizeof(AsperitySettings)`.
+    uint32_t size;
+    // Index of the form.
+    uint32_t form;
+    // Values of the form's fields, in its order.
+    const struct AsperityValue *values;
+    // Number of values.
+    uint32_t value_count;
+    // 0.
+    uint32_t reserved;
+} AsperitySettings;
+
+// A slot of an effect. Arrays of these advance by the first one's `size`.
+typedef struct AsperitySlot {
+    // `sizeof(AsperitySlot)`.
+    uint32_t size;
+    // Number of settings: 1, or more for a texture of several parts.
+    uint32_t count;
+    // Settings.
+    const struct AsperitySettings *settings;
+} AsperitySlot;
+
 // Configuration of an instance.
 typedef struct AsperitySetup {
     // `sizeof(AsperitySetup)`.
@@ -320,6 +370,12 @@ typedef struct AsperitySetup {
     // 1 if this node closes a cycle: then `process` runs before its inputs are ready, and `absorb`
     // after.
     uint32_t closes_cycle;
+    // Slots of an effect, in the order of its list. Since 1.1.
+    const struct AsperitySlot *slots;
+    // Number of slots. Since 1.1.
+    uint32_t slot_count;
+    // 0.
+    uint32_t reserved;
 } AsperitySetup;
 
 // Receives ports from `AsperityKind::ports`. Valid during that call.
@@ -584,5 +640,89 @@ typedef struct AsperityFacts {
     // Control thread.
     void (*facts)(const struct AsperityKind *kind, void *instance, const struct AsperityFactSink *sink);
 } AsperityFacts;
+
+// One way to write the settings of an effect: `name(field: value, ...)`. Arrays of these advance by the first one's
+// `size`.
+typedef struct AsperityForm {
+    // `sizeof(AsperityForm)`.
+    uint32_t size;
+    // Number of fields.
+    uint32_t field_count;
+    // The word before the parenthesis; empty for the only form of an effect.
+    const char *name;
+    // Fields.
+    const struct AsperityParam *fields;
+    // A text of this form, such as `(stiffness_n_per_mm: 0.2)`.
+    const char *example;
+} AsperityForm;
+
+// A quantity of the contact that a scene connects to an input. Arrays of these advance by the first one's `size`.
+typedef struct AsperityNeed {
+    // `sizeof(AsperityNeed)`.
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // Name of the input.
+    const char *input;
+    // Name of the quantity: an output of the kind `contact` or `velocity`.
+    const char *quantity;
+} AsperityNeed;
+
+// A linear law of force F = K x + B v along one direction, as it is near the place where it is steepest.
+typedef struct AsperityLaw {
+    // `sizeof(AsperityLaw)`.
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // Stiffness K in N/mm, at least 0.
+    double stiffness_n_per_mm;
+    // Damping B in N s/m, of either sign.
+    double damping_ns_per_m;
+} AsperityLaw;
+
+// An effect. The node renders it for many surfaces. Surfaces with the same settings share a slot. The input `slot`
+// picks one: 0 the first; none where it is below 0, beyond the last, or not a number.
+typedef struct AsperityEffect {
+    // `sizeof(AsperityEffect)`.
+    uint32_t size;
+    // Where it acts: `ASPERITY_TOUCHING` and so on.
+    uint32_t acts;
+    // Name of the parameter (a list of texts) with the settings of each slot.
+    const char *list;
+    // Number of forms.
+    uint32_t form_count;
+    // Number of needs.
+    uint32_t need_count;
+    // Ways to write the settings; the first is the usual one.
+    const struct AsperityForm *forms;
+    // Quantities of the contact that a scene connects to inputs.
+    const struct AsperityNeed *needs;
+    // Direction of the force: `ASPERITY_NORMAL` and so on; 0 for an effect without `law`.
+    uint32_t direction;
+    // 0.
+    uint32_t reserved;
+    // Law of the force for some settings and a normal force in N. A scene finds out from it whether the device bears
+    // the effect. NULL for an effect without a force. Control thread.
+    int32_t (*law)(const struct AsperityKind *kind,
+                   const struct AsperitySettings *settings,
+                   double normal_force_n,
+                   struct AsperityLaw *law);
+    // Checks settings beyond the ranges of their fields. The index in `error` is that of a field. Optional. Control
+    // thread.
+    int32_t (*check)(const struct AsperityKind *kind,
+                     const struct AsperitySettings *settings,
+                     struct AsperityError *error);
+} AsperityEffect;
+
+// The plugin's extension `asperity.effect/1`: kinds that are effects of surfaces.
+typedef struct AsperityEffects {
+    // `sizeof(AsperityEffects)`.
+    uint32_t size;
+    // 0.
+    uint32_t reserved;
+    // The effect of a kind (the pointer from the plugin); NULL for a kind that is none. It stays valid for the life
+    // of the process. Control thread.
+    const struct AsperityEffect *(*effect)(const struct AsperityKind *kind);
+} AsperityEffects;
 
 #endif  /* ASPERITY_H */

@@ -1,4 +1,4 @@
-//! The C interface between Asperity and its plugins: plain data and function pointers, version 1.0.
+//! The C interface between Asperity and its plugins: plain data and function pointers, version 1.1.
 //!
 //! `include/asperity.h` is generated from this crate and serves C and C++. A Rust node needs neither:
 //! it implements `asperity_sdk::Node` and is exported with one line.
@@ -20,11 +20,13 @@
 //!   [`ASPERITY_PANICKED`].
 //! - **Reserved** members and unknown flags are 0.
 
+mod effect;
 mod kind;
 mod node;
 #[cfg(test)]
 mod tests;
 
+pub use effect::*;
 pub use kind::*;
 pub use node::*;
 
@@ -35,7 +37,7 @@ pub const ASPERITY_MAGIC: u64 = 0x5954_4952_4550_5341;
 /// Major version: a host refuses plugins of another one.
 pub const ASPERITY_MAJOR: u16 = 1;
 /// Minor version: additions to the major one.
-pub const ASPERITY_MINOR: u16 = 0;
+pub const ASPERITY_MINOR: u16 = 1;
 /// Name of the one symbol a plugin exports: an [`AsperityEntry`].
 pub const ASPERITY_ENTRY_SYMBOL: &str = "asperity_entry";
 
@@ -44,7 +46,7 @@ pub const ASPERITY_ENTRY_SYMBOL: &str = "asperity_entry";
 /// # Safety
 /// The type is `repr(C)`, begins with a `u32` that is its size, and all-zero bytes are a value of it.
 pub unsafe trait Grows: Copy {
-    /// Its size in version 1.0, on a machine with pointers of this size.
+    /// Its size in the first version that had it, on a machine with pointers of this size.
     const SIZE_1_0: usize;
 }
 
@@ -59,7 +61,7 @@ macro_rules! grows {
 
 const PTR: usize = size_of::<usize>();
 
-/// The size of version 1.0 with pointers of 64 bits; with others, that of this build, which is 1.0.
+/// The size in the first version that had the struct, with pointers of 64 bits; with others, that of this build.
 const fn size_1_0<T>(bytes: usize) -> usize {
     if PTR == 8 { bytes } else { size_of::<T>() }
 }
@@ -80,6 +82,13 @@ grows! {
     AsperityError: size_1_0::<AsperityError>(32),
     AsperityInfo: size_1_0::<AsperityInfo>(56),
     AsperityTick: size_1_0::<AsperityTick>(56),
+    AsperityEffects: size_1_0::<AsperityEffects>(16),
+    AsperityEffect: size_1_0::<AsperityEffect>(64),
+    AsperityForm: size_1_0::<AsperityForm>(32),
+    AsperityNeed: size_1_0::<AsperityNeed>(24),
+    AsperitySettings: size_1_0::<AsperitySettings>(24),
+    AsperitySlot: size_1_0::<AsperitySlot>(16),
+    AsperityLaw: size_1_0::<AsperityLaw>(24),
 }
 
 /// Reads a struct from the other side, which may be of an older or a newer minor version. Members

@@ -2,6 +2,8 @@
 
 use std::ffi::{c_char, c_void};
 
+use crate::AsperitySlot;
+
 /// Success. (`prepare`, `ports`, `reset`, `absorb`, `elapsed`, `set_parameter`, `restore`)
 pub const ASPERITY_OK: i32 = 0;
 /// Failure. For `process` its number is in [`AsperityTick::detail`].
@@ -106,6 +108,12 @@ pub struct AsperitySetup {
     /// 1 if this node closes a cycle: then `process` runs before its inputs are ready, and `absorb`
     /// after.
     pub closes_cycle: u32,
+    /// Slots of an effect, in the order of its list. Since 1.1.
+    pub slots: *const AsperitySlot,
+    /// Number of slots. Since 1.1.
+    pub slot_count: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Error of `prepare` or `ports`. Both texts are the host's memory, empty at first; longer ones are

@@ -3,9 +3,9 @@
 use std::cell::OnceCell;
 use std::sync::Arc;
 
-use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::{Diagnostic, Source, ron};
 use asperity_graph::{Compiled, GraphFile, compile};
-use asperity_node::{NodeKind, Registry};
+use asperity_node::{Descriptor, NodeKind, Registry};
 
 use crate::case::{Not, not_applicable};
 use crate::node::Place;
@@ -46,6 +46,19 @@ pub trait Witness {
     fn doing(&self, _what: &str) {}
 }
 
+/// The list of an effect with the examples of its forms.
+fn examples(d: &Descriptor) -> Vec<(String, String)> {
+    let Some(effect) = &d.effect else { return Vec::new() };
+    let complete = |text: &&str| {
+        let value = ron::parse(&Source::new("example", *text)).ok();
+        let settings = value.and_then(|value| effect.read(&d.kind, &value).ok());
+        settings.is_some_and(|settings| settings.files().is_empty())
+    };
+    let texts = effect.forms.iter().map(|form| form.example.as_ref()).filter(complete);
+    let list = texts.map(ron::quoted).collect::<Vec<_>>().join(", ");
+    vec![(effect.list.to_string(), format!("[{list}]"))]
+}
+
 /// Kinds of nodes, and perhaps a graph of them. Cases of the family `node` look at one kind only.
 #[derive(Clone)]
 pub struct Subject<'a> {
@@ -83,9 +96,11 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults.
+    /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults. An effect has
+    /// a slot for each example of its forms that names no file.
     pub fn one(kind: Arc<NodeKind>) -> Self {
-        Self { one: Some(kind), ..Self::new(Registry::new()) }
+        let settings = examples(kind.descriptor());
+        Self { one: Some(kind), settings, ..Self::new(Registry::new()) }
     }
 
     /// Adds a graph of these kinds.

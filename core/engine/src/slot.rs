@@ -117,6 +117,11 @@ impl Slot {
         watch: &Watch<'_, C>,
     ) {
         if !now.tick.is_multiple_of(self.every) {
+            // A change between two of its ticks wakes it too.
+            if self.dozing {
+                let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
+                self.dozing = !wakened(inputs, &self.wakes);
+            }
             return self.clear(buffers, now);
         }
         if !wanted {

@@ -4,7 +4,8 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 
 use crate::{
-    Descriptor, Diagnostic, FrameLayout, Input, LayoutSpec, Param, ParamKind, ParamValue, RateSpec, ShapeSpec,
+    Acts, Descriptor, Diagnostic, Effect, FrameLayout, Input, LayoutSpec, Param, ParamKind, ParamValue,
+    RateSpec, ShapeSpec,
 };
 
 /// Most values of a control.
@@ -41,6 +42,55 @@ impl Descriptor {
             .or_else(|| first("output", &self.outputs, |p| &p.name, |p| shape(&p.shape)))
             .or_else(|| first("parameter", &self.params, |p| &p.name, param))
             .or_else(|| self.roles())
+            .or_else(|| self.effect.as_ref().and_then(|effect| self.wrong_effect(effect)))
+    }
+
+    /// The first problem of an effect.
+    fn wrong_effect(&self, effect: &Effect) -> Option<String> {
+        let input = |name: &str| self.inputs.iter().any(|p| p.name == name);
+        if !self.params.iter().any(|p| p.name == effect.list && p.kind == ParamKind::Texts) {
+            return Some(format!(
+                "its effect has the list {:?}, and no list of texts has that name",
+                effect.list
+            ));
+        }
+        if !input("slot") {
+            return Some("an effect needs an input `slot`".to_owned());
+        }
+        if let Some((name, _)) = effect.needs.iter().find(|(name, _)| !input(name)) {
+            return Some(format!("its effect needs {name:?}, and no input has that name"));
+        }
+        if let Some((_, quantity)) = effect.needs.iter().find(|(_, quantity)| !is_name(quantity)) {
+            return Some(format!("quantity {quantity:?}: a name is to be {NAME}"));
+        }
+        let gives = self.outputs.first().map(|output| &output.shape);
+        if !matches!(gives, Some(ShapeSpec::Audio(_) | ShapeSpec::Control(3))) {
+            return Some(
+                "an effect gives a force of three values or a vibration, as its first output".to_owned(),
+            );
+        }
+        if effect.forms.is_empty() {
+            return Some("its effect has no form".to_owned());
+        }
+        let several = effect.forms.len() > 1;
+        for form in &effect.forms {
+            let of = |problem| format!("form `{}`: {problem}", form.name);
+            if several && !is_name(&form.name) {
+                return Some(of(format!("of several forms each has a name, {NAME}")));
+            }
+            if effect.forms.iter().filter(|other| other.name == form.name).count() > 1 {
+                return Some(of("there are two of them".to_owned()));
+            }
+            let fields = names("field", form.fields.iter().map(|p| (&p.name, &p.doc)))
+                .or_else(|| first("field", &form.fields, |p| &p.name, param));
+            if let Some(problem) = fields {
+                return Some(of(problem));
+            }
+            if effect.acts == Acts::Near && !form.fields.iter().any(|field| field.name == "reach_mm") {
+                return Some(of("an effect from both sides has the field `reach_mm`".to_owned()));
+            }
+        }
+        None
     }
 
     fn roles(&self) -> Option<String> {

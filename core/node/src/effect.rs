@@ -29,6 +29,18 @@ pub enum Acts {
     Gliding,
 }
 
+impl Acts {
+    /// Words for a person.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Touching => "while a wall is touched",
+            Self::Inside => "while a wall is touched, and inside of a volume",
+            Self::Near => "from both sides of a surface, within its reach",
+            Self::Gliding => "while a stylus glides over a wall",
+        }
+    }
+}
+
 /// The direction in which a force acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -69,7 +81,8 @@ pub struct Form {
     pub name: Cow<'static, str>,
     /// Fields with one value.
     pub fields: Vec<Param>,
-    /// Fields with a structure of their own, which the node reads. Each may be left out.
+    /// Fields with a structure of their own, which the node reads. Each may be left out. Built-in kinds only: the
+    /// plugin interface has no such fields.
     pub nested: Vec<Cow<'static, str>>,
     /// A text of this form.
     pub example: Cow<'static, str>,
@@ -178,6 +191,25 @@ impl Effect {
         Some((*direction, law(settings, normal_force_n)))
     }
 
+    /// A form as a scene writes it for the effect of a kind, with the example's settings.
+    pub fn written(&self, kind: &str, form: &Form) -> String {
+        let key = if self.acts == Acts::Gliding { "texture" } else { kind };
+        format!("{key}: {}", form.example)
+    }
+
+    /// The direction of its force; `None` for an effect that gives no law.
+    pub fn direction(&self) -> Option<Direction> {
+        self.law.as_ref().map(|(direction, _)| *direction)
+    }
+
+    /// Checks settings beyond the ranges of their fields.
+    ///
+    /// # Errors
+    /// The effect refuses them.
+    pub fn checked(&self, settings: &Settings) -> Result<(), Diagnostic> {
+        self.check.as_ref().map_or(Ok(()), |check| check(settings))
+    }
+
     /// Reads settings of the effect of a kind.
     ///
     /// # Errors
@@ -212,9 +244,8 @@ impl Effect {
             let known: Vec<&str> = fields.chain(form.nested.iter().map(AsRef::as_ref)).collect();
             record.finish(&known)?;
         }
-        let form = form.name.to_string();
-        let settings = Settings { form, params, nested, value: value.clone() };
-        self.check.as_ref().map_or(Ok(()), |check| check(&settings))?;
+        let settings = Settings { form: form.name.to_string(), params, nested };
+        self.checked(&settings)?;
         Ok(settings)
     }
 
@@ -265,7 +296,6 @@ pub struct Settings {
     form: String,
     params: Params,
     nested: Vec<(String, Value)>,
-    value: Value,
 }
 
 impl Deref for Settings {
@@ -284,6 +314,11 @@ impl PartialEq for Settings {
 }
 
 impl Settings {
+    /// Settings of the form of this name. The place of the node of `params` is where errors point.
+    pub fn new(form: impl Into<String>, params: Params) -> Self {
+        Self { form: form.into(), params, nested: Vec::new() }
+    }
+
     /// The form's name; empty for a single form.
     pub fn form(&self) -> &str {
         &self.form
@@ -292,11 +327,6 @@ impl Settings {
     /// A field with a structure of its own.
     pub fn nested(&self, name: &str) -> Option<&Value> {
         self.nested.iter().find(|(n, _)| n == name).map(|(_, value)| value)
-    }
-
-    /// The settings as they stand in the file.
-    pub fn value(&self) -> &Value {
-        &self.value
     }
 
     /// All that they say but for one field, as a text: the same for the same settings.

@@ -30,6 +30,22 @@ pub enum ParamKind {
     Texts,
 }
 
+impl fmt::Display for ParamKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(r) => write!(f, "number from {} to {}", r.start(), r.end()),
+            Self::Integer(r) if *r.end() == i64::MAX => write!(f, "whole number from {}", r.start()),
+            Self::Integer(r) => write!(f, "whole number from {} to {}", r.start(), r.end()),
+            Self::Flag => f.write_str("true or false"),
+            Self::Text => f.write_str("text"),
+            Self::Choice(words) => f.write_str(&words.join(" | ")),
+            Self::File => f.write_str("file"),
+            Self::Numbers(r) => write!(f, "list of numbers from {} to {}", r.start(), r.end()),
+            Self::Texts => f.write_str("list of texts"),
+        }
+    }
+}
+
 /// A declared parameter: name, kind, range, unit, default and meaning in one place.
 #[derive(Clone, Debug)]
 pub struct Param {

@@ -147,7 +147,7 @@ impl Node for Autoregressive {
             let model = settings.file("model");
             let text = model.display().to_string();
             let texture = textures.get_by(text, || asperity_autoregressive::Texture::read(model))?;
-            let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| settings.value().error(e))?;
+            let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| settings.node_error(e))?;
             Ok((texture, settings.number("gain") as f32, band))
         };
         let slots = each(setup, read)?.into_iter().map(|slot| {

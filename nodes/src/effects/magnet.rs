@@ -114,7 +114,6 @@ impl Pull {
 /// A force toward a surface from both of its sides, of the distance alone.
 pub struct Magnet {
     magnets: Vec<Pull>,
-    every: u32,
 }
 
 impl Node for Magnet {
@@ -166,14 +165,14 @@ impl Node for Magnet {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let magnets = one_each(setup, Pull::read)?;
-        Ok(Prepared::new(Self { magnets, every: setup.every }))
+        Ok(Prepared::new(Self { magnets }))
     }
 }
 
 impl Processor for Magnet {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let magnet = pick(tick.inputs.value(0), self.magnets.len()).and_then(|slot| self.magnets.get(slot));
-        let Some(magnet) = magnet else { return let_go(tick, self.every) };
+        let Some(magnet) = magnet else { return let_go(tick) };
         // Along the outward normal: below 0 outside.
         let force = magnet.force_n(tick.inputs.value(1));
         let normal = if tick.inputs.connected(2) { vector(&tick.inputs, 2) } else { [0.0, 0.0, 1.0] };

@@ -23,6 +23,8 @@
 
 mod autoregressive;
 mod bounds;
+#[cfg(test)]
+mod docs_tests;
 mod force_limiter;
 pub mod friction;
 mod level;
@@ -97,11 +99,10 @@ fn put(tick: &mut Tick<'_>, force: [f64; 3]) {
     tick.outputs.control(0).iter_mut().zip(force).for_each(|(out, f)| *out = f);
 }
 
-/// Puts no force out, and what is answered then: a node of forces is called again when its slot changes. One that does not run in every tick could miss
-/// that, and stays awake.
-fn let_go(tick: &mut Tick<'_>, every: u32) -> Status {
+/// Puts no force out. The node is called again when its slot changes.
+fn let_go(tick: &mut Tick<'_>) -> Status {
     put(tick, [0.0; 3]);
-    if every > 1 { Status::Continue } else { Status::Asleep }
+    Status::Asleep
 }
 
 /// The settings of every slot, each made into what plays it.
@@ -120,7 +121,7 @@ fn one_each<T>(
     let one = |slot: &Vec<Settings>| match &slot[..] {
         [one] => make(one),
         [] => Err(setup.params.node_error("an empty slot")),
-        [_, second, ..] => Err(second.value().error("one setting is wanted here")),
+        [_, second, ..] => Err(second.node_error("one setting is wanted here")),
     };
     setup.params.slots().iter().map(one).collect()
 }
@@ -138,7 +139,7 @@ fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
 
 /// What a law's constructor answers, with an error that points at the settings.
 fn made<T>(settings: &Settings, made: Result<T, EffectError>) -> Result<T, Diagnostic> {
-    made.map_err(|e| settings.value().error(e.to_string()))
+    made.map_err(|e| settings.node_error(e.to_string()))
 }
 
 /// The field `gain` of textures.

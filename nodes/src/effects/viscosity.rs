@@ -49,7 +49,6 @@ impl Drag {
 /// A force against the velocity and in proportion to it, by the drag of the volume that the stylus is in.
 pub struct Viscosity {
     drags: Vec<Drag>,
-    every: u32,
 }
 
 impl Node for Viscosity {
@@ -90,14 +89,14 @@ impl Node for Viscosity {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let drags = one_each(setup, Drag::read)?;
-        Ok(Prepared::new(Self { drags, every: setup.every }))
+        Ok(Prepared::new(Self { drags }))
     }
 }
 
 impl Processor for Viscosity {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let drag = pick(tick.inputs.value(0), self.drags.len()).and_then(|slot| self.drags.get(slot));
-        let Some(drag) = drag else { return let_go(tick, self.every) };
+        let Some(drag) = drag else { return let_go(tick) };
         let force = drag.force_n(vector(&tick.inputs, 1));
         put(tick, force);
         Status::Continue

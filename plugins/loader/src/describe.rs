@@ -9,16 +9,26 @@ use asperity_node::{
 };
 
 use crate::checked::{self, Lie};
+use crate::effect::effect;
 
-/// Descriptor of a kind.
+/// Descriptor of a kind, with its effect if it is one.
 ///
 /// # Safety
-/// Everything that `kind` points to is valid and stays.
-pub(crate) unsafe fn descriptor(kind: &AsperityKind) -> Result<Descriptor, Lie> {
+/// `at` is the plugin's kind, and everything that it points to is valid and stays.
+pub(crate) unsafe fn descriptor(
+    at: *const AsperityKind,
+    kind: &AsperityKind,
+    effects: Option<&AsperityEffects>,
+) -> Result<Descriptor, Lie> {
     // SAFETY: the caller's promise.
     let name = unsafe { checked::text(kind.kind, "the name of a kind")? };
+    let of = |lie| format!("kind `{name}`: {lie}");
     // SAFETY: as above.
-    let d = unsafe { described(kind, &name) }.map_err(|lie| format!("kind `{name}`: {lie}"))?;
+    let mut d = unsafe { described(kind, &name) }.map_err(of)?;
+    if let Some(effects) = effects {
+        // SAFETY: as above.
+        d.effect = unsafe { effect(at, effects) }.map_err(of)?;
+    }
     d.check().map_err(|e| e.message)?;
     Ok(d)
 }
@@ -194,7 +204,11 @@ fn shape(p: &AsperityPort, name: &str) -> Result<ShapeSpec, Lie> {
     })
 }
 
-unsafe fn param(p: &AsperityParam) -> Result<Param, Lie> {
+/// A parameter, or a field of an effect's form.
+///
+/// # Safety
+/// Everything that `p` points to is valid.
+pub(crate) unsafe fn param(p: &AsperityParam) -> Result<Param, Lie> {
     // SAFETY: the caller's promise.
     let (name, doc, unit, text, words) = unsafe {
         let name = checked::text(p.name, "the name of a parameter")?;

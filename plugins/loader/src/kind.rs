@@ -1,6 +1,6 @@
 //! Kinds of a plugin, for the registry.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::c_void;
 use std::mem::size_of;
 use std::sync::Arc;
 
@@ -10,6 +10,7 @@ use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Por
 use crate::checked::Lie;
 use crate::describe;
 use crate::processor::PluginProcessor;
+use crate::said::Said;
 use crate::setup::Lent;
 
 /// The function of the extension `asperity.facts/1`.
@@ -44,17 +45,9 @@ impl PluginKind {
         Self { functions: Functions { at, abi, facts }, descriptor }
     }
 
-    fn error(&self, config: &Config<'_>, error: &Said) -> Diagnostic {
-        let message = match error.message() {
-            m if m.is_empty() => format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind),
-            m => m,
-        };
-        let param = usize::try_from(error.abi.param).ok().and_then(|i| self.descriptor.params.get(i));
-        let d = config.params.error(param.map_or("", |p| &p.name), message);
-        match error.help() {
-            h if h.is_empty() => d,
-            h => d.help(h),
-        }
+    fn error(&self, config: &Config<'_>, said: &Said) -> Diagnostic {
+        let otherwise = format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind);
+        said.diagnostic(config.params, &self.descriptor.params, &otherwise)
     }
 }
 
@@ -108,43 +101,6 @@ impl PluginKind {
             }
         }
     }
-}
-
-/// Buffers for a plugin's error message.
-struct Said {
-    abi: AsperityError,
-    message: Vec<u8>,
-    help: Vec<u8>,
-}
-
-impl Said {
-    fn new() -> Self {
-        let (mut message, mut help) = (vec![0; 1024], vec![0; 1024]);
-        let abi = AsperityError {
-            size: size_of::<AsperityError>() as u32,
-            param: -1,
-            message_capacity: message.len() as u32,
-            help_capacity: help.len() as u32,
-            message: message.as_mut_ptr().cast::<c_char>(),
-            help: help.as_mut_ptr().cast::<c_char>(),
-        };
-        Self { abi, message, help }
-    }
-
-    fn message(&self) -> String {
-        said(&self.message)
-    }
-
-    fn help(&self) -> String {
-        said(&self.help)
-    }
-}
-
-fn said(bytes: &[u8]) -> String {
-    CStr::from_bytes_until_nul(bytes).map_or_else(
-        |_| String::from_utf8_lossy(bytes).into_owned(),
-        |text| text.to_string_lossy().into_owned(),
-    )
 }
 
 /// Ports reported by a plugin.

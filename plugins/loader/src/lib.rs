@@ -11,6 +11,7 @@
 mod cache;
 mod checked;
 mod describe;
+mod effect;
 mod file;
 mod foreign;
 mod kind;
@@ -18,6 +19,7 @@ mod plugin;
 mod processor;
 #[cfg(test)]
 mod round_trip_tests;
+mod said;
 mod search;
 mod setup;
 

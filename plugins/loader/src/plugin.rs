@@ -120,13 +120,12 @@ impl Plugin {
         if abi.kind_count == 0 || abi.kind_count > 1024 {
             return Err(format!("it offers {} kinds of nodes", abi.kind_count));
         }
-        let facts = match abi.extension {
-            // SAFETY: a text that ends with a zero byte; what is answered is the extension of that name.
-            Some(extension) => unsafe {
-                let at = extension(FACTS.as_ptr()).cast::<AsperityFacts>();
-                if at.is_null() { None } else { checked::read(at, "its extension `asperity.facts/1`")?.facts }
-            },
-            None => None,
+        // SAFETY: what is answered is the extension of that name.
+        let (facts, effects) = unsafe {
+            (
+                extension_of::<AsperityFacts>(&abi, c"asperity.facts/1")?.and_then(|it| it.facts),
+                extension_of::<AsperityEffects>(&abi, c"asperity.effect/1")?,
+            )
         };
         let origin: Arc<str> = path.display().to_string().into();
         let mut kinds: Vec<Arc<NodeKind>> = Vec::new();
@@ -137,7 +136,7 @@ impl Plugin {
             // SAFETY: each is a kind that stays.
             let (kind, descriptor) = unsafe {
                 let kind = checked::read(at, &format!("kind {i}"))?;
-                (kind, describe::descriptor(&kind)?)
+                (kind, describe::descriptor(at, &kind, effects.as_ref())?)
             };
             if !names.insert(descriptor.kind.to_string()) {
                 return Err(format!("it offers the kind `{}` twice", descriptor.kind));
@@ -173,7 +172,20 @@ impl Plugin {
     }
 }
 
-const FACTS: &CStr = c"asperity.facts/1";
+/// An extension of a plugin, if it has it.
+///
+/// # Safety
+/// `plugin` is the plugin's description, and `T` is the struct of the extension of that name.
+unsafe fn extension_of<T: Grows>(plugin: &AsperityPlugin, name: &CStr) -> Result<Option<T>, Lie> {
+    let Some(extension) = plugin.extension else { return Ok(None) };
+    // SAFETY: a text that ends with a zero byte.
+    let at = foreign(|| unsafe { extension(name.as_ptr()) }).cast::<T>();
+    if at.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise.
+    unsafe { checked::read(at, &format!("its extension `{}`", name.to_string_lossy())) }.map(Some)
+}
 
 /// Description of this program for plugins.
 struct Host(AsperityHost);

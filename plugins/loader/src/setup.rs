@@ -6,26 +6,79 @@ use std::path::Path;
 use std::ptr;
 
 use asperity_abi::*;
-use asperity_node::{Config, Descriptor, Diagnostic, ParamKind, ParamValue, Setup, Shape, Wiring};
+use asperity_node::{
+    Config, Descriptor, Diagnostic, Form, Param, ParamKind, ParamValue, Params, Settings, Setup, Shape,
+    Wiring,
+};
 
 /// A setup and everything that it points to.
 pub(crate) struct Lent {
     pub(crate) abi: AsperitySetup,
-    _texts: Vec<CString>,
-    _lists: Vec<Vec<*const c_char>>,
-    _params: Vec<AsperityValue>,
+    _memory: Memory,
     _inputs: Vec<AsperityWire>,
     _outputs: Vec<AsperityWire>,
 }
 
-/// Texts that live as long as the setup.
-#[derive(Default)]
-struct Texts {
-    texts: Vec<CString>,
-    lists: Vec<Vec<*const c_char>>,
+/// Settings of an effect and everything that they point to.
+pub(crate) struct LentSettings {
+    pub(crate) abi: AsperitySettings,
+    _memory: Memory,
 }
 
-impl Texts {
+impl LentSettings {
+    /// Settings of one of the forms.
+    pub(crate) fn new(settings: &Settings, forms: &[Form]) -> Result<Self, String> {
+        let mut memory = Memory::default();
+        Ok(Self { abi: memory.settings(settings, forms)?, _memory: memory })
+    }
+}
+
+/// Lists that pointers lead to. Their items stay in place when more lists come.
+#[derive(Default)]
+struct Memory {
+    texts: Vec<CString>,
+    lists: Vec<Vec<*const c_char>>,
+    values: Vec<Vec<AsperityValue>>,
+    settings: Vec<Vec<AsperitySettings>>,
+    slots: Vec<AsperitySlot>,
+}
+
+impl Memory {
+    /// Values of some parameters. An error comes with the parameter's name.
+    fn values(&mut self, params: &Params, of: &[Param]) -> Result<*const AsperityValue, (String, String)> {
+        let mut values = Vec::new();
+        for p in of {
+            let value = value(params, &p.name, &p.kind, self);
+            values.push(value.map_err(|message| (p.name.to_string(), message))?);
+        }
+        self.values.push(values);
+        Ok(self.values.last().map_or(ptr::null(), |values| values.as_ptr()))
+    }
+
+    fn settings(&mut self, settings: &Settings, forms: &[Form]) -> Result<AsperitySettings, String> {
+        let found = forms.iter().enumerate().find(|(_, form)| form.name == settings.form());
+        let (index, form) = found.ok_or_else(|| format!("there is no form `{}`", settings.form()))?;
+        Ok(AsperitySettings {
+            size: size_of::<AsperitySettings>() as u32,
+            form: index as u32,
+            values: self.values(settings, &form.fields).map_err(|(_, message)| message)?,
+            value_count: form.fields.len() as u32,
+            reserved: 0,
+        })
+    }
+
+    fn slot(&mut self, slot: &[Settings], forms: &[Form]) -> Result<(), String> {
+        let all =
+            slot.iter().map(|settings| self.settings(settings, forms)).collect::<Result<Vec<_>, _>>()?;
+        self.slots.push(AsperitySlot {
+            size: size_of::<AsperitySlot>() as u32,
+            count: all.len() as u32,
+            settings: all.as_ptr(),
+        });
+        self.settings.push(all);
+        Ok(())
+    }
+
     fn text(&mut self, text: &str) -> Result<*const c_char, String> {
         let text = CString::new(text).map_err(|_| "there is a zero character in this text".to_owned())?;
         self.texts.push(text);
@@ -61,17 +114,19 @@ impl Lent {
         outputs: &[Wiring],
         closes_cycle: bool,
     ) -> Result<Self, Diagnostic> {
-        let mut texts = Texts::default();
+        let mut memory = Memory::default();
         let node = |message| config.params.node_error(message);
-        let id = texts.text(config.id).map_err(node)?;
-        let empty = texts.text("").map_err(node)?;
-        let mut params = Vec::new();
-        for p in &d.params {
-            let value = value(config, &p.name, &p.kind, empty, &mut texts);
-            params.push(value.map_err(|e| config.params.error(&p.name, e))?);
+        let id = memory.text(config.id).map_err(node)?;
+        let params = memory
+            .values(config.params, &d.params)
+            .map_err(|(name, message)| config.params.error(&name, message))?;
+        if let Some(effect) = &d.effect {
+            for slot in config.params.slots() {
+                memory.slot(slot, &effect.forms).map_err(|e| config.params.error(&effect.list, e))?;
+            }
         }
         let mut wires = |ports: &[Wiring]| -> Result<Vec<AsperityWire>, Diagnostic> {
-            ports.iter().map(|w| wire(w, &mut texts).map_err(node)).collect()
+            ports.iter().map(|w| wire(w, &mut memory).map_err(node)).collect()
         };
         let (inputs, outputs) = (wires(inputs)?, wires(outputs)?);
         let abi = AsperitySetup {
@@ -81,26 +136,23 @@ impl Lent {
             audio_hz: config.audio_hz,
             seed: config.seed,
             id,
-            params: params.as_ptr(),
+            params,
             inputs: inputs.as_ptr(),
             outputs: outputs.as_ptr(),
-            param_count: params.len() as u32,
+            param_count: d.params.len() as u32,
             input_count: inputs.len() as u32,
             output_count: outputs.len() as u32,
             closes_cycle: u32::from(closes_cycle),
+            slots: memory.slots.as_ptr(),
+            slot_count: memory.slots.len() as u32,
+            reserved: 0,
         };
-        let Texts { texts, lists } = texts;
-        Ok(Self { abi, _texts: texts, _lists: lists, _params: params, _inputs: inputs, _outputs: outputs })
+        Ok(Self { abi, _memory: memory, _inputs: inputs, _outputs: outputs })
     }
 }
 
-fn value(
-    config: &Config<'_>,
-    name: &str,
-    kind: &ParamKind,
-    empty: *const c_char,
-    texts: &mut Texts,
-) -> Result<AsperityValue, String> {
+fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> Result<AsperityValue, String> {
+    let empty = c"".as_ptr();
     let mut v = AsperityValue {
         size: size_of::<AsperityValue>() as u32,
         set: 0,
@@ -113,9 +165,9 @@ fn value(
         count: 0,
         reserved: 0,
     };
-    let Some(value) = config.params.get(name) else { return Ok(v) };
-    v.set = 1 + u32::from(config.params.is_set(name));
-    let place = config.params.place(name).or(config.params.node_place());
+    let Some(value) = params.get(name) else { return Ok(v) };
+    v.set = 1 + u32::from(params.is_set(name));
+    let place = params.place(name).or(params.node_place());
     if let Some(base) = place.and_then(|p| p.source.path().parent()) {
         v.base = texts.path(base)?;
     }
@@ -140,7 +192,7 @@ fn value(
     Ok(v)
 }
 
-fn wire(w: &Wiring, texts: &mut Texts) -> Result<AsperityWire, String> {
+fn wire(w: &Wiring, texts: &mut Memory) -> Result<AsperityWire, String> {
     let mut abi = AsperityWire {
         size: size_of::<AsperityWire>() as u32,
         connected: u32::from(w.connected),

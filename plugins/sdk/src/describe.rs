@@ -12,7 +12,14 @@ use asperity_node::{
 };
 
 use crate::text::Texts;
-use crate::{facts, instance, panics};
+use crate::{effect, facts, instance, panics};
+
+/// A kind as the host sees it, with the plugin's own data about it.
+#[repr(C)]
+pub(crate) struct Record {
+    pub(crate) abi: AsperityKind,
+    pub(crate) effect: *const AsperityEffect,
+}
 
 /// The kinds of a plugin.
 #[derive(Debug, Default)]
@@ -22,8 +29,11 @@ impl Kinds {
     /// Adds a node type.
     pub fn add<N: Node>(&mut self) {
         let texts = Box::leak(Box::<Texts>::default());
-        let kind: &'static AsperityKind = Box::leak(Box::new(kind::<N>(&N::descriptor(), texts)));
-        self.0.push(kind);
+        let descriptor = N::descriptor();
+        let record =
+            Record { abi: kind::<N>(&descriptor, texts), effect: effect::effect::<N>(&descriptor, texts) };
+        let record: &'static Record = Box::leak(Box::new(record));
+        self.0.push(ptr::from_ref(record).cast());
     }
 }
 
@@ -67,18 +77,24 @@ pub fn open(
 unsafe extern "C" fn extension(name: *const c_char) -> *const c_void {
     static FACTS: AsperityFacts =
         AsperityFacts { size: size_of::<AsperityFacts>() as u32, reserved: 0, facts: Some(facts::facts) };
+    static EFFECTS: AsperityEffects = AsperityEffects {
+        size: size_of::<AsperityEffects>() as u32,
+        reserved: 0,
+        effect: Some(effect::of_kind),
+    };
     if name.is_null() {
         return ptr::null();
     }
     // SAFETY: a text of the host that ends with a zero byte.
     match unsafe { CStr::from_ptr(name) }.to_str() {
         Ok(ASPERITY_EXTENSION_FACTS) => ptr::from_ref(&FACTS).cast(),
+        Ok(ASPERITY_EXTENSION_EFFECT) => ptr::from_ref(&EFFECTS).cast(),
         _ => ptr::null(),
     }
 }
 
 /// A list for the host, never freed.
-fn leak<T>(items: Vec<T>) -> *const T {
+pub(crate) fn leak<T>(items: Vec<T>) -> *const T {
     Box::leak(items.into_boxed_slice()).as_ptr()
 }
 
@@ -199,7 +215,7 @@ fn port(
     port
 }
 
-fn param(p: &Param, texts: &mut Texts) -> AsperityParam {
+pub(crate) fn param(p: &Param, texts: &mut Texts) -> AsperityParam {
     let mut flags = u32::from(p.live) * ASPERITY_LIVE;
     if p.default.is_none() && p.kind != ParamKind::File {
         flags |= if p.optional { ASPERITY_MAY_BE_LEFT_OUT } else { ASPERITY_REQUIRED };

@@ -40,6 +40,7 @@ compile_error!("a node that panics is contained by unwinding: build with panic =
 
 mod buffers;
 mod describe;
+mod effect;
 mod facts;
 mod instance;
 mod panics;

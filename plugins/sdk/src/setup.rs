@@ -4,19 +4,46 @@ use std::sync::Arc;
 
 use asperity_abi::*;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, FrameLayout, FrameRate, Param, ParamKind, ParamValue, Params, Place,
-    PortType, Setup, Shape, Source, Span, Unit, Wiring,
+    Config, Descriptor, Diagnostic, Form, FrameLayout, FrameRate, Param, ParamKind, ParamValue, Params,
+    Place, PortType, Settings, Setup, Shape, Source, Span, Unit, Wiring,
 };
 
 use crate::text;
+
+/// A placeholder for the position of each parameter, by which an error finds the index of its parameter.
+pub(crate) type Sources = Vec<(Arc<Source>, usize)>;
+
+/// Settings of an effect that own a copy of the host's data.
+pub(crate) struct SlotSettings {
+    pub(crate) settings: Settings,
+    /// The fields.
+    pub(crate) sources: Sources,
+}
+
+impl SlotSettings {
+    /// Reads settings of one of the forms.
+    ///
+    /// # Safety
+    /// `settings` is as the host makes it: NULL, or valid with as many values as it says.
+    pub(crate) unsafe fn read(settings: *const AsperitySettings, forms: &[Form]) -> Option<Self> {
+        // SAFETY: the caller's promise.
+        let abi = unsafe { read_grown(settings) }?;
+        let form = forms.get(abi.form as usize)?;
+        let place = Place { source: Source::new("settings", ""), span: Span::default() };
+        let mut params = Params::new(Some(place));
+        let fields = form.fields.get(..abi.value_count as usize)?;
+        // SAFETY: there are `value_count` values.
+        let sources = unsafe { values(abi.values, fields, &mut params) }?;
+        Some(Self { settings: Settings::new(form.name.to_string(), params), sources })
+    }
+}
 
 /// A setup that owns a copy of the host's data.
 #[derive(Debug)]
 pub(crate) struct HostSetup {
     id: String,
     params: Params,
-    /// Placeholder for the position of each parameter, by which an error finds its parameter.
-    sources: Vec<Arc<Source>>,
+    sources: Sources,
     tick_hz: u32,
     every: u32,
     audio_hz: u32,
@@ -34,19 +61,18 @@ impl HostSetup {
     pub(crate) unsafe fn read(setup: *const AsperitySetup, d: &Descriptor) -> Option<Self> {
         // SAFETY: the caller's promise.
         let setup = unsafe { read_grown(setup) }?;
+        let count = setup.param_count as usize;
         let mut params = Params::new(None);
-        let mut sources = Vec::new();
-        for (i, param) in d.params.iter().enumerate().take(setup.param_count as usize) {
-            // SAFETY: there are `param_count` values, each as far apart as the first one's size.
-            let value = unsafe { element(setup.params, i) }?;
-            // SAFETY: texts of the host end with a zero byte.
-            let base = unsafe { text::read(value.base) };
-            let source = Source::new(std::path::Path::new(&base).join("graph"), "");
-            let place = Place { source: source.clone(), span: Span::default() };
-            sources.push(source);
-            // SAFETY: the host fills a value as its kind asks.
-            let set = (value.set > 0).then(|| unsafe { param_value(&value, param) });
-            params.insert(param.name.to_string(), set, (value.set == 2).then_some(place));
+        // SAFETY: there are `param_count` values.
+        let mut sources =
+            unsafe { values(setup.params, &d.params[..count.min(d.params.len())], &mut params) }?;
+        if let Some(effect) = &d.effect {
+            let list = d.params.iter().position(|param| param.name == effect.list);
+            // SAFETY: there are `slot_count` slots.
+            let (slots, theirs) = unsafe { slots(setup.slots, setup.slot_count, &effect.forms) }?;
+            params.set_slots(slots);
+            // An error in a slot is one of the list.
+            sources.extend(theirs.into_iter().filter_map(|source| Some((source, list?))));
         }
         // SAFETY: as above, for wires.
         let (inputs, outputs) =
@@ -92,16 +118,26 @@ impl HostSetup {
     /// # Safety
     /// `error` is the host's, or NULL.
     pub(crate) unsafe fn tell(&self, d: &Diagnostic, error: *mut AsperityError) {
-        let place = d.place.as_ref();
-        let param = place.and_then(|p| self.sources.iter().position(|s| Arc::ptr_eq(s, &p.source)));
-        let message = match param {
-            Some(_) => d.message.clone(),
-            // An error in another file includes its position.
-            None => Diagnostic { help: None, ..d.clone() }.to_string(),
-        };
         // SAFETY: the caller's promise.
-        unsafe { tell(&message, d.help.as_deref().unwrap_or(""), param, error) };
+        unsafe { write(d, &self.sources, error) };
     }
+}
+
+/// Writes an error of a node, or of settings.
+///
+/// # Safety
+/// `error` is the host's, or NULL.
+pub(crate) unsafe fn write(d: &Diagnostic, sources: &Sources, error: *mut AsperityError) {
+    let place = d.place.as_ref();
+    let found = place.and_then(|p| sources.iter().find(|(source, _)| Arc::ptr_eq(source, &p.source)));
+    let param = found.map(|(_, param)| *param);
+    let message = match param {
+        Some(_) => d.message.clone(),
+        // An error in another file includes its position.
+        None => Diagnostic { help: None, ..d.clone() }.to_string(),
+    };
+    // SAFETY: the caller's promise.
+    unsafe { tell(&message, d.help.as_deref().unwrap_or(""), param, error) };
 }
 
 /// Writes an error.
@@ -126,14 +162,67 @@ pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error
 /// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the
 /// first says.
 unsafe fn element<T: Grows>(first: *const T, index: usize) -> Option<T> {
+    // SAFETY: the caller's promise.
+    unsafe { read_grown(stride(first, index)?) }
+}
+
+/// Where it lies.
+///
+/// # Safety
+/// As for [`element`].
+unsafe fn stride<T: Grows>(first: *const T, index: usize) -> Option<*const T> {
     if first.is_null() {
         return None;
     }
     // SAFETY: the caller's promise; every such struct begins with its size.
-    unsafe {
-        let stride = first.cast::<u32>().read() as usize;
-        read_grown(first.byte_add(index * stride))
+    unsafe { Some(first.byte_add(index * first.cast::<u32>().read() as usize)) }
+}
+
+/// Reads values of parameters into `params`.
+///
+/// # Safety
+/// There are as many values, each as far from the next as the first one's size, filled as the parameter's kind asks.
+unsafe fn values(first: *const AsperityValue, of: &[Param], params: &mut Params) -> Option<Sources> {
+    let mut sources = Vec::new();
+    for (i, param) in of.iter().enumerate() {
+        // SAFETY: the caller's promise.
+        let value = unsafe { element(first, i) }?;
+        // SAFETY: texts of the host end with a zero byte.
+        let base = unsafe { text::read(value.base) };
+        let source = Source::new(std::path::Path::new(&base).join("graph"), "");
+        let place = Place { source: source.clone(), span: Span::default() };
+        sources.push((source, i));
+        // SAFETY: the caller's promise.
+        let set = (value.set > 0).then(|| unsafe { param_value(&value, param) });
+        params.insert(param.name.to_string(), set, (value.set == 2).then_some(place));
     }
+    Some(sources)
+}
+
+/// Reads the slots of an effect, and the sources by which errors find them.
+///
+/// # Safety
+/// There are `count` slots, each as far from the next as the first one's size.
+unsafe fn slots(
+    first: *const AsperitySlot,
+    count: u32,
+    forms: &[Form],
+) -> Option<(Vec<Vec<Settings>>, Vec<Arc<Source>>)> {
+    let (mut slots, mut sources) = (Vec::new(), Vec::new());
+    for i in 0..count as usize {
+        // SAFETY: the caller's promise.
+        let slot = unsafe { element(first, i) }?;
+        let mut all = Vec::new();
+        for k in 0..slot.count as usize {
+            // SAFETY: the host lists as many settings, each with as many values as its form has fields.
+            let read = unsafe { SlotSettings::read(stride(slot.settings, k)?, forms) }?;
+            sources.extend(read.settings.node_place().map(|place| place.source.clone()));
+            sources.extend(read.sources.into_iter().map(|(source, _)| source));
+            all.push(read.settings);
+        }
+        slots.push(all);
+    }
+    Some((slots, sources))
 }
 
 unsafe fn wires(first: *const AsperityWire, count: u32) -> Option<Vec<Wiring>> {

@@ -48,9 +48,10 @@ pub fn c(name: &str) -> PathBuf {
 }
 
 /// Packages of this workspace that are plugins in Rust, and what their libraries are called.
-const RUST: [(&str, &str); 5] = [
+const RUST: [(&str, &str); 6] = [
     ("my_phase", "my_phase"),
     ("my_filter", "my_filter"),
+    ("my_effect", "my_effect"),
     ("asperity-rtpghi", "rtpghi"),
     ("asperity-gsrtisi-la", "gsrtisi_la"),
     ("asperity-test-panics", "asperity_test_panics"),

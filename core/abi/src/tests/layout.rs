@@ -20,11 +20,18 @@ fn version_1_keeps_its_layout() {
         ("AsperityKind", size_of::<AsperityKind>(), 200),
         ("AsperityValue", size_of::<AsperityValue>(), 64),
         ("AsperityWire", size_of::<AsperityWire>(), 48),
-        ("AsperitySetup", size_of::<AsperitySetup>(), 72),
+        ("AsperitySetup up to `slots`, which 1.1 added", offset_of!(AsperitySetup, slots), 72),
         ("AsperityError", size_of::<AsperityError>(), 32),
         ("AsperityInfo", size_of::<AsperityInfo>(), 56),
         ("AsperityBuffer", size_of::<AsperityBuffer>(), 40),
         ("AsperityTick", size_of::<AsperityTick>(), 56),
+        ("AsperityEffects", size_of::<AsperityEffects>(), 16),
+        ("AsperityEffect", size_of::<AsperityEffect>(), 64),
+        ("AsperityForm", size_of::<AsperityForm>(), 32),
+        ("AsperityNeed", size_of::<AsperityNeed>(), 24),
+        ("AsperitySettings", size_of::<AsperitySettings>(), 24),
+        ("AsperitySlot", size_of::<AsperitySlot>(), 16),
+        ("AsperityLaw", size_of::<AsperityLaw>(), 24),
     ];
     for (name, found, wanted) in sizes {
         assert_eq!(found, wanted, "{name}");

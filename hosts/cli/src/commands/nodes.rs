@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
-use asperity_node::{Descriptor, ParamKind, ParamValue};
+use asperity_node::{Descriptor, Param, ParamKind, ParamValue};
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, print};
@@ -91,15 +91,16 @@ fn text_of(d: &Descriptor) -> String {
         let _ = writeln!(out, "\nparameters");
     }
     for p in &d.params {
-        let default = match &p.default {
-            Some(ParamValue::Text(t)) if t.is_empty() => "default empty".to_owned(),
-            Some(v) => format!("default {v}"),
-            None if p.optional => "may be left out".to_owned(),
-            None => "required".to_owned(),
-        };
-        let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
-        let live = if p.live { ", live" } else { "" };
-        let _ = writeln!(out, "  {}: {}{unit}, {default}{live}\n      {}", p.name, range(&p.kind), p.doc);
+        let _ = writeln!(out, "{}", parameter(p, 2));
+    }
+    if let Some(effect) = &d.effect {
+        let _ = writeln!(out, "\nin a scene, {}", effect.acts.words());
+        for form in &effect.forms {
+            let _ = writeln!(out, "  {}", effect.written(&d.kind, form));
+            for field in &form.fields {
+                let _ = writeln!(out, "{}", parameter(field, 4));
+            }
+        }
     }
     let _ = writeln!(out, "\nwhen it wakes: {}", d.resume.word());
     if let Some(gate) = &d.gate {
@@ -117,20 +118,6 @@ fn text_of(d: &Descriptor) -> String {
     out
 }
 
-fn range(kind: &ParamKind) -> String {
-    match kind {
-        ParamKind::Number(r) => format!("number from {} to {}", r.start(), r.end()),
-        ParamKind::Integer(r) if *r.end() == i64::MAX => format!("whole number from {}", r.start()),
-        ParamKind::Integer(r) => format!("whole number from {} to {}", r.start(), r.end()),
-        ParamKind::Flag => "true or false".into(),
-        ParamKind::Text => "text".into(),
-        ParamKind::Choice(words) => words.join(" | "),
-        ParamKind::File => "file".into(),
-        ParamKind::Numbers(r) => format!("list of numbers from {} to {}", r.start(), r.end()),
-        ParamKind::Texts => "list of texts".into(),
-    }
-}
-
 /// A parameter's value as JSON.
 pub fn param_json(value: &ParamValue) -> Value {
     match value {
@@ -142,6 +129,19 @@ pub fn param_json(value: &ParamValue) -> Value {
         ParamValue::Numbers(xs) => json!(xs),
         ParamValue::Texts(ts) => json!(ts),
     }
+}
+
+/// A parameter, or a field of an effect, in two lines.
+fn parameter(p: &Param, indent: usize) -> String {
+    let default = match &p.default {
+        Some(ParamValue::Text(t)) if t.is_empty() => "default empty".to_owned(),
+        Some(v) => format!("default {v}"),
+        None if p.optional => "may be left out".to_owned(),
+        None => "required".to_owned(),
+    };
+    let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+    let live = if p.live { ", live" } else { "" };
+    format!("{:indent$}{}: {}{unit}, {default}{live}\n{:indent$}    {}", "", p.name, p.kind, "", p.doc)
 }
 
 fn as_json(d: &Descriptor) -> Value {

@@ -37,7 +37,6 @@ pub struct Friction {
     /// Those of the tick before, along which bristles are bent.
     tangents: [[f64; 3]; 2],
     dt_s: f64,
-    every: u32,
 }
 
 /// One of the laws.
@@ -199,14 +198,14 @@ impl Node for Friction {
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let laws = each(setup, Law::read)?;
         let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-        Ok(Prepared::new(Self { laws: Voices::new(laws), tangents: FLAT, dt_s, every: setup.every }))
+        Ok(Prepared::new(Self { laws: Voices::new(laws), tangents: FLAT, dt_s }))
     }
 }
 
 impl Processor for Friction {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.laws.turn(tick.inputs.value(SLOT));
-        let Some(law) = self.laws.on().first_mut() else { return let_go(tick, self.every) };
+        let Some(law) = self.laws.on().first_mut() else { return let_go(tick) };
         let mut tangents = FLAT;
         if tick.inputs.connected(TANGENTS) {
             tangents.as_flattened_mut().copy_from_slice(&vector::<6>(&tick.inputs, TANGENTS));

@@ -78,8 +78,7 @@ fn effect() -> Effect {
 fn heights(settings: &Settings) -> Result<Heights, Diagnostic> {
     let Some(heights) = settings.nested("heights") else {
         return Err(settings
-            .value()
-            .error("a relief needs `heights`")
+            .node_error("a relief needs `heights`")
             .help("relief(heights: made(surface: \"hessian\"))"));
     };
     Heights::parse(heights)

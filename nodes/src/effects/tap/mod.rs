@@ -153,7 +153,7 @@ fn sound(settings: &Settings) -> Result<Sound, Diagnostic> {
     let TapSettings { min_speed_mm_s: least, max_speed_mm_s: most, .. } = of(settings);
     if least > most {
         let message = format!("`min_speed_mm_s` ({least}) must not be larger than `max_speed_mm_s` ({most})");
-        return Err(settings.value().error(message));
+        return Err(settings.node_error(message));
     }
     match (settings.nested("sinusoids"), settings.nested("recording")) {
         (Some(list), None) => {
@@ -163,7 +163,7 @@ fn sound(settings: &Settings) -> Result<Sound, Diagnostic> {
         (Some(_), Some(second)) => {
             Err(second.error("a tap has both `sinusoids` and a `recording`").help("leave one of the two out"))
         }
-        (None, None) => Err(settings.value().error("a tap needs `sinusoids` or a `recording`").help(
+        (None, None) => Err(settings.node_error("a tap needs `sinusoids` or a `recording`").help(
             "sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], or recording: (file: \"tap.wav\", \
              speed_mm_s: 100, full_scale_m_s2: 50)",
         )),

@@ -147,7 +147,7 @@ fn values(settings: &Settings) -> Result<Values, Diagnostic> {
         (Some(_), Some(second)) => Err(second
             .error("a waveform has both `segments` and a `recording`")
             .help("leave one of the two out")),
-        (None, None) => Err(settings.value().error("a waveform needs `segments` or a `recording`").help(
+        (None, None) => Err(settings.node_error("a waveform needs `segments` or a `recording`").help(
             "segments: [(0, 0), (0.5, 1), (1, 0)], or recording: (file: \"felt.wav\", speed_mm_s: 100, \
              full_scale_m_s2: 50)",
         )),

@@ -31,6 +31,8 @@ pub enum Like {
     Phase,
     /// A filter: audio in, audio out
     Audio,
+    /// An effect of surfaces, for scenes
+    Effect,
 }
 
 /// Make a folder with a plugin that builds, to be changed
@@ -126,6 +128,7 @@ impl Plan<'_> {
         match self.like {
             Like::Phase => ("my_phase", "MyPhase"),
             Like::Audio => ("my_filter", "MyFilter"),
+            Like::Effect => ("my_effect", "MyEffect"),
         }
     }
 
@@ -147,6 +150,7 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
     let like = match plan.like {
         Like::Phase => "phase",
         Like::Audio => "audio",
+        Like::Effect => "effect",
     };
     let (lang, readme) = match plan.lang {
         Lang::Rust => ("rust", "README.rust.md"),
@@ -185,8 +189,10 @@ fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
     };
     let part = |name: &str| TEMPLATES.get_file(name).and_then(|f| f.contents_utf8()).ok_or_else(missing);
     let mut text = part(readme)?.replace("my_phase", plan.name);
-    if plan.like == Like::Phase {
-        text += part("README.phase.md")?;
+    match plan.like {
+        Like::Phase => text += part("README.phase.md")?,
+        Like::Audio => {}
+        Like::Effect => text += &plan.named(part("README.effect.md")?),
     }
     let language = if plan.lang == Lang::C { "C" } else { "C++" };
     let text = text
@@ -255,7 +261,7 @@ fn text(args: &Args, folder: &Path, library: &str) -> String {
     let build = if args.lang == Lang::Rust { "cargo build --release" } else { "make" };
     let compare = match args.like {
         Like::Phase => format!("    asperity compare --plugin {library}\n"),
-        Like::Audio => String::new(),
+        Like::Audio | Like::Effect => String::new(),
     };
     let folder: PathBuf = folder.into();
     format!(
