@@ -49,9 +49,7 @@ impl PluginKind {
         let otherwise = format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind);
         said.diagnostic(config.params, &self.descriptor.params, &otherwise)
     }
-}
 
-impl PluginKind {
     /// The kind for a registry.
     pub(crate) fn kind(self, origin: Arc<str>, build: u64) -> NodeKind {
         let (descriptor, it) = (self.descriptor.clone(), Arc::new(self));
