@@ -85,6 +85,18 @@ fn all_calls(node: &mut dyn Processor, heard: &Heard) -> String {
     format!("{:?} {answers}", heard.lock().expect("nobody panicked"))
 }
 
+/// A wrapper that forgot to name the node inside.
+struct Forgetful(Box<dyn Processor>);
+
+impl Processor for Forgetful {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        self.0.process(tick)
+    }
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+}
+
 /// A guard that is only there.
 struct Still;
 
@@ -146,4 +158,8 @@ fn wrapped_node_hears_every_call() {
         heard.lock().expect("nobody panicked").clear();
         assert_eq!(seen(&wrapped, &heard), plain, "{name}");
     }
+    let forgetful = NodeKind::clone(&kind)
+        .wrapped(|_, node| Ok(Prepared { processor: Box::new(Forgetful(node.processor)), ..node }));
+    heard.lock().expect("nobody panicked").clear();
+    assert_ne!(seen(&forgetful, &heard), plain, "calls that are dropped are noticed");
 }

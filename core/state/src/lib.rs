@@ -349,6 +349,33 @@ mod tests {
     }
 
     #[test]
+    fn opaque_bytes_come_last_and_must_fit() {
+        /// A number, and bytes of an owner that says it wrote `len` of 3.
+        fn visit(state: &mut State<'_>, number: &mut u8, bytes: &mut Vec<u8>, len: usize) {
+            state.keep(number);
+            let kept = std::cell::RefCell::new(bytes);
+            let save = |to: &mut [u8]| {
+                to.get_mut(..3)?.copy_from_slice(&kept.borrow()[..3]);
+                Some(len)
+            };
+            let restore = |from: &[u8]| {
+                **kept.borrow_mut() = from.to_vec();
+                from.len() == 3
+            };
+            state.opaque(|| 3, save, restore);
+        }
+        let mut room = vec![0; State::measure(|s| visit(s, &mut 7, &mut vec![1, 2, 3], 3))];
+        assert_eq!(State::save(&mut room, |s| visit(s, &mut 7, &mut vec![1, 2, 3], 3)), Some(4));
+        assert_eq!(room, [7, 1, 2, 3]);
+        let (mut number, mut bytes) = (0, Vec::new());
+        assert!(State::restore(&room, |s| visit(s, &mut number, &mut bytes, 3)));
+        assert_eq!((number, bytes), (7, vec![1, 2, 3]));
+        assert!(!State::restore(&room[..3], |s| visit(s, &mut 0, &mut Vec::new(), 3)));
+        assert!(State::save(&mut room[..3], |s| visit(s, &mut 7, &mut vec![1, 2, 3], 3)).is_none());
+        assert!(State::save(&mut room, |s| visit(s, &mut 7, &mut vec![1, 2, 3], 4)).is_none());
+    }
+
+    #[test]
     fn measured_size_holds_every_state() {
         let mut it = none();
         let size = State::measure(|s| it.state(s));
