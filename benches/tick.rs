@@ -13,7 +13,8 @@ use asperity_diagnostics::Source;
 use asperity_engine::{Clock, Engine, NoClock, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Registry, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Prepared, Processor, Registry, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{Choice, Model, Precision, Runner};
@@ -179,10 +180,12 @@ impl Node for Nothing {
             .output(Output::new("out", ShapeSpec::Control(1), Unit::NONE))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Nothing {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let x = tick.inputs.value(0);
         tick.outputs.set(0, x);

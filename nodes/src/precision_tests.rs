@@ -4,7 +4,10 @@ use super::*;
 use asperity_dsp::{Complex, Stft};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
-use asperity_node::{Buffer, FrameLayout, FrameRate, LayoutSpec, Output, ShapeSpec, Source, Unit};
+use asperity_node::{
+    Buffer, Descriptor, FrameLayout, FrameRate, LayoutSpec, Node, Output, Processor, ShapeSpec, Source,
+    Status, Tick, Unit,
+};
 use std::f64::consts::TAU;
 
 const RATE: u32 = 2500;
@@ -39,9 +42,12 @@ impl Node for Given {
         let shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout));
         Descriptor::new("given", "Plays frames.").output(Output::new("magnitude", shape, Unit::NONE))
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(Stft::new(N)))
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(Stft::new(N))))
     }
+}
+
+impl Processor for Given {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let mags = magnitudes(&mut self.0, tick.index, signal);
         let out = tick.outputs.magnitude(0, tick.index, tick.index * 5);

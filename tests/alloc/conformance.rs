@@ -23,7 +23,7 @@ impl Heap for Allocations {
 }
 
 /// A kind with the parameters it must be given. Fewer random ticks than `asperity plugin check` has.
-fn subject(kind: &Arc<dyn NodeKind>) -> Subject<'static> {
+fn subject(kind: &Arc<NodeKind>) -> Subject<'static> {
     let file = |p: &str| harness::graphs(p).display().to_string();
     let subject = Subject::one(kind.clone()).ticks(3000).heap(&Allocations);
     match &*kind.descriptor().kind {

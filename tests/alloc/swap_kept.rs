@@ -5,7 +5,7 @@ use std::sync::Arc;
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
-use asperity_node::{Buffer, Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+use asperity_node::{Buffer, NodeKind};
 use harness::graph::{of_lines, parsed};
 use harness::live::largest_step;
 
@@ -28,31 +28,13 @@ fn swapped(from: Compiled, to: Compiled) -> (Rig, SwapReport) {
     (rig, report)
 }
 
-/// `scale` from a plugin that was built so many times.
-struct Build(Arc<dyn NodeKind>, u64);
-
-impl NodeKind for Build {
-    fn descriptor(&self) -> &Descriptor {
-        self.0.descriptor()
-    }
-    fn build(&self) -> u64 {
-        self.1
-    }
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        self.0.ports(config)
-    }
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        self.0.prepare(setup)
-    }
-}
-
 #[test]
 fn a_node_whose_code_was_built_anew_is_rebuilt() {
     let file = of_lines("t: tone\ns: scale\nout: probe\nt -> s\ns -> out");
     let built = |build| {
         let mut registry = crate::tones::with_tones(harness::nodes::registry());
         let scale = registry.get("scale").expect("the kind").clone();
-        registry.add(Arc::new(Build(scale, build)));
+        registry.add(Arc::new(NodeKind::clone(&scale).from_plugin("a plugin".into(), build)));
         compile(&file, &registry, Default::default()).expect("it compiles")
     };
     assert!(swapped(built(1), built(1)).1.is_nothing());

@@ -19,13 +19,13 @@ const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \
 fn compiled(plugin: &Plugin) -> Compiled {
     let mut registry = asperity_nodes::registry();
     for kind in plugin.kinds() {
-        assert!(registry.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+        assert!(registry.add(Arc::<NodeKind>::clone(kind)).is_none());
     }
     graph::compiled(&graph::parsed(GRAPH), &registry)
 }
 
 /// Number of instances that the library of the running wave has made and not destroyed.
-fn instances(engine: &Engine) -> u64 {
+fn instances(engine: &mut Engine) -> u64 {
     let wave = engine.schedule().index_of("wave").unwrap();
     match &engine.facts(wave)[0].value {
         FactValue::Count(n) => *n,
@@ -93,6 +93,6 @@ fn thousand_plugin_swaps_neither_click_leak_nor_allocate() {
     let most = 0.13 * 0.01 + 1.6 * 0.03 / (48_000.0 * CROSSFADE_S as f32);
     assert!(steepest < most && steepest > 0.001, "a step of {steepest}, where {most} is the most");
     assert!((peak - 0.13).abs() < 0.001, "{peak}");
-    assert_eq!(instances(&engine), 1, "every instance but the one that runs has been destroyed");
+    assert_eq!(instances(&mut engine), 1, "every instance but the one that runs has been destroyed");
     assert_eq!(loaded_copies() - before, 2, "each build is loaded once, however often it comes back");
 }

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Registry, Resume, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Prepared, Processor, RateSpec, Registry,
+    Resume, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 const AUDIO: ShapeSpec = ShapeSpec::Audio(RateSpec::Graph);
@@ -32,11 +32,17 @@ impl Node for Tone {
             .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
-        Ok(Self { hz: p.number("hz"), level: p.number("level"), rate_hz: setup.output_rate(0) })
+        Ok(Prepared::new(Self {
+            hz: p.number("hz"),
+            level: p.number("level"),
+            rate_hz: setup.output_rate(0),
+        }))
     }
+}
 
+impl Processor for Tone {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.rate_hz);
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
@@ -64,10 +70,12 @@ impl<const KEEPS: bool> Node for OnePole<KEEPS> {
             .resumes(Resume::Never)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { part: setup.params.number("part") as f32, memory: 0.0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { part: setup.params.number("part") as f32, memory: 0.0 }))
     }
+}
 
+impl<const KEEPS: bool> Processor for OnePole<KEEPS> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
             self.memory += self.part * (x - self.memory);
@@ -102,12 +110,14 @@ impl Node for Taps {
             .param(Param::integer("fails_from", 1_000_000, 0..=1_000_000, "Its first bad tick."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let taps = vec![0.0; p.integer("taps") as usize];
-        Ok(Self { calls: 0.0, taps, fails_from: p.integer("fails_from") as u64 })
+        Ok(Prepared::new(Self { calls: 0.0, taps, fails_from: p.integer("fails_from") as u64 }))
     }
+}
 
+impl Processor for Taps {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.calls += 1.0;
         tick.outputs.set(0, self.calls);
@@ -135,10 +145,12 @@ impl Node for Late {
             .param(Param::integer("version", 0, 0..=9, "Changes nothing."))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(vec![0.0; 720]))
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(vec![0.0; 720])).latency(Latency::ratio(15, 1000)))
     }
+}
 
+impl Processor for Late {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let input = tick.inputs.audio(0);
         tick.outputs.audio(0).copy_from_slice(&self.0[..input.len()]);
@@ -150,10 +162,6 @@ impl Node for Late {
 
     fn reset(&mut self) {
         self.0.fill(0.0);
-    }
-
-    fn latency(&self) -> Latency {
-        Latency::ratio(15, 1000)
     }
 }
 
@@ -168,10 +176,12 @@ impl Node for Shut {
             .gates("in")
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Shut {
     fn wants(&mut self, _: &mut Tick<'_>) -> bool {
         false
     }
@@ -194,10 +204,12 @@ impl Node for Scale {
             .param(Param::number("by", 1.0, -1e6..=1e6, "The factor."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(setup.params.number("by") as f32))
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(setup.params.number("by") as f32)))
     }
+}
 
+impl Processor for Scale {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
             *y = self.0 * x;
@@ -221,11 +233,13 @@ impl Node for LiveGain {
             .param(Param::choice("sign", &["plus", "minus"], "Its sign.").live())
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let sign = if setup.params.text("sign") == "minus" { -1.0 } else { 1.0 };
-        Ok(Self(sign * setup.params.number("gain") as f32))
+        Ok(Prepared::new(Self(sign * setup.params.number("gain") as f32)))
     }
+}
 
+impl Processor for LiveGain {
     fn set_parameter(&mut self, index: usize, value: f64) {
         match index {
             1 => self.0 = self.0.signum() * value as f32,
@@ -255,10 +269,12 @@ impl<const LIVE: bool> Node for Level<LIVE> {
             .param(if LIVE { value.live() } else { value })
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(setup.params.number("value")))
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(setup.params.number("value"))))
     }
+}
 
+impl<const LIVE: bool> Processor for Level<LIVE> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.set(0, self.0);
         Status::Asleep
@@ -281,10 +297,12 @@ impl Node for Amps {
             .output(Output::new("out", AUDIO, Unit::AMPERE).limited())
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Amps {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
         Status::Continue
@@ -325,11 +343,13 @@ impl Node for Tracked {
             .param(Param::integer("version", 0, 0..=1_000_000, "Changes nothing."))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         TRACKED.set(TRACKED.get() + 1);
-        Ok(Self(vec![0.0; 1000]))
+        Ok(Prepared::new(Self(vec![0.0; 1000])))
     }
+}
 
+impl Processor for Tracked {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         TRACKED_CALLS.set(TRACKED_CALLS.get() + 1);
         let input = tick.inputs.audio(0);

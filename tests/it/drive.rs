@@ -31,5 +31,5 @@ pub fn tick(p: &mut dyn Processor, index: u64, inputs: &[Buffer], outputs: &mut 
         (0..inputs.len()).map(|i| InputRef { buffer: i as u32, connected: true }).collect();
     let inputs = Inputs::new(inputs, &[], inputs.len(), &map);
     let mut tick = Tick { index, tick_hz: 500, inputs, outputs: Outputs::new(outputs) };
-    p.process(&mut tick).expect("no fault")
+    p.run(&mut tick).expect("no fault")
 }

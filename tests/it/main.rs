@@ -33,4 +33,5 @@ mod state;
 mod texture;
 mod tradeoff;
 mod trust;
+mod wrappers;
 mod zigzag;

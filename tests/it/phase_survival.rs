@@ -10,7 +10,7 @@ use asperity_graph::Compiled;
 use asperity_loader::Plugin;
 use asperity_node::{
     Buffer, Descriptor, Diagnostic, FactValue, FrameLayout, FrameRate, LayoutSpec, Node, NodeKind, Output,
-    Param, Registry, Setup, ShapeSpec, Status, Tick, Unit,
+    Param, Prepared, Processor, Registry, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use harness::{graph, plugins};
 
@@ -74,10 +74,15 @@ impl<const RATE_HZ: u32> Node for Given<RATE_HZ> {
             .param(Param::number("scale", 1.0, 0.0..=1e30, "How large."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { case: setup.params.text("case").to_owned(), scale: setup.params.number("scale") })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self {
+            case: setup.params.text("case").to_owned(),
+            scale: setup.params.number("scale"),
+        }))
     }
+}
 
+impl<const RATE_HZ: u32> Processor for Given<RATE_HZ> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (n, start) = (tick.index, tick.samples(RATE_HZ).start);
         for (k, m) in tick.outputs.magnitude(0, n, start).iter_mut().enumerate() {
@@ -95,7 +100,7 @@ fn registry() -> Registry {
     for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
         let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
         for kind in plugin.kinds() {
-            assert!(all.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+            assert!(all.add(Arc::<NodeKind>::clone(kind)).is_none());
         }
     }
     all
@@ -183,7 +188,7 @@ fn called(registry: &Registry, method: &(String, bool), case: &str) -> (Vec<u32>
     let node = &compiled.schedule.nodes[at];
     let input = node.inputs[0].port.as_ref().expect("it is wired");
     let mut buffers = [Buffer::new(input, 500), Buffer::new(&node.outputs[0].port, 500)];
-    let mut processor = compiled.processors.swap_remove(at);
+    let mut processor = compiled.nodes.swap_remove(at).processor;
     let mut bits = Vec::new();
     for n in 0..FRAMES {
         let [given, out] = &mut buffers;

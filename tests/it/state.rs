@@ -24,20 +24,14 @@ impl Held {
 }
 
 impl Processor for Held {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.with(|p| p.process(tick))
     }
-    fn reset(&mut self) -> Result<(), Fault> {
-        self.with(|p| p.reset())
+    fn reset(&mut self) {
+        self.with(|p| p.reset());
     }
-    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
-        self.with(|p| p.wants(tick))
-    }
-    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
-        self.with(|p| p.absorb(tick))
-    }
-    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
-        self.with(|p| p.elapsed(ticks))
+    fn inner(&mut self, call: &mut dyn FnMut(&mut dyn Processor)) {
+        self.with(call);
     }
 }
 
@@ -45,8 +39,9 @@ impl Processor for Held {
 fn held(graph: &GraphFile) -> (Engine, Held) {
     let mut compiled = compiled(graph);
     let it = compiled.schedule.index_of("it").expect("the node");
-    let held = Held(Arc::new(Mutex::new(std::mem::replace(&mut compiled.processors[it], fresh(graph)))));
-    compiled.processors[it] = Box::new(held.clone());
+    let node = &mut compiled.nodes[it].processor;
+    let held = Held(Arc::new(Mutex::new(std::mem::replace(node, fresh(graph)))));
+    *node = Box::new(held.clone());
     (Engine::new(compiled, Options::default()), held)
 }
 
@@ -54,7 +49,7 @@ fn held(graph: &GraphFile) -> (Engine, Held) {
 fn fresh(graph: &GraphFile) -> Box<dyn Processor> {
     let mut compiled = compiled(graph);
     let it = compiled.schedule.index_of("it").expect("the node");
-    compiled.processors.swap_remove(it)
+    compiled.nodes.swap_remove(it).processor
 }
 
 fn saved(p: &mut dyn Processor) -> Vec<u8> {
@@ -64,12 +59,12 @@ fn saved(p: &mut dyn Processor) -> Vec<u8> {
     bytes
 }
 
-fn kinds() -> Vec<Arc<dyn NodeKind>> {
+fn kinds() -> Vec<Arc<NodeKind>> {
     asperity_nodes::registry().iter().cloned().collect()
 }
 
 /// Parameters that are live, with their places.
-fn live(kind: &dyn NodeKind) -> Vec<(usize, Param)> {
+fn live(kind: &NodeKind) -> Vec<(usize, Param)> {
     let params = kind.descriptor().params.iter().cloned().enumerate();
     params.filter(|(_, p)| p.live).collect()
 }
@@ -93,7 +88,7 @@ fn values(param: &Param) -> Vec<(f64, String)> {
 fn set_all(p: &mut dyn Processor, live: &[(usize, Param)], which: usize) {
     for (i, param) in live {
         let values = values(param);
-        p.set_parameter(*i, values[which % values.len()].0).expect("a node that takes it");
+        p.set_parameter(*i, values[which % values.len()].0);
     }
 }
 
@@ -181,7 +176,7 @@ fn survives(name: &str, (engine, it): &mut (Engine, Held), bytes: &[u8], reset: 
     run(engine, 20);
     it.with(|p| {
         if !p.restore(bytes) && reset {
-            p.reset().expect("a node that can be reset");
+            p.reset();
         }
     });
     run(engine, 10);
@@ -257,7 +252,10 @@ fn live_parameter_and_reset_equal_preparing_with_it() {
                 let out = ["huge", "waves"].map(|signal| {
                     let mut graph = graph(kind.as_ref(), signal, 500, 48_000);
                     let (mut a, it) = held(&graph);
-                    it.with(|p| p.set_parameter(i, value).and_then(|()| p.reset())).expect("it takes it");
+                    it.with(|p| {
+                        p.set_parameter(i, value);
+                        p.reset();
+                    });
                     graph.set(&format!("it.{}={text}", param.name), "test").expect("a setting");
                     let out = run(&mut a, 300);
                     assert!(out == run(&mut held(&graph).0, 300), "{name} on {signal}");

@@ -57,7 +57,7 @@ fn node(engine: &Engine, id: &str) -> usize {
     engine.schedule().index_of(id).unwrap_or_else(|| panic!("no node {id}"))
 }
 
-fn count(engine: &Engine, id: &str, fact: &str) -> u64 {
+fn count(engine: &mut Engine, id: &str, fact: &str) -> u64 {
     match engine.facts(node(engine, id)).into_iter().find(|f| f.name == fact).map(|f| f.value) {
         Some(FactValue::Count(n)) => n,
         other => panic!("{id} {fact}: {other:?}"),
@@ -101,7 +101,7 @@ fn level_db(graph: &str, tick_hz: u64, every: u64, seeds: u64) -> f64 {
         let (heard, asked, frames) = powers(&mut engine, "audio rate", SECONDS);
         let expected = (SECONDS - 1) as f64 * (tick_hz as f64 / every as f64).min(500.0);
         assert!((frames as f64 - expected).abs() <= 1.0, "{graph} {sets:?}: {frames} frames");
-        assert_eq!(count(&engine, "phase", "bad_magnitudes"), 0);
+        assert_eq!(count(&mut engine, "phase", "bad_magnitudes"), 0);
         (all, all_asked) = (all + heard, all_asked + asked);
     }
     let db = 10.0 * f64::log10(all / all_asked);
@@ -161,12 +161,12 @@ fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
     for every in [1, 2, 4] {
         let quiet = check(&[&format!("texture.every={every}")]).ok().err;
         assert!(!quiet.contains("too loud"), "{quiet}");
-        let lag = |engine: &Engine| match engine.facts(node(engine, "phase")).remove(0).value {
+        let lag = |engine: &mut Engine| match engine.facts(node(engine, "phase")).remove(0).value {
             FactValue::Number(ms, _) => ms,
             other => panic!("{other:?}"),
         };
         // 40 ms before the end of the half window, or what whole frames make of it.
-        let ms = lag(&circling("../tests/data/sample_commit.ron", &[format!("texture.every={every}")]));
+        let ms = lag(&mut circling("../tests/data/sample_commit.ron", &[format!("texture.every={every}")]));
         assert!((ms - 10.0).abs() < 0.5, "every {every}: {ms} ms");
     }
 }
@@ -182,7 +182,7 @@ fn still_hand_stops_calling_the_network_after_250_ms() {
         let mut frames = Vec::new();
         for tick in 0..2000 {
             engine.tick();
-            asked.push(count(&engine, "texture", "runs"));
+            asked.push(count(&mut engine, "texture", "runs"));
             let Some(Buffer::Control { values, .. }) = engine.output(node(&engine, "motion"), 0) else {
                 panic!("a velocity")
             };
@@ -200,7 +200,7 @@ fn still_hand_stops_calling_the_network_after_250_ms() {
         assert!(frames[last_run..1500].iter().all(|f| *f == frames[last_run]));
         assert_ne!(frames[1600], frames[last_run]);
         // Before there is a history, and then for a still hand, nothing new is asked.
-        let (runs, reused) = (count(&engine, "texture", "runs"), count(&engine, "texture", "reused"));
+        let (runs, reused) = (count(&mut engine, "texture", "runs"), count(&mut engine, "texture", "reused"));
         assert!(runs + reused == 2000 && reused > 860, "{interpolation}: {runs} and {reused}");
     }
 }
@@ -214,13 +214,16 @@ fn still_hand_feels_the_new_material_after_a_swap() {
         let (_dir, compiled) = still(material);
         let mut engine = Engine::new(compiled, Options::default());
         (0..ticks).for_each(|_| engine.tick());
-        assert_eq!(count(&engine, "texture", "runs") + count(&engine, "texture", "reused"), ticks as u64);
+        assert_eq!(
+            count(&mut engine, "texture", "runs") + count(&mut engine, "texture", "reused"),
+            ticks as u64
+        );
         frame(&engine)
     };
     let (_dir, compiled) = still("canvas");
     let (mut controller, mut engine) = Engine::controlled(compiled, Options::default());
     (0..300).for_each(|_| engine.tick());
-    assert!(count(&engine, "texture", "reused") > 280);
+    assert!(count(&mut engine, "texture", "reused") > 280);
     assert_eq!(frame(&engine), after("canvas", 300));
     let (_other, oak) = still("oak");
     let report = controller.swap(oak, &[]).expect("it is sent");

@@ -15,13 +15,13 @@ fn changed(
     subject: &Subject<'_>,
     kind: &str,
     change: impl Fn(f32, u64, f32) -> f32 + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
             let (change, mut n, mut last) = (change.clone(), 0, 0.0);
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 for y in tick.outputs.audio(0) {
                     *y = change(*y, n, last);
                     (n, last) = (n + 1, *y);
@@ -37,7 +37,7 @@ fn changed(
 fn in_place(
     subject: &Subject<'_>,
     does: impl Fn(f32, f32) -> f32 + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind("limiter").expect("the kind"),
         Arc::new(move |_| {
@@ -65,7 +65,7 @@ fn inverse_band() {
         Arc::new(|_| {
             let mut before = 0.0;
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 tick.outputs.audio(0).iter_mut().for_each(|y| std::mem::swap(y, &mut before));
                 Ok(Status::Continue)
             })
@@ -130,7 +130,7 @@ fn full_scale_at_resonance() {
 fn limiter_random() {
     let subject = subject(None);
     holds("limiter_random", &subject);
-    let mutants: [(&str, Arc<dyn NodeKind>); 4] = [
+    let mutants: [(&str, Arc<NodeKind>); 4] = [
         ("over the peak", in_place(&subject, |x, last| last + (x - last).clamp(-0.004, 0.004))),
         // Now and then a sample that jumps, too short to warm the coil or to move it.
         (

@@ -15,13 +15,13 @@ fn changed(
     subject: &Subject<'_>,
     kind: &str,
     change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
             let (change, mut calls) = (change.clone(), 0);
             Box::new(move |node, tick| {
-                node.process(tick)?;
+                node.run(tick)?;
                 let hz = tick.tick_hz;
                 change(tick.outputs.audio(0), calls, hz);
                 calls += 1;
@@ -36,12 +36,12 @@ fn failing(
     subject: &Subject<'_>,
     kind: &str,
     when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap::wrap(
         subject.kind(kind).expect("the kind"),
         Arc::new(move |_| {
             let when = when.clone();
-            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.process(tick) })
+            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
         }),
     )
 }
@@ -157,7 +157,7 @@ fn tail_of_graph() {
         Arc::new(|_| {
             let mut heard = false;
             Box::new(move |node, tick| {
-                let status = node.process(tick)?;
+                let status = node.run(tick)?;
                 let y = tick.outputs.audio(0);
                 heard |= y.iter().any(|y| *y != 0.0);
                 if heard {

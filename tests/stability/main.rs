@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
-use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
+use asperity_node::{Descriptor, NodeKind};
 use harness::graph::lowered;
 
 /// The folder of the shipped graphs.
@@ -59,35 +59,21 @@ fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
 }
 
 /// The same kinds with one replaced, without a graph.
-fn mutated(subject: &Subject<'_>, kind: Arc<dyn NodeKind>) -> Subject<'static> {
+fn mutated(subject: &Subject<'_>, kind: Arc<NodeKind>) -> Subject<'static> {
     Subject::new(subject.registry().clone()).effort(subject.allowed()).with(kind)
 }
 
 /// A kind as of a plugin: like another, with another name and more in its descriptor.
 fn plugin(
-    like: &Arc<dyn NodeKind>,
+    like: &Arc<NodeKind>,
     name: &'static str,
     more: impl FnOnce(Descriptor) -> Descriptor,
-) -> Arc<dyn NodeKind> {
-    struct Plugin(Arc<dyn NodeKind>, Descriptor);
-
-    impl NodeKind for Plugin {
-        fn descriptor(&self) -> &Descriptor {
-            &self.1
-        }
-
-        fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-            self.0.ports(config)
-        }
-
-        fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-            self.0.prepare(setup)
-        }
-    }
-
+) -> Arc<NodeKind> {
     let mut descriptor = like.descriptor().clone();
     descriptor.kind = name.into();
-    Arc::new(Plugin(like.clone(), more(descriptor)))
+    let (ports, prepare) = (like.clone(), like.clone());
+    let kind = NodeKind::new(more(descriptor), move |setup| prepare.prepare(setup));
+    Arc::new(kind.with_ports(move |config, _| ports.ports(config)))
 }
 
 /// Asserts that a case holds. Answers its figures.

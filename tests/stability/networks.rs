@@ -42,7 +42,7 @@ fn mutant<'a>(
 fn without_limiter(graph: &GraphFile, most: f32) -> Subject<'_> {
     mutant(graph, "limiter", move || {
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             let given = tick.inputs.audio(0);
             tick.outputs.audio(0).iter_mut().zip(given).for_each(|(y, x)| *y = x.clamp(-most, most));
             Ok(status)
@@ -61,7 +61,7 @@ fn network_not_finite() {
         Box::new(move |node, tick| {
             hurt |= tick.index > 450
                 && tick.inputs.magnitude(0).is_some_and(|f| f.bins.iter().all(|m| *m == 0.0));
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             if hurt {
                 tick.outputs.audio(0).iter_mut().for_each(|x| *x *= 0.5);
             }
@@ -86,7 +86,7 @@ fn network_negative() {
     let mutant = mutant(&graph, "shaped_noise", || {
         Box::new(|node, tick| match tick.inputs.magnitude(0) {
             Some(frame) if frame.bins.iter().any(|m| *m < 0.0) => Err(Fault::Failed(3)),
-            _ => node.process(tick),
+            _ => node.run(tick),
         })
     });
     fails("network_negative", &mutant, "node `phase` fails");
@@ -99,7 +99,7 @@ fn network_denormal() {
     let graph = graph("texture.ron");
     let mutant = mutant(&graph, "gain", || {
         Box::new(|node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             let tail = f32::from_bits(77);
             tick.outputs.audio(0).iter_mut().filter(|x| x.abs() < 1e-7).for_each(|x| *x = tail);
             Ok(status)
@@ -123,7 +123,7 @@ fn network_out_of_range() {
     let mutant = mutant(&graph, "texture_network", || {
         Box::new(|node, tick| {
             let force = tick.inputs.control(0).iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             if let Some(Buffer::Magnitude { bins, frame: Some(_), .. }) = tick.outputs.buffers().first_mut() {
                 bins.iter_mut().for_each(|m| *m *= force.powi(3) as f32);
             }

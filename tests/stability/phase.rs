@@ -18,7 +18,7 @@ fn all() -> Subject<'static> {
         for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
             let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
             for kind in plugin.kinds() {
-                assert!(registry.add(Arc::<dyn NodeKind>::clone(kind)).is_none());
+                assert!(registry.add(Arc::<NodeKind>::clone(kind)).is_none());
             }
         }
         registry
@@ -45,8 +45,8 @@ fn changed(change: Change) -> Subject<'static> {
     mutant("phase_vocoder", move |_| {
         let mut memory = 0.0;
         Box::new(move |node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
-            let status = node.process(tick)?;
+            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
+            let status = node.run(tick)?;
             let out = tick.outputs.spectrum(0, frame.index, frame.start);
             change(&mut memory, frame.bins, (frame.index, frame.start), out);
             Ok(status)
@@ -67,7 +67,7 @@ fn phase_silence() {
     holds("phase_silence", &all());
     let hum = mutant("oscillator_bank", |_| {
         Box::new(|node, tick| {
-            node.process(tick)?;
+            node.run(tick)?;
             tick.outputs.audio(0).iter_mut().for_each(|x| *x += 1e-6);
             Ok(Status::Continue)
         })
@@ -122,7 +122,7 @@ fn phase_no_magnitudes() {
     let strict = mutant("spsi", |_| {
         Box::new(|node, tick| match tick.inputs.magnitude(0) {
             Some(frame) if frame.bins.iter().any(|m| !m.is_finite()) => Err(Fault::Failed(1)),
-            _ => node.process(tick),
+            _ => node.run(tick),
         })
     });
     fails("phase_no_magnitudes", &strict, "it fails in frame");
@@ -136,7 +136,7 @@ fn phase_missing_frames() {
         let mut last: Option<Vec<Complex<f32>>> = None;
         Box::new(move |node, tick: &mut Tick<'_>| {
             if let Some(frame) = tick.inputs.magnitude(0) {
-                let status = node.process(tick)?;
+                let status = node.run(tick)?;
                 last = Some(tick.outputs.spectrum(0, frame.index, frame.start).to_vec());
                 return Ok(status);
             }
@@ -156,8 +156,8 @@ fn phase_hop_88_89() {
     // Every hop is taken for 88 samples.
     let even = mutant("spsi", |_| {
         Box::new(|node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
-            let status = node.process(tick)?;
+            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
+            let status = node.run(tick)?;
             let ahead = frame.start as f64 - 88.0 * frame.index as f64;
             turn(tick.outputs.spectrum(0, frame.index, frame.start), -ahead, 4410.0);
             Ok(status)
@@ -180,8 +180,8 @@ fn phase_for_a_day() {
     // A tone that is 0.05 Hz higher after ten seconds.
     let creeps = mutant("spsi", |_| {
         Box::new(|node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
-            let status = node.process(tick)?;
+            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
+            let status = node.run(tick)?;
             let later = frame.index.saturating_sub(2500) as f64 / 250.0;
             let (sin, cos) = (TAU * (0.05 * later).fract()).sin_cos();
             let by = Complex::new(cos as f32, sin as f32);
@@ -200,8 +200,8 @@ fn phase_against_f64() {
         let single = setup.params.text("precision") == "f32";
         let mut turns = 0.0_f32;
         Box::new(move |node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.process(tick) };
-            let status = node.process(tick)?;
+            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
+            let status = node.run(tick)?;
             turns += 1000.3;
             let exact = 1000.3_f32 as f64 * (frame.index + 1) as f64;
             let by = if single { f64::from(turns) - exact } else { 0.0 };

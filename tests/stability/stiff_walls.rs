@@ -45,7 +45,7 @@ fn late(subject: &Subject<'_>) -> Subject<'static> {
 }
 
 /// A wall whose force comes 30 ticks late, from tick 500 on: more than a hand's damping bears.
-fn later(subject: &Subject<'_>, kind: &str, output: usize) -> Arc<dyn NodeKind> {
+fn later(subject: &Subject<'_>, kind: &str, output: usize) -> Arc<NodeKind> {
     let kind = subject.kind(kind).expect("the kind");
     wrap::with_memory(kind, move |before: &mut [[f64; 3]; 31], tick| {
         before.rotate_right(1);

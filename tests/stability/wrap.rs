@@ -8,13 +8,13 @@ use asperity_node::{NodeKind, Setup, Status, Tick};
 /// A kind whose nodes run as they are, and then have their outputs changed. The change has a memory for each
 /// node, which a reset leaves alone.
 pub(crate) fn with_memory<M: Default + Send + 'static>(
-    inner: Arc<dyn NodeKind>,
+    inner: Arc<NodeKind>,
     change: impl Fn(&mut M, &mut Tick<'_>) + Clone + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     let make = move |_: &Setup<'_>| -> Process {
         let (change, mut memory) = (change.clone(), M::default());
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             change(&mut memory, tick);
             Ok(if status == Status::Quiet { Status::Continue } else { status })
         })

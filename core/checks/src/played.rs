@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, FrameLayout, Input, LayoutSpec, NodeKind, Output, Ports,
-    Processor, RateSpec, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, FrameLayout, Input, LayoutSpec, NodeKind, Output, Prepared, Processor, RateSpec,
+    Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 use crate::node::{Feed, Signal};
@@ -44,84 +44,80 @@ impl Played {
 
     /// A stylus with the outputs of `like`: `position` is played, `force` is that of a floor at z = 0, and
     /// the others stay 0.
-    pub fn stylus(name: &str, like: &Descriptor, motion: Motion) -> Arc<dyn NodeKind> {
+    pub fn stylus(name: &str, like: &Descriptor, motion: Motion) -> Arc<NodeKind> {
         let mut descriptor = Descriptor::new(name.to_owned(), "Plays a motion from memory.");
         descriptor.outputs = like.outputs.clone();
-        Arc::new(Self { descriptor, what: What::Motion(motion) })
+        Self { descriptor, what: What::Motion(motion) }.kind()
     }
 
     /// The same, with a place that the case feeds from tick to tick to input 0, valid or not.
-    pub(crate) fn fed_stylus(name: &str, like: &Descriptor) -> Arc<dyn NodeKind> {
+    pub(crate) fn fed_stylus(name: &str, like: &Descriptor) -> Arc<NodeKind> {
         let place = Input::new(Self::PLACE, ShapeSpec::Control(3), Unit::MILLIMETRE).fed();
         let mut descriptor = Descriptor::new(name.to_owned(), "Passes on the places of a case.").input(place);
         descriptor.outputs = like.outputs.clone();
-        Arc::new(Self { descriptor, what: What::Fed })
+        Self { descriptor, what: What::Fed }.kind()
     }
 
     /// One value, which the case feeds to input 0, at the output `out`.
-    pub(crate) fn fed(name: &str, unit: Unit) -> Arc<dyn NodeKind> {
+    pub(crate) fn fed(name: &str, unit: Unit) -> Arc<NodeKind> {
         let one = ShapeSpec::Control(1);
         let input = Input::new("value", one, unit.clone()).fed();
         let descriptor = Descriptor::new(name.to_owned(), "Passes on a value of a case.")
             .input(input)
             .output(Output::new("out", one, unit));
-        Arc::new(Self { descriptor, what: What::Fed })
+        Self { descriptor, what: What::Fed }.kind()
     }
 
     /// `count` values a tick, at the output `out`.
-    pub fn control(name: &str, count: usize, unit: Unit, values: Values) -> Arc<dyn NodeKind> {
+    pub fn control(name: &str, count: usize, unit: Unit, values: Values) -> Arc<NodeKind> {
         Self::of(name, ShapeSpec::Control(count), unit, What::Control(values))
     }
 
     /// Audio at the graph's rate, at the output `out`.
-    pub fn audio(name: &str, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+    pub fn audio(name: &str, unit: Unit, samples: Samples) -> Arc<NodeKind> {
         Self::of(name, ShapeSpec::Audio(RateSpec::Graph), unit, What::Audio(samples))
     }
 
     /// The same, valid only while the host feeds a valid value to the input `hand`.
-    pub(crate) fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+    pub(crate) fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<NodeKind> {
         let hand = Input::new("hand", ShapeSpec::Control(1), Unit::NONE).fed();
         let output = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), unit);
         let descriptor =
             Descriptor::new(name.to_owned(), "Plays what it is given.").input(hand).output(output);
-        Arc::new(Self { descriptor, what: What::Audio(samples) })
+        Self { descriptor, what: What::Audio(samples) }.kind()
     }
 
     /// Audio at a rate of its own, at the output `out`.
-    pub(crate) fn audio_at(name: &str, rate_hz: u32, unit: Unit, samples: Samples) -> Arc<dyn NodeKind> {
+    pub(crate) fn audio_at(name: &str, rate_hz: u32, unit: Unit, samples: Samples) -> Arc<NodeKind> {
         Self::of(name, ShapeSpec::Audio(RateSpec::Hz(rate_hz)), unit, What::Audio(samples))
     }
 
     /// Frames of magnitudes \[m/s^2\], one each time the node runs, at the output `out`.
-    pub fn magnitudes(name: &str, layout: FrameLayout, frames: Frames) -> Arc<dyn NodeKind> {
+    pub fn magnitudes(name: &str, layout: FrameLayout, frames: Frames) -> Arc<NodeKind> {
         let shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout));
         Self::of(name, shape, Unit::METRE_PER_SECOND_SQUARED, What::Magnitude(frames, layout))
     }
 
     /// A random signal for an input like `output`.
-    pub(crate) fn signal(name: String, output: Output, signal: Signal, seed: u64) -> Arc<dyn NodeKind> {
+    pub(crate) fn signal(name: String, output: Output, signal: Signal, seed: u64) -> Arc<NodeKind> {
         // The output depends on the tick alone.
         let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Resume);
-        Arc::new(Self { descriptor, what: What::Signal(signal, seed) })
+        Self { descriptor, what: What::Signal(signal, seed) }.kind()
     }
 
-    fn of(name: &str, shape: ShapeSpec, unit: Unit, what: What) -> Arc<dyn NodeKind> {
+    fn of(name: &str, shape: ShapeSpec, unit: Unit, what: What) -> Arc<NodeKind> {
         let output = Output::new("out", shape, unit);
         let descriptor = Descriptor::new(name.to_owned(), "Plays what it is given.").output(output);
-        Arc::new(Self { descriptor, what })
+        Self { descriptor, what }.kind()
     }
 }
 
-impl NodeKind for Played {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
+impl Played {
+    fn kind(self) -> Arc<NodeKind> {
+        Arc::new(NodeKind::new(self.descriptor.clone(), move |setup| self.prepare(setup)))
     }
 
-    fn ports(&self, _config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        Ok(Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() })
-    }
-
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let place = |name: &str| self.descriptor.outputs.iter().position(|o| o.name == name);
         let feed = match (&self.what, setup.output(0)) {
             (What::Signal(signal, seed), Some(port)) => {
@@ -129,7 +125,7 @@ impl NodeKind for Played {
             }
             _ => None,
         };
-        Ok(Box::new(Player {
+        Ok(Prepared::new(Player {
             what: self.what.clone(),
             position: place("position"),
             force: place("force"),
@@ -162,7 +158,7 @@ impl Player {
 }
 
 impl Processor for Player {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         match &self.what {
             What::Motion(motion) => self.put(tick, motion(tick.index)),
             What::Fed => match tick.inputs.control(0) {
@@ -178,9 +174,9 @@ impl Processor for Player {
                 let frame = tick.index / self.every;
                 let start = layout.frame_rate.first_sample(frame, layout.rate_hz);
                 let mut bins = [0.0; 4096];
-                let Some(bins) = bins.get_mut(..layout.bins as usize) else { return Err(Fault::Failed(1)) };
+                let Some(bins) = bins.get_mut(..layout.bins as usize) else { return Status::Error(1) };
                 if !frames(frame, bins) {
-                    return Ok(Status::Quiet);
+                    return Status::Quiet;
                 }
                 tick.outputs.magnitude(0, frame, start).copy_from_slice(bins);
             }
@@ -191,10 +187,8 @@ impl Processor for Player {
                 }
             }
         }
-        Ok(Status::Continue)
+        Status::Continue
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }

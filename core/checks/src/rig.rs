@@ -22,7 +22,7 @@ pub(crate) fn has_to_be_set(d: &Descriptor, beside: &[&str]) -> bool {
 #[derive(Clone)]
 pub(crate) struct CaseGraph {
     pub graph: GraphFile,
-    pub kinds: Vec<Arc<dyn NodeKind>>,
+    pub kinds: Vec<Arc<NodeKind>>,
 }
 
 impl CaseGraph {
@@ -46,7 +46,7 @@ impl CaseGraph {
     ///
     /// # Errors
     /// An id that is taken.
-    pub(crate) fn plays(mut self, id: &str, kind: Arc<dyn NodeKind>) -> Result<Self, Not> {
+    pub(crate) fn plays(mut self, id: &str, kind: Arc<NodeKind>) -> Result<Self, Not> {
         self.graph.add_node(id, &kind.descriptor().kind, &[], ORIGIN)?;
         self.kinds.push(kind);
         Ok(self)
@@ -127,7 +127,7 @@ impl Rig {
         graph: &GraphFile,
         registry: &Registry,
         motion: &Motion,
-    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
+    ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), String> {
         with_stylus_of(graph, registry, |name, like| Played::stylus(name, like, motion.clone()))
     }
 
@@ -144,7 +144,7 @@ impl Rig {
     pub(crate) fn with_fed_stylus(
         graph: &GraphFile,
         registry: &Registry,
-    ) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), Not> {
+    ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), Not> {
         with_stylus_of(graph, registry, Played::fed_stylus).or_else(not_applicable)
     }
 
@@ -159,7 +159,7 @@ impl Rig {
     ///
     /// # Errors
     /// Those of the compiler.
-    pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<dyn NodeKind>]) -> Result<Self, Not> {
+    pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<Self, Not> {
         let mut rig = Self::from(subject.compiled(graph, kinds)?);
         let fed = |name: &str| {
             let kind = kinds.iter().map(|k| k.descriptor()).find(|d| d.kind == name);
@@ -277,8 +277,8 @@ impl Rig {
 fn with_stylus_of(
     graph: &GraphFile,
     registry: &Registry,
-    make: impl Fn(&str, &Descriptor) -> Arc<dyn NodeKind>,
-) -> Result<(GraphFile, Vec<Arc<dyn NodeKind>>), String> {
+    make: impl Fn(&str, &Descriptor) -> Arc<NodeKind>,
+) -> Result<(GraphFile, Vec<Arc<NodeKind>>), String> {
     let mut graph = graph.clone();
     let mut kinds = Vec::new();
     for node in &mut graph.nodes {

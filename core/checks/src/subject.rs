@@ -65,7 +65,7 @@ pub struct Subject<'a> {
     registry: Registry,
     graph: Option<&'a GraphFile>,
     effort: Effort,
-    one: Option<Arc<dyn NodeKind>>,
+    one: Option<Arc<NodeKind>>,
     pub(crate) settings: Vec<(String, String)>,
     pub(crate) ticks: u64,
     pub(crate) heap: Option<&'a dyn Heap>,
@@ -98,7 +98,7 @@ impl<'a> Subject<'a> {
 
     /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults. An effect has
     /// a slot for each example of its forms that names no file.
-    pub fn one(kind: Arc<dyn NodeKind>) -> Self {
+    pub fn one(kind: Arc<NodeKind>) -> Self {
         let settings = examples(kind.descriptor());
         Self { one: Some(kind), settings, ..Self::new(Registry::new()) }
     }
@@ -119,7 +119,7 @@ impl<'a> Subject<'a> {
 
     /// Adds a kind, or replaces the one of its name.
     #[must_use]
-    pub fn with(mut self, kind: Arc<dyn NodeKind>) -> Self {
+    pub fn with(mut self, kind: Arc<NodeKind>) -> Self {
         self.registry.add(kind);
         self
     }
@@ -164,7 +164,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// There is no such kind.
-    pub fn kind(&self, name: &str) -> Result<Arc<dyn NodeKind>, Not> {
+    pub fn kind(&self, name: &str) -> Result<Arc<NodeKind>, Not> {
         self.registry.get(name).cloned().ok_or_else(|| Not::Applicable(format!("there is no kind `{name}`")))
     }
 
@@ -172,7 +172,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// None was given.
-    pub(crate) fn its_kind(&self) -> Result<&Arc<dyn NodeKind>, Not> {
+    pub(crate) fn its_kind(&self) -> Result<&Arc<NodeKind>, Not> {
         self.one.as_ref().map_or_else(|| not_applicable("no kind was given"), Ok)
     }
 
@@ -210,11 +210,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// Those of the compiler.
-    pub fn compile(
-        &self,
-        graph: &GraphFile,
-        more: &[Arc<dyn NodeKind>],
-    ) -> Result<Compiled, Vec<Diagnostic>> {
+    pub fn compile(&self, graph: &GraphFile, more: &[Arc<NodeKind>]) -> Result<Compiled, Vec<Diagnostic>> {
         let mut registry = self.registry.clone();
         for kind in more {
             registry.add(kind.clone());
@@ -226,7 +222,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// That line.
-    pub fn compiled(&self, graph: &GraphFile, more: &[Arc<dyn NodeKind>]) -> Result<Compiled, String> {
+    pub fn compiled(&self, graph: &GraphFile, more: &[Arc<NodeKind>]) -> Result<Compiled, String> {
         let line =
             |errors: Vec<Diagnostic>| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
         self.compile(graph, more).map_err(line)

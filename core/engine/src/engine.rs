@@ -55,10 +55,10 @@ pub(crate) struct Body {
 
 impl Body {
     pub(crate) fn new(compiled: Compiled) -> Self {
-        let Compiled { schedule, processors } = compiled;
+        let Compiled { schedule, nodes } = compiled;
         Self {
             buffers: swap::buffers(&schedule),
-            slots: schedule.nodes.iter().zip(processors).map(|(n, p)| Slot::new(n, p)).collect(),
+            slots: schedule.nodes.iter().zip(nodes).map(|(n, p)| Slot::new(n, p.processor)).collect(),
             steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
             fed_audio: swap::fed_audio(&schedule),
             schedule: Arc::new(schedule),
@@ -86,7 +86,7 @@ impl Engine {
     /// Makes an engine with a controller, which changes the graph and live parameters from another
     /// thread.
     pub fn controlled(mut compiled: Compiled, options: Options) -> (Controller, Self) {
-        let (controller, link) = Controller::new(&compiled.schedule, &mut compiled.processors);
+        let (controller, link) = Controller::new(&compiled.schedule, &mut compiled.nodes);
         (controller, Self { link: Some(Box::new(link)), ..Self::new(compiled, options) })
     }
 
@@ -268,8 +268,9 @@ impl Engine {
     }
 
     /// Facts of a node now. Not for the tick thread.
-    pub fn facts(&self, node: usize) -> Vec<Fact> {
-        self.nodes().get(node).map(|s| s.processor.facts()).unwrap_or_default()
+    pub fn facts(&mut self, node: usize) -> Vec<Fact> {
+        let nodes = self.body.schedule.nodes.len();
+        self.body.slots[..nodes].get_mut(node).map(|s| s.processor.facts()).unwrap_or_default()
     }
 
     /// Faults of all nodes so far, including nodes that a swap removed.

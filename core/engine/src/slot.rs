@@ -158,8 +158,8 @@ impl Slot {
         self.tail = None;
         let processor = &mut self.processor;
         let woke = match self.resume {
-            Resume::Restart => contain(|| processor.reset()),
-            Resume::Elapsed if now.sleep => contain(|| processor.elapsed(now.tick - since)),
+            Resume::Restart => contain(|| processor.ask(|p| p.reset())),
+            Resume::Elapsed if now.sleep => contain(|| processor.ask(|p| p.elapsed(now.tick - since))),
             Resume::Elapsed | Resume::Resume | Resume::Never => Ok(()),
         };
         if let Err(fault) = woke {
@@ -172,9 +172,9 @@ impl Slot {
         let asleep = self.asleep_since.is_some();
         let processor = &mut self.processor;
         let told = match self.resume {
-            Resume::Restart if !asleep => contain(|| processor.reset()),
+            Resume::Restart if !asleep => contain(|| processor.ask(|p| p.reset())),
             // Where nodes may not sleep, it was called in any case.
-            Resume::Elapsed if !asleep || !now.sleep => contain(|| processor.elapsed(ticks)),
+            Resume::Elapsed if !asleep || !now.sleep => contain(|| processor.ask(|p| p.elapsed(ticks))),
             _ => Ok(()),
         };
         self.rouse();
@@ -220,8 +220,7 @@ impl Slot {
         let mut tick =
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
-        let answer = watch.call(|| processor.process(&mut tick)).and_then(|status| match status {
-            Status::Error(code) => Err(Fault::Failed(code)),
+        let answer = watch.call(|| processor.run(&mut tick)).and_then(|status| match status {
             _ if now.guards && !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
             status => Ok(status),
         });
@@ -296,7 +295,7 @@ impl Slot {
     /// Resets the node. A node that fails in `reset` is quarantined, and that fault is counted too.
     fn begin_anew(&mut self) {
         let processor = &mut self.processor;
-        if let Err(fault) = contain(|| processor.reset()) {
+        if let Err(fault) = contain(|| processor.ask(|p| p.reset())) {
             self.report.faults += 1;
             self.report.last_fault = Some(fault);
             self.report.quarantined = true;
@@ -350,7 +349,7 @@ impl Slot {
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        match watch.call(|| processor.wants(&mut tick)) {
+        match watch.call(|| processor.ask(|p| p.wants(&mut tick))) {
             Ok(wants) => self.wants = wants,
             Err(fault) => {
                 self.wants = false;
@@ -367,7 +366,7 @@ impl Slot {
         let (inputs, _) = split(buffers, &self.outputs, &self.inputs);
         let mut tick = Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut []) };
         let processor = &mut self.processor;
-        if let Err(fault) = watch.call(|| processor.absorb(&mut tick)) {
+        if let Err(fault) = watch.call(|| processor.ask(|p| p.absorb(&mut tick))) {
             self.fault(fault, now);
         }
     }
@@ -378,7 +377,7 @@ impl Slot {
             return;
         }
         let processor = &mut self.processor;
-        if let Err(fault) = contain(|| processor.set_parameter(index, value)) {
+        if let Err(fault) = contain(|| processor.ask(|p| p.set_parameter(index, value))) {
             self.fault(fault, now);
         }
         // A sleeping node may have a new output now.

@@ -1,10 +1,11 @@
 //! The node traits: for authors, and for the engine.
 
+use std::fmt;
 use std::ops::{Deref, Range};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use asperity_state::State;
-use thiserror::Error;
 
 use crate::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameRate, Guard, Input, Inputs, Latency, Output, Outputs,
@@ -139,24 +140,33 @@ impl Tick<'_> {
 }
 
 /// Failure of a node.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Fault {
     /// The node returned [`Status::Error`] with this number.
-    #[error("failed with code {0}")]
     Failed(u32),
     /// The node panicked.
-    #[error("panicked")]
     Panicked,
     /// The node wrote a NaN or an infinity.
-    #[error("wrote a value that is not finite")]
     NotFinite,
     /// The call took longer than its limit.
-    #[error("took longer than it may")]
     Overrun,
     /// A call did not return. The node is not called again.
-    #[error("did not return and is cut out")]
     Stuck,
 }
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Failed(code) => write!(f, "failed with code {code}"),
+            Self::Panicked => f.write_str("panicked"),
+            Self::NotFinite => f.write_str("wrote a value that is not finite"),
+            Self::Overrun => f.write_str("took longer than it may"),
+            Self::Stuck => f.write_str("did not return and is cut out"),
+        }
+    }
+}
+
+impl std::error::Error for Fault {}
 
 /// A node's answer to a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,19 +184,19 @@ pub enum Status {
     Error(u32),
 }
 
-/// A node, as its author writes it.
+/// A kind of node, as its author declares it.
 ///
 /// The life of a node:
-/// 1. `descriptor` declares it; `ports` may refine that from parameters. Control thread.
-/// 2. `prepare` makes it: here it allocates, reads files and may fail. Control thread.
-/// 3. `process` is called once a tick, or every k-th. Tick thread: no allocation, lock, log, system call,
-///    panic or drop of memory, nor in 4.
+/// 1. [`descriptor`](Self::descriptor) declares the kind; [`ports`](Self::ports) may refine that from
+///    parameters. Control thread.
+/// 2. [`prepare`](Self::prepare) makes a [`Processor`]: it allocates, reads files and may fail. Control
+///    thread.
+/// 3. [`Processor::process`] is called once a tick, or every k-th. Tick thread: no allocation, lock, log,
+///    system call, panic or drop of memory, nor in 4.
 /// 4. On the tick thread too: `reset` restores the state after `prepare`; `elapsed` tells how long it slept;
 ///    `set_parameter` changes a live parameter; `state` hands its state to a changed graph.
-/// 5. It is dropped on the control thread.
-// A new method must be added to `Precise` in nodes/src/precision.rs too, which passes each on: one with a
-// body would be dropped there without a word.
-pub trait Node: Send + Sized + 'static {
+/// 5. The processor is dropped on the control thread.
+pub trait Node: 'static {
     /// Kind, ports and parameters.
     fn descriptor() -> Descriptor;
 
@@ -198,254 +208,281 @@ pub trait Node: Send + Sized + 'static {
         Ok(ports)
     }
 
-    /// Makes a node for its place in a graph.
+    /// Makes a processor for a place in a graph.
     ///
     /// # Errors
     /// Problems that a parameter's range cannot express: a wrong file, values that contradict each
     /// other.
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic>;
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic>;
+}
 
-    /// Runs one tick.
+/// Makes guards for a device's channel; see [`Prepared::guard`].
+type MakeGuard = Box<dyn Fn() -> Box<dyn Guard> + Send + Sync>;
+
+/// A processor, with facts that stay as they are while it lives.
+pub struct Prepared {
+    /// The processor.
+    pub processor: Box<dyn Processor>,
+    /// Latency from inputs to outputs, exact and signed.
+    pub latency: Latency,
+    /// Duration of the outputs after the inputs become silent.
+    pub tail: Latency,
+    /// Sources only: duration of the output.
+    pub duration: Option<Latency>,
+    /// Whether `process` does not allocate. A node that allocates must say so.
+    pub allocation_free: bool,
+    /// Files that it reads and that no parameter of kind [`File`](crate::ParamKind::File) names, so that a
+    /// host can watch them.
+    pub files: Vec<PathBuf>,
+    /// Limiters only: makes a guard that keeps the device's channel within the same limits, starting at
+    /// rest and cold.
+    pub guard: Option<MakeGuard>,
+}
+
+impl Prepared {
+    /// A processor without latency, tail, duration, files or guard, which does not allocate.
+    pub fn new(processor: impl Processor + 'static) -> Self {
+        Self {
+            processor: Box::new(processor),
+            latency: Latency::ZERO,
+            tail: Latency::ZERO,
+            duration: None,
+            allocation_free: true,
+            files: Vec::new(),
+            guard: None,
+        }
+    }
+
+    /// Sets the [latency](Self::latency).
+    #[must_use]
+    pub fn latency(self, latency: Latency) -> Self {
+        Self { latency, ..self }
+    }
+
+    /// Sets the [tail](Self::tail).
+    #[must_use]
+    pub fn tail(self, tail: Latency) -> Self {
+        Self { tail, ..self }
+    }
+
+    /// Sets the [duration](Self::duration).
+    #[must_use]
+    pub fn duration(self, duration: Option<Latency>) -> Self {
+        Self { duration, ..self }
+    }
+
+    /// Sets the [files](Self::files).
+    #[must_use]
+    pub fn files(self, files: Vec<PathBuf>) -> Self {
+        Self { files, ..self }
+    }
+
+    /// Sets the [guard](Self::guard).
+    #[must_use]
+    pub fn guard(self, make: impl Fn() -> Box<dyn Guard> + Send + Sync + 'static) -> Self {
+        Self { guard: Some(Box::new(make)), ..self }
+    }
+}
+
+impl fmt::Debug for Prepared {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Prepared")
+            .field("latency", &self.latency)
+            .field("tail", &self.tail)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A node that runs; [`Node::prepare`] makes it.
+///
+/// A wrapper implements `process`, `reset` and [`inner`](Self::inner): every other call reaches the node
+/// inside by its default.
+pub trait Processor: Send {
+    /// Runs one tick. Tick thread.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status;
 
-    /// Restores the state after `prepare`, with the current parameters.
+    /// Restores the state after `prepare`, with the current parameters. Tick thread.
     fn reset(&mut self);
 
     /// Gates only: whether the gated input is wanted this tick. Called once a tick, before `process`,
-    /// when all inputs but the gated one are ready.
-    fn wants(&mut self, _tick: &mut Tick<'_>) -> bool {
-        true
+    /// when all inputs but the gated one are ready. Tick thread.
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        let mut wants = true;
+        self.inner(&mut |node| wants = node.wants(tick));
+        wants
     }
 
-    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has run without them.
-    fn absorb(&mut self, _tick: &mut Tick<'_>) {}
+    /// Nodes that close a cycle only: takes this tick's inputs, after `process` has run without them. Tick
+    /// thread.
+    fn absorb(&mut self, tick: &mut Tick<'_>) {
+        self.inner(&mut |node| node.absorb(tick));
+    }
 
     /// Tells a node of [`Resume::Elapsed`](crate::Resume) how many ticks it slept. Its state must
-    /// become that of as many calls.
-    fn elapsed(&mut self, _ticks: u64) {}
+    /// become that of as many calls. Tick thread.
+    fn elapsed(&mut self, ticks: u64) {
+        self.inner(&mut |node| node.elapsed(ticks));
+    }
 
     /// Sets a [live](crate::Param::live) parameter, by its index in the descriptor, to a value in its
-    /// range. A flag is 0 or 1, a choice the index of its word.
-    fn set_parameter(&mut self, _index: usize, _value: f64) {}
-
-    /// Saves or restores its state from tick to tick, without parameters and their consequences: see
-    /// [`State`]. Another instance, prepared for the same place but perhaps with other parameters,
-    /// continues from it. A node without state, or one that starts anew, leaves it out.
-    fn state(&mut self, _state: &mut State<'_>) {}
-
-    /// Latency from inputs to outputs, exact and signed.
-    fn latency(&self) -> Latency {
-        Latency::ZERO
+    /// range. A flag is 0 or 1, a choice the index of its word. Tick thread.
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        self.inner(&mut |node| node.set_parameter(index, value));
     }
 
-    /// Duration of the outputs after the inputs become silent.
-    fn tail(&self) -> Latency {
-        Latency::ZERO
+    /// Measures, saves or restores its state from tick to tick, without parameters and their consequences:
+    /// see [`State`]. Another instance, prepared for the same place but perhaps with other parameters,
+    /// continues from it. A node without state, or one that starts anew, leaves it out. Tick thread.
+    fn state(&mut self, state: &mut State<'_>) {
+        self.inner(&mut |node| node.state(state));
     }
 
-    /// Sources only: duration of the output.
-    fn duration(&self) -> Option<Latency> {
-        None
-    }
-
-    /// Whether `process` does not allocate. A node that allocates must return false.
-    fn allocation_free(&self) -> bool {
-        true
-    }
-
-    /// Facts about this node, for reports. Control thread.
-    fn facts(&self) -> Vec<Fact> {
-        Vec::new()
-    }
-
-    /// Files that it reads and that no parameter of kind [`File`](crate::ParamKind::File) names, so
-    /// that a host can watch them. Control thread.
-    fn files(&self) -> Vec<PathBuf> {
-        Vec::new()
-    }
-
-    /// Limiters only: a guard that keeps the device's channel within the same limits, starting at rest
-    /// and cold. Control thread.
-    fn guard(&self) -> Option<Box<dyn Guard>> {
-        None
+    /// Facts about this node now, for reports. Control thread.
+    fn facts(&mut self) -> Vec<Fact> {
+        let mut facts = Vec::new();
+        self.inner(&mut |node| facts = node.facts());
+        facts
     }
 
     /// Limiters only: least heat of the coil, as a mean of squares \[A^2\]. Tick thread.
-    fn warm(&mut self, _heat: f64) {}
+    fn warm(&mut self, heat: f64) {
+        self.inner(&mut |node| node.warm(heat));
+    }
+
+    /// Nodes that run elsewhere only, in a plugin or on a thread of their own: takes the fault of the last
+    /// call. `ask` reads it. Tick thread.
+    fn fault(&mut self) -> Option<Fault> {
+        let mut fault = None;
+        self.inner(&mut |node| fault = node.fault());
+        fault
+    }
+
+    /// Wrappers only: runs `call` with the node inside.
+    fn inner(&mut self, _call: &mut dyn FnMut(&mut dyn Processor)) {}
 }
 
-/// A node as the engine calls it: [`Node`] without the parts that need no instance. Methods that run the
-/// node's code return a [`Fault`] if it failed. Every [`Node`] is a `Processor`; a kind that makes its nodes
-/// in another way implements this.
-pub trait Processor: Send {
-    /// See [`Node::process`]. Tick thread.
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault>;
-
-    /// See [`Node::reset`]. Tick thread.
-    fn reset(&mut self) -> Result<(), Fault>;
-
-    /// See [`Node::wants`]. Tick thread.
-    fn wants(&mut self, _tick: &mut Tick<'_>) -> Result<bool, Fault> {
-        Ok(true)
+impl<'p> dyn Processor + 'p {
+    /// Makes a call, and answers its fault if it has one.
+    ///
+    /// # Errors
+    /// The call failed where the node runs.
+    pub fn ask<T>(&mut self, call: impl FnOnce(&mut (dyn Processor + 'p)) -> T) -> Result<T, Fault> {
+        let answer = call(self);
+        self.fault().map_or(Ok(answer), Err)
     }
 
-    /// See [`Node::absorb`]. Tick thread.
-    fn absorb(&mut self, _tick: &mut Tick<'_>) -> Result<(), Fault> {
-        Ok(())
-    }
-
-    /// See [`Node::elapsed`]. Tick thread.
-    fn elapsed(&mut self, _ticks: u64) -> Result<(), Fault> {
-        Ok(())
-    }
-
-    /// See [`Node::set_parameter`]. Tick thread.
-    fn set_parameter(&mut self, _index: usize, _value: f64) -> Result<(), Fault> {
-        Ok(())
-    }
-
-    /// Most bytes that [`save`](Self::save) writes. Control thread.
-    fn state_size(&mut self) -> usize {
-        0
-    }
-
-    /// Writes the state to the front of `bytes` and returns its length; see [`Node::state`]. Tick
-    /// thread.
-    fn save(&mut self, _bytes: &mut [u8]) -> Option<usize> {
-        Some(0)
-    }
-
-    /// Continues from the state of another instance. Returns false on failure; then the caller resets
-    /// it. Tick thread.
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        bytes.is_empty()
-    }
-
-    /// See [`Node::latency`]. Control thread.
-    fn latency(&self) -> Latency {
-        Latency::ZERO
-    }
-
-    /// See [`Node::tail`]. Control thread.
-    fn tail(&self) -> Latency {
-        Latency::ZERO
-    }
-
-    /// See [`Node::duration`]. Control thread.
-    fn duration(&self) -> Option<Latency> {
-        None
-    }
-
-    /// See [`Node::allocation_free`]. Control thread.
-    fn allocation_free(&self) -> bool {
-        true
-    }
-
-    /// See [`Node::facts`]. Control thread.
-    fn facts(&self) -> Vec<Fact> {
-        Vec::new()
-    }
-
-    /// See [`Node::files`]. Control thread.
-    fn files(&self) -> Vec<PathBuf> {
-        Vec::new()
-    }
-
-    /// See [`Node::guard`]. Control thread.
-    fn guard(&self) -> Option<Box<dyn Guard>> {
-        None
-    }
-
-    /// See [`Node::warm`]. Tick thread.
-    fn warm(&mut self, _heat: f64) {}
-}
-
-impl<N: Node> Processor for N {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
-        match Node::process(self, tick) {
+    /// Runs one tick, and answers a failure as a fault. Tick thread.
+    ///
+    /// # Errors
+    /// The node failed, itself or where it runs.
+    pub fn run(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+        match self.ask(|node| node.process(tick))? {
             Status::Error(code) => Err(Fault::Failed(code)),
             status => Ok(status),
         }
     }
-    fn reset(&mut self) -> Result<(), Fault> {
-        Node::reset(self);
-        Ok(())
+
+    /// Most bytes that [`save`](Self::save) writes. Control thread.
+    pub fn state_size(&mut self) -> usize {
+        State::measure(|s| self.state(s))
     }
-    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
-        Ok(Node::wants(self, tick))
+
+    /// Writes the state to the front of `bytes` and returns its length. Tick thread.
+    pub fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        State::save(bytes, |s| self.state(s))
     }
-    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
-        Node::absorb(self, tick);
-        Ok(())
-    }
-    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
-        Node::elapsed(self, ticks);
-        Ok(())
-    }
-    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
-        Node::set_parameter(self, index, value);
-        Ok(())
-    }
-    fn state_size(&mut self) -> usize {
-        State::measure(|s| Node::state(self, s))
-    }
-    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
-        State::save(bytes, |s| Node::state(self, s))
-    }
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        State::restore(bytes, |s| Node::state(self, s))
-    }
-    fn latency(&self) -> Latency {
-        Node::latency(self)
-    }
-    fn tail(&self) -> Latency {
-        Node::tail(self)
-    }
-    fn duration(&self) -> Option<Latency> {
-        Node::duration(self)
-    }
-    fn allocation_free(&self) -> bool {
-        Node::allocation_free(self)
-    }
-    fn facts(&self) -> Vec<Fact> {
-        Node::facts(self)
-    }
-    fn files(&self) -> Vec<PathBuf> {
-        Node::files(self)
-    }
-    fn guard(&self) -> Option<Box<dyn Guard>> {
-        Node::guard(self)
-    }
-    fn warm(&mut self, heat: f64) {
-        Node::warm(self, heat);
+
+    /// Continues from the state of another instance. Returns false on failure; then the caller resets
+    /// it. Tick thread.
+    pub fn restore(&mut self, bytes: &[u8]) -> bool {
+        State::restore(bytes, |s| self.state(s))
     }
 }
 
-/// A kind of node, built in or from a plugin.
-pub trait NodeKind: Send + Sync {
+type RefinePorts = dyn Fn(&Config<'_>, Ports) -> Result<Ports, Diagnostic> + Send + Sync;
+type Prepare = dyn Fn(&Setup<'_>) -> Result<Prepared, Diagnostic> + Send + Sync;
+
+/// A kind of node, built in or from a plugin. Whoever wraps a kind changes a copy of it, so that the rest
+/// stays as it is.
+#[derive(Clone)]
+pub struct NodeKind {
+    descriptor: Descriptor,
+    origin: Arc<str>,
+    build: u64,
+    ports: Arc<RefinePorts>,
+    prepare: Arc<Prepare>,
+}
+
+impl NodeKind {
+    /// The kind of a node type of this program.
+    pub fn of<N: Node>() -> Self {
+        Self::new(N::descriptor(), N::prepare).with_ports(N::ports)
+    }
+
+    /// A built-in kind with the ports of its descriptor.
+    pub fn new(
+        descriptor: Descriptor,
+        prepare: impl Fn(&Setup<'_>) -> Result<Prepared, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        let ports: Arc<RefinePorts> = Arc::new(|_, ports| Ok(ports));
+        Self { descriptor, origin: "built in".into(), build: 0, ports, prepare: Arc::new(prepare) }
+    }
+
+    /// The same kind, whose ports are the answer of `ports` to those of the descriptor.
+    #[must_use]
+    pub fn with_ports(
+        self,
+        ports: impl Fn(&Config<'_>, Ports) -> Result<Ports, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        Self { ports: Arc::new(ports), ..self }
+    }
+
+    /// The same kind from a plugin's file, with the number of its [build](Self::build).
+    #[must_use]
+    pub fn from_plugin(self, origin: Arc<str>, build: u64) -> Self {
+        Self { origin, build, ..self }
+    }
+
+    /// The same kind, of whose nodes `wrap` makes others.
+    #[must_use]
+    pub fn wrapped(
+        self,
+        wrap: impl Fn(&Setup<'_>, Prepared) -> Result<Prepared, Diagnostic> + Send + Sync + 'static,
+    ) -> Self {
+        let prepare = self.prepare;
+        Self { prepare: Arc::new(move |setup| wrap(setup, prepare(setup)?)), ..self }
+    }
+
     /// Kind, ports and parameters.
-    fn descriptor(&self) -> &Descriptor;
+    pub fn descriptor(&self) -> &Descriptor {
+        &self.descriptor
+    }
 
     /// Origin for a person: `built in`, or a plugin's file.
-    fn origin(&self) -> &str {
-        "built in"
+    pub fn origin(&self) -> &str {
+        &self.origin
     }
 
     /// Number of the build of a kind's code, so that a recompiled graph uses the newer one. 0 for a
     /// built-in kind.
-    fn build(&self) -> u64 {
-        0
+    pub fn build(&self) -> u64 {
+        self.build
     }
 
     /// Ports for these parameters.
     ///
     /// # Errors
     /// Parameters that fit no ports.
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic>;
+    pub fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+        let Descriptor { inputs, outputs, .. } = &self.descriptor;
+        (self.ports)(config, Ports { inputs: inputs.clone(), outputs: outputs.clone() })
+    }
 
-    /// Makes a node.
+    /// Makes a processor.
     ///
     /// # Errors
     /// See [`Node::prepare`].
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic>;
+    pub fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        (self.prepare)(setup)
+    }
 }

@@ -1,7 +1,7 @@
 //! Node types and the interface between nodes and the engine.
 //!
-//! A node author writes one type that implements [`Node`]: a [`Descriptor`] (kind, ports, parameters),
-//! a `prepare` that allocates, and a `process` that does not. [`Registry`] holds the kinds that a host
+//! A node author writes a [`Node`]: a [`Descriptor`] (kind, ports, parameters) and a `prepare` that
+//! allocates; and a [`Processor`]: a `process` that does not. [`Registry`] holds the kinds that a host
 //! offers. The types of a graph are here too: [`PortType`], [`Unit`], [`FrameLayout`], and exact time
 //! in [`time`].
 
@@ -27,7 +27,7 @@ pub use descriptor::{Descriptor, Resume};
 pub use effect::{Acts, Direction, Effect, Form, Law, Settings};
 pub use fact::{Fact, FactValue};
 pub use guard::{Coil, Guard};
-pub use kind::{Config, Fault, Node, NodeKind, Ports, Processor, Setup, Status, Tick, Wiring};
+pub use kind::{Config, Fault, Node, NodeKind, Ports, Prepared, Processor, Setup, Status, Tick, Wiring};
 pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};

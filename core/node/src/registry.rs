@@ -1,15 +1,14 @@
 //! The node kinds of a host.
 
 use std::collections::BTreeMap;
-use std::marker::PhantomData;
 use std::sync::Arc;
 
-use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Processor, Setup};
+use crate::{Effect, Node, NodeKind};
 
 /// Node kinds by name.
 #[derive(Clone, Default)]
 pub struct Registry {
-    kinds: BTreeMap<String, Arc<dyn NodeKind>>,
+    kinds: BTreeMap<String, Arc<NodeKind>>,
     /// Names in the order in which they were added.
     order: Vec<String>,
 }
@@ -29,12 +28,12 @@ impl Registry {
     /// Adds a node type.
     #[must_use]
     pub fn with<N: Node>(mut self) -> Self {
-        self.add(Arc::new(Built { descriptor: N::descriptor(), node: PhantomData::<fn() -> N> }));
+        self.add(Arc::new(NodeKind::of::<N>()));
         self
     }
 
     /// Adds a kind, replacing one of the same name. Returns the replaced one.
-    pub fn add(&mut self, kind: Arc<dyn NodeKind>) -> Option<Arc<dyn NodeKind>> {
+    pub fn add(&mut self, kind: Arc<NodeKind>) -> Option<Arc<NodeKind>> {
         let name = kind.descriptor().kind.to_string();
         let before = self.kinds.insert(name.clone(), kind);
         if before.is_none() {
@@ -44,12 +43,12 @@ impl Registry {
     }
 
     /// A kind by name.
-    pub fn get(&self, kind: &str) -> Option<&Arc<dyn NodeKind>> {
+    pub fn get(&self, kind: &str) -> Option<&Arc<NodeKind>> {
         self.kinds.get(kind)
     }
 
     /// All kinds, by name.
-    pub fn iter(&self) -> impl Iterator<Item = &Arc<dyn NodeKind>> {
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<NodeKind>> {
         self.kinds.values()
     }
 
@@ -65,28 +64,5 @@ impl Registry {
     /// The names of all kinds.
     pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
         self.kinds.keys().map(String::as_str)
-    }
-}
-
-/// A kind made from a node type of this program.
-struct Built<N> {
-    descriptor: Descriptor,
-    node: PhantomData<fn() -> N>,
-}
-
-impl<N: Node> NodeKind for Built<N> {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        N::ports(
-            config,
-            Ports { inputs: self.descriptor.inputs.clone(), outputs: self.descriptor.outputs.clone() },
-        )
-    }
-
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(N::prepare(setup)?))
     }
 }

@@ -100,6 +100,28 @@ impl<'a> State<'a> {
         self
     }
 
+    /// Passes the rest of the state as bytes that only their owner reads. `size` answers the most bytes;
+    /// `save` writes to the front and answers the length; `restore` answers whether it took them all.
+    pub fn opaque(
+        &mut self,
+        size: impl FnOnce() -> usize,
+        save: impl FnOnce(&mut [u8]) -> Option<usize>,
+        restore: impl FnOnce(&[u8]) -> bool,
+    ) {
+        let at = self.at;
+        match &mut self.pass {
+            Pass::Measure => self.at += size(),
+            Pass::Save(bytes) => match bytes.get_mut(at..).and_then(save) {
+                Some(len) if len <= bytes.len() - at => self.at += len,
+                _ => self.failed = true,
+            },
+            Pass::Restore(bytes) => {
+                self.failed = self.failed || !bytes.get(at..).is_some_and(restore);
+                self.at = bytes.len();
+            }
+        }
+    }
+
     /// Whether this pass writes to the parts.
     pub fn restores(&self) -> bool {
         matches!(self.pass, Pass::Restore(_))
@@ -324,6 +346,33 @@ mod tests {
         let mut back = some();
         assert!(State::restore(&saved(&mut none()), |s| back.state(s)));
         assert_eq!(back, none());
+    }
+
+    #[test]
+    fn opaque_bytes_come_last_and_must_fit() {
+        /// A number, and bytes of an owner that says it wrote `len` of 3.
+        fn visit(state: &mut State<'_>, number: &mut u8, bytes: &mut Vec<u8>, len: usize) {
+            state.keep(number);
+            let kept = std::cell::RefCell::new(bytes);
+            let save = |to: &mut [u8]| {
+                to.get_mut(..3)?.copy_from_slice(&kept.borrow()[..3]);
+                Some(len)
+            };
+            let restore = |from: &[u8]| {
+                **kept.borrow_mut() = from.to_vec();
+                from.len() == 3
+            };
+            state.opaque(|| 3, save, restore);
+        }
+        let mut room = vec![0; State::measure(|s| visit(s, &mut 7, &mut vec![1, 2, 3], 3))];
+        assert_eq!(State::save(&mut room, |s| visit(s, &mut 7, &mut vec![1, 2, 3], 3)), Some(4));
+        assert_eq!(room, [7, 1, 2, 3]);
+        let (mut number, mut bytes) = (0, Vec::new());
+        assert!(State::restore(&room, |s| visit(s, &mut number, &mut bytes, 3)));
+        assert_eq!((number, bytes), (7, vec![1, 2, 3]));
+        assert!(!State::restore(&room[..3], |s| visit(s, &mut 0, &mut Vec::new(), 3)));
+        assert!(State::save(&mut room[..3], |s| visit(s, &mut 7, &mut vec![1, 2, 3], 3)).is_none());
+        assert!(State::save(&mut room, |s| visit(s, &mut 7, &mut vec![1, 2, 3], 4)).is_none());
     }
 
     #[test]

@@ -63,7 +63,7 @@ impl Fragment {
 }
 
 /// The plugin file that a kind comes from; none for a built-in kind.
-fn plugin(kind: &dyn NodeKind) -> Option<PathBuf> {
+fn plugin(kind: &NodeKind) -> Option<PathBuf> {
     (kind.build() != 0).then(|| kind.origin().into())
 }
 

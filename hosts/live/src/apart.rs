@@ -10,14 +10,13 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use asperity_node::{
-    Buffer, Config, Descriptor, Diagnostic, Fact, Fault, InputRef, Inputs, Latency, NodeKind, Outputs, Ports,
-    Processor, Setup, Status, Tick, Wiring,
+    Buffer, Fact, Fault, InputRef, Inputs, NodeKind, Outputs, Prepared, Processor, Setup, State, Status,
+    Tick, Wiring,
 };
 use asperity_numbers::denormals::Flushed;
 
@@ -31,37 +30,12 @@ const AWAKE: Duration = Duration::from_micros(200);
 
 /// The same kind, whose nodes run on threads of their own. With `priority`, these request a real-time
 /// priority.
-pub fn apart(kind: Arc<dyn NodeKind>, priority: Option<i32>) -> Arc<dyn NodeKind> {
-    Arc::new(Kind { kind, priority })
-}
-
-struct Kind {
-    kind: Arc<dyn NodeKind>,
-    priority: Option<i32>,
-}
-
-impl NodeKind for Kind {
-    fn descriptor(&self) -> &Descriptor {
-        self.kind.descriptor()
-    }
-
-    fn origin(&self) -> &str {
-        self.kind.origin()
-    }
-
-    fn build(&self) -> u64 {
-        self.kind.build()
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        self.kind.ports(config)
-    }
-
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        let node = self.kind.prepare(setup)?;
-        let apart = Apart::start(node, Desk::new(setup), setup.id, self.priority);
-        Ok(Box::new(apart.map_err(|e| setup.params.node_error(format!("no thread for this node: {e}")))?))
-    }
+pub fn apart(kind: Arc<NodeKind>, priority: Option<i32>) -> Arc<NodeKind> {
+    Arc::new(Arc::unwrap_or_clone(kind).wrapped(move |setup, node| {
+        let apart = Apart::start(node.processor, Desk::new(setup), setup.id, priority)
+            .map_err(|e| setup.params.node_error(format!("no thread for this node: {e}")))?;
+        Ok(Prepared { processor: Box::new(apart), ..node })
+    }))
 }
 
 /// Call to the thread. Inputs, outputs and bytes lie on the desk.
@@ -72,6 +46,7 @@ enum Call {
     Reset,
     Elapsed(u64),
     SetParameter(usize, f64),
+    Warm(f64),
     StateSize,
     Save(usize),
     Restore,
@@ -176,11 +151,8 @@ impl Shared {
 /// A node whose calls run on a thread of its own.
 struct Apart {
     shared: Arc<Shared>,
-    latency: Latency,
-    tail: Latency,
-    duration: Option<Latency>,
-    allocation_free: bool,
-    files: Vec<PathBuf>,
+    /// Fault of the last call.
+    fault: Option<Fault>,
 }
 
 impl Apart {
@@ -193,14 +165,7 @@ impl Apart {
             ready: AtomicBool::new(false),
             left: AtomicBool::new(false),
         });
-        let apart = Self {
-            shared: Arc::clone(&shared),
-            latency: node.latency(),
-            tail: node.tail(),
-            duration: node.duration(),
-            allocation_free: node.allocation_free(),
-            files: node.files(),
-        };
+        let apart = Self { shared: Arc::clone(&shared), fault: None };
         let name = format!("asperity-{id}");
         std::thread::Builder::new().name(name).spawn(move || work(&shared, node, priority))?;
         Ok(apart)
@@ -243,9 +208,9 @@ impl Apart {
         }
     }
 
-    /// A call of a tick without outputs.
-    fn told(&self, call: Call, tick: &Tick<'_>) -> Result<Answer, Fault> {
-        self.ask(call, |desk| desk.take(tick), |answer, _| answer)
+    /// Runs a call without answer. A fault is kept for [`Processor::fault`].
+    fn tell(&mut self, call: Call, before: impl FnOnce(&mut Desk)) {
+        self.fault = self.ask(call, before, |_, _| {}).err();
     }
 }
 
@@ -292,12 +257,15 @@ fn work(shared: &Shared, node: Box<dyn Processor>, priority: Option<i32>) {
 
 fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answer, Fault> {
     Ok(match call {
-        Call::Process => Answer::Status(desk.tick(|tick| node.process(tick))?),
-        Call::Wants => Answer::Flag(desk.tick(|tick| node.wants(tick))?),
-        Call::Absorb => desk.tick(|tick| node.absorb(tick)).map(|()| Answer::Done)?,
-        Call::Reset => node.reset().map(|()| Answer::Done)?,
-        Call::Elapsed(ticks) => node.elapsed(ticks).map(|()| Answer::Done)?,
-        Call::SetParameter(index, value) => node.set_parameter(index, value).map(|()| Answer::Done)?,
+        Call::Process => Answer::Status(desk.tick(|tick| node.run(tick))?),
+        Call::Wants => Answer::Flag(desk.tick(|tick| node.ask(|n| n.wants(tick)))?),
+        Call::Absorb => desk.tick(|tick| node.ask(|n| n.absorb(tick))).map(|()| Answer::Done)?,
+        Call::Reset => node.ask(|n| n.reset()).map(|()| Answer::Done)?,
+        Call::Elapsed(ticks) => node.ask(|n| n.elapsed(ticks)).map(|()| Answer::Done)?,
+        Call::SetParameter(index, value) => {
+            node.ask(|n| n.set_parameter(index, value)).map(|()| Answer::Done)?
+        }
+        Call::Warm(heat) => node.ask(|n| n.warm(heat)).map(|()| Answer::Done)?,
         Call::StateSize => {
             let size = node.state_size();
             desk.bytes.reserve(size);
@@ -323,10 +291,13 @@ fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     })
 }
 
+// Every call stands here, so that a new one is not forgotten.
+#[warn(clippy::missing_trait_methods)]
 impl Processor for Apart {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.shared.left.load(SeqCst) {
-            return Err(Fault::Stuck);
+            self.fault = Some(Fault::Stuck);
+            return Status::Error(u32::MAX);
         }
         let before = |desk: &mut Desk| {
             desk.take(tick);
@@ -337,86 +308,78 @@ impl Processor for Apart {
         if let Some(desk) = &mut self.shared.mail().desk {
             desk.give_back(tick);
         }
-        match answer? {
-            Answer::Status(status) => Ok(status),
-            _ => Err(Fault::Stuck),
+        self.fault = answer.as_ref().err().copied();
+        match answer {
+            Ok(Answer::Status(status)) => status,
+            _ => Status::Error(u32::MAX),
         }
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
-        self.ask(Call::Reset, |_| {}, |_, _| {})
+    fn reset(&mut self) {
+        self.tell(Call::Reset, |_| {});
     }
 
-    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
-        Ok(matches!(self.told(Call::Wants, tick)?, Answer::Flag(true)))
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        let answer = self.ask(Call::Wants, |desk| desk.take(tick), |answer, _| answer);
+        self.fault = answer.as_ref().err().copied();
+        matches!(answer, Ok(Answer::Flag(true)))
     }
 
-    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
-        self.told(Call::Absorb, tick).map(|_| ())
+    fn absorb(&mut self, tick: &mut Tick<'_>) {
+        self.tell(Call::Absorb, |desk| desk.take(tick));
     }
 
-    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
-        self.ask(Call::Elapsed(ticks), |_| {}, |_, _| {})
+    fn elapsed(&mut self, ticks: u64) {
+        self.tell(Call::Elapsed(ticks), |_| {});
     }
 
-    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
-        self.ask(Call::SetParameter(index, value), |_| {}, |_, _| {})
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        self.tell(Call::SetParameter(index, value), |_| {});
     }
 
-    fn state_size(&mut self) -> usize {
-        match self.ask(Call::StateSize, |_| {}, |answer, _| answer) {
+    fn state(&mut self, state: &mut State<'_>) {
+        let size = || match self.ask(Call::StateSize, |_| {}, |answer, _| answer) {
             Ok(Answer::Size(size)) => size,
             _ => 0,
-        }
-    }
-
-    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
-        let room = bytes.len();
-        let after = |answer, desk: &mut Desk| match answer {
-            Answer::Saved(Some(len)) => {
-                bytes.get_mut(..len)?.copy_from_slice(desk.bytes.get(..len)?);
-                Some(len)
-            }
-            _ => None,
         };
-        self.ask(Call::Save(room), |_| {}, after).ok().flatten()
-    }
-
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        let before = |desk: &mut Desk| {
-            // There is room: `state_size` was asked first.
-            desk.bytes.clear();
-            desk.bytes.extend_from_slice(bytes);
+        let save = |bytes: &mut [u8]| {
+            let room = bytes.len();
+            let after = |answer, desk: &mut Desk| match answer {
+                Answer::Saved(Some(len)) => {
+                    bytes.get_mut(..len)?.copy_from_slice(desk.bytes.get(..len)?);
+                    Some(len)
+                }
+                _ => None,
+            };
+            self.ask(Call::Save(room), |_| {}, after).ok().flatten()
         };
-        self.ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true))).unwrap_or(false)
+        let restore = |bytes: &[u8]| {
+            let before = |desk: &mut Desk| {
+                // There is room: the size was asked first.
+                desk.bytes.clear();
+                desk.bytes.extend_from_slice(bytes);
+            };
+            self.ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true))).unwrap_or(false)
+        };
+        state.opaque(size, save, restore);
     }
 
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn tail(&self) -> Latency {
-        self.tail
-    }
-
-    fn duration(&self) -> Option<Latency> {
-        self.duration
-    }
-
-    fn allocation_free(&self) -> bool {
-        self.allocation_free
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         match self.ask(Call::Facts, |_| {}, |answer, _| answer) {
             Ok(Answer::Facts(facts)) => facts,
             _ => Vec::new(),
         }
     }
 
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
+    fn warm(&mut self, heat: f64) {
+        self.tell(Call::Warm(heat), |_| {});
     }
+
+    fn fault(&mut self) -> Option<Fault> {
+        self.fault.take()
+    }
+
+    fn inner(&mut self, _call: &mut dyn FnMut(&mut dyn Processor)) {}
 }
 
 #[cfg(test)]

@@ -6,9 +6,10 @@ fn audio(samples: [f32; 4]) -> Buffer {
 
 /// Calls a node once, over one input and one output.
 fn process(node: &mut Apart, input: [f32; 4]) -> (Result<Status, Fault>, Buffer) {
+    let node: &mut dyn Processor = node;
     let (inputs, mut outputs) = ([audio(input)], [audio([0.0; 4])]);
     let map = [InputRef { buffer: 0, connected: true }];
-    let answer = node.process(&mut Tick {
+    let answer = node.run(&mut Tick {
         index: 7,
         tick_hz: 500,
         inputs: Inputs::new(&inputs, &[], 1, &map),
@@ -27,7 +28,7 @@ fn start(node: impl Processor + 'static) -> Apart {
 struct Doubler(u8);
 
 impl Processor for Doubler {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.0 += 1;
         let first = tick.inputs.audio(0)[0];
         assert!(first >= 0.0, "a panic");
@@ -40,26 +41,15 @@ impl Processor for Doubler {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
             *y = 2.0 * x;
         }
-        Ok(Status::Tail(3))
+        Status::Tail(3)
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
+    fn reset(&mut self) {
         self.0 = 0;
-        Ok(())
     }
 
-    fn state_size(&mut self) -> usize {
-        1
-    }
-
-    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
-        bytes[0] = self.0;
-        Some(1)
-    }
-
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        self.0 = bytes[0];
-        true
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.0);
     }
 }
 
@@ -76,12 +66,14 @@ fn node_apart_answers_like_one_in_place() {
         assert_eq!(answer, Ok(Status::Tail(3)));
         assert_eq!(samples(&output), [2.0, 4.0, 6.0, 8.0]);
     }
+    let node: &mut dyn Processor = &mut node;
     let mut bytes = vec![0; node.state_size()];
     assert_eq!((node.save(&mut bytes), bytes[0]), (Some(1), 3));
     let mut other = start(Doubler(0));
+    let other: &mut dyn Processor = &mut other;
     assert!(other.restore(&bytes));
     assert_eq!((other.save(&mut bytes), bytes[0]), (Some(1), 3));
-    other.reset().unwrap();
+    other.ask(|n| n.reset()).unwrap();
     assert_eq!((other.save(&mut bytes), bytes[0]), (Some(1), 0));
 }
 
@@ -97,8 +89,9 @@ fn stuck_node_is_left_and_its_outputs_stay() {
         let (answer, output) = process(&mut node, [1.0; 4]);
         assert_eq!((answer, samples(&output)), (Err(Fault::Stuck), [0.0; 4].as_slice()));
     }
-    assert_eq!((node.reset(), node.state_size()), (Err(Fault::Stuck), 0));
-    assert!(node.save(&mut [0]).is_none() && !node.restore(&[0]) && node.facts().is_empty());
+    let it: &mut dyn Processor = &mut node;
+    assert_eq!((it.ask(|n| n.reset()), it.state_size()), (Err(Fault::Stuck), 0));
+    assert!(it.save(&mut [0]).is_none() && !it.restore(&[0]) && it.facts().is_empty());
     drop(node);
     assert!(begun.elapsed() < 50 * PATIENCE, "calls were waited for, after the first");
 }
@@ -115,12 +108,10 @@ fn panicking_node_counts_a_fault_and_goes_on() {
 fn stuck_drop_of_a_node_is_left() {
     struct Endless;
     impl Processor for Endless {
-        fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {
-            Ok(Status::Continue)
+        fn process(&mut self, _: &mut Tick<'_>) -> Status {
+            Status::Continue
         }
-        fn reset(&mut self) -> Result<(), Fault> {
-            Ok(())
-        }
+        fn reset(&mut self) {}
     }
     impl Drop for Endless {
         fn drop(&mut self) {

@@ -42,7 +42,7 @@ impl Outlet {
     /// Guards for the nodes of a graph that play on channels 0, 1, ..., at rest and cold.
     pub fn new(compiled: &Compiled, outs: impl IntoIterator<Item = usize>) -> Self {
         let guarded = |out| {
-            let guard = compiled.processors[limiter_of(&compiled.schedule, out)?].guard()?;
+            let guard = compiled.nodes[limiter_of(&compiled.schedule, out)?].guard.as_ref()?();
             Some(Channel { guard, unit: drive_at_full_scale(&compiled.schedule.nodes[out]), stays: false })
         };
         Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }

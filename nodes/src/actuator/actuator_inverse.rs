@@ -1,18 +1,15 @@
 //! `actuator_inverse`: from the wanted acceleration to what drives the coil.
 
-use std::path::PathBuf;
-
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
-    State, Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec,
+    Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
 };
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
 pub struct ActuatorInverse {
     inverse: Inverse,
     natural_hz: f64,
-    files: Vec<PathBuf>,
 }
 
 impl Node for ActuatorInverse {
@@ -64,7 +61,7 @@ impl Node for ActuatorInverse {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let dynamics = super::dynamics(setup)?;
         let drive = if p.text("drive") == "voltage" { Drive::Voltage } else { Drive::Current };
@@ -78,9 +75,12 @@ impl Node for ActuatorInverse {
         let settings = InverseSettings { corner_hz, corner_damping, model };
         let inverse = Inverse::new(&dynamics, drive, f64::from(setup.input_rate(0)), settings)
             .map_err(|e| p.node_error(e.to_string()))?;
-        Ok(Self { inverse, natural_hz: dynamics.natural_hz(), files: super::files(setup) })
+        let it = Self { inverse, natural_hz: dynamics.natural_hz() };
+        Ok(Prepared::new(it).files(super::files(setup)))
     }
+}
 
+impl Processor for ActuatorInverse {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.inverse.rests() && tick.inputs.is_zero(0) {
             return Status::Quiet;
@@ -98,11 +98,7 @@ impl Node for ActuatorInverse {
         self.inverse.state(state);
     }
 
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::number("resonance", self.natural_hz, "Hz"),
             Fact::count("ignored_samples", self.inverse.ignored()),

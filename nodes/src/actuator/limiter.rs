@@ -1,11 +1,9 @@
 //! `limiter`: what no input may do to the coil.
 
-use std::path::PathBuf;
-
 use asperity_actuator::{self, Drive, LimiterSettings};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Guard, Input, Node, Output, Param, RateSpec, Resume, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Resume, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
@@ -15,7 +13,6 @@ use asperity_node::{
 /// What holds the coil's limits does not change while it runs: only how DC is followed and how the gain comes back do.
 pub struct Limiter {
     limiter: asperity_actuator::Limiter,
-    files: Vec<PathBuf>,
 }
 
 /// Places of the live parameters.
@@ -71,7 +68,7 @@ impl Node for Limiter {
         .resumes(Resume::Never)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let volts = setup.input(0).is_some_and(|port| port.unit == Unit::VOLT);
         let settings = LimiterSettings {
@@ -81,16 +78,16 @@ impl Node for Limiter {
             ..LimiterSettings::default()
         };
         let drive = if volts { Drive::Voltage } else { Drive::Current };
-        asperity_actuator::Limiter::new(
-            &super::dynamics(setup)?,
-            drive,
-            f64::from(setup.input_rate(0)),
-            settings,
-        )
-        .map(|limiter| Self { limiter, files: super::files(setup) })
-        .map_err(|e| p.node_error(e.to_string()))
+        let rate_hz = f64::from(setup.input_rate(0));
+        let limiter = asperity_actuator::Limiter::new(&super::dynamics(setup)?, drive, rate_hz, settings)
+            .map_err(|e| p.node_error(e.to_string()))?;
+        let guard = limiter.guard();
+        let it = Prepared::new(Self { limiter }).files(super::files(setup));
+        Ok(it.guard(move || Box::new(guard.clone())))
     }
+}
 
+impl Processor for Limiter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.limiter.set_muted(!tick.inputs.valid(0));
         let asked = tick.inputs.audio(0).len();
@@ -120,19 +117,11 @@ impl Node for Limiter {
         self.limiter.state(state);
     }
 
-    fn guard(&self) -> Option<Box<dyn Guard>> {
-        Some(Box::new(self.limiter.guard()))
-    }
-
     fn warm(&mut self, heat: f64) {
         self.limiter.warm(heat);
     }
 
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let (r, limits) = (self.limiter.report(), self.limiter.limits());
         let unit = if self.limiter.drive() == Drive::Voltage { "V" } else { "A" };
         let count = |name, n| Fact::count(name, n);

@@ -1,11 +1,9 @@
 //! `contact`: what a stylus touches in a scene.
 
-use std::path::PathBuf;
-
 use crate::since::Since;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, Resume,
+    Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
@@ -15,8 +13,6 @@ pub struct Contact {
     surfaces: usize,
     /// The last place that was to be trusted.
     since: Since,
-    /// Pictures of heights.
-    files: Vec<PathBuf>,
 }
 
 /// Writes a quantity of the contact to its port.
@@ -221,7 +217,7 @@ impl Node for Contact {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let scene = Scene::read(p.file("scene"))?;
         let names = names(setup);
@@ -238,14 +234,16 @@ impl Node for Contact {
             anticipate_mm: p.number("anticipate_mm"),
             put_down_mm_s: p.number("put_down_mm_s"),
         };
-        Ok(Self {
+        let it = Self {
             contacts: Contacts::new(&scene, &names, settings, runs_hz(setup))?,
             surfaces: scene.surfaces.len(),
             since: Since::new(setup.every),
-            files: scene.pictures,
-        })
+        };
+        Ok(Prepared::new(it).files(scene.pictures))
     }
+}
 
+impl Processor for Contact {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let three = |input: usize| -> [f64; 3] { tick.inputs.control(input).try_into().unwrap_or([0.0; 3]) };
         let motion = Motion {
@@ -293,11 +291,7 @@ impl Node for Contact {
         self.contacts.state(state);
     }
 
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let [walls, volumes, near] = self.contacts.counts();
         vec![
             Fact::count("surfaces", self.surfaces as u64),

@@ -1,8 +1,8 @@
 //! `speed_gate`: no texture without motion on a surface.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Prepared, Processor, RateSpec, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Places of the live parameters.
@@ -29,7 +29,6 @@ pub struct SpeedGate {
     moving: bool,
     touching: bool,
     gain: f32,
-    fade: Latency,
 }
 
 impl Node for SpeedGate {
@@ -79,10 +78,10 @@ impl Node for SpeedGate {
         .timing("opens and closes over `fade_ms`")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let samples = (p.number("fade_ms") * 1e-3 * f64::from(setup.input_rate(0))).max(1.0).round();
-        Ok(Self {
+        let it = Self {
             open_mm_s: p.number("speed_mm_s"),
             touch_n: p.number("force_n"),
             hysteresis: p.number("hysteresis"),
@@ -90,10 +89,12 @@ impl Node for SpeedGate {
             moving: false,
             touching: false,
             gain: 0.0,
-            fade: Latency::samples(samples as i64, setup.input_rate(0)),
-        })
+        };
+        Ok(Prepared::new(it).tail(Latency::samples(samples as i64, setup.input_rate(0))))
     }
+}
 
+impl Processor for SpeedGate {
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         if !(tick.inputs.valid(1) && tick.inputs.valid(2)) {
             // Nobody knows where the stylus is.
@@ -142,9 +143,5 @@ impl Node for SpeedGate {
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.moving).keep(&mut self.touching).keep(&mut self.gain);
         state.require((0.0..=1.0).contains(&self.gain));
-    }
-
-    fn tail(&self) -> Latency {
-        self.fade
     }
 }

@@ -1,7 +1,8 @@
 //! `virtual_floor`: Hooke's law against a plane.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, Setup, ShapeSpec, Status, Tick,
+    Unit,
 };
 
 /// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
@@ -68,15 +69,17 @@ impl Node for VirtualFloor {
         )
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self {
             height_mm: setup.params.number("height_mm"),
             stiffness_n_per_mm: setup.params.number("stiffness_n_per_mm"),
             max_force_n: setup.params.number("max_force_n"),
             damping_ns_per_m: setup.params.number("damping_ns_per_m"),
-        })
+        }))
     }
+}
 
+impl Processor for VirtualFloor {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let z = tick.inputs.control(0)[2];
         let depth = (self.height_mm - z).max(0.0);

@@ -1,12 +1,10 @@
 //! `autoregressive`: textures of autoregressive models.
 
-use std::path::PathBuf;
-
 use asperity_autoregressive::{self, Synthesis};
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Resume, Settings, Setup,
-    ShapeSpec, State, Status, Tick, Unit, random, time,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Prepared, Processor,
+    Resume, Settings, Setup, ShapeSpec, State, Status, Tick, Unit, random, time,
 };
 
 use super::shared::Shared;
@@ -28,8 +26,8 @@ pub struct Autoregressive {
     bands: Vec<Band>,
     sum: Box<[f32]>,
     rate_hz: u32,
-    latency: Latency,
-    files: Vec<PathBuf>,
+    /// Number of model files.
+    files: u64,
 }
 
 /// A texture as it sounds.
@@ -142,7 +140,7 @@ impl Node for Autoregressive {
             )
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let mut textures = Shared::default();
         let mut bands = Vec::new();
         let read = |settings: &Settings| {
@@ -169,16 +167,20 @@ impl Node for Autoregressive {
             let (num, den) = band.resampler.latency();
             Latency::ratio(num as i64, den as i64)
         };
-        Ok(Self {
+        let latency = bands.iter().map(latency).max().unwrap_or(Latency::ZERO);
+        let files = files(setup);
+        let it = Self {
             models,
-            latency: bands.iter().map(latency).max().unwrap_or(Latency::ZERO),
             bands,
             sum: vec![0.0; time::max_samples(setup.audio_hz, setup.tick_hz)].into(),
             rate_hz: setup.audio_hz,
-            files: files(setup),
-        })
+            files: files.len() as u64,
+        };
+        Ok(Prepared::new(it).latency(latency).tail(latency + latency).files(files))
     }
+}
 
+impl Processor for Autoregressive {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Self { models, bands, .. } = self;
         let turned = models.turn(tick.inputs.value(SLOT));
@@ -214,24 +216,10 @@ impl Node for Autoregressive {
         }
     }
 
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn tail(&self) -> Latency {
-        self.latency + self.latency
-    }
-
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let rates: Vec<String> = self.bands.iter().map(|b| format!("{} Hz", b.rate_hz)).collect();
-        let mut facts = vec![
-            Fact::count("slots", self.models.count() as u64),
-            Fact::count("files", self.files.len() as u64),
-        ];
+        let mut facts =
+            vec![Fact::count("slots", self.models.count() as u64), Fact::count("files", self.files)];
         if !rates.is_empty() {
             facts.push(Fact::text("model_rates", rates.join(", ")));
         }

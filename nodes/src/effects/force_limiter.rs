@@ -1,8 +1,8 @@
 //! `force_limiter`: what no effect may ask of a device that pushes back.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 /// Places of the live parameters.
@@ -83,9 +83,9 @@ impl Node for ForceLimiter {
         .resumes(Resume::Never)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let runs_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
-        Ok(Self {
+        Ok(Prepared::new(Self {
             max_force_n: setup.params.number("max_force_n"),
             slew_n_per_s: setup.params.number("slew_n_per_s"),
             dt_s: 1.0 / runs_hz,
@@ -93,9 +93,11 @@ impl Node for ForceLimiter {
             trust: None,
             last: [0.0; 3],
             counts: Counts::default(),
-        })
+        }))
     }
+}
 
+impl Processor for ForceLimiter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let wanted = <[f64; 3]>::try_from(tick.inputs.control(0)).unwrap_or_default();
         let trusted = tick.inputs.valid(0) && wanted.iter().all(|f| f.is_finite());
@@ -139,13 +141,13 @@ impl Node for ForceLimiter {
         if state.restores() {
             let sound = self.trust.is_none_or(|t| t <= self.fade) && self.last.iter().all(|f| f.abs() <= 1e3);
             if !sound {
-                Node::reset(self);
+                self.reset();
                 state.refuse();
             }
         }
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::count("limited_force", self.counts.force),
             Fact::count("limited_slew", self.counts.slew),

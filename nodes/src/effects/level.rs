@@ -3,8 +3,8 @@
 use super::path::Parts;
 use asperity_dsp::filter::Sample;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Inputs, Node, Output, RateSpec, Setup, ShapeSpec, State, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Input, Inputs, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 const IN: usize = 0;
@@ -63,10 +63,12 @@ impl Node for Level {
         .timing("no latency: a level is reached at the end of its tick")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { rate_hz: setup.input_rate(IN), last: None })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { rate_hz: setup.input_rate(IN), last: None }))
     }
+}
 
+impl Processor for Level {
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         self.levels(&tick.inputs).is_some_and(|[from, to]| from > 0.0 || to > 0.0)
     }

@@ -1,8 +1,8 @@
 //! `magnet`: a surface that snaps.
 
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Law, Node, Param, Settings, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Law, Node, Param, Prepared,
+    Processor, Settings, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 use super::bounds::EffectError;
@@ -163,11 +163,13 @@ impl Node for Magnet {
             .timing("no latency; not called while none pulls")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let magnets = one_each(setup, Pull::read)?;
-        Ok(Self { magnets })
+        Ok(Prepared::new(Self { magnets }))
     }
+}
 
+impl Processor for Magnet {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let magnet = pick(tick.inputs.value(0), self.magnets.len()).and_then(|slot| self.magnets.get(slot));
         let Some(magnet) = magnet else { return let_go(tick) };
@@ -180,7 +182,7 @@ impl Node for Magnet {
 
     fn reset(&mut self) {}
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.magnets.len() as u64)]
     }
 }

@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 
 use asperity_dsp::filter::Sample;
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Param, Setup, State, Status, Tick,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Param, Prepared, Processor, Setup,
+    State, Status, Tick,
 };
 use asperity_numbers::Elementary as _;
 
@@ -120,15 +121,19 @@ impl Node for Vibration {
         .timing("fades over `fade_ms`; not called while nothing sounds")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let rate_hz = setup.audio_hz;
         let sources = one_each(setup, |s| {
             made(s, Sine::new(s.number("frequency_hz"), s.number("amplitude_m_s2"), rate_hz))
         })?;
         let fade = (setup.params.number("fade_ms") * 1e-3 * f64::from(rate_hz)).round().max(1.0) as u32;
-        Ok(Self { sources, voices: [Voice::default(); MOST], fade, mix: Mix::new(setup), rate_hz })
+        let tail = Latency::samples(i64::from(fade), rate_hz);
+        let it = Self { sources, voices: [Voice::default(); MOST], fade, mix: Mix::new(setup), rate_hz };
+        Ok(Prepared::new(it).tail(tail))
     }
+}
 
+impl Processor for Vibration {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let wanted = pick(tick.inputs.value(0), self.sources.len());
         if wanted.is_some()
@@ -185,11 +190,7 @@ impl Node for Vibration {
         }
     }
 
-    fn tail(&self) -> Latency {
-        Latency::samples(i64::from(self.fade), self.rate_hz)
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.sources.len() as u64)]
     }
 }

@@ -1,8 +1,8 @@
 //! `viscosity`: drag in a volume.
 
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Law, Node, Param, Settings, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Law, Node, Param, Prepared,
+    Processor, Settings, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 use super::bounds::{EffectError, counted_vector, length};
@@ -87,11 +87,13 @@ impl Node for Viscosity {
         .timing("no latency; not called while the stylus is in none")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let drags = one_each(setup, Drag::read)?;
-        Ok(Self { drags })
+        Ok(Prepared::new(Self { drags }))
     }
+}
 
+impl Processor for Viscosity {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let drag = pick(tick.inputs.value(0), self.drags.len()).and_then(|slot| self.drags.get(slot));
         let Some(drag) = drag else { return let_go(tick) };
@@ -102,7 +104,7 @@ impl Node for Viscosity {
 
     fn reset(&mut self) {}
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.drags.len() as u64)]
     }
 }

@@ -3,7 +3,8 @@
 use std::marker::PhantomData;
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Resume, Setup, ShapeSpec, Status, Tick,
+    Unit,
 };
 
 use super::{pass_on, ports, timing};
@@ -88,10 +89,12 @@ impl<D: Device> Node for DeviceInput<D> {
         ports(it, Unit::NEWTON, "the force that the device renders").resumes(Resume::Resume)
     }
 
-    fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(PhantomData))
+    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(PhantomData)))
     }
+}
 
+impl<D: Device> Processor for DeviceInput<D> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         pass_on(tick)
     }
@@ -108,10 +111,12 @@ impl<D: Device> Node for DeviceForce<D> {
         sink(named::<D>(it), max_force_n)
     }
 
-    fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(PhantomData))
+    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(PhantomData)))
     }
+}
 
+impl<D: Device> Processor for DeviceForce<D> {
     fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
         Status::Continue
     }

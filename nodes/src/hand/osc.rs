@@ -1,6 +1,8 @@
 //! `osc_input`: a hand over the network.
 
-use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, Tick, Unit};
+use asperity_node::{
+    Descriptor, Diagnostic, Node, Param, Prepared, Processor, Resume, Setup, Status, Tick, Unit,
+};
 
 use super::{pass_on, place, ports, timing};
 
@@ -34,7 +36,7 @@ impl Node for OscInput {
             .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let arguments = p.text("arguments");
         let says = ["force", "pressure"].iter().any(|word| arguments.contains(word));
@@ -45,9 +47,11 @@ impl Node for OscInput {
                 .help("send force_n too, or compute it with virtual_floor"));
         }
         let newton = if arguments.contains("pressure") { p.number("max_force_n") } else { 1.0 };
-        Ok(Self { newton })
+        Ok(Prepared::new(Self { newton }))
     }
+}
 
+impl Processor for OscInput {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let status = pass_on(tick);
         tick.outputs.set(place::FORCE, tick.inputs.value(place::FORCE) * self.newton);

@@ -1,6 +1,8 @@
 //! `pointer_input`: a hand with a mouse, a finger or a pen on the live page.
 
-use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, Tick, Unit};
+use asperity_node::{
+    Descriptor, Diagnostic, Node, Param, Prepared, Processor, Resume, Setup, Status, Tick, Unit,
+};
 
 use super::{place, ports, timing};
 
@@ -39,16 +41,18 @@ impl Node for PointerInput {
         ports(timing(it), Unit::NONE, "pressure from 0 to 1, 0 off the surface").resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
-        Ok(Self {
+        Ok(Prepared::new(Self {
             height_mm: p.number("height_mm"),
             depth_mm: p.number("depth_mm"),
             lift_mm: p.number("lift_mm"),
             max_force_n: p.number("max_force_n"),
-        })
+        }))
     }
+}
 
+impl Processor for PointerInput {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let &[x, y, _] = tick.inputs.control(place::POSITION) else { return Status::Continue };
         let pressure = tick.inputs.value(place::FORCE).clamp(0.0, 1.0);

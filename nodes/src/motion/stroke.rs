@@ -2,7 +2,8 @@
 
 use asperity_motion::{self, Shape, StrokeParams};
 use asperity_node::{
-    Descriptor, Diagnostic, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec, Status, Tick,
+    Unit,
 };
 
 use super::microseconds;
@@ -73,7 +74,7 @@ impl Node for Stroke {
         .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let params = StrokeParams {
             shape: Shape::from_name(p.text("shape")).ok_or_else(|| p.error("shape", "unknown shape"))?,
@@ -90,13 +91,17 @@ impl Node for Stroke {
             quantum_mm: p.number("quantum_mm"),
             seed: p.get_integer("seed").map_or(setup.seed, |s| s as u64),
         };
-        asperity_motion::Stroke::new(params).map(Self).map_err(|e| {
+        let stroke = asperity_motion::Stroke::new(params).map_err(|e| {
             let name = e.message.split('`').nth(1).unwrap_or("").to_owned();
             let d = p.error(&name, e.message.clone());
             if let Some(help) = e.help { d.help(help) } else { d }
-        })
+        })?;
+        let duration = microseconds(stroke.duration_s());
+        Ok(Prepared::new(Self(stroke)).duration(Some(duration)))
     }
+}
 
+impl Processor for Stroke {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let sample = self.0.sample(tick.seconds());
         tick.outputs.control(0).copy_from_slice(&sample.position);
@@ -104,8 +109,4 @@ impl Node for Stroke {
     }
 
     fn reset(&mut self) {}
-
-    fn duration(&self) -> Option<Latency> {
-        Some(microseconds(self.0.duration_s()))
-    }
 }

@@ -3,7 +3,8 @@
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 use super::microseconds;
@@ -50,7 +51,7 @@ impl Node for Trajectory {
             .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let axes = AxisMap::parse(p.text("axes")).map_err(|e| {
             let d = p.error("axes", e.message.clone());
@@ -77,9 +78,12 @@ impl Node for Trajectory {
                 return Err(p.error("file", message).help("record it, or compute it with other nodes"));
             }
         }
-        Ok(Self { trajectory, cursor: Cursor::default() })
+        let duration = microseconds(trajectory.duration_s());
+        Ok(Prepared::new(Self { trajectory, cursor: Cursor::default() }).duration(Some(duration)))
     }
+}
 
+impl Processor for Trajectory {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let sample = self.trajectory.sample_from(&mut self.cursor, tick.seconds());
         tick.outputs.control(0).copy_from_slice(&sample.position);
@@ -92,11 +96,7 @@ impl Node for Trajectory {
         self.cursor = Cursor::default();
     }
 
-    fn duration(&self) -> Option<Latency> {
-        Some(microseconds(self.trajectory.duration_s()))
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::count("rows", self.trajectory.rows() as u64),
             Fact::number("duration", self.trajectory.duration_s(), "s"),

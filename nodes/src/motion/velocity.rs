@@ -6,8 +6,8 @@ use std::f64::consts::{SQRT_2, TAU};
 use crate::since::Since;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Resume, Setup, ShapeSpec, State, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 /// Filtered velocity below which a stylus that stands still has none, so that a network can give its last
@@ -83,7 +83,7 @@ impl Node for Velocity {
         .resumes(Resume::Never)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let cutoff_hz = setup.params.number("cutoff_hz");
         let rate_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
         if cutoff_hz >= rate_hz / 2.0 {
@@ -91,7 +91,7 @@ impl Node for Velocity {
             let help = format!("below {} Hz, half of how often this node runs; or 0 for none", rate_hz / 2.0);
             return Err(setup.params.error("cutoff_hz", message).help(help));
         }
-        Ok(Self {
+        Ok(Prepared::new(Self {
             rate_hz,
             cutoff_hz,
             cutoff_hz_per_mm_s: setup.params.number("cutoff_hz_per_mm_s"),
@@ -100,9 +100,11 @@ impl Node for Velocity {
             since: Since::new(setup.every),
             stroke: 0.0,
             velocity: [0.0; 3],
-        })
+        }))
     }
+}
 
+impl Processor for Velocity {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if !tick.inputs.valid(0) {
             return Status::Continue;
@@ -160,7 +162,7 @@ impl Node for Velocity {
         }
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         // The group delay of a second-order Butterworth low-pass at 0 Hz is sqrt(2) / w.
         let lag_s = if self.cutoff_hz > 0.0 { SQRT_2 / (TAU * self.cutoff_hz_now()) } else { 0.0 };
         vec![Fact::number("response_lag", lag_s * 1e3, "ms")]

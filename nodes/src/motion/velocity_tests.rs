@@ -14,9 +14,12 @@ impl Node for Moved {
         let position = Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE);
         Descriptor::new("moved", "Moves.").output(position).resumes(Resume::Never)
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
+
+impl Processor for Moved {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let s = tick.index.saturating_sub(MOVES) as f64 / f64::from(tick.tick_hz);
         tick.outputs.control(0).copy_from_slice(&[60.0 * s, 0.0, 0.0]);

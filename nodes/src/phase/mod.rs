@@ -7,22 +7,15 @@ mod sample_commit;
 mod shaped_noise;
 mod spsi;
 
-use crate::precision::Precise;
 use asperity_dsp::Framing;
 use asperity_node::{Diagnostic, Setup, Shape};
 
-/// `oscillator_bank` in either precision.
-pub type OscillatorBank = Precise<oscillator_bank::OscillatorBank<f32>, oscillator_bank::OscillatorBank<f64>>;
-/// `phase_vocoder` in either precision.
-pub type PhaseVocoder = Precise<phase_vocoder::PhaseVocoder<f32>, phase_vocoder::PhaseVocoder<f64>>;
-/// `random_phase` in either precision.
-pub type RandomPhase = Precise<random_phase::RandomPhase<f32>, random_phase::RandomPhase<f64>>;
-/// `sample_commit` in either precision.
-pub type SampleCommit = Precise<sample_commit::SampleCommit<f32>, sample_commit::SampleCommit<f64>>;
-/// `shaped_noise` in either precision.
-pub type ShapedNoise = Precise<shaped_noise::ShapedNoise<f32>, shaped_noise::ShapedNoise<f64>>;
-/// `spsi` in either precision.
-pub type Spsi = Precise<spsi::Spsi<f32>, spsi::Spsi<f64>>;
+pub use oscillator_bank::OscillatorBank;
+pub use phase_vocoder::PhaseVocoder;
+pub use random_phase::RandomPhase;
+pub use sample_commit::SampleCommit;
+pub use shaped_noise::ShapedNoise;
+pub use spsi::Spsi;
 
 /// The layout of the first input's magnitudes.
 pub(crate) fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {

@@ -2,28 +2,31 @@
 
 use asperity_dsp::{Float, Framing, Partials, oscillator_bank};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
+    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
-pub struct OscillatorBank<T> {
+pub struct OscillatorBank;
+
+/// `oscillator_bank` in one precision.
+struct Running<T> {
     kernel: oscillator_bank::OscillatorBank<T>,
     framing: Framing,
     started: bool,
     bad: u64,
 }
 
-impl<T: Float> OscillatorBank<T> {
+impl<T: Float> Running<T> {
     /// From one frame to the next.
     fn hop(&self) -> Latency {
         Latency::ratio(i64::from(self.framing.frame_den), i64::from(self.framing.frame_num))
     }
 }
 
-impl<T: Float> Node for OscillatorBank<T> {
+impl Node for OscillatorBank {
     fn descriptor() -> Descriptor {
         Descriptor::new("oscillator_bank", "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the way.")
             .input(
@@ -46,17 +49,25 @@ impl<T: Float> Node for OscillatorBank<T> {
             .timing("early by half a window less one hop: a frame is reached a hop after it comes, and describes its window's centre")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let partials = match setup.params.text("partials") {
-            "tracked" => Partials::Tracked,
-            _ => Partials::Noise,
-        };
-        let framing = super::framing(setup)?;
-        let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed(setup))
-            .map_err(|e| setup.params.node_error(e.to_string()))?;
-        Ok(Self { kernel, framing, started: false, bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let partials = match setup.params.text("partials") {
+        "tracked" => Partials::Tracked,
+        _ => Partials::Noise,
+    };
+    let framing = super::framing(setup)?;
+    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed(setup))
+        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    let it = Running::<T> { kernel, framing, started: false, bad: 0 };
+    let (early, hop) = (Latency::ratio(-(framing.fft_len as i64), 2 * i64::from(framing.rate_hz)), it.hop());
+    Ok(Prepared::new(it).latency(early + hop).tail(hop))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.framing.rate_hz);
         if !self.started {
@@ -84,15 +95,7 @@ impl<T: Float> Node for OscillatorBank<T> {
         state.keep(&mut self.started);
     }
 
-    fn latency(&self) -> Latency {
-        Latency::ratio(-(self.framing.fft_len as i64), 2 * i64::from(self.framing.rate_hz)) + self.hop()
-    }
-
-    fn tail(&self) -> Latency {
-        self.hop()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::number("response_lag", self.hop().ms(), "ms"), Fact::count("bad_magnitudes", self.bad)]
     }
 }

@@ -2,19 +2,22 @@
 
 use asperity_dsp::{Float, Level, StartPhase, phase_vocoder};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor, Resume, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Integrates each bin's centre frequency, from start phases that spread the energy over the window.
-pub struct PhaseVocoder<T> {
+pub struct PhaseVocoder;
+
+/// `phase_vocoder` in one precision.
+struct Running<T> {
     kernel: phase_vocoder::PhaseVocoder<T>,
     bad: u64,
 }
 
-impl<T: Float> Node for PhaseVocoder<T> {
+impl Node for PhaseVocoder {
     fn descriptor() -> Descriptor {
         Descriptor::new("phase_vocoder", "Every bin runs on at its centre frequency; right in level and spectrum for smooth magnitudes.")
             .input(
@@ -43,20 +46,25 @@ impl<T: Float> Node for PhaseVocoder<T> {
             .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let params = setup.params;
-        let start = match params.text("start") {
-            "zero" => StartPhase::Zero,
-            "random" => StartPhase::Random,
-            _ => StartPhase::Quadratic,
-        };
-        let level = if params.text("level") == "plain" { Level::Plain } else { Level::Keep };
-        let kernel =
-            phase_vocoder::PhaseVocoder::new(super::framing(setup)?, start, level, super::seed(setup))
-                .map_err(|e| params.node_error(e.to_string()))?;
-        Ok(Self { kernel, bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let params = setup.params;
+    let start = match params.text("start") {
+        "zero" => StartPhase::Zero,
+        "random" => StartPhase::Random,
+        _ => StartPhase::Quadratic,
+    };
+    let level = if params.text("level") == "plain" { Level::Plain } else { Level::Keep };
+    let kernel = phase_vocoder::PhaseVocoder::new(super::framing(setup)?, start, level, super::seed(setup))
+        .map_err(|e| params.node_error(e.to_string()))?;
+    Ok(Prepared::new(Running::<T> { kernel, bad: 0 }))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let out = tick.outputs.spectrum(0, frame.index, frame.start);
@@ -66,7 +74,7 @@ impl<T: Float> Node for PhaseVocoder<T> {
 
     fn reset(&mut self) {}
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

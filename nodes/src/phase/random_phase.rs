@@ -2,19 +2,22 @@
 
 use asperity_dsp::{Float, Level, random_phase};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor, Resume, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Independent uniform phases: what other methods are held against.
-pub struct RandomPhase<T> {
+pub struct RandomPhase;
+
+/// `random_phase` in one precision.
+struct Running<T> {
     kernel: random_phase::RandomPhase<T>,
     bad: u64,
 }
 
-impl<T: Float> Node for RandomPhase<T> {
+impl Node for RandomPhase {
     fn descriptor() -> Descriptor {
         Descriptor::new("random_phase", "Independent random phases, the least that can be done; overlap-add makes them 17 dB too quiet at 50 frames a window.")
             .input(
@@ -38,13 +41,19 @@ impl<T: Float> Node for RandomPhase<T> {
             .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let level = if setup.params.text("level") == "keep" { Level::Keep } else { Level::Plain };
-        let kernel = random_phase::RandomPhase::new(super::framing(setup)?, level, super::seed(setup))
-            .map_err(|e| setup.params.node_error(e.to_string()))?;
-        Ok(Self { kernel, bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let level = if setup.params.text("level") == "keep" { Level::Keep } else { Level::Plain };
+    let kernel = random_phase::RandomPhase::new(super::framing(setup)?, level, super::seed(setup))
+        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    Ok(Prepared::new(Running::<T> { kernel, bad: 0 }))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let out = tick.outputs.spectrum(0, frame.index, frame.start);
@@ -54,7 +63,7 @@ impl<T: Float> Node for RandomPhase<T> {
 
     fn reset(&mut self) {}
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

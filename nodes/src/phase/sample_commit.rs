@@ -3,14 +3,17 @@
 use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
+    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Iterative phase retrieval that freezes samples, not frames.
-pub struct SampleCommit<T> {
+pub struct SampleCommit;
+
+/// `sample_commit` in one precision.
+struct Running<T> {
     kernel: sample_commit::SampleCommit<T>,
     settings: Settings,
     bad: u64,
@@ -20,7 +23,7 @@ pub struct SampleCommit<T> {
 /// How far inside the newest window samples are emitted where nothing is said, in windows.
 const EARLY: f64 = 0.4;
 
-impl<T: Float> Node for SampleCommit<T> {
+impl Node for SampleCommit {
     fn descriptor() -> Descriptor {
         let s = Settings::default();
         let most = MAX_WORK as i64;
@@ -64,36 +67,45 @@ impl<T: Float> Node for SampleCommit<T> {
             .timing("latency is emission times the hop, so it is early where emission is negative; a change of level shows half a window later than that")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let framing = super::framing(setup)?;
-        let params = setup.params;
-        let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
-        let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
-        let early = || -(EARLY * window).round() as i64;
-        let settings = Settings {
-            frames: params.integer("frames") as usize,
-            passes: params.integer("passes") as usize,
-            momentum: params.number("momentum"),
-            emission: params.get_integer("emission").unwrap_or_else(early) as i32,
-        };
-        if framing.start(2) > framing.fft_len as u64 {
-            return Err(params
-                .node_error("the frames come too rarely to overlap")
-                .help("at least two frames a window: 20 a second for 0.1 s"));
-        }
-        let kernel =
-            sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
-                sample_commit::SettingsError::Emission => {
-                    params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
-                        "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside it, as when `emission` is left out",
-                        -(EARLY * window).round()
-                    ))
-                }
-                _ => params.node_error(e.to_string()),
-            })?;
-        Ok(Self { kernel, settings, bad: 0, refused: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let framing = super::framing(setup)?;
+    let params = setup.params;
+    let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
+    let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
+    let early = || -(EARLY * window).round() as i64;
+    let settings = Settings {
+        frames: params.integer("frames") as usize,
+        passes: params.integer("passes") as usize,
+        momentum: params.number("momentum"),
+        emission: params.get_integer("emission").unwrap_or_else(early) as i32,
+    };
+    if framing.start(2) > framing.fft_len as u64 {
+        return Err(params
+            .node_error("the frames come too rarely to overlap")
+            .help("at least two frames a window: 20 a second for 0.1 s"));
+    }
+    let kernel =
+        sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
+            sample_commit::SettingsError::Emission => {
+                params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
+                    "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside it, as when `emission` is left out",
+                    -(EARLY * window).round()
+                ))
+            }
+            _ => params.node_error(e.to_string()),
+        })?;
+    let samples = |n| Latency::samples(n, framing.rate_hz);
+    let (latency, tail) = (samples(kernel.delay()), samples(framing.fft_len as i64 + kernel.delay()));
+    let it = Running::<T> { kernel, settings, bad: 0, refused: 0 };
+    Ok(Prepared::new(it).latency(latency).tail(tail))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         self.kernel.seek(span.start);
@@ -130,20 +142,11 @@ impl<T: Float> Node for SampleCommit<T> {
         }
     }
 
-    fn latency(&self) -> Latency {
-        Latency::samples(self.kernel.delay(), self.kernel.framing().rate_hz)
-    }
-
-    fn tail(&self) -> Latency {
-        let f = self.kernel.framing();
-        Latency::samples(f.fft_len as i64 + self.kernel.delay(), f.rate_hz)
-    }
-
     fn state(&mut self, state: &mut State<'_>) {
         self.kernel.state(state);
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let f = self.kernel.framing();
         let lag = (f.fft_len as f64 / 2.0 + self.kernel.delay() as f64) * 1e3 / f64::from(f.rate_hz);
         vec![

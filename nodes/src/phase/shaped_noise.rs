@@ -4,23 +4,24 @@ use asperity_dsp::Float;
 use asperity_dsp::scatter::NOISE_RATIO;
 use asperity_dsp::shaped_noise::{self, PATTERN_LEN, Pattern};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
+    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Noise, bumps and ridges through a filter that follows the magnitudes.
-pub struct ShapedNoise<T> {
+pub struct ShapedNoise;
+
+/// `shaped_noise` in one precision.
+struct Running<T> {
     kernel: shaped_noise::ShapedNoise<T>,
     /// The numbers that the kernel's pattern was read from.
     pattern: Vec<f64>,
-    /// Samples of two ticks.
-    tail: i64,
     bad: u64,
 }
 
-impl<T: Float> Node for ShapedNoise<T> {
+impl Node for ShapedNoise {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "shaped_noise",
@@ -56,15 +57,23 @@ impl<T: Float> Node for ShapedNoise<T> {
         .timing("plays a frame in the tick in which it comes, half a window before its middle; a change of level shows within 4 ms")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let framing = super::framing(setup)?;
-        let tick_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-        let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed(setup))
-            .map_err(|e| setup.params.node_error(e.to_string()))?;
-        let tail = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;
-        Ok(Self { kernel, pattern: vec![0.0; PATTERN_LEN], tail, bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let framing = super::framing(setup)?;
+    let tick_s = f64::from(setup.every) / f64::from(setup.tick_hz);
+    let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed(setup))
+        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    let latency = Latency::samples(-(framing.fft_len as i64 / 2), framing.rate_hz);
+    let two_ticks = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;
+    let it = Running::<T> { kernel, pattern: vec![0.0; PATTERN_LEN], bad: 0 };
+    Ok(Prepared::new(it).latency(latency).tail(Latency::samples(two_ticks, framing.rate_hz)))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         if tick.inputs.connected(2) {
@@ -89,15 +98,6 @@ impl<T: Float> Node for ShapedNoise<T> {
         self.kernel.reset();
     }
 
-    fn latency(&self) -> Latency {
-        let f = self.kernel.framing();
-        Latency::samples(-(f.fft_len as i64 / 2), f.rate_hz)
-    }
-
-    fn tail(&self) -> Latency {
-        Latency::samples(self.tail, self.kernel.framing().rate_hz)
-    }
-
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.pattern);
         self.kernel.state(state);
@@ -106,7 +106,7 @@ impl<T: Float> Node for ShapedNoise<T> {
         }
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

@@ -2,21 +2,24 @@
 
 use asperity_dsp::{Float, spsi};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec, State,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor, Setup, Shape,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Gives every frame of magnitudes a phase at once (Beauregard, Harish, Wyse 2015).
-pub struct Spsi<T> {
+pub struct Spsi;
+
+/// `spsi` in one precision.
+struct Running<T> {
     spsi: spsi::Spsi<T>,
     /// Start of the frame before.
     before: Option<u64>,
     bad: u64,
 }
 
-impl<T: Float> Node for Spsi<T> {
+impl Node for Spsi {
     fn descriptor() -> Descriptor {
         Descriptor::new("spsi", "Single Pass Spectrogram Inversion: each peak runs on as a sinusoid, its neighbours locked to it.")
             .input(
@@ -33,15 +36,21 @@ impl<T: Float> Node for Spsi<T> {
             .param(precision())
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
-        };
-        let seed = setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64);
-        let spsi = spsi::Spsi::new(layout.length as usize, layout.bins as usize, seed);
-        Ok(Self { spsi, before: None, bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
+        return Err(setup.params.node_error("nothing settles the layout of the frames"));
+    };
+    let seed = setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64);
+    let spsi = spsi::Spsi::new(layout.length as usize, layout.bins as usize, seed);
+    Ok(Prepared::new(Running::<T> { spsi, before: None, bad: 0 }))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let before = self.before.replace(frame.start).unwrap_or(frame.start);
@@ -65,7 +74,7 @@ impl<T: Float> Node for Spsi<T> {
         state.keep(&mut self.before);
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

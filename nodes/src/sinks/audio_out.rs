@@ -1,8 +1,8 @@
 //! `audio_out`: the way to the actuator.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// How long the output takes to fade when what it depends on fails, in seconds.
@@ -63,15 +63,17 @@ impl Node for AudioOut {
         .sink()
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let current = setup.input(0).is_some_and(|port| port.unit == Unit::AMPERE);
         let amplifier = p.number(if current { "amps_per_volt" } else { "volts_per_volt" });
         let scale = 1.0 / (amplifier * p.number("volts_at_full_scale"));
         let step = 1.0 / (FADE_S * setup.audio_hz as f32);
-        Ok(Self { scale: scale as f32, step, gain: 1.0, clipped: 0 })
+        Ok(Prepared::new(Self { scale: scale as f32, step, gain: 1.0, clipped: 0 }))
     }
+}
 
+impl Processor for AudioOut {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let trusted = tick.inputs.valid(0);
         if trusted && self.gain >= 1.0 && tick.inputs.is_zero(0) {
@@ -99,7 +101,7 @@ impl Node for AudioOut {
         state.require((0.0..=1.0).contains(&self.gain));
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("clipped_samples", self.clipped)]
     }
 }

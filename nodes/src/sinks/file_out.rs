@@ -1,7 +1,8 @@
 //! `file_out`: audio of any kind and rate to a file.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec,
+    Status, Tick, Unit,
 };
 
 /// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
@@ -33,7 +34,7 @@ impl Node for FileOut {
             .sink()
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let file = setup.params.text("file").to_lowercase();
         if !(file.ends_with(".wav") || file.ends_with(".npy")) {
             return Err(setup
@@ -41,9 +42,11 @@ impl Node for FileOut {
                 .error("file", format!("cannot tell the format of {file:?}"))
                 .help(".wav or .npy"));
         }
-        Ok(Self { scale: (1.0 / setup.params.number("full_scale")) as f32 })
+        Ok(Prepared::new(Self { scale: (1.0 / setup.params.number("full_scale")) as f32 }))
     }
+}
 
+impl Processor for FileOut {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
             *y = self.scale * x;

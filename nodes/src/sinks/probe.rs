@@ -1,6 +1,8 @@
 //! `probe`: keeps what it is wired to in view of the host.
 
-use asperity_node::{Descriptor, Diagnostic, Input, Node, Param, Setup, ShapeSpec, Status, Tick, Unit};
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Setup, ShapeSpec, Status, Tick, Unit,
+};
 
 /// A sink for any signal. The host reads its input after every tick and writes what it read. It keeps nothing awake, so
 /// that a look at a graph does not change what the graph does.
@@ -19,7 +21,7 @@ impl Node for Probe {
             .passive_sink()
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let file = setup.params.text("file").to_lowercase();
         if !(file.is_empty() || file.ends_with(".csv") || file.ends_with(".npy")) {
             return Err(setup
@@ -27,9 +29,11 @@ impl Node for Probe {
                 .error("file", format!("cannot tell the format of {file}"))
                 .help(".csv or .npy"));
         }
-        Ok(Self)
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Probe {
     fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
         Status::Continue
     }

@@ -1,8 +1,8 @@
 //! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, RateSpec, Resume, Setup, ShapeSpec,
-    Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec, Resume,
+    Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
 };
 
 /// Reads a channel of the device and scales it.
@@ -37,10 +37,12 @@ impl Node for AudioIn {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { full_scale: setup.params.number("full_scale") as f32 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { full_scale: setup.params.number("full_scale") as f32 }))
     }
+}
 
+impl Processor for AudioIn {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
             *y = self.full_scale * x;

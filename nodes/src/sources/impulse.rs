@@ -1,8 +1,8 @@
 //! `impulse`: a click when something happens.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Setup, ShapeSpec, State, Status,
-    Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Prepared, Processor, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the tick.
@@ -50,18 +50,22 @@ impl Node for Impulse {
         Ok(super::with_unit(config, ports))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let (p, rate) = (setup.params, setup.audio_hz);
-        Ok(Self {
+        let length = (p.number("length_ms") * 1e-3 * f64::from(rate)).round().max(1.0) as u64;
+        let it = Self {
             threshold: p.number("threshold"),
             amplitude: p.number("amplitude") as f32,
-            length: (p.number("length_ms") * 1e-3 * f64::from(rate)).round().max(1.0) as u64,
+            length,
             above: false,
             left: 0,
             rate,
-        })
+        };
+        Ok(Prepared::new(it).tail(Latency::samples(length as i64, rate)))
     }
+}
 
+impl Processor for Impulse {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let above = tick.inputs.valid(0) && tick.inputs.value(0) > self.threshold;
         if above && !self.above {
@@ -86,9 +90,5 @@ impl Node for Impulse {
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.above).keep(&mut self.left);
         state.require(self.left <= self.length);
-    }
-
-    fn tail(&self) -> Latency {
-        Latency::samples(self.length as i64, self.rate)
     }
 }

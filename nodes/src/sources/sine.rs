@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use asperity_actuator::identify::raised_cosine;
 use asperity_dsp::Ramp;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Param, Ports, Resume, Setup, State, Status, Tick,
+    Config, Descriptor, Diagnostic, Latency, Node, Param, Ports, Prepared, Processor, Resume, Setup, State,
+    Status, Tick,
 };
 use asperity_numbers::Elementary as _;
 
@@ -97,7 +98,7 @@ impl Node for Sine {
         Ok(super::with_unit(config, ports))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let rate = setup.output_rate(0);
         let (frequency, seconds) = (p.number("frequency_hz"), p.number("seconds"));
@@ -109,9 +110,13 @@ impl Node for Sine {
         let end = (seconds > 0.0).then(|| ((seconds * f64::from(rate)).round() as u64).max(1));
         let fade = (FADE_S * f64::from(rate)).min(end.map_or(f64::INFINITY, |n| n as f64 / 2.0));
         let amplitude = Ramp::new(p.number("amplitude"), rate / RAMPS_PER_SECOND);
-        Ok(Self { frequency, amplitude, phase: Phase::new(frequency), rate, fade, end })
+        let duration = end.and_then(|end| i64::try_from(end).ok()).map(|end| Latency::samples(end, rate));
+        let it = Self { frequency, amplitude, phase: Phase::new(frequency), rate, fade, end };
+        Ok(Prepared::new(it).duration(duration))
     }
+}
 
+impl Processor for Sine {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.rate);
         self.phase.next = span.end;
@@ -158,10 +163,5 @@ impl Node for Sine {
             that.turn(self.frequency, f64::from(self.rate));
             self.phase = that;
         }
-    }
-
-    fn duration(&self) -> Option<Latency> {
-        let end = i64::try_from(self.end?).ok()?;
-        Some(Latency::samples(end, self.rate))
     }
 }

@@ -2,7 +2,8 @@
 
 use asperity_actuator::identify::{self, SweepSettings, SweepShape};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Latency, Node, Param, Ports, Resume, Setup, Status, Tick,
+    Config, Descriptor, Diagnostic, Fact, Latency, Node, Param, Ports, Prepared, Processor, Resume, Setup,
+    Status, Tick,
 };
 
 /// An exponential sine sweep between two silences; each sample follows from its number alone.
@@ -61,7 +62,7 @@ impl Node for Sweep {
         Ok(super::with_unit(config, ports))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let rate = setup.output_rate(0);
         let settings = SweepSettings {
@@ -76,11 +77,14 @@ impl Node for Sweep {
             after_s: p.number("after_s"),
         };
         // Ranges are the descriptor's; what is left is how frequencies and rate go together.
-        identify::Sweep::new(settings, f64::from(rate))
-            .map(|sweep| Self { sweep, rate })
-            .map_err(|e| p.error("to_hz", e.to_string()))
+        let sweep =
+            identify::Sweep::new(settings, f64::from(rate)).map_err(|e| p.error("to_hz", e.to_string()))?;
+        let duration = i64::try_from(sweep.samples()).ok().map(|samples| Latency::samples(samples, rate));
+        Ok(Prepared::new(Self { sweep, rate }).duration(duration))
     }
+}
 
+impl Processor for Sweep {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.rate);
         if self.sweep.is_over(span.start) {
@@ -94,12 +98,7 @@ impl Node for Sweep {
 
     fn reset(&mut self) {}
 
-    fn duration(&self) -> Option<Latency> {
-        let samples = i64::try_from(self.sweep.samples()).ok()?;
-        Some(Latency::samples(samples, self.rate))
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::number("sweep", self.sweep.seconds(), "s"),
             Fact::number("time_constant", self.sweep.time_constant_s(), "s"),

@@ -3,15 +3,15 @@ use std::sync::Arc;
 
 use asperity_checks::{Subject, Verdict, node_cases};
 use asperity_node::{
-    Buffer, Config, Inputs, NodeKind, Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status,
-    Tick, Unit, Wiring,
+    Buffer, Config, Inputs, NodeKind, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup,
+    Shape, Status, Tick, Unit, Wiring,
 };
 
 const RATE: u32 = 44_100;
 const TICK_HZ: u32 = 500;
 
 /// A node of `kind` at 44.1 kHz with these parameters, the others at their defaults.
-fn node(kind: &str, set: &[(&str, ParamValue)]) -> Box<dyn Processor> {
+fn prepared(kind: &str, set: &[(&str, ParamValue)]) -> Prepared {
     let kind = crate::registry().get(kind).unwrap().clone();
     let mut params = Params::new(None);
     for p in &kind.descriptor().params {
@@ -21,6 +21,10 @@ fn node(kind: &str, set: &[(&str, ParamValue)]) -> Box<dyn Processor> {
     let config = Config { id: "it", params: &params, tick_hz: TICK_HZ, every: 1, audio_hz: RATE, seed: 1 };
     let outputs = [Wiring { port: Some(port()), connected: true }];
     kind.prepare(&Setup { config, inputs: &[], outputs: &outputs, closes_cycle: false }).unwrap()
+}
+
+fn node(kind: &str, set: &[(&str, ParamValue)]) -> Box<dyn Processor> {
+    prepared(kind, set).processor
 }
 
 fn port() -> PortType {
@@ -42,7 +46,7 @@ fn play(node: &mut dyn Processor, ticks: std::ops::Range<u64>) -> Vec<f32> {
         }
         let inputs = Inputs::new(&[], &[], 0, &[]);
         let mut tick = Tick { index, tick_hz: TICK_HZ, inputs, outputs: Outputs::new(&mut buffers) };
-        let status = node.process(&mut tick).unwrap();
+        let status = node.run(&mut tick).unwrap();
         let Buffer::Audio { samples, len, .. } = &buffers[0] else { panic!("audio") };
         assert!(status != Status::Quiet || samples[..*len].iter().all(|x| *x == 0.0));
         out.extend_from_slice(&samples[..*len]);
@@ -57,7 +61,7 @@ fn largest_step(x: &[f32]) -> f32 {
 #[test]
 fn sources_are_as_every_node_must_be() {
     for kind in ["sine", "sweep"] {
-        let kind: Arc<dyn NodeKind> = crate::registry().get(kind).unwrap().clone();
+        let kind: Arc<NodeKind> = crate::registry().get(kind).unwrap().clone();
         let subject = Subject::one(kind.clone()).ticks(500);
         for case in node_cases() {
             let outcome = case.run(&subject);
@@ -91,7 +95,7 @@ fn a_sine_changes_frequency_and_amplitude_without_a_step() {
     let mut out = play(&mut *sine, 0..50);
     let mut before = 100.0;
     for (tick, hz) in [(50, 333.3), (53, 40.0), (56, 250.0)] {
-        sine.set_parameter(0, hz).unwrap();
+        sine.set_parameter(0, hz);
         out.extend(play(&mut *sine, tick..tick + 3));
         // From the same phase: no step is greater than the steepest of either frequency.
         let steepest = TAU * hz.max(before) / f64::from(RATE);
@@ -100,7 +104,7 @@ fn a_sine_changes_frequency_and_amplitude_without_a_step() {
     }
     let mut sine = node("sine", &[number("frequency_hz", 1.0), number("amplitude", 0.0)]);
     play(&mut *sine, 0..125);
-    sine.set_parameter(1, 1.0).unwrap();
+    sine.set_parameter(1, 1.0);
     // A quarter of a period in, the sine stands at its top and the ramp shows: 1 in 10 ms.
     let up = play(&mut *sine, 125..140);
     assert!(largest_step(&up) < 1.1 / 441.0 && (up[440] - 1.0).abs() < 0.01 && up[220] < 0.6, "{}", up[440]);
@@ -108,8 +112,8 @@ fn a_sine_changes_frequency_and_amplitude_without_a_step() {
 
 #[test]
 fn a_sine_fades_in_and_out_and_is_over() {
-    let mut sine = node("sine", &[number("frequency_hz", 500.0), number("seconds", 0.5)]);
-    let out = play(&mut *sine, 0..500);
+    let mut sine = prepared("sine", &[number("frequency_hz", 500.0), number("seconds", 0.5)]);
+    let out = play(&mut *sine.processor, 0..500);
     let (fade, end) = (882, 22_050);
     for (n, y) in out.iter().enumerate() {
         let edge = (n.min(end - 1 - n.min(end - 1)) as f64 / fade as f64).min(1.0);
@@ -117,8 +121,8 @@ fn a_sine_fades_in_and_out_and_is_over() {
         assert!(f64::from(y.abs()) <= if n < end { most + 1e-7 } else { 0.0 }, "{n}: {y}");
     }
     assert!(out[2000..20_000].iter().any(|y| *y > 0.0999));
-    assert_eq!(sine.duration().unwrap().ms(), 500.0);
-    assert!(node("sine", &[]).duration().is_none());
+    assert_eq!(sine.duration.unwrap().ms(), 500.0);
+    assert!(prepared("sine", &[]).duration.is_none());
 }
 
 #[test]
@@ -137,11 +141,11 @@ fn a_sine_that_does_not_fit_the_rate_is_refused() {
 fn a_sweep_goes_through_its_frequencies_exponentially_between_silences() {
     let set =
         [number("from_hz", 20.0), number("to_hz", 1280.0), number("seconds", 3.0), number("amplitude", 0.5)];
-    let mut sweep = node("sweep", &set);
-    let ms = sweep.duration().unwrap().ms();
+    let mut sweep = prepared("sweep", &set);
+    let ms = sweep.duration.unwrap().ms();
     // f0 L = 20 x 3 / ln 64 = 14.4, of which 14 remain.
     assert!((ms - 1500.0 - 14.0 / 20.0 * 64f64.ln() * 1e3).abs() < 0.1, "{ms}");
-    let out = play(&mut *sweep, 0..(ms / 2.0) as u64 + 100);
+    let out = play(&mut *sweep.processor, 0..(ms / 2.0) as u64 + 100);
     let rate = f64::from(RATE);
     let (before, active) = ((0.5 * rate) as usize, ((ms * 1e-3 - 1.5) * rate).round() as usize);
     assert!(out[..before].iter().chain(&out[before + active..]).all(|y| *y == 0.0));

@@ -2,14 +2,17 @@
 
 use asperity_dsp::{Float, Framing, overlap_add};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup, Shape,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Prepared, Processor, RateSpec,
+    Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
-pub struct OverlapAdd<T> {
+pub struct OverlapAdd;
+
+/// `overlap_add` in one precision.
+struct Running<T> {
     kernel: overlap_add::OverlapAdd<T>,
     rate_hz: u32,
     length: u32,
@@ -17,7 +20,7 @@ pub struct OverlapAdd<T> {
     refused: u64,
 }
 
-impl<T: Float> Node for OverlapAdd<T> {
+impl Node for OverlapAdd {
     fn descriptor() -> Descriptor {
         Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
             .input(
@@ -34,32 +37,40 @@ impl<T: Float> Node for OverlapAdd<T> {
             .timing("no latency: frame n covers samples from its start on; a change of level shows half a window late")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let Some(Shape::Spectrum(l)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
-        };
-        let framing = Framing {
-            rate_hz: l.rate_hz,
-            fft_len: l.length as usize,
-            bins: l.bins as usize,
-            frame_num: l.frame_rate.num(),
-            frame_den: l.frame_rate.den(),
-        };
-        // At longer hops the sum of windows comes near 0, and what is divided by it explodes.
-        let rarely = u64::from(l.frame_rate.num()) * u64::from(l.length)
-            < 2 * u64::from(l.rate_hz) * u64::from(l.frame_rate.den());
-        if rarely {
-            let message = format!("the frames come too rarely to overlap: {l}");
-            return Err(setup
-                .params
-                .node_error(message)
-                .help("at least two frames a window: 20 a second for 0.1 s"));
-        }
-        let kernel = overlap_add::OverlapAdd::new(framing)
-            .map_err(|e| setup.params.node_error(format!("{e}: {l}")))?;
-        Ok(Self { kernel, rate_hz: l.rate_hz, length: l.length, started: false, refused: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let Some(Shape::Spectrum(l)) = setup.input(0).map(|p| p.shape) else {
+        return Err(setup.params.node_error("nothing settles the layout of the frames"));
+    };
+    let framing = Framing {
+        rate_hz: l.rate_hz,
+        fft_len: l.length as usize,
+        bins: l.bins as usize,
+        frame_num: l.frame_rate.num(),
+        frame_den: l.frame_rate.den(),
+    };
+    // At longer hops the sum of windows comes near 0, and what is divided by it explodes.
+    let rarely = u64::from(l.frame_rate.num()) * u64::from(l.length)
+        < 2 * u64::from(l.rate_hz) * u64::from(l.frame_rate.den());
+    if rarely {
+        let message = format!("the frames come too rarely to overlap: {l}");
+        return Err(setup
+            .params
+            .node_error(message)
+            .help("at least two frames a window: 20 a second for 0.1 s"));
+    }
+    let kernel =
+        overlap_add::OverlapAdd::new(framing).map_err(|e| setup.params.node_error(format!("{e}: {l}")))?;
+    let tail = Latency::samples(i64::from(l.length), l.rate_hz);
+    let it = Running::<T> { kernel, rate_hz: l.rate_hz, length: l.length, started: false, refused: 0 };
+    Ok(Prepared::new(it).tail(tail))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.rate_hz);
         if !self.started {
@@ -82,11 +93,7 @@ impl<T: Float> Node for OverlapAdd<T> {
         state.keep(&mut self.started);
     }
 
-    fn tail(&self) -> Latency {
-        Latency::samples(i64::from(self.length), self.rate_hz)
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let lag = f64::from(self.length) * 500.0 / f64::from(self.rate_hz);
         vec![Fact::number("response_lag", lag, "ms"), Fact::count("refused_frames", self.refused)]
     }

@@ -2,25 +2,27 @@
 
 use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, RateSpec, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, Prepared, Processor,
+    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Brings a signal to the audio rate, or any other, by a polyphase filter.
-pub struct Resample<T> {
+pub struct Resample;
+
+/// `resample` in one precision.
+struct Running<T> {
     /// None where both rates are the same.
     kernel: Option<Resampler<T>>,
     in_hz: u32,
     out_hz: u32,
-    latency: Latency,
 }
 
 /// Highest frequency that is kept whatever the rates, in Hz.
 const PASSBAND_HZ: f64 = 1000.0;
 
-impl<T: Float> Node for Resample<T> {
+impl Node for Resample {
     fn descriptor() -> Descriptor {
         Descriptor::new("resample", "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.")
             .input(
@@ -61,26 +63,33 @@ impl<T: Float> Node for Resample<T> {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let p = setup.params;
-        let (in_hz, out_hz) = (setup.input_rate(0), setup.output_rate(0));
-        let phase = if p.text("phase") == "minimum" { FilterPhase::Minimum } else { FilterPhase::Linear };
-        if in_hz == out_hz {
-            return Ok(Self { kernel: None, in_hz, out_hz, latency: Latency::ZERO });
-        }
-        // Above the band that is predicted there is nothing to keep: a shorter filter does.
-        let mut passband = p.number("passband");
-        if !p.is_set("passband") {
-            passband = passband.min(PASSBAND_HZ / f64::from(in_hz.min(out_hz))).max(0.05);
-        }
-        let conversion = Conversion { in_hz, out_hz, tick_num: setup.tick_hz, tick_den: 1, phase, passband };
-        let kernel = Resampler::new(&conversion)
-            .map_err(|e| p.node_error(format!("cannot go from {in_hz} to {out_hz} Hz: {e}")))?;
-        let (num, den) = kernel.latency();
-        let latency = Latency::ratio(num as i64, den as i64);
-        Ok(Self { kernel: Some(kernel), in_hz, out_hz, latency })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let p = setup.params;
+    let (in_hz, out_hz) = (setup.input_rate(0), setup.output_rate(0));
+    let phase = if p.text("phase") == "minimum" { FilterPhase::Minimum } else { FilterPhase::Linear };
+    if in_hz == out_hz {
+        return Ok(Prepared::new(Running::<T> { kernel: None, in_hz, out_hz }));
+    }
+    // Above the band that is predicted there is nothing to keep: a shorter filter does.
+    let mut passband = p.number("passband");
+    if !p.is_set("passband") {
+        passband = passband.min(PASSBAND_HZ / f64::from(in_hz.min(out_hz))).max(0.05);
+    }
+    let conversion = Conversion { in_hz, out_hz, tick_num: setup.tick_hz, tick_den: 1, phase, passband };
+    let kernel = Resampler::<T>::new(&conversion)
+        .map_err(|e| p.node_error(format!("cannot go from {in_hz} to {out_hz} Hz: {e}")))?;
+    let (num, den) = kernel.latency();
+    let latency = Latency::ratio(num as i64, den as i64);
+    let it = Running { kernel: Some(kernel), in_hz, out_hz };
+    Ok(Prepared::new(it).latency(latency).tail(latency + latency))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (first_in, first_out) = (tick.samples(self.in_hz).start, tick.samples(self.out_hz).start);
         let (input, output) = (tick.inputs.audio(0), tick.outputs.audio(0));
@@ -102,13 +111,5 @@ impl<T: Float> Node for Resample<T> {
         if let Some(kernel) = &mut self.kernel {
             kernel.state(state);
         }
-    }
-
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn tail(&self) -> Latency {
-        self.latency + self.latency
     }
 }

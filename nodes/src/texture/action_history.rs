@@ -1,8 +1,8 @@
 //! `action_history`: the last forces and velocities, as the texture network reads them.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Resume, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Samples force and velocity at a rate of its own and keeps the last ones.
@@ -49,9 +49,9 @@ impl Node for ActionHistory {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let points = setup.params.integer("points") as usize;
-        Ok(Self {
+        Ok(Prepared::new(Self {
             points,
             rate_hz: setup.params.integer("rate_hz") as u64,
             tick_hz: u64::from(setup.tick_hz),
@@ -59,9 +59,11 @@ impl Node for ActionHistory {
             next: 0,
             before: None,
             history: vec![[0.0; 3]; points],
-        })
+        }))
     }
+}
 
+impl Processor for ActionHistory {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let v = tick.inputs.control(1);
         let now = [tick.inputs.value(0), v[0], v[1]];

@@ -6,9 +6,6 @@ mod scatter;
 mod tests;
 mod texture_network;
 
-use crate::precision::Precise;
-
 pub use action_history::ActionHistory;
-/// `scatter` in either precision.
-pub type Scatter = Precise<scatter::Scatter<f32>, scatter::Scatter<f64>>;
+pub use scatter::Scatter;
 pub use texture_network::TextureNetwork;

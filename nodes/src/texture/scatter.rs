@@ -3,21 +3,24 @@
 use asperity_dsp::Float;
 use asperity_dsp::scatter::{self, Statistics};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor, Resume, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 use crate::phase::{framing, seed};
-use crate::precision::precision;
+use crate::precision::{in_precision, precision};
 
 /// Scatters magnitudes about what is expected, as those of noise, or of lines in noise, do.
-pub struct Scatter<T> {
+pub struct Scatter;
+
+/// `scatter` in one precision.
+struct Running<T> {
     kernel: scatter::Scatter<T>,
     strength: f64,
     bad: u64,
 }
 
-impl<T: Float> Node for Scatter<T> {
+impl Node for Scatter {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "scatter",
@@ -53,12 +56,18 @@ impl<T: Float> Node for Scatter<T> {
         .resumes(Resume::Resume)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        let kernel = scatter::Scatter::new(framing(setup)?, seed(setup))
-            .map_err(|e| setup.params.node_error(e.to_string()))?;
-        Ok(Self { kernel, strength: setup.params.number("strength"), bad: 0 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        in_precision(setup, prepare::<f32>, prepare::<f64>)
     }
+}
 
+fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+    let kernel = scatter::Scatter::new(framing(setup)?, seed(setup))
+        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    Ok(Prepared::new(Running::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
+}
+
+impl<T: Float> Processor for Running<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let ratio = tick.inputs.magnitude(1).filter(|r| r.index == frame.index).map_or(&[][..], |r| r.bins);
@@ -82,7 +91,7 @@ impl<T: Float> Node for Scatter<T> {
         }
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

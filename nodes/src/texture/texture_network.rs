@@ -3,7 +3,7 @@
 use asperity_dsp::shaped_noise::PATTERN_LEN;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
-    Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
+    Output, Param, Ports, Prepared, Processor, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{
@@ -164,7 +164,7 @@ impl Node for TextureNetwork {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let layout = layout(&setup.config)?;
         let library = Library::shared(p.file("library"))?;
@@ -185,8 +185,10 @@ impl Node for TextureNetwork {
         let named = |precision: &Precision| precision.name() == p.text("precision");
         let precision = Precision::ALL.into_iter().find(named).unwrap_or_default();
         let choice = if p.text("executor") == "tract" { Choice::Tract } else { Choice::Auto };
-        Ok(Self {
-            runner: model.runner(&vectors, precision, choice)?,
+        let runner = model.runner(&vectors, precision, choice)?;
+        let allocation_free = runner.is_allocation_free();
+        let it = Self {
+            runner,
             clock: FrameClock::new(setup.tick_hz, setup.every, layout.frame_rate),
             layout,
             material: 0,
@@ -201,9 +203,12 @@ impl Node for TextureNetwork {
             held: Held::default(),
             runs: 0,
             reused: 0,
-        })
+        };
+        Ok(Prepared { allocation_free, ..Prepared::new(it) })
     }
+}
 
+impl Processor for TextureNetwork {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = self.clock.frame(tick.index) else { return Status::Quiet };
         let (mut force, mut velocity) = ([0.0; FORCE_LEN], [0.0; SPEED_LEN]);
@@ -247,11 +252,7 @@ impl Node for TextureNetwork {
         self.answered = false;
     }
 
-    fn allocation_free(&self) -> bool {
-        self.runner.is_allocation_free()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let info = self.runner.describe();
         let mut facts = vec![
             Fact::text("executor", info.executor.to_string()),

@@ -1,8 +1,8 @@
 //! `delay`: the same, later; and what a cycle needs.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Keep, Latency, Node, Output, Param, Setup, Shape, ShapeSpec, State,
-    Status, Tick, Unit, time,
+    Descriptor, Diagnostic, Input, Keep, Latency, Node, Output, Param, Prepared, Processor, Setup, Shape,
+    ShapeSpec, State, Status, Tick, Unit, time,
 };
 
 /// Most values of a control that are on their way.
@@ -13,7 +13,6 @@ pub struct Delay {
     line: Line,
     /// First sample, or tick, that has not come in.
     next: u64,
-    latency: Latency,
     closes_cycle: bool,
 }
 
@@ -41,7 +40,7 @@ impl Node for Delay {
             .closes_cycles("delay_ms")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let seconds = setup.params.number("delay_ms") * 1e-3;
         let Some(shape) = setup.input(0).map(|p| p.shape) else {
             return Err(setup.params.node_error("nothing settles what this `delay` carries"));
@@ -81,9 +80,12 @@ impl Node for Delay {
             _ => unreachable!("refused above"),
         };
         let latency = Latency::samples(delay as i64, rate);
-        Ok(Self { line, next: 0, latency, closes_cycle: setup.closes_cycle })
+        let it = Self { line, next: 0, closes_cycle: setup.closes_cycle };
+        Ok(Prepared::new(it).latency(latency).tail(latency))
     }
+}
 
+impl Processor for Delay {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if !self.closes_cycle {
             self.absorb(tick);
@@ -150,14 +152,6 @@ impl Node for Delay {
                 keep_line(state, ring, *count, &mut self.next);
             }
         }
-    }
-
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn tail(&self) -> Latency {
-        self.latency
     }
 }
 

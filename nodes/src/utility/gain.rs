@@ -2,8 +2,8 @@
 
 use asperity_dsp::Ramp;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Setup, Shape, ShapeSpec, State,
-    Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Setup, Shape,
+    ShapeSpec, State, Status, Tick, Unit, UnitSpec,
 };
 
 /// Multiplies a signal by a constant. A new factor is reached in a straight line, over 10 ms or from one run to the next
@@ -39,15 +39,20 @@ impl Node for Gain {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let (audio, rate_hz) = match setup.input(0).map(|p| p.shape) {
             Some(Shape::Audio { rate_hz }) => (true, rate_hz),
             Some(Shape::Control { .. }) => (false, setup.tick_hz / setup.every.max(1)),
             _ => return Err(setup.params.node_error("`gain` multiplies audio or a control, not frames")),
         };
-        Ok(Self { gain: Ramp::new(setup.params.number("gain"), rate_hz / RAMPS_PER_SECOND), audio })
+        Ok(Prepared::new(Self {
+            gain: Ramp::new(setup.params.number("gain"), rate_hz / RAMPS_PER_SECOND),
+            audio,
+        }))
     }
+}
 
+impl Processor for Gain {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.audio {
             if self.gain.at_rest().is_some_and(|gain| gain >= 0.0) && tick.inputs.is_zero(0) {

@@ -1,8 +1,8 @@
 //! `mix`: a weighted sum.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Setup, Shape, ShapeSpec, Status, Tick,
-    Unit,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Setup, Shape,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 /// Adds signals of one type.
@@ -33,7 +33,7 @@ impl Node for Mix {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let audio = match setup.output(0).map(|p| p.shape) {
             Some(Shape::Audio { .. }) => true,
             Some(Shape::Control { .. }) => false,
@@ -45,9 +45,11 @@ impl Node for Mix {
             return Err(setup.params.error("gains", message));
         }
         gains.resize(setup.inputs.len(), 1.0);
-        Ok(Self { gains, audio })
+        Ok(Prepared::new(Self { gains, audio }))
     }
+}
 
+impl Processor for Mix {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         if self.audio {
             let sounds = |i: usize| !tick.inputs.is_zero(i);

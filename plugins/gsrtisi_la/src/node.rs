@@ -2,7 +2,7 @@
 
 use asperity_sdk::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, Input, Latency, LayoutSpec, Node, Output, Param,
-    Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
+    Prepared, Processor, Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use crate::kernel::Estimator;
@@ -48,7 +48,7 @@ impl Node for GsrtisiLa {
         .timing("`look_ahead` frames")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
             return Err(setup.params.node_error("nothing settles the layout of the frames"));
         };
@@ -60,9 +60,13 @@ impl Node for GsrtisiLa {
         let kernel =
             Estimator::new(layout.length, layout.bins as usize, hop, look_ahead as usize, iterations);
         let clock = setup.frame_clock(rate);
-        Ok(Self { kernel, layout, clock, look_ahead, newest: None, waiting: 0, bad: 0 })
+        let latency = Latency::ratio(i64::from(look_ahead) * i64::from(rate.den()), i64::from(rate.num()));
+        let it = Self { kernel, layout, clock, look_ahead, newest: None, waiting: 0, bad: 0 };
+        Ok(Prepared::new(it).latency(latency).tail(latency))
     }
+}
 
+impl Processor for GsrtisiLa {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return self.flush(tick) };
         let passed = self.newest.is_some_and(|newest| match self.waiting {
@@ -89,16 +93,7 @@ impl Node for GsrtisiLa {
         self.kernel.state(state);
     }
 
-    fn latency(&self) -> Latency {
-        let rate = self.layout.frame_rate;
-        Latency::ratio(i64::from(self.look_ahead) * i64::from(rate.den()), i64::from(rate.num()))
-    }
-
-    fn tail(&self) -> Latency {
-        self.latency()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

@@ -5,7 +5,7 @@ use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
-use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Processor, Setup};
+use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Prepared, Setup};
 
 use crate::checked::Lie;
 use crate::describe;
@@ -33,8 +33,6 @@ unsafe impl Sync for Functions {}
 pub(crate) struct PluginKind {
     functions: Functions,
     descriptor: Descriptor,
-    build: u64,
-    origin: Arc<str>,
 }
 
 impl PluginKind {
@@ -43,36 +41,27 @@ impl PluginKind {
         abi: AsperityKind,
         descriptor: Descriptor,
         facts: Option<FactsFn>,
-        build: u64,
-        origin: Arc<str>,
     ) -> Self {
-        Self { functions: Functions { at, abi, facts }, descriptor, build, origin }
+        Self { functions: Functions { at, abi, facts }, descriptor }
     }
 
     fn error(&self, config: &Config<'_>, said: &Said) -> Diagnostic {
         let otherwise = format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind);
         said.diagnostic(config.params, &self.descriptor.params, &otherwise)
     }
-}
 
-impl NodeKind for PluginKind {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
+    /// The kind for a registry.
+    pub(crate) fn kind(self, origin: Arc<str>, build: u64) -> NodeKind {
+        let (descriptor, it) = (self.descriptor.clone(), Arc::new(self));
+        let same = it.clone();
+        NodeKind::new(descriptor, move |setup| same.prepare(setup))
+            .with_ports(move |config, ports| it.ports(config, ports))
+            .from_plugin(origin, build)
     }
 
-    fn origin(&self) -> &str {
-        &self.origin
-    }
-
-    fn build(&self) -> u64 {
-        self.build
-    }
-
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
+    fn ports(&self, config: &Config<'_>, declared: Ports) -> Result<Ports, Diagnostic> {
         let d = &self.descriptor;
-        let Some(ports) = self.functions.abi.ports else {
-            return Ok(Ports { inputs: d.inputs.clone(), outputs: d.outputs.clone() });
-        };
+        let Some(ports) = self.functions.abi.ports else { return Ok(declared) };
         let lent = Lent::config(config, d)?;
         let mut told = Told::default();
         let sink = AsperityPortSink {
@@ -97,13 +86,13 @@ impl NodeKind for PluginKind {
         Ok(ports)
     }
 
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
+    fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let lent = Lent::setup(setup, &self.descriptor)?;
         let mut said = Said::new();
         // SAFETY: the setup lives through the call.
         let made = unsafe { PluginProcessor::new(self.functions, &lent.abi, setup, &mut said.abi) };
         match made {
-            Ok(processor) => Ok(Box::new(processor)),
+            Ok(prepared) => Ok(prepared),
             Err(lie) if lie.is_empty() => Err(self.error(&setup.config, &said)),
             Err(lie) => {
                 Err(setup.params.node_error(format!("the plugin's kind `{}`: {lie}", self.descriptor.kind)))

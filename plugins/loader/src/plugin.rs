@@ -23,7 +23,7 @@ pub struct Plugin {
     name: String,
     version: String,
     build: u64,
-    kinds: Vec<Arc<dyn NodeKind>>,
+    kinds: Vec<Arc<NodeKind>>,
 }
 
 impl std::fmt::Debug for Plugin {
@@ -128,7 +128,7 @@ impl Plugin {
             )
         };
         let origin: Arc<str> = path.display().to_string().into();
-        let mut kinds: Vec<Arc<dyn NodeKind>> = Vec::new();
+        let mut kinds: Vec<Arc<NodeKind>> = Vec::new();
         let mut names = HashSet::new();
         for i in 0..abi.kind_count as usize {
             // SAFETY: there are `kind_count` pointers.
@@ -141,7 +141,7 @@ impl Plugin {
             if !names.insert(descriptor.kind.to_string()) {
                 return Err(format!("it offers the kind `{}` twice", descriptor.kind));
             }
-            kinds.push(Arc::new(PluginKind::new(at, kind, descriptor, facts, build, origin.clone())));
+            kinds.push(Arc::new(PluginKind::new(at, kind, descriptor, facts).kind(origin.clone(), build)));
         }
         Ok(Self { path: path.to_owned(), name, version, build, kinds })
     }
@@ -167,7 +167,7 @@ impl Plugin {
     }
 
     /// Its node kinds, for a registry.
-    pub fn kinds(&self) -> &[Arc<dyn NodeKind>] {
+    pub fn kinds(&self) -> &[Arc<NodeKind>] {
         &self.kinds
     }
 }

@@ -5,7 +5,7 @@ use std::mem::size_of;
 use std::ptr::{self, NonNull};
 
 use asperity_abi::*;
-use asperity_node::{Buffer, Fact, Fault, Inputs, Latency, Processor, Setup, Status, Tick};
+use asperity_node::{Buffer, Fact, Fault, Inputs, Latency, Prepared, Processor, Setup, State, Status, Tick};
 
 use crate::checked::Lie;
 use crate::foreign::foreign;
@@ -17,7 +17,8 @@ pub(crate) struct PluginProcessor {
     instance: NonNull<c_void>,
     inputs: Box<[AsperityBuffer]>,
     outputs: Box<[AsperityBuffer]>,
-    info: AsperityInfo,
+    /// Fault of the last call.
+    fault: Option<Fault>,
     /// Calls in which it wrote samples without setting the flag, which makes them silence.
     unsaid_writes: u64,
 }
@@ -50,13 +51,13 @@ impl PluginProcessor {
         lent: &AsperitySetup,
         setup: &Setup<'_>,
         error: &mut AsperityError,
-    ) -> Result<Self, Lie> {
+    ) -> Result<Prepared, Lie> {
         let kind = &functions.abi;
         let (Some(create), Some(prepare)) = (kind.create, kind.prepare) else { return Err(Lie::new()) };
         // SAFETY: the kind is the plugin's own.
         let instance = foreign(|| unsafe { create(functions.at) });
         let instance = NonNull::new(instance).ok_or("it cannot make an instance")?;
-        let info = AsperityInfo {
+        let mut info = AsperityInfo {
             size: size_of::<AsperityInfo>() as u32,
             allocation_free: 1,
             latency_num: 0,
@@ -67,37 +68,43 @@ impl PluginProcessor {
             duration_den: 0,
         };
         // From here on dropping it destroys the instance.
-        let mut it = Self {
+        let it = Self {
             functions,
             instance,
             inputs: vec![NO_BUFFER; setup.inputs.len()].into(),
             outputs: vec![NO_BUFFER; setup.outputs.len()].into(),
-            info,
+            fault: None,
             unsaid_writes: 0,
         };
         // SAFETY: the caller's promise; `prepare` is the first call after `create`.
         if foreign(|| unsafe { prepare(instance.as_ptr(), lent, error) }) != ASPERITY_OK {
             return Err(Lie::new());
         }
-        if let Some(info) = kind.info {
+        if let Some(tell) = kind.info {
             // SAFETY: the instance is prepared, and the struct lives through the call.
-            unsafe { info(instance.as_ptr(), &mut it.info) };
+            unsafe { tell(instance.as_ptr(), &mut info) };
         }
-        if it.info.latency_den < 0 || it.info.tail_den < 0 || it.info.duration_den < 0 {
+        if info.latency_den < 0 || info.tail_den < 0 || info.duration_den < 0 {
             return Err("it says a latency, tail or duration with a negative denominator".into());
         }
         let beyond = |num: i64, den: i64, least: i64| {
             den > 0 && (num < least.saturating_mul(den) || num > HOUR_S.saturating_mul(den))
         };
         let AsperityInfo { latency_num, latency_den, tail_num, tail_den, duration_num, duration_den, .. } =
-            it.info;
+            info;
         if beyond(latency_num, latency_den, -HOUR_S) || beyond(tail_num, tail_den, 0) {
             return Err("it says a latency or tail of more than an hour, or a negative tail".into());
         }
         if duration_den > 0 && duration_num < 0 {
             return Err("it says a negative duration".into());
         }
-        Ok(it)
+        Ok(Prepared {
+            latency: time(latency_num, latency_den).unwrap_or(Latency::ZERO),
+            tail: time(tail_num, tail_den).unwrap_or(Latency::ZERO),
+            duration: time(duration_num, duration_den),
+            allocation_free: info.allocation_free != 0,
+            ..Prepared::new(it)
+        })
     }
 
     fn call_with_tick(
@@ -138,17 +145,21 @@ impl PluginProcessor {
         (answer, abi.detail)
     }
 
-    fn call(&mut self, f: Option<impl FnOnce(*mut c_void) -> i32>) -> Result<(), Fault> {
-        f.map_or(Ok(()), |f| outcome(foreign(|| f(self.instance.as_ptr())), 0).map(|_| ()))
+    fn call(&mut self, f: Option<impl FnOnce(*mut c_void) -> i32>) {
+        if let Some(f) = f {
+            let answer = foreign(|| f(self.instance.as_ptr()));
+            self.outcome(answer, 0);
+        }
     }
-}
 
-/// Result of a status code.
-fn outcome(answer: i32, detail: u64) -> Result<i32, Fault> {
-    match answer {
-        ASPERITY_PANICKED => Err(Fault::Panicked),
-        n if n < 0 => Err(Fault::Failed(u32::try_from(detail).unwrap_or(u32::MAX))),
-        n => Ok(n),
+    /// Result of a status code. A fault is kept for [`Processor::fault`].
+    fn outcome(&mut self, answer: i32, detail: u64) -> i32 {
+        self.fault = match answer {
+            ASPERITY_PANICKED => Some(Fault::Panicked),
+            n if n < 0 => Some(Fault::Failed(u32::try_from(detail).unwrap_or(u32::MAX))),
+            _ => None,
+        };
+        answer
     }
 }
 
@@ -235,82 +246,77 @@ fn take(b: &AsperityBuffer, buffer: &mut Buffer) -> bool {
     said
 }
 
+// What the interface has no call for stands here too, so that a new call is not forgotten.
+#[warn(clippy::missing_trait_methods)]
 impl Processor for PluginProcessor {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (answer, detail) = self.call_with_tick(tick, true, self.functions.abi.process);
-        match outcome(answer, detail)? {
-            ASPERITY_CONTINUE => Ok(Status::Continue),
-            ASPERITY_QUIET => Ok(Status::Quiet),
-            ASPERITY_TAIL => Ok(Status::Tail(detail)),
-            ASPERITY_ASLEEP => Ok(Status::Asleep),
-            _ => Err(Fault::Failed(u32::MAX)),
+        match self.outcome(answer, detail) {
+            ASPERITY_CONTINUE => Status::Continue,
+            ASPERITY_QUIET => Status::Quiet,
+            ASPERITY_TAIL => Status::Tail(detail),
+            ASPERITY_ASLEEP => Status::Asleep,
+            _ => Status::Error(u32::MAX),
         }
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
+    fn reset(&mut self) {
         // SAFETY: the instance is prepared, here and in all calls below.
-        self.call(self.functions.abi.reset.map(|f| move |it| unsafe { f(it) }))
+        self.call(self.functions.abi.reset.map(|f| move |it| unsafe { f(it) }));
     }
 
-    fn wants(&mut self, tick: &mut Tick<'_>) -> Result<bool, Fault> {
-        let Some(wants) = self.functions.abi.wants else { return Ok(true) };
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        let Some(wants) = self.functions.abi.wants else { return true };
         let (answer, detail) = self.call_with_tick(tick, false, Some(wants));
-        Ok(outcome(answer, detail)? != 0)
+        self.outcome(answer, detail) > 0
     }
 
-    fn absorb(&mut self, tick: &mut Tick<'_>) -> Result<(), Fault> {
+    fn absorb(&mut self, tick: &mut Tick<'_>) {
         let (answer, detail) = self.call_with_tick(tick, false, self.functions.abi.absorb);
-        outcome(answer, detail).map(|_| ())
+        self.outcome(answer, detail);
     }
 
-    fn elapsed(&mut self, ticks: u64) -> Result<(), Fault> {
+    fn elapsed(&mut self, ticks: u64) {
         // SAFETY: see `reset`.
-        self.call(self.functions.abi.elapsed.map(|f| move |it| unsafe { f(it, ticks) }))
+        self.call(self.functions.abi.elapsed.map(|f| move |it| unsafe { f(it, ticks) }));
     }
 
-    fn set_parameter(&mut self, index: usize, value: f64) -> Result<(), Fault> {
+    fn set_parameter(&mut self, index: usize, value: f64) {
         // SAFETY: see `reset`.
-        self.call(self.functions.abi.set_parameter.map(|f| move |it| unsafe { f(it, index as u32, value) }))
+        self.call(self.functions.abi.set_parameter.map(|f| move |it| unsafe { f(it, index as u32, value) }));
     }
 
-    fn state_size(&mut self) -> usize {
-        // What no node has is a lie, and the state is then not handed over.
+    fn state(&mut self, state: &mut State<'_>) {
+        /// No node has more: a larger size is a lie, and the state is not handed over.
         const MOST: u64 = 1 << 28;
-        // SAFETY: see `reset`.
-        let size = self.functions.abi.state_size.map_or(0, |f| unsafe { f(self.instance.as_ptr()) });
-        if size <= MOST { size as usize } else { 0 }
+        let (abi, it) = (&self.functions.abi, self.instance.as_ptr());
+        let size = || {
+            // SAFETY: see `reset`.
+            let size = abi.state_size.map_or(0, |f| unsafe { f(it) });
+            if size <= MOST { size as usize } else { 0 }
+        };
+        let save = |bytes: &mut [u8]| {
+            let Some(save) = abi.save else { return Some(0) };
+            // SAFETY: see `reset`; the memory has that size.
+            usize::try_from(unsafe { save(it, bytes.as_mut_ptr(), bytes.len() as u64) }).ok()
+        };
+        let restore = |bytes: &[u8]| {
+            let Some(restore) = abi.restore else { return bytes.is_empty() };
+            // SAFETY: see `reset`; the memory has that size.
+            unsafe { restore(it, bytes.as_ptr(), bytes.len() as u64) == ASPERITY_OK }
+        };
+        state.opaque(size, save, restore);
     }
 
-    fn save(&mut self, bytes: &mut [u8]) -> Option<usize> {
-        let Some(save) = self.functions.abi.save else { return Some(0) };
-        // SAFETY: see `reset`; the memory has that size.
-        let len = unsafe { save(self.instance.as_ptr(), bytes.as_mut_ptr(), bytes.len() as u64) };
-        usize::try_from(len).ok().filter(|len| *len <= bytes.len())
+    fn fault(&mut self) -> Option<Fault> {
+        self.fault.take()
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        let Some(restore) = self.functions.abi.restore else { return bytes.is_empty() };
-        // SAFETY: see `reset`; the memory has that size.
-        unsafe { restore(self.instance.as_ptr(), bytes.as_ptr(), bytes.len() as u64) == ASPERITY_OK }
-    }
+    fn warm(&mut self, _heat: f64) {}
 
-    fn latency(&self) -> Latency {
-        time(self.info.latency_num, self.info.latency_den).unwrap_or(Latency::ZERO)
-    }
+    fn inner(&mut self, _call: &mut dyn FnMut(&mut dyn Processor)) {}
 
-    fn tail(&self) -> Latency {
-        time(self.info.tail_num, self.info.tail_den).unwrap_or(Latency::ZERO)
-    }
-
-    fn duration(&self) -> Option<Latency> {
-        time(self.info.duration_num, self.info.duration_den)
-    }
-
-    fn allocation_free(&self) -> bool {
-        self.info.allocation_free != 0
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let mut facts: Vec<Fact> = Vec::new();
         if self.unsaid_writes > 0 {
             facts.push(Fact::count("unsaid_writes", self.unsaid_writes));

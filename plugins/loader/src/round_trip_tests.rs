@@ -5,7 +5,8 @@ use crate::Plugin;
 use asperity_sdk::{
     Buffer, Complex, Config, Descriptor, Diagnostic, Fact, Fault, FrameLayout, FrameRate, Input, InputRef,
     Inputs, Latency, LayoutSpec, Node, NodeKind, Output, Outputs, Param, ParamValue, Params, PortType, Ports,
-    Processor, RateSpec, Registry, Resume, Setup, Shape, ShapeSpec, State, Status, Tick, Unit, Wiring,
+    Prepared, Processor, RateSpec, Registry, Resume, Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
+    Wiring,
 };
 
 static VOLT_OR_AMPERE: [Unit; 2] = [Unit::VOLT, Unit::AMPERE];
@@ -63,7 +64,7 @@ impl Node for Everything {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         match setup.params.text("say") {
             "bad word" => return Err(setup.params.error("word", "not this word").help("the other")),
             "bad node" => return Err(setup.params.node_error("this cannot be")),
@@ -93,9 +94,13 @@ impl Node for Everything {
             setup.resolve("say"),
             (p.is_set("gain"), p.is_set("needed")),
         );
-        Ok(Self { said, sum: 0.0, gain: p.number("gain") })
+        let it = Prepared::new(Self { said, sum: 0.0, gain: p.number("gain") });
+        let it = it.latency(Latency::ratio(-7, 3)).duration(Some(Latency::ratio(5, 1)));
+        Ok(Prepared { allocation_free: false, ..it })
     }
+}
 
+impl Processor for Everything {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         match tick.index {
             100 => return Status::Quiet,
@@ -139,19 +144,7 @@ impl Node for Everything {
         state.keep(&mut self.sum);
     }
 
-    fn latency(&self) -> Latency {
-        Latency::ratio(-7, 3)
-    }
-
-    fn duration(&self) -> Option<Latency> {
-        Some(Latency::ratio(5, 1))
-    }
-
-    fn allocation_free(&self) -> bool {
-        false
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::text("said", self.said.clone()),
             Fact::number("sum", self.sum, "N"),
@@ -177,9 +170,12 @@ impl Node for Gate {
             .closes_cycles("delay_ms")
             .passive_sink()
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(false))
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(false)))
     }
+}
+
+impl Processor for Gate {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {
         if self.0 { Status::Quiet } else { Status::Continue }
     }
@@ -198,7 +194,7 @@ impl Node for Gate {
 
 asperity_sdk::export!(Everything, Gate);
 
-fn kinds() -> Vec<std::sync::Arc<dyn NodeKind>> {
+fn kinds() -> Vec<std::sync::Arc<NodeKind>> {
     Plugin::built_in(&asperity_entry).unwrap().kinds().to_vec()
 }
 
@@ -236,7 +232,7 @@ fn wirings() -> (Vec<Wiring>, Vec<Wiring>) {
     )
 }
 
-fn prepare(kind: &dyn NodeKind, params: &Params) -> Result<Box<dyn Processor>, Diagnostic> {
+fn prepare(kind: &NodeKind, params: &Params) -> Result<Prepared, Diagnostic> {
     let (inputs, outputs) = wirings();
     let config = Config { id: "it", params, tick_hz: 500, every: 2, audio_hz: 48_000, seed: u64::MAX };
     kind.prepare(&Setup { config, inputs: &inputs, outputs: &outputs, closes_cycle: false })
@@ -256,7 +252,8 @@ fn settings() -> Vec<(&'static str, ParamValue)> {
 }
 
 /// Runs a few ticks, one of which `panics`, and returns everything that can be seen.
-fn run(node: &mut dyn Processor, panics: bool) -> String {
+fn run(mut prepared: Prepared, panics: bool) -> String {
+    let node = &mut *prepared.processor;
     let (inputs, outputs) = wirings();
     let mut buffers: Vec<Buffer> =
         inputs.iter().chain(&outputs).map(|w| Buffer::new(w.port.as_ref().unwrap(), 500)).collect();
@@ -290,19 +287,20 @@ fn run(node: &mut dyn Processor, panics: bool) -> String {
         let (ins, outs) = buffers.split_at_mut(3);
         let mut tick =
             Tick { index, tick_hz: 500, inputs: Inputs::new(ins, &[], 3, &map), outputs: Outputs::new(outs) };
-        let answer = if panics || index != 104 { node.process(&mut tick) } else { Err(Fault::Panicked) };
+        let answer = if panics || index != 104 { node.run(&mut tick) } else { Err(Fault::Panicked) };
         seen += &format!("{index}: {answer:?} {:?}\n", &buffers[3..]);
     }
-    node.elapsed(5).unwrap();
-    node.set_parameter(0, 4.0).unwrap();
+    node.ask(|n| n.elapsed(5)).unwrap();
+    node.ask(|n| n.set_parameter(0, 4.0)).unwrap();
     let mut bytes = vec![0; node.state_size()];
     let saved = node.save(&mut bytes);
-    node.reset().unwrap();
+    node.ask(|n| n.reset()).unwrap();
     seen += &format!("{saved:?} {bytes:?} {:?}\n", node.facts());
     assert!(node.restore(&bytes));
     assert!(!node.restore(&[1]));
-    seen += &format!("{:?} {:?} {:?} {:?}", node.facts(), node.latency(), node.tail(), node.duration());
-    seen + &format!(" {}", node.allocation_free())
+    let facts = node.facts();
+    let Prepared { latency, tail, duration, allocation_free, .. } = prepared;
+    seen + &format!("{facts:?} {latency:?} {tail:?} {duration:?} {allocation_free}")
 }
 
 #[test]
@@ -317,7 +315,7 @@ fn descriptor_is_unchanged_by_the_interface() {
 
 #[test]
 fn every_answer_crosses_the_interface() {
-    let seen = run(prepare(kinds()[0].as_ref(), &params(&settings())).unwrap().as_mut(), true);
+    let seen = run(prepare(kinds()[0].as_ref(), &params(&settings())).unwrap(), true);
     for answer in [
         "100: Ok(Quiet)",
         "101: Ok(Tail(7))",
@@ -334,7 +332,7 @@ fn every_answer_crosses_the_interface() {
 fn node_output_is_unchanged_by_the_interface() {
     let params = params(&settings());
     // Past the tick that panics, which only one side catches itself.
-    let seen = |kind: &dyn NodeKind| run(prepare(kind, &params).unwrap().as_mut(), false);
+    let seen = |kind: &NodeKind| run(prepare(kind, &params).unwrap(), false);
     let (there, here) = (seen(kinds()[0].as_ref()), seen(direct().get("everything").unwrap().as_ref()));
     assert_eq!(there, here);
     assert!(there.contains("some/where/x.csv"), "{there}");
@@ -377,7 +375,7 @@ fn gate_is_asked_and_a_panic_is_a_fault() {
     let port = Some(PortType { shape: Shape::Audio { rate_hz: 48_000 }, unit: Unit::NONE, limited: false });
     let wires = [Wiring { port: port.clone(), connected: true }];
     let setup = Setup { config, inputs: &wires, outputs: &wires, closes_cycle: true };
-    let mut gate = kinds()[1].prepare(&setup).unwrap();
+    let mut gate = kinds()[1].prepare(&setup).unwrap().processor;
     let buffers = [Buffer::new(port.as_ref().unwrap(), 500)];
     let map = [InputRef { buffer: 0, connected: true }];
     let tick = |index| Tick {
@@ -386,11 +384,11 @@ fn gate_is_asked_and_a_panic_is_a_fault() {
         inputs: Inputs::new(&buffers, &[], 1, &map),
         outputs: Outputs::new(&mut []),
     };
-    assert_eq!(gate.wants(&mut tick(2)), Ok(true));
-    assert_eq!(gate.wants(&mut tick(3)), Ok(false));
-    assert_eq!(gate.wants(&mut tick(100)), Err(Fault::Panicked));
-    assert_eq!(gate.absorb(&mut tick(3)), Ok(()));
-    assert_eq!(gate.absorb(&mut tick(100)), Err(Fault::Panicked));
-    assert_eq!(gate.reset(), Err(Fault::Panicked));
-    assert_eq!(gate.set_parameter(5, 0.0), Ok(()));
+    assert_eq!(gate.ask(|g| g.wants(&mut tick(2))), Ok(true));
+    assert_eq!(gate.ask(|g| g.wants(&mut tick(3))), Ok(false));
+    assert_eq!(gate.ask(|g| g.wants(&mut tick(100))), Err(Fault::Panicked));
+    assert_eq!(gate.ask(|g| g.absorb(&mut tick(3))), Ok(()));
+    assert_eq!(gate.ask(|g| g.absorb(&mut tick(100))), Err(Fault::Panicked));
+    assert_eq!(gate.ask(|g| g.reset()), Err(Fault::Panicked));
+    assert_eq!(gate.ask(|g| g.set_parameter(5, 0.0)), Ok(()));
 }

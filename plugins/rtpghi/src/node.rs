@@ -2,7 +2,7 @@
 
 use asperity_sdk::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, Input, Latency, LayoutSpec, Node, Output, Param,
-    Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
+    Prepared, Processor, Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use crate::kernel::HeapIntegration;
@@ -58,24 +58,29 @@ impl Node for Rtpghi {
         .timing("`look_ahead` frames")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
             return Err(setup.params.node_error("nothing settles the layout of the frames"));
         };
         let seed = setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64);
         let tolerance = setup.params.number("tolerance");
-        Ok(Self {
+        let (look_ahead, rate) = (setup.params.integer("look_ahead") > 0, layout.frame_rate);
+        let latency = Latency::ratio(i64::from(look_ahead) * i64::from(rate.den()), i64::from(rate.num()));
+        let it = Self {
             kernel: HeapIntegration::new(layout.length, layout.bins as usize, tolerance, seed),
             clock: setup.frame_clock(layout.frame_rate),
             layout,
-            look_ahead: setup.params.integer("look_ahead") > 0,
+            look_ahead,
             newest: None,
             waiting: false,
             before: None,
             bad: 0,
-        })
+        };
+        Ok(Prepared::new(it).latency(latency).tail(latency))
     }
+}
 
+impl Processor for Rtpghi {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return self.flush(tick) };
         let advance = match self.newest {
@@ -111,16 +116,7 @@ impl Node for Rtpghi {
         state.require(look_ahead == self.look_ahead && (look_ahead || !self.waiting));
     }
 
-    fn latency(&self) -> Latency {
-        let (frames, rate) = (i64::from(self.look_ahead), self.layout.frame_rate);
-        Latency::ratio(frames * i64::from(rate.den()), i64::from(rate.num()))
-    }
-
-    fn tail(&self) -> Latency {
-        self.latency()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }

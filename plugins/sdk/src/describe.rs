@@ -18,7 +18,6 @@ use crate::{effect, facts, instance, panics};
 #[repr(C)]
 pub(crate) struct Record {
     pub(crate) abi: AsperityKind,
-    pub(crate) facts: unsafe fn(*mut c_void, &AsperityFactSink),
     pub(crate) effect: *const AsperityEffect,
 }
 
@@ -31,11 +30,8 @@ impl Kinds {
     pub fn add<N: Node>(&mut self) {
         let texts = Box::leak(Box::<Texts>::default());
         let descriptor = N::descriptor();
-        let record = Record {
-            abi: kind::<N>(&descriptor, texts),
-            facts: facts::tell::<N>,
-            effect: effect::effect::<N>(&descriptor, texts),
-        };
+        let record =
+            Record { abi: kind::<N>(&descriptor, texts), effect: effect::effect::<N>(&descriptor, texts) };
         let record: &'static Record = Box::leak(Box::new(record));
         self.0.push(ptr::from_ref(record).cast());
     }
@@ -125,19 +121,19 @@ fn kind<N: Node>(d: &Descriptor, texts: &mut Texts) -> AsperityKind {
         gate: d.gate.as_deref().map_or(ptr::null(), |t| texts.text(t)),
         feedback: d.feedback.as_deref().map_or(ptr::null(), |t| texts.text(t)),
         ports: Some(instance::ports::<N>),
-        create: Some(instance::create::<N>),
+        create: Some(instance::create),
         prepare: Some(instance::prepare::<N>),
-        info: Some(instance::info::<N>),
-        process: Some(instance::process::<N>),
-        reset: Some(instance::reset::<N>),
-        wants: Some(instance::wants::<N>),
-        absorb: Some(instance::absorb::<N>),
-        elapsed: Some(instance::elapsed::<N>),
-        set_parameter: Some(instance::set_parameter::<N>),
-        state_size: Some(instance::state_size::<N>),
-        save: Some(instance::save::<N>),
-        restore: Some(instance::restore::<N>),
-        destroy: Some(instance::destroy::<N>),
+        info: Some(instance::info),
+        process: Some(instance::process),
+        reset: Some(instance::reset),
+        wants: Some(instance::wants),
+        absorb: Some(instance::absorb),
+        elapsed: Some(instance::elapsed),
+        set_parameter: Some(instance::set_parameter),
+        state_size: Some(instance::state_size),
+        save: Some(instance::save),
+        restore: Some(instance::restore),
+        destroy: Some(instance::destroy),
     }
 }
 

@@ -3,39 +3,31 @@
 use std::ffi::c_void;
 
 use asperity_abi::{AsperityFactSink, AsperityKind, read_grown};
-use asperity_node::{FactValue, Node};
+use asperity_node::{FactValue, Processor};
 
-use crate::describe::Record;
 use crate::instance::Instance;
 use crate::panics;
 use crate::text::Texts;
 
-/// Reports the facts of any kind of this plugin.
+/// Reports the facts of an instance.
 ///
 /// # Safety
-/// `kind` is one of this plugin's, `instance` one of its instances, `sink` the host's.
+/// `instance` is one of this plugin's instances, `sink` the host's.
 pub(crate) unsafe extern "C" fn facts(
-    kind: *const AsperityKind,
+    _kind: *const AsperityKind,
     instance: *mut c_void,
     sink: *const AsperityFactSink,
 ) {
-    if kind.is_null() || instance.is_null() || sink.is_null() {
+    if sink.is_null() {
         return;
     }
-    // SAFETY: every kind of this plugin is the first member of a record; the sink is valid during this call.
-    let (record, sink) = unsafe { (&*kind.cast::<Record>(), read_grown(sink)) };
-    let Some(sink) = sink else { return };
-    // SAFETY: `instance` is one of this kind, as the caller promises.
-    panics::caught(|| unsafe { (record.facts)(instance, &sink) });
+    // SAFETY: as the caller promises; nobody else uses them during this call.
+    let (it, sink) = unsafe { (Instance::of(instance), read_grown(sink)) };
+    let (Some(node), Some(sink)) = (it.and_then(Instance::node), sink) else { return };
+    panics::caught(|| tell(node, &sink));
 }
 
-/// Reports the facts of one node.
-///
-/// # Safety
-/// `instance` is an `Instance<N>`.
-pub(crate) unsafe fn tell<N: Node>(instance: *mut c_void, sink: &AsperityFactSink) {
-    // SAFETY: as the caller promises; nobody else uses it during this call.
-    let Some(node) = (unsafe { Instance::<N>::of(instance) }).and_then(|i| i.node()) else { return };
+fn tell(node: &mut dyn Processor, sink: &AsperityFactSink) {
     for fact in node.facts() {
         let mut texts = Texts::default();
         let name = texts.text(&fact.name);

@@ -5,34 +5,36 @@ use std::ffi::c_void;
 use std::mem::size_of;
 
 use asperity_abi::*;
-use asperity_node::{Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, State, Status, Tick, Wiring};
+use asperity_node::{
+    Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, Prepared, Processor, Status, Tick, Wiring,
+};
 
 use crate::panics::{caught, guarded, heard};
-use crate::setup::{Prepared, tell};
+use crate::setup::{HostSetup, tell};
 use crate::text::Texts;
 use crate::{buffers, describe};
 
 /// A node and its view of the host's buffers.
-pub(crate) struct Instance<N> {
-    node: Option<N>,
+pub(crate) struct Instance {
+    node: Option<Prepared>,
     /// Inputs, then outputs.
     buffers: Vec<Buffer>,
     map: Vec<InputRef>,
 }
 
-impl<N: Node> Instance<N> {
+impl Instance {
     /// The instance behind the host's pointer.
     ///
     /// # Safety
-    /// `instance` is NULL or was made by `create::<N>` and not destroyed, and nobody else uses it meanwhile.
+    /// `instance` is NULL or was made by `create` and not destroyed, and nobody else uses it meanwhile.
     pub(crate) unsafe fn of<'a>(instance: *mut c_void) -> Option<&'a mut Self> {
         // SAFETY: the caller's promise.
         unsafe { instance.cast::<Self>().as_mut() }
     }
 
     /// The node, after `prepare`.
-    pub(crate) fn node(&mut self) -> Option<&mut N> {
-        self.node.as_mut()
+    pub(crate) fn node(&mut self) -> Option<&mut dyn Processor> {
+        Some(&mut *self.node.as_mut()?.processor)
     }
 
     /// Calls `f` with the node's view of a tick. Outputs are written back if `outputs` is set.
@@ -43,7 +45,7 @@ impl<N: Node> Instance<N> {
         &mut self,
         tick: &AsperityTick,
         outputs: bool,
-        f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
+        f: impl FnOnce(&mut dyn Processor, &mut Tick<'_>) -> i32,
     ) -> i32 {
         let Some(node) = &mut self.node else { return ASPERITY_FAILED };
         // A buffer without the members of 1.0 cannot be read.
@@ -64,7 +66,7 @@ impl<N: Node> Instance<N> {
             inputs: Inputs::new(ins, &[], ins.len(), &self.map),
             outputs: Outputs::new(if outputs { &mut *outs } else { &mut [] }),
         };
-        let answer = f(node, &mut view);
+        let answer = f(&mut *node.processor, &mut view);
         if outputs {
             // SAFETY: as above.
             unsafe { buffers::write(outs, tick.outputs, tick.output_count, tick.buffer_size) };
@@ -74,15 +76,15 @@ impl<N: Node> Instance<N> {
 }
 
 /// See [`AsperityKind::create`].
-pub(crate) unsafe extern "C" fn create<N: Node>(_kind: *const AsperityKind) -> *mut c_void {
-    Box::into_raw(Box::new(Instance::<N> { node: None, buffers: Vec::new(), map: Vec::new() })).cast()
+pub(crate) unsafe extern "C" fn create(_kind: *const AsperityKind) -> *mut c_void {
+    Box::into_raw(Box::new(Instance { node: None, buffers: Vec::new(), map: Vec::new() })).cast()
 }
 
 /// See [`AsperityKind::destroy`].
-pub(crate) unsafe extern "C" fn destroy<N: Node>(instance: *mut c_void) {
+pub(crate) unsafe extern "C" fn destroy(instance: *mut c_void) {
     if !instance.is_null() {
         // SAFETY: made by `create`, and the host uses it no more.
-        caught(|| drop(unsafe { Box::from_raw(instance.cast::<Instance<N>>()) }));
+        caught(|| drop(unsafe { Box::from_raw(instance.cast::<Instance>()) }));
     }
 }
 
@@ -95,7 +97,7 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
     // SAFETY: the host's structs, valid during this call.
     guarded(|| unsafe {
         let d = N::descriptor();
-        let (Some(prepared), Some(sink)) = (Prepared::read(setup, &d), read_grown(sink)) else {
+        let (Some(prepared), Some(sink)) = (HostSetup::read(setup, &d), read_grown(sink)) else {
             return ASPERITY_FAILED;
         };
         let Ports { inputs, outputs } =
@@ -126,7 +128,7 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
     // SAFETY: the host's structs, valid during this call.
     let answer = heard(|| unsafe {
         let d = N::descriptor();
-        let (Some(it), Some(prepared)) = (Instance::<N>::of(instance), Prepared::read(setup, &d)) else {
+        let (Some(it), Some(prepared)) = (Instance::of(instance), HostSetup::read(setup, &d)) else {
             return ASPERITY_FAILED;
         };
         match N::prepare(&prepared.setup()) {
@@ -153,32 +155,25 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
 }
 
 /// See [`AsperityKind::info`].
-pub(crate) unsafe extern "C" fn info<N: Node>(instance: *mut c_void, info: *mut AsperityInfo) {
+pub(crate) unsafe extern "C" fn info(instance: *mut c_void, info: *mut AsperityInfo) {
     // SAFETY: the host's instance and struct, valid during this call.
-    let (Some(node), Some(mut told)) =
-        (unsafe { (Instance::<N>::of(instance).and_then(Instance::node), read_grown(info)) })
-    else {
-        return;
-    };
-    let filled = caught(|| {
-        told.allocation_free = u32::from(node.allocation_free());
-        (told.latency_num, told.latency_den) = node.latency().as_ratio();
-        (told.tail_num, told.tail_den) = node.tail().as_ratio();
-        (told.duration_num, told.duration_den) = node.duration().map_or((0, 0), Latency::as_ratio);
-    });
-    if filled.is_some() {
-        let len = (told.size as usize).min(size_of::<AsperityInfo>());
-        // SAFETY: as many bytes as the host says its struct has.
-        unsafe { std::ptr::copy_nonoverlapping((&raw const told).cast::<u8>(), info.cast(), len) };
-    }
+    let (it, told) = unsafe { (Instance::of(instance), read_grown(info)) };
+    let (Some(node), Some(mut told)) = (it.and_then(|it| it.node.as_ref()), told) else { return };
+    told.allocation_free = u32::from(node.allocation_free);
+    (told.latency_num, told.latency_den) = node.latency.as_ratio();
+    (told.tail_num, told.tail_den) = node.tail.as_ratio();
+    (told.duration_num, told.duration_den) = node.duration.map_or((0, 0), Latency::as_ratio);
+    let len = (told.size as usize).min(size_of::<AsperityInfo>());
+    // SAFETY: as many bytes as the host says its struct has.
+    unsafe { std::ptr::copy_nonoverlapping((&raw const told).cast::<u8>(), info.cast(), len) };
 }
 
 /// See [`AsperityKind::process`].
-pub(crate) unsafe extern "C" fn process<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+pub(crate) unsafe extern "C" fn process(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
     let mut detail = 0;
     // SAFETY: the host's instance and tick, valid during this call.
     let answer = unsafe {
-        call::<N>(instance, tick, true, |node, view| match node.process(view) {
+        call(instance, tick, true, |node, view| match node.process(view) {
             Status::Continue => ASPERITY_CONTINUE,
             Status::Quiet => ASPERITY_QUIET,
             Status::Asleep => ASPERITY_ASLEEP,
@@ -200,33 +195,33 @@ pub(crate) unsafe extern "C" fn process<N: Node>(instance: *mut c_void, tick: *m
 }
 
 /// See [`AsperityKind::wants`].
-pub(crate) unsafe extern "C" fn wants<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+pub(crate) unsafe extern "C" fn wants(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
     // SAFETY: the host's instance and tick, valid during this call.
-    unsafe { call::<N>(instance, tick, false, |node, view| i32::from(node.wants(view))) }
+    unsafe { call(instance, tick, false, |node, view| i32::from(node.wants(view))) }
 }
 
 /// See [`AsperityKind::absorb`].
-pub(crate) unsafe extern "C" fn absorb<N: Node>(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
-    let take = |node: &mut N, view: &mut Tick<'_>| {
+pub(crate) unsafe extern "C" fn absorb(instance: *mut c_void, tick: *mut AsperityTick) -> i32 {
+    let take = |node: &mut dyn Processor, view: &mut Tick<'_>| {
         node.absorb(view);
         ASPERITY_OK
     };
     // SAFETY: the host's instance and tick, valid during this call.
-    unsafe { call::<N>(instance, tick, false, take) }
+    unsafe { call(instance, tick, false, take) }
 }
 
 /// Calls a node with its view of a tick.
 ///
 /// # Safety
 /// `instance` and `tick` are the host's, valid during this call.
-unsafe fn call<N: Node>(
+unsafe fn call(
     instance: *mut c_void,
     tick: *const AsperityTick,
     outputs: bool,
-    f: impl FnOnce(&mut N, &mut Tick<'_>) -> i32,
+    f: impl FnOnce(&mut dyn Processor, &mut Tick<'_>) -> i32,
 ) -> i32 {
     // SAFETY: the caller's promise.
-    let (Some(it), Some(tick)) = (unsafe { (Instance::<N>::of(instance), read_grown(tick)) }) else {
+    let (Some(it), Some(tick)) = (unsafe { (Instance::of(instance), read_grown(tick)) }) else {
         return ASPERITY_FAILED;
     };
     // SAFETY: as above.
@@ -237,9 +232,9 @@ unsafe fn call<N: Node>(
 ///
 /// # Safety
 /// `instance` is the host's.
-unsafe fn with_node<N: Node>(instance: *mut c_void, f: impl FnOnce(&mut N)) -> i32 {
+unsafe fn with_node(instance: *mut c_void, f: impl FnOnce(&mut dyn Processor)) -> i32 {
     // SAFETY: the caller's promise.
-    let Some(node) = (unsafe { Instance::<N>::of(instance) }).and_then(Instance::node) else {
+    let Some(node) = (unsafe { Instance::of(instance) }).and_then(Instance::node) else {
         return ASPERITY_FAILED;
     };
     guarded(|| {
@@ -249,33 +244,33 @@ unsafe fn with_node<N: Node>(instance: *mut c_void, f: impl FnOnce(&mut N)) -> i
 }
 
 /// See [`AsperityKind::reset`].
-pub(crate) unsafe extern "C" fn reset<N: Node>(instance: *mut c_void) -> i32 {
+pub(crate) unsafe extern "C" fn reset(instance: *mut c_void) -> i32 {
     // SAFETY: the host's instance.
-    unsafe { with_node::<N>(instance, Node::reset) }
+    unsafe { with_node(instance, |node| node.reset()) }
 }
 
 /// See [`AsperityKind::elapsed`].
-pub(crate) unsafe extern "C" fn elapsed<N: Node>(instance: *mut c_void, ticks: u64) -> i32 {
+pub(crate) unsafe extern "C" fn elapsed(instance: *mut c_void, ticks: u64) -> i32 {
     // SAFETY: the host's instance.
-    unsafe { with_node::<N>(instance, |node| node.elapsed(ticks)) }
+    unsafe { with_node(instance, |node| node.elapsed(ticks)) }
 }
 
 /// See [`AsperityKind::set_parameter`].
-pub(crate) unsafe extern "C" fn set_parameter<N: Node>(instance: *mut c_void, index: u32, value: f64) -> i32 {
+pub(crate) unsafe extern "C" fn set_parameter(instance: *mut c_void, index: u32, value: f64) -> i32 {
     // SAFETY: the host's instance.
-    unsafe { with_node::<N>(instance, |node| node.set_parameter(index as usize, value)) }
+    unsafe { with_node(instance, |node| node.set_parameter(index as usize, value)) }
 }
 
 /// See [`AsperityKind::state_size`].
-pub(crate) unsafe extern "C" fn state_size<N: Node>(instance: *mut c_void) -> u64 {
+pub(crate) unsafe extern "C" fn state_size(instance: *mut c_void) -> u64 {
     let mut size = 0;
     // SAFETY: the host's instance.
-    unsafe { with_node::<N>(instance, |node| size = State::measure(|s| node.state(s)) as u64) };
+    unsafe { with_node(instance, |node| size = node.state_size() as u64) };
     size
 }
 
 /// See [`AsperityKind::save`].
-pub(crate) unsafe extern "C" fn save<N: Node>(instance: *mut c_void, bytes: *mut u8, capacity: u64) -> i64 {
+pub(crate) unsafe extern "C" fn save(instance: *mut c_void, bytes: *mut u8, capacity: u64) -> i64 {
     let bytes = match capacity {
         0 => &mut [][..],
         // SAFETY: the host's memory of that size.
@@ -284,12 +279,12 @@ pub(crate) unsafe extern "C" fn save<N: Node>(instance: *mut c_void, bytes: *mut
     };
     let mut saved = None;
     // SAFETY: the host's instance.
-    unsafe { with_node::<N>(instance, |node| saved = State::save(bytes, |s| node.state(s))) };
+    unsafe { with_node(instance, |node| saved = node.save(bytes)) };
     saved.map_or(-1, |n| n as i64)
 }
 
 /// See [`AsperityKind::restore`].
-pub(crate) unsafe extern "C" fn restore<N: Node>(instance: *mut c_void, bytes: *const u8, len: u64) -> i32 {
+pub(crate) unsafe extern "C" fn restore(instance: *mut c_void, bytes: *const u8, len: u64) -> i32 {
     let bytes = match len {
         0 => &[][..],
         // SAFETY: the host's memory of that size.
@@ -298,7 +293,7 @@ pub(crate) unsafe extern "C" fn restore<N: Node>(instance: *mut c_void, bytes: *
     };
     let mut restored = false;
     // SAFETY: the host's instance.
-    match unsafe { with_node::<N>(instance, |node| restored = State::restore(bytes, |s| node.state(s))) } {
+    match unsafe { with_node(instance, |node| restored = node.restore(bytes)) } {
         ASPERITY_OK if !restored => ASPERITY_FAILED,
         answer => answer,
     }

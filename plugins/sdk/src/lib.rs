@@ -1,9 +1,10 @@
 //! Write a node for Asperity, and export it as a plugin with one line.
 //!
-//! A node is the same type as a built-in one: it implements [`Node`]. In a crate of type `cdylib`:
+//! A node is written like a built-in one: its kind implements [`Node`], what runs [`Processor`]. In a crate of
+//! type `cdylib`:
 //!
 //! ```
-//! use asperity_sdk::{Descriptor, Diagnostic, Input, Node, Output, Setup, ShapeSpec, Status, Tick, Unit};
+//! use asperity_sdk::*;
 //!
 //! struct Twice;
 //!
@@ -13,9 +14,12 @@
 //!             .input(Input::new("in", ShapeSpec::Control(1), Unit::NEWTON).doc("a force"))
 //!             .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON).doc("twice that"))
 //!     }
-//!     fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-//!         Ok(Self)
+//!     fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+//!         Ok(Prepared::new(Self))
 //!     }
+//! }
+//!
+//! impl Processor for Twice {
 //!     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
 //!         let force = tick.inputs.value(0);
 //!         tick.outputs.set(0, 2.0 * force);

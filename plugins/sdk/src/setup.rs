@@ -40,7 +40,7 @@ impl SlotSettings {
 
 /// A setup that owns a copy of the host's data.
 #[derive(Debug)]
-pub(crate) struct Prepared {
+pub(crate) struct HostSetup {
     id: String,
     params: Params,
     sources: Sources,
@@ -53,7 +53,7 @@ pub(crate) struct Prepared {
     closes_cycle: bool,
 }
 
-impl Prepared {
+impl HostSetup {
     /// Reads the host's setup.
     ///
     /// # Safety

@@ -4,8 +4,8 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{
     Buffer, Complex, Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec,
-    Node, NodeKind, Output, Param, Ports, RateSpec, Registry, Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
-    random,
+    Node, NodeKind, Output, Param, Ports, Prepared, Processor, RateSpec, Registry, Setup, ShapeSpec, Status,
+    Tick, Unit, UnitSpec, random,
 };
 
 /// Signals of a source.
@@ -63,18 +63,20 @@ impl Node for Source {
         Ok(ports)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let l = layout(&setup.config);
         let frames = matches!(p.text("shape"), "magnitude" | "spectrum");
-        Ok(Self {
+        Ok(Prepared::new(Self {
             signal: p.text("signal").to_owned(),
             seed: setup.seed,
             clock: frames.then(|| (setup.frame_clock(l.frame_rate), l)),
             rate_hz: setup.output_rate(0),
-        })
+        }))
     }
+}
 
+impl Processor for Source {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (signal, seed) = (&self.signal, self.seed);
         if let Some((clock, l)) = &self.clock {
@@ -123,7 +125,7 @@ fn required(kind: &str) -> Vec<(&'static str, String)> {
 }
 
 /// A graph of one node, each input fed by a source and each output read by a probe.
-pub fn graph(kind: &dyn NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> GraphFile {
+pub fn graph(kind: &NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> GraphFile {
     let mut graph = GraphFile::empty("conformance");
     (graph.tick_hz, graph.audio_hz, graph.seed) = (tick_hz, audio_hz, 5);
     let d = kind.descriptor();

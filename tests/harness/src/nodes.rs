@@ -1,8 +1,8 @@
 //! Nodes that sleep, fail and panic as a test wants.
 
 use asperity_node::{
-    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
-    Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, Prepared,
+    Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// Emits its sample numbers, as audio, and its tick as a control.
@@ -18,10 +18,12 @@ impl Node for Counter {
             .output(Output::new("calls", ShapeSpec::Control(1), Unit::NONE))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { calls: 0 })
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { calls: 0 }))
     }
+}
 
+impl Processor for Counter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.calls += 1;
         let span = tick.samples(48_000);
@@ -64,11 +66,17 @@ impl Node for Faulty {
             ))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
-        Ok(Self { from: p.integer("from") as u64, to: p.integer("to") as u64, how: p.text("how").to_owned() })
+        Ok(Prepared::new(Self {
+            from: p.integer("from") as u64,
+            to: p.integer("to") as u64,
+            how: p.text("how").to_owned(),
+        }))
     }
+}
 
+impl Processor for Faulty {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.audio(0).fill(1.0);
         let k = tick.index as f64;
@@ -110,10 +118,12 @@ impl<const RESUME: u8> Node for Memory<RESUME> {
             .resumes(resume)
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { value: 0.0, elapsed: 0 })
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { value: 0.0, elapsed: 0 }))
     }
+}
 
+impl<const RESUME: u8> Processor for Memory<RESUME> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.value += 1.0;
         tick.outputs.audio(0).fill(self.value as f32 + 1000.0 * self.elapsed as f32);
@@ -146,11 +156,17 @@ impl Node for TestGate {
             .gates("in")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
-        Ok(Self { close: p.integer("close") as u64, open: p.integer("open") as u64, wanted: true })
+        Ok(Prepared::new(Self {
+            close: p.integer("close") as u64,
+            open: p.integer("open") as u64,
+            wanted: true,
+        }))
     }
+}
 
+impl Processor for TestGate {
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         self.wanted = !(self.close..self.open).contains(&tick.index);
         self.wanted
@@ -177,10 +193,12 @@ impl Node for Dozer {
             .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Dozer {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let input = tick.inputs.audio(0);
         if input.iter().all(|x| *x == 0.0) {
@@ -207,10 +225,12 @@ impl Node for Sleeper {
         ))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Sleeper {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         match tick.index {
             0..5 => {
@@ -235,10 +255,12 @@ impl Node for Tail3 {
             .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Tail3 {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.audio(0).fill(1.0);
         Status::Tail(3)
@@ -259,10 +281,12 @@ impl Node for Marked {
             .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE).limited())
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Marked {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(48_000);
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
@@ -285,10 +309,12 @@ impl<const WAKES: bool> Node for Copier<WAKES> {
             .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl<const WAKES: bool> Processor for Copier<WAKES> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let x = tick.inputs.value(0);
         tick.outputs.set(0, x);
@@ -327,10 +353,15 @@ impl Node for Slow {
             .param(Param::integer("to", 0, 0..=1_000_000, "First quick tick after that."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { from: setup.params.integer("from") as u64, to: setup.params.integer("to") as u64 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self {
+            from: setup.params.integer("from") as u64,
+            to: setup.params.integer("to") as u64,
+        }))
     }
+}
 
+impl Processor for Slow {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let slow = (self.from..self.to).contains(&tick.index);
         NOW_NS.set(NOW_NS.get() + if slow { 1_000_000 } else { 1_000 });

@@ -10,7 +10,8 @@ use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, time
 use asperity_live::view::Condition;
 use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, RateSpec, Setup, ShapeSpec, Status, Tick, Unit, time,
+    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status, Tick,
+    Unit, time,
 };
 use harness::alone::real_time;
 use harness::live::told;
@@ -290,9 +291,12 @@ impl Node for Breaks {
         let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
         Descriptor::new("breaks", "A wave, then a panic.").output(out)
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
+
+impl Processor for Breaks {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         assert!(tick.index < 50, "as told");
         let span = tick.samples(48_000);
@@ -338,9 +342,12 @@ impl Node for Fails {
         let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
         Descriptor::new("fails", "A wave, then none.").output(out)
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
+
+impl Processor for Fails {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (index, span) = (tick.index, tick.samples(48_000));
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {

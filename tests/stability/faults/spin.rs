@@ -13,7 +13,8 @@ use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, conduct};
 use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 use harness::live::{PATIENCE, told};
 use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
@@ -41,12 +42,18 @@ impl Node for Spins {
             .param(Param::number("lasts_s", 1e6, 0.0..=1e6, "How long a call takes."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let lasts = Duration::from_secs_f64(p.number("lasts_s"));
-        Ok(Self { from: p.integer("from") as u64, lasts, tries: TRIES.load(Ordering::Relaxed) })
+        Ok(Prepared::new(Self {
+            from: p.integer("from") as u64,
+            lasts,
+            tries: TRIES.load(Ordering::Relaxed),
+        }))
     }
+}
 
+impl Processor for Spins {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(48_000);
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {

@@ -58,7 +58,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let all = ["process", "reset", "set_parameter", "save", "restore", "elapsed"];
     let mut counted = all.map(|what| Counted::new(heap, what));
     let [process, reset, set, save, restore, elapsed] = &mut counted;
-    let mut bytes = vec![0; stand.processor.state_size()];
+    let mut bytes = vec![0; stand.node.processor.state_size()];
     let params = &main(subject)?.kind.descriptor().params;
     let mut tick = 0;
     for signal in [Signal::Random, Signal::Scattered, Signal::Zero, Signal::Huge, Signal::Bad, Signal::Random]
@@ -72,7 +72,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
             tick += 1;
         }
         // Other cases look at the answers.
-        let it = &mut stand.processor;
+        let it = &mut stand.node.processor;
         for (i, p) in params.iter().enumerate() {
             if let Some(value) = somewhere(p, 0.3) {
                 let _ = set.watch(tick, || it.set_parameter(i, value));
@@ -83,7 +83,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
         let _ = elapsed.watch(tick, || it.elapsed(10));
         let _ = reset.watch(tick, || it.reset());
     }
-    let allowed = !stand.processor.allocation_free();
+    let allowed = !stand.node.allocation_free;
     let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();
     match found.first() {
         Some(what) if allowed => not_applicable(format!("it says that it allocates: {what}")),

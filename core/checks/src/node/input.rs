@@ -67,8 +67,8 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
         }
         let stays = matches!(answer, Err(Fault::Failed(_)));
         if wrong && resets && !stays {
-            let processor = &mut stand.processor;
-            contained(|| processor.reset()).map_err(|f| format!("reset {}", described(f)))?;
+            let processor = &mut stand.node.processor;
+            contained(|| processor.ask(|p| p.reset())).map_err(|f| format!("reset {}", described(f)))?;
         }
     }
     Ok(last - good)
@@ -132,7 +132,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             }
             stand.conclude(answer);
         }
-        if let Some(n) = unsaid(&stand) {
+        if let Some(n) = unsaid(&mut stand) {
             return fails(format!(
                 "wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks"
             ));
@@ -146,8 +146,8 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
 }
 
 /// Ticks in which the loader found samples that the node did not report.
-fn unsaid(stand: &Stand<'_>) -> Option<u64> {
-    stand.processor.facts().iter().find(|f| f.name == "unsaid_writes").and_then(|f| match f.value {
+fn unsaid(stand: &mut Stand<'_>) -> Option<u64> {
+    stand.node.processor.facts().iter().find(|f| f.name == "unsaid_writes").and_then(|f| match f.value {
         FactValue::Count(n) if n > 0 => Some(n),
         _ => None,
     })
@@ -216,15 +216,15 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
         for tick in 0..ticks {
             let draw = |what: u64| random::uniform(11 + what, tick);
             if draw(0) < 2e-4 {
-                let processor = &mut stand.processor;
-                contained(|| processor.reset())
+                let processor = &mut stand.node.processor;
+                contained(|| processor.ask(|p| p.reset()))
                     .map_err(|f| format!("reset {} at tick {tick}", described(f)))?;
             }
             if draw(1) < 0.02 && !params.is_empty() {
                 let i = (draw(2) * params.len() as f64) as usize;
                 if let Some(value) = somewhere(&params[i], draw(3)) {
-                    let processor = &mut stand.processor;
-                    contained(|| processor.set_parameter(i, value))
+                    let processor = &mut stand.node.processor;
+                    contained(|| processor.ask(|p| p.set_parameter(i, value)))
                         .map_err(|f| format!("set_parameter {} at tick {tick}", described(f)))?;
                 }
             }

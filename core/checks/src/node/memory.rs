@@ -78,7 +78,7 @@ pub(super) fn sleep(subject: &Subject<'_>) -> Found {
     whole.muted = false;
     slept.run(0..asleep);
     if elapsed {
-        slept.processor.elapsed(awake - asleep).map_err(|f| format!("elapsed {f}"))?;
+        slept.node.processor.ask(|p| p.elapsed(awake - asleep)).map_err(|f| format!("elapsed {f}"))?;
     }
     let (a, b) = (whole.run(awake..end).trace, slept.run(awake..end).trace);
     same(subject, &a, &b, &format!("after {} ticks asleep", awake - asleep))?;
@@ -135,13 +135,13 @@ const GUARD: [u8; 16] = [0xa5; 16];
 
 /// Saves the state of an instance.
 fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Not> {
-    let now = stand.processor.state_size();
+    let now = stand.node.processor.state_size();
     if now != size {
         return fails(format!("state_size answers {size} at first and {now} later"));
     }
     let mut bytes = vec![0; size];
     bytes.extend(GUARD);
-    let saved = stand.processor.save(&mut bytes[..size]);
+    let saved = stand.node.processor.save(&mut bytes[..size]);
     if bytes[size..] != GUARD {
         return fails("save wrote past the memory it was given");
     }
@@ -152,7 +152,7 @@ fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Not> {
 
 pub(super) fn state(subject: &Subject<'_>) -> Found {
     main(subject)?;
-    let size = subject.stand(Signal::Scattered)?.processor.state_size();
+    let size = subject.stand(Signal::Scattered)?.node.processor.state_size();
     if size == 0 {
         return not_applicable("it hands over no state");
     }
@@ -171,7 +171,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
         for small in [0, size / 2, size - 1].into_iter().filter(|n| *n < bytes.len()) {
             let mut room = vec![0; small];
             room.extend(GUARD);
-            let saved = old.processor.save(&mut room[..small]);
+            let saved = old.node.processor.save(&mut room[..small]);
             if saved.is_some() || room[small..] != GUARD {
                 return fails(format!("saved {} bytes into {small}", bytes.len()));
             }
@@ -189,7 +189,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
                 new.run(0..71);
                 new.play(Signal::Scattered);
             }
-            if !new.processor.restore(&bytes) {
+            if !new.node.processor.restore(&bytes) {
                 return fails(format!("refuses its own state of tick {at}"));
             }
             let which = if used { "a used" } else { "a fresh" };
@@ -234,7 +234,7 @@ fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
 pub(super) fn garbage_state(subject: &Subject<'_>) -> Found {
     main(subject)?;
     let mut stand = subject.stand(Signal::Scattered)?;
-    let size = stand.processor.state_size();
+    let size = stand.node.processor.state_size();
     let mut state = Vec::new();
     if size > 0 {
         stand.run(0..100);
@@ -245,7 +245,7 @@ pub(super) fn garbage_state(subject: &Subject<'_>) -> Found {
     for (n, bytes) in garbage(&state).iter().enumerate() {
         subject.doing(&format!("{} bytes, the {n}th", bytes.len()));
         let mut stand = subject.stand(Signal::Scattered)?;
-        if stand.processor.restore(bytes) {
+        if stand.node.processor.restore(bytes) {
             taken += 1;
             // The engine resets a node that then gives a NaN or panics.
             stand.run(0..50);
@@ -270,8 +270,8 @@ fn written(p: &Param, value: f64) -> String {
 }
 
 fn set(stand: &mut Stand<'_>, p: &Param, index: usize, value: f64) -> Result<(), Not> {
-    let processor = &mut stand.processor;
-    contained(|| processor.set_parameter(index, value))
+    let processor = &mut stand.node.processor;
+    contained(|| processor.ask(|p| p.set_parameter(index, value)))
         .map_err(|f| Not::Held(format!("set to {}, `{}` {}", written(p, value), p.name, described(f))))
 }
 

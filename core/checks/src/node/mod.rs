@@ -117,9 +117,9 @@ fn prepare(subject: &Subject<'_>) -> Found {
     let place = subject.main()?;
     // Twice, and both dropped: each can be freed.
     for _ in 0..2 {
-        place.stand(subject, Signal::Random, false)?.processor.facts();
+        place.stand(subject, Signal::Random, false)?.node.processor.facts();
     }
     let stand = place.stand(subject, Signal::Random, false)?;
-    let (latency, tail) = (stand.processor.latency().ms(), stand.processor.tail().ms());
+    let (latency, tail) = (stand.node.latency.ms(), stand.node.tail.ms());
     Ok(format!("{}; latency {latency:.3} ms, tail {tail:.1} ms", place.conditions))
 }

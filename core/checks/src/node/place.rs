@@ -7,8 +7,8 @@ use asperity_engine::Engine;
 use asperity_graph::{BufferEntry, Compiled, compile};
 use asperity_node::{
     Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind,
-    Output, Params, PortType, Ports, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec, Status, Tick,
-    Unit, UnitSpec, Wiring, random,
+    Output, Params, PortType, Ports, Prepared, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec,
+    Status, Tick, Unit, UnitSpec, Wiring, random,
 };
 
 use crate::case::Not;
@@ -111,7 +111,7 @@ const SEED: u64 = 5;
 /// A kind in its place, from which any number of instances can be prepared.
 #[derive(Clone)]
 pub(crate) struct Place {
-    pub(crate) kind: Arc<dyn NodeKind>,
+    pub(crate) kind: Arc<NodeKind>,
     pub(crate) conditions: Conditions,
     params: Params,
     pub(crate) inputs: Vec<Wiring>,
@@ -134,32 +134,16 @@ impl Node for Probe {
         let input = Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u');
         Descriptor::new(Self::KIND, "Looks on.").input(input).sink()
     }
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
+
+impl Processor for Probe {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {
         Status::Continue
     }
     fn reset(&mut self) {}
-}
-
-/// The kind under test. It keeps the ports to which its parameters led.
-struct Watched {
-    kind: Arc<dyn NodeKind>,
-    ports: OnceLock<Ports>,
-}
-
-impl NodeKind for Watched {
-    fn descriptor(&self) -> &Descriptor {
-        self.kind.descriptor()
-    }
-    fn ports(&self, config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        let ports = self.kind.ports(config)?;
-        Ok(self.ports.get_or_init(|| ports).clone())
-    }
-    fn prepare(&self, setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        self.kind.prepare(setup)
-    }
 }
 
 fn text(errors: &[Diagnostic]) -> String {
@@ -178,9 +162,15 @@ fn compiled(
         Not::Held(why) | Not::Applicable(why) => why,
     };
     let kind = subject.its_kind().map_err(plain)?;
-    let watched = Arc::new(Watched { kind: kind.clone(), ports: OnceLock::new() });
+    // The ports to which its parameters led.
+    let settled = Arc::new(OnceLock::new());
+    let (asked, told) = (kind.clone(), settled.clone());
+    let watched = NodeKind::clone(kind).with_ports(move |config, _| {
+        let ports = asked.ports(config)?;
+        Ok(told.get_or_init(|| ports).clone())
+    });
     let mut registry = Registry::new().with::<Probe>();
-    registry.add(watched.clone());
+    registry.add(Arc::new(watched));
     let settings: Vec<(&str, &str)> =
         subject.settings.iter().map(|(n, v)| (n.as_str(), v.as_str())).collect();
     let CaseGraph { mut graph, .. } = CaseGraph::new(conditions.tick_hz, conditions.audio_hz);
@@ -188,7 +178,7 @@ fn compiled(
     graph.add_node(IT, &kind.descriptor().kind, &settings, "--set").map_err(|e| e.message)?;
     // The first attempt fails, for nothing is wired, but it settles the ports.
     let first = compile(&graph, &registry, Default::default());
-    let Some(ports) = watched.ports.get() else {
+    let Some(ports) = settled.get() else {
         return Err(first.err().map(|e| text(&e)).unwrap_or_default());
     };
     let stays_free = |i: usize| {
@@ -276,8 +266,8 @@ impl Place {
         let seed = random::seed_of(SEED, IT);
         let config = Config { id: IT, params: &self.params, tick_hz, every, audio_hz, seed };
         let setup = Setup { config, inputs: &self.inputs, outputs: &self.outputs, closes_cycle };
-        let processor = self.kind.prepare(&setup).map_err(|e| e.message)?;
-        Ok(Stand::new(self, subject, processor, signal, SEED + 100, closes_cycle))
+        let node = self.kind.prepare(&setup).map_err(|e| e.message)?;
+        Ok(Stand::new(self, subject, node, signal, SEED + 100, closes_cycle))
     }
 
     /// The same graph in the engine, and the node's index in it.

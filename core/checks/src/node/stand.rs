@@ -3,9 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use asperity_engine::Flushed;
-use asperity_node::{
-    Buffer, Complex, Fault, InputRef, Inputs, Outputs, Processor, Shape, Status, Tick, time,
-};
+use asperity_node::{Buffer, Complex, Fault, InputRef, Inputs, Outputs, Prepared, Shape, Status, Tick, time};
 
 use crate::buffers::{finite, hash};
 use crate::node::place::Place;
@@ -17,7 +15,7 @@ const ROOM: usize = 64;
 
 /// An instance with its inputs and outputs.
 pub(crate) struct Stand<'a> {
-    pub(crate) processor: Box<dyn Processor>,
+    pub(crate) node: Prepared,
     place: &'a Place,
     subject: &'a Subject<'a>,
     feeds: Vec<Option<Feed>>,
@@ -41,7 +39,7 @@ impl<'a> Stand<'a> {
     pub(crate) fn new(
         place: &'a Place,
         subject: &'a Subject<'a>,
-        processor: Box<dyn Processor>,
+        node: Prepared,
         signal: Signal,
         seed: u64,
         closes_cycle: bool,
@@ -65,7 +63,7 @@ impl<'a> Stand<'a> {
             }
         }
         let map = map.collect();
-        Self { processor, place, subject, feeds, map, inputs, outputs, closes_cycle, muted: false, calls: 0 }
+        Self { node, place, subject, feeds, map, inputs, outputs, closes_cycle, muted: false, calls: 0 }
     }
 
     /// Plays another signal from now on.
@@ -75,8 +73,8 @@ impl<'a> Stand<'a> {
 
     /// Resets the node, its inputs and its controls.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
-        let processor = &mut self.processor;
-        contained(|| processor.reset()).map_err(|f| format!("reset {f}"))?;
+        let processor = &mut self.node.processor;
+        contained(|| processor.ask(|p| p.reset())).map_err(|f| format!("reset {f}"))?;
         let hz = self.place.conditions.tick_hz;
         for (buffer, wire) in self.inputs.iter_mut().zip(&self.place.inputs).filter(|(_, w)| w.connected) {
             wire.port.iter().for_each(|p| *buffer = Buffer::new(p, hz));
@@ -126,27 +124,24 @@ impl<'a> Stand<'a> {
         let _flushed = Flushed::new();
         let hz = self.place.conditions.tick_hz;
         let (inputs, outputs, map) = (&mut self.inputs, &mut self.outputs, &self.map);
-        let processor = &mut self.processor;
+        let processor = &mut self.node.processor;
         if let Some(gated) = self.place.gate {
             let mut view = view(tick, hz, inputs, &mut [], map);
-            if !contained(|| processor.wants(&mut view))?
+            if !contained(|| processor.ask(|p| p.wants(&mut view)))?
                 && let Some(buffer) = inputs.get_mut(gated)
             {
                 hush(buffer);
             }
         }
         let mut all = view(tick, hz, inputs, outputs, map);
-        let status = contained(|| processor.process(&mut all))?;
+        let answer = contained(|| processor.run(&mut all))?;
         if self.closes_cycle {
             self.fill(tick);
             let mut view = view(tick, hz, &self.inputs, &mut [], &self.map);
-            let processor = &mut self.processor;
-            contained(|| processor.absorb(&mut view))?;
+            let processor = &mut self.node.processor;
+            contained(|| processor.ask(|p| p.absorb(&mut view)))?;
         }
-        match status {
-            Status::Error(code) => Err(Fault::Failed(code)),
-            status => Ok(status),
-        }
+        Ok(answer)
     }
 
     /// Silences the outputs that the node says are silent.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use asperity_graph::{Compiled, LiveParam, Schedule};
-use asperity_node::{ParamKind, Processor};
+use asperity_node::{ParamKind, Prepared};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
@@ -47,13 +47,13 @@ impl fmt::Debug for Controller {
 }
 
 impl Controller {
-    pub(crate) fn new(schedule: &Schedule, processors: &mut [Box<dyn Processor>]) -> (Self, Link) {
+    pub(crate) fn new(schedule: &Schedule, nodes: &mut [Prepared]) -> (Self, Link) {
         let (commands, engine_commands) = HeapRb::new(MAX_COMMANDS).split();
         let (engine_retired, retired) = HeapRb::new(MAX_SWAPS).split();
         let it = Self {
             commands,
             retired,
-            sizes: processors.iter_mut().map(|p| p.state_size()).collect(),
+            sizes: nodes.iter_mut().map(|p| p.processor.state_size()).collect(),
             live: (0..schedule.nodes.len()).map(|j| live_values(schedule, j)).collect(),
             schedule: Arc::new(schedule.clone()),
             sent: 0,
@@ -99,7 +99,7 @@ impl Controller {
             return Err(SwapError::Busy);
         }
         let old = self.schedule.clone();
-        let sizes: Vec<usize> = compiled.processors.iter_mut().map(|p| p.state_size()).collect();
+        let sizes: Vec<usize> = compiled.nodes.iter_mut().map(|p| p.processor.state_size()).collect();
         let plan = Plan::new(&old, &compiled.schedule, changed);
         let number = self.sent + 1;
         let swap = build(number, &plan, &old, &self.sizes, &self.live, compiled);

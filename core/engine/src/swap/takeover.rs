@@ -1,7 +1,7 @@
 //! The tick thread's part of a swap. Nothing here allocates, frees, locks or waits.
 
 use asperity_graph::ScheduledNode;
-use asperity_node::{Buffer, Fault, Processor, Status, Tick};
+use asperity_node::{Buffer, Processor, Status, Tick};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
@@ -242,10 +242,8 @@ impl Slot {
 struct Absent;
 
 impl Processor for Absent {
-    fn process(&mut self, _: &mut Tick<'_>) -> Result<Status, Fault> {
-        Ok(Status::Asleep)
+    fn process(&mut self, _: &mut Tick<'_>) -> Status {
+        Status::Asleep
     }
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }

@@ -14,7 +14,7 @@ mod resolve;
 mod types;
 
 use asperity_diagnostics::budget;
-use asperity_node::{Diagnostic, Processor, Registry};
+use asperity_node::{Diagnostic, Prepared, Registry};
 
 use crate::{GraphFile, NodeDecl, Schedule};
 
@@ -36,7 +36,7 @@ pub struct Compiled {
     /// The schedule.
     pub schedule: Schedule,
     /// The prepared nodes.
-    pub processors: Vec<Box<dyn Processor>>,
+    pub nodes: Vec<Prepared>,
 }
 
 impl std::fmt::Debug for Compiled {

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use asperity_node::{
-    Diagnostic, InputRef, ParamValue, Params, PortType, Processor, Setup, Shape, Wiring, time,
+    Diagnostic, InputRef, ParamValue, Params, PortType, Prepared, Setup, Shape, Wiring, time,
 };
 
 use super::order::Ordered;
@@ -44,7 +44,7 @@ pub(super) fn prepare(
     let mut constant = 0;
     // An engine allocates the buffers later, when a graph can no longer be refused.
     let mut buffer_bytes = 0;
-    let (mut nodes, mut processors) = (Vec::new(), Vec::new());
+    let (mut nodes, mut all) = (Vec::new(), Vec::new());
     for &i in &ordered.nodes {
         let node = &resolved.nodes[i];
         buffer_bytes += typed.outputs[i].iter().flatten().map(|p| bytes_of(p, graph.tick_hz)).sum::<u64>();
@@ -104,18 +104,9 @@ pub(super) fn prepare(
             closes_cycle: ordered.closes_cycle[i],
         };
         match node.kind.prepare(&setup) {
-            Ok(processor) => {
-                nodes.push(scheduled(
-                    graph,
-                    &resolved,
-                    ordered,
-                    i,
-                    &place,
-                    processor.as_ref(),
-                    inputs,
-                    outputs,
-                ));
-                processors.push(processor);
+            Ok(mut prepared) => {
+                nodes.push(scheduled(graph, &resolved, ordered, i, &place, &mut prepared, inputs, outputs));
+                all.push(prepared);
             }
             Err(e) => {
                 let e = with_node(e, graph, i, &node.params);
@@ -153,7 +144,7 @@ pub(super) fn prepare(
         nodes,
         buffers,
     };
-    Ok(Compiled { schedule, processors })
+    Ok(Compiled { schedule, nodes: all })
 }
 
 /// Bytes that an engine allocates for an output: its buffer, and a copy for after a fault.
@@ -192,7 +183,7 @@ fn scheduled(
     ordered: &Ordered,
     i: usize,
     place: &[usize],
-    processor: &dyn Processor,
+    prepared: &mut Prepared,
     inputs: Vec<ScheduledInput>,
     outputs: Vec<ScheduledOutput>,
 ) -> ScheduledNode {
@@ -219,12 +210,12 @@ fn scheduled(
         sink: descriptor.sink,
         gate: ordered.gates[i],
         closes_cycle: ordered.closes_cycle[i],
-        latency: processor.latency(),
-        tail: processor.tail(),
-        duration: processor.duration(),
-        allocation_free: processor.allocation_free(),
-        facts: processor.facts(),
-        files: processor.files(),
+        latency: prepared.latency,
+        tail: prepared.tail,
+        duration: prepared.duration,
+        allocation_free: prepared.allocation_free,
+        facts: prepared.processor.facts(),
+        files: prepared.files.clone(),
     }
 }
 

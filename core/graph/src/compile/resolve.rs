@@ -19,7 +19,7 @@ pub(super) struct Resolved {
 
 /// A node with its kind, parameters and ports.
 pub(super) struct ResolvedNode {
-    pub(super) kind: Arc<dyn NodeKind>,
+    pub(super) kind: Arc<NodeKind>,
     pub(super) params: Params,
     pub(super) ports: Ports,
     pub(super) seed: u64,

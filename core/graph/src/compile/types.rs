@@ -344,7 +344,7 @@ pub(super) fn check_every(
 
 /// Kinds that would connect the wire: one input takes `found`, and one output then fits `wanted`.
 fn bridges(found: &Partial, wanted: &Partial, audio_hz: u32, registry: &Registry) -> Vec<String> {
-    let fits = |kind: &dyn NodeKind| {
+    let fits = |kind: &NodeKind| {
         let d = kind.descriptor();
         d.inputs.iter().any(|input| {
             let mut env = Env::default();

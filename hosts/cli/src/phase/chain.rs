@@ -6,7 +6,7 @@ use asperity_engine::{Clock, Engine, NoClock, NodeReport, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{Buffer, Diagnostic, Latency, Registry, Shape};
 
-use super::frames::{FRAME_HZ, Frames, MAGNITUDES, MagnitudesKind};
+use super::frames::{FRAME_HZ, Frames, MAGNITUDES, magnitudes};
 use super::method::{How, ID, Method};
 use crate::failure::Failure;
 
@@ -36,7 +36,7 @@ impl Chain {
         seed: u64,
     ) -> Result<Self, Failure> {
         let mut registry = registry.clone();
-        registry.add(Arc::new(MagnitudesKind::new(frames.clone())));
+        registry.add(Arc::new(magnitudes(frames.clone())));
         let graph = graph(method, &registry, frames.layout().rate_hz, seed)?;
         let compiled = compile(&graph, &registry, asperity_graph::Options::default())?;
         let schedule = &compiled.schedule;

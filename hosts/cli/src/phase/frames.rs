@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use asperity_accuracy::npy;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fault, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Ports,
-    Processor, Setup, ShapeSpec, Status, Tick, Unit, time,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Prepared, Processor,
+    ShapeSpec, Status, Tick, Unit, time,
 };
 
 use crate::failure::{Failure, wrong};
@@ -129,47 +129,24 @@ fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
 /// Kind of the source. No graph file can name it: its name has spaces.
 pub(super) const MAGNITUDES: &str = "magnitudes from memory";
 
-/// A source that plays frames from memory, one a tick.
-pub(super) struct MagnitudesKind {
-    descriptor: Descriptor,
-    frames: Arc<Frames>,
-}
-
-impl MagnitudesKind {
-    pub(super) fn new(frames: Arc<Frames>) -> Self {
-        let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
-        let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);
-        let descriptor = Descriptor::new(MAGNITUDES, "Plays the frames it was given.").output(output);
-        Self { descriptor, frames }
-    }
-}
-
-impl NodeKind for MagnitudesKind {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
-    }
-
-    fn ports(&self, _config: &Config<'_>) -> Result<Ports, Diagnostic> {
-        Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
-    }
-
-    fn prepare(&self, _setup: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(Magnitudes(self.frames.clone())))
-    }
+/// A kind that plays these frames.
+pub(super) fn magnitudes(frames: Arc<Frames>) -> NodeKind {
+    let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
+    let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);
+    let descriptor = Descriptor::new(MAGNITUDES, "Plays the frames it was given.").output(output);
+    NodeKind::new(descriptor, move |_| Ok(Prepared::new(Magnitudes(frames.clone()))))
 }
 
 struct Magnitudes(Arc<Frames>);
 
 impl Processor for Magnitudes {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Frames { layout, bins } = &*self.0;
         let at = tick.index as usize * layout.bins as usize;
-        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Ok(Status::Asleep) };
+        let Some(frame) = bins.get(at..at + layout.bins as usize) else { return Status::Asleep };
         tick.outputs.magnitude(0, tick.index, self.0.start(tick.index)).copy_from_slice(frame);
-        Ok(Status::Continue)
+        Status::Continue
     }
 
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }

@@ -1,8 +1,8 @@
 //! Nodes for tests with the ports of phase retrieval.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, LayoutSpec, Node, Output, Param, RateSpec, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor, RateSpec,
+    Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// A kind with magnitudes in, and samples at the frames' rate out.
@@ -32,10 +32,13 @@ impl Node for Counter {
         audio_kind("counter").param(Param::integer("late", 0, -1_000_000..=1_000_000, "Latency in samples."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { late: setup.params.integer("late"), rate_hz: setup.input_rate(0) })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        let (late, rate_hz) = (setup.params.integer("late"), setup.input_rate(0));
+        Ok(Prepared::new(Self { late, rate_hz }).latency(Latency::samples(late, rate_hz)))
     }
+}
 
+impl Processor for Counter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.rate_hz);
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
@@ -45,10 +48,6 @@ impl Node for Counter {
     }
 
     fn reset(&mut self) {}
-
-    fn latency(&self) -> Latency {
-        Latency::samples(self.late, self.rate_hz)
-    }
 }
 
 /// Plays a sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a
@@ -69,13 +68,15 @@ impl Node for Tone {
         ))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let how = setup.params.text("how").to_owned();
         assert!(how != "prepare", "as told");
         let levels = vec![0.0; setup.params.integer("delay") as usize + 1];
-        Ok(Self { levels, rate_hz: setup.input_rate(0), how, calls: 0 })
+        Ok(Prepared::new(Self { levels, rate_hz: setup.input_rate(0), how, calls: 0 }))
     }
+}
 
+impl Processor for Tone {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.levels.rotate_right(1);
         self.levels[0] = tick.inputs.magnitude(0).map_or(0.0, |f| f.bins.iter().copied().fold(0.0, f32::max));

@@ -14,7 +14,7 @@ pub(crate) use wiring::{ForceSlot, HandSlot, Scope, SourceMeter, Wiring};
 use std::sync::Arc;
 
 use asperity_engine::{Clock, Engine};
-use asperity_node::{Buffer, time};
+use asperity_node::{Buffer, Fact, time};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
@@ -88,6 +88,11 @@ impl Player {
     /// The engine, for reports after the run.
     pub fn engine(&self) -> &Engine {
         &self.engine
+    }
+
+    /// Facts of each node now. Not for the tick thread.
+    pub(crate) fn facts(&mut self) -> Vec<Vec<Fact>> {
+        (0..self.engine.schedule().nodes.len()).map(|i| self.engine.facts(i)).collect()
     }
 
     /// Feeds the positions of hands at a time, and recorded samples.

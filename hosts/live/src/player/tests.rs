@@ -3,8 +3,8 @@ use asperity_diagnostics::Source;
 use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Registry, Resume, Setup, ShapeSpec, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, Registry, Resume, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 use ringbuf::HeapRb;
 use ringbuf::traits::Split;
@@ -20,10 +20,12 @@ impl Node for Surface {
             .param(Param::number("stiffness", 1.0, 0.0..=10.0, "Stiffness."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(setup.params.number("stiffness")))
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(setup.params.number("stiffness"))))
     }
+}
 
+impl Processor for Surface {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         tick.outputs.control(0).fill(1.0);
         tick.outputs.set(1, self.0);
@@ -47,10 +49,12 @@ impl Node for Wall {
             .sink()
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Wall {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {
         Status::Continue
     }

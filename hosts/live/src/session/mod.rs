@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use asperity_audio::{OpenError, Request, Stats};
-use asperity_node::Diagnostic;
+use asperity_node::{Diagnostic, Fact};
 
 use crate::driver::{Callback, Clock, Options, choose, paced, timer};
 use crate::latency::of_graph;
@@ -134,6 +134,8 @@ pub struct Ended {
     pub conductor: Conductor,
     /// Figures of the whole run.
     pub view: View,
+    /// Facts of each node at the end; empty if a tick never ended.
+    pub facts: Vec<Vec<Fact>>,
 }
 
 impl Session {
@@ -303,14 +305,15 @@ impl Session {
     /// Ramps the output down and ends the run.
     pub fn stop(mut self) -> Ended {
         let before = self.view();
-        let player = self.driver.take();
+        let mut player = self.driver.take();
         self.custody.note(&self.conductor.gate().seen);
         let mut view = self.view();
         // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
-        Ended { player, conductor: self.conductor, view }
+        let facts = player.as_mut().map(Player::facts).unwrap_or_default();
+        Ended { player, conductor: self.conductor, view, facts }
     }
 
     /// Answers of the system to the real-time requests.

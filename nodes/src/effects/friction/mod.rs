@@ -10,8 +10,8 @@ mod stick_slip_tests;
 mod viscous_coulomb;
 
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Node, Param, Settings, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Node, Param, Prepared, Processor,
+    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 pub use dahl::Dahl;
@@ -195,12 +195,14 @@ impl Node for Friction {
             .timing("no latency: the force of a tick's velocity in that tick; not called while nothing is touched")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let laws = each(setup, Law::read)?;
         let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-        Ok(Self { laws: Voices::new(laws), tangents: FLAT, dt_s })
+        Ok(Prepared::new(Self { laws: Voices::new(laws), tangents: FLAT, dt_s }))
     }
+}
 
+impl Processor for Friction {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.laws.turn(tick.inputs.value(SLOT));
         let Some(law) = self.laws.on().first_mut() else { return let_go(tick) };
@@ -232,7 +234,7 @@ impl Node for Friction {
         }
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.laws.count() as u64)]
     }
 }

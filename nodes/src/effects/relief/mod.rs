@@ -3,12 +3,11 @@
 mod follow;
 mod spline;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Param, Resume, Settings, Setup, State,
-    Status, Tick,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Node, Param, Prepared, Processor, Resume, Settings,
+    Setup, State, Status, Tick,
 };
 use asperity_scene::Heights;
 
@@ -33,10 +32,8 @@ pub struct Relief {
     track: Track,
     mix: Mix,
     rate_hz: u32,
-    latency: Latency,
     lag_s: f64,
     fields: u64,
-    files: Vec<PathBuf>,
 }
 
 /// Heights as they are felt.
@@ -106,7 +103,7 @@ impl Node for Relief {
             .effect(effect())
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let mut fields = Shared::default();
         let rate_hz = setup.audio_hz;
         let reliefs = each(setup, |settings| {
@@ -121,18 +118,20 @@ impl Node for Relief {
             Ok(Field { relief, heights, gain: settings.number("gain") })
         })?;
         let track = Track::new(setup, setup.params.number("smooth_hz"))?;
-        Ok(Self {
+        let latency = track.latency(setup);
+        let it = Self {
             reliefs: Voices::new(reliefs),
-            latency: track.latency(setup),
             lag_s: track.lag_s(),
             track,
             mix: Mix::new(setup),
             rate_hz,
             fields: fields.count(),
-            files: files(setup),
-        })
+        };
+        Ok(Prepared::new(it).latency(latency).files(files(setup)))
     }
+}
 
+impl Processor for Relief {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let turned = self.reliefs.turn(tick.inputs.value(SLOT));
         let place = tick.inputs.control(PLACE).try_into().unwrap_or([f64::NAN; 2]);
@@ -163,15 +162,7 @@ impl Node for Relief {
         self.reliefs.state(state);
     }
 
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let mut facts = vec![
             Fact::count("slots", self.reliefs.count() as u64),
             Fact::count("height_fields", self.fields),

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Settings, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Prepared, Processor,
+    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use super::mix::Mix;
@@ -36,9 +36,6 @@ pub struct Tap {
     struck: [Option<Struck>; ROOM],
     mix: Mix,
     rate_hz: u32,
-    tick_hz: u32,
-    longest: u64,
-    files: Vec<PathBuf>,
     counts: [u64; 2],
 }
 
@@ -235,25 +232,27 @@ impl Node for Tap {
             .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let rate_hz = setup.audio_hz;
         let kernels = one_each(setup, |settings| {
             made(settings, Taps::new(&transient(settings)?, of(settings), rate_hz))
         })?;
-        let files = files(setup);
-        Ok(Self {
+        let longest = kernels.iter().map(Taps::longest).max().unwrap_or(0);
+        let tail = Latency::samples(i64::try_from(longest).unwrap_or(i64::MAX), rate_hz);
+        let it = Self {
             spare: kernels.first().cloned(),
             struck: [None; ROOM],
             mix: Mix::new(setup),
             rate_hz,
-            tick_hz: setup.tick_hz,
-            longest: kernels.iter().map(Taps::longest).max().unwrap_or(0),
             kernels,
-            files,
             counts: [0; 2],
-        })
+        };
+        let latency = Latency::ratio(1, i64::from(setup.tick_hz));
+        Ok(Prepared::new(it).latency(latency).tail(tail).files(files(setup)))
     }
+}
 
+impl Processor for Tap {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let approach = if tick.inputs.valid(APPROACH) { tick.inputs.value(APPROACH) } else { 0.0 };
         let came = approach > 0.0;
@@ -292,7 +291,7 @@ impl Node for Tap {
     /// What sounds, and what was struck lately. A slot that is no longer there falls silent.
     fn state(&mut self, state: &mut State<'_>) {
         if state.restores() {
-            Node::reset(self);
+            self.reset();
         }
         for entry in &mut self.struck {
             let mut there = entry.is_some();
@@ -316,23 +315,11 @@ impl Node for Tap {
             }
         }
         if state.restores() && state.failed() {
-            Node::reset(self);
+            self.reset();
         }
     }
 
-    fn latency(&self) -> Latency {
-        Latency::ratio(1, i64::from(self.tick_hz))
-    }
-
-    fn tail(&self) -> Latency {
-        Latency::samples(i64::try_from(self.longest).unwrap_or(i64::MAX), self.rate_hz)
-    }
-
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::count("slots", self.kernels.len() as u64),
             Fact::count("taps", self.counts[0]),

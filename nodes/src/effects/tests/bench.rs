@@ -5,8 +5,8 @@ use std::sync::Arc;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Buffer, Config, Descriptor, Diagnostic, Fault, Node, NodeKind, Output, Ports, Processor, Resume, Setup,
-    ShapeSpec, Source, Status, Tick, Unit,
+    Buffer, Descriptor, Node, NodeKind, Output, Prepared, Processor, Resume, Setup, ShapeSpec, Source,
+    Status, Tick, Unit,
 };
 
 /// What a script puts out in a tick, for each of its outputs.
@@ -30,32 +30,24 @@ impl Script {
         });
         Self { descriptor, play: Arc::new(play) }
     }
-}
 
-impl NodeKind for Script {
-    fn descriptor(&self) -> &Descriptor {
-        &self.descriptor
-    }
-    fn ports(&self, _: &Config<'_>) -> Result<Ports, Diagnostic> {
-        Ok(Ports { inputs: Vec::new(), outputs: self.descriptor.outputs.clone() })
-    }
-    fn prepare(&self, _: &Setup<'_>) -> Result<Box<dyn Processor>, Diagnostic> {
-        Ok(Box::new(Playing(self.play.clone())))
+    fn kind(&self) -> Arc<NodeKind> {
+        let play = self.play.clone();
+        let prepare = move |_: &Setup<'_>| Ok(Prepared::new(Playing(play.clone())));
+        Arc::new(NodeKind::new(self.descriptor.clone(), prepare))
     }
 }
 
 struct Playing(Play);
 
 impl Processor for Playing {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Result<Status, Fault> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (output, values) in (self.0)(tick.index).iter().enumerate() {
             tick.outputs.control(output).copy_from_slice(values);
         }
-        Ok(Status::Continue)
+        Status::Continue
     }
-    fn reset(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
+    fn reset(&mut self) {}
 }
 
 /// A script, the node `it` with an input of each of the script's names, and what else stands behind it.
@@ -132,7 +124,7 @@ impl Bench {
         graph.add_node("probe", "probe", &[], "test").unwrap();
         graph.add_wire(end, "probe", "test");
         let mut registry = crate::registry();
-        registry.add(self.script.clone());
+        registry.add(self.script.kind());
         let compiled = compile(&graph, &registry, asperity_graph::Options::default())
             .map_err(|e| e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
         Ok(Engine::new(compiled, Options { sleep, ..Options::default() }))

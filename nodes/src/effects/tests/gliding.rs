@@ -202,7 +202,7 @@ fn heights_that_several_slots_want_are_there_once() {
         format!("{:?}", "relief(heights: made(surface: \"hessian\", side: 64, step_mm: 0.1, piece: 2))");
     let reliefs =
         format!("[{}, {}, {other}, {}]", relief(""), relief(", gain: 2"), relief(", cutoff_hz: 300"));
-    let it = bench(500, 48_000, "relief", &[("reliefs", &reliefs)], |_| (0.0, [0.0; 2], 0.0, 1.0))
+    let mut it = bench(500, 48_000, "relief", &[("reliefs", &reliefs)], |_| (0.0, [0.0; 2], 0.0, 1.0))
         .engine("it", true)
         .unwrap();
     let facts = it.facts(it.schedule().index_of("it").unwrap());

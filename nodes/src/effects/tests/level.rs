@@ -14,8 +14,8 @@ fn level(rate_hz: u32, tick_hz: u32) -> Box<dyn Processor> {
     let config = Config { id: "it", params: &params, tick_hz, every: 1, audio_hz: 48_000, seed: 1 };
     let audio = PortType { shape: Shape::Audio { rate_hz }, unit: Unit::NEWTON, limited: false };
     let wired = [Wiring { port: Some(audio), connected: true }];
-    NodeKind::prepare(&*kind, &Setup { config, inputs: &wired, outputs: &wired, closes_cycle: false })
-        .unwrap()
+    let setup = Setup { config, inputs: &wired, outputs: &wired, closes_cycle: false };
+    NodeKind::prepare(&*kind, &setup).unwrap().processor
 }
 
 /// One tick: whether the input was wanted, the answer, and what came out.
@@ -36,9 +36,8 @@ fn step(
     let mut outputs = [audio(vec![0.0; x.len()], true)];
     let map = [0, 1, 2].map(|buffer| InputRef { buffer, connected: true });
     let inputs = Inputs::new(&inputs, &[], 3, &map);
-    let wants = it.wants(&mut Tick { index, tick_hz, inputs, outputs: Outputs::new(&mut []) }).unwrap();
-    let status =
-        it.process(&mut Tick { index, tick_hz, inputs, outputs: Outputs::new(&mut outputs) }).unwrap();
+    let wants = it.wants(&mut Tick { index, tick_hz, inputs, outputs: Outputs::new(&mut []) });
+    let status = it.run(&mut Tick { index, tick_hz, inputs, outputs: Outputs::new(&mut outputs) }).unwrap();
     let Buffer::Audio { samples, .. } = &outputs[0] else { panic!() };
     (wants, status, samples.to_vec())
 }
@@ -86,7 +85,7 @@ fn the_first_level_is_taken_at_once_and_no_slot_is_no_sound() {
     for level in [0.5, 0.25] {
         let (wants, _, out) = step(&mut *it, (7, 500), &x, (level, 3.0, true));
         assert!(wants && out.iter().all(|y| f64::from(*y) == 0.5 * level));
-        it.reset().unwrap();
+        it.reset();
     }
     step(&mut *it, (0, 500), &x, (1.0, 0.0, true));
     let (wants, status, out) = step(&mut *it, (1, 500), &x, (1.0, -1.0, true));

@@ -11,7 +11,9 @@ fn limiter(tick_hz: u32, every: u32, slew: f64) -> Box<dyn Processor> {
     params.insert("max_force_n", Some(ParamValue::Number(3.0)), None);
     params.insert("slew_n_per_s", Some(ParamValue::Number(slew)), None);
     let config = Config { id: "it", params: &params, tick_hz, every, audio_hz: 48_000, seed: 1 };
-    NodeKind::prepare(&*kind, &Setup { config, inputs: &[], outputs: &[], closes_cycle: false }).unwrap()
+    NodeKind::prepare(&*kind, &Setup { config, inputs: &[], outputs: &[], closes_cycle: false })
+        .unwrap()
+        .processor
 }
 
 fn step(it: &mut dyn Processor, force: [f64; 3], valid: bool) -> [f64; 3] {
@@ -19,7 +21,7 @@ fn step(it: &mut dyn Processor, force: [f64; 3], valid: bool) -> [f64; 3] {
     let mut outputs = [Buffer::constant(3, 0.0)];
     let map = [InputRef { buffer: 0, connected: true }];
     let inputs = Inputs::new(&inputs, &[], 1, &map);
-    it.process(&mut Tick { index: 0, tick_hz: 500, inputs, outputs: Outputs::new(&mut outputs) }).unwrap();
+    it.run(&mut Tick { index: 0, tick_hz: 500, inputs, outputs: Outputs::new(&mut outputs) }).unwrap();
     let Buffer::Control { values, .. } = &outputs[0] else { panic!() };
     values[..].try_into().unwrap()
 }
@@ -39,7 +41,7 @@ fn a_force_within_the_limit_passes_as_it_is_and_a_longer_one_keeps_its_direction
     for force in [[1e300, -1e300, 1e300], [f64::MAX; 3]] {
         assert!((length(step(&mut *it, force, true)) - 3.0).abs() < 1e-9);
     }
-    it.set_parameter(0, 0.5).unwrap();
+    it.set_parameter(0, 0.5);
     assert!((length(step(&mut *it, [3.0, 0.0, 0.0], true)) - 0.5).abs() < 1e-12);
 }
 
@@ -60,7 +62,7 @@ fn a_change_is_no_faster_than_the_slew_and_arrives() {
         }
         assert_eq!(before, target);
         // A limit that was lowered counts at once.
-        it.set_parameter(0, 0.3).unwrap();
+        it.set_parameter(0, 0.3);
         assert!((length(step(&mut *it, target, true)) - 0.3).abs() < 1e-12);
     }
 }

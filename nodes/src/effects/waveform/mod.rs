@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Resume, Settings, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Node, Param, Prepared, Processor, Resume,
+    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use super::mix::Mix;
@@ -34,11 +34,8 @@ pub struct Waveform {
     track: Track,
     mix: Mix,
     rate_hz: u32,
-    latency: Latency,
     lag_s: f64,
     tables: u64,
-    /// Recordings.
-    files: Vec<PathBuf>,
 }
 
 /// A loop as it is read.
@@ -225,25 +222,27 @@ impl Node for Waveform {
             .effect(effect())
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let mut tables = Shared::default();
         let loops = each(setup, |settings| {
             let table = tables.get(settings, || table(settings))?;
             Ok(Loop { waveform: Reader::new(table), gain: settings.number("gain") })
         })?;
         let track = Track::new(setup, setup.params.number("smooth_hz"))?;
-        Ok(Self {
+        let latency = track.latency(setup);
+        let it = Self {
             loops: Voices::new(loops),
-            latency: track.latency(setup),
             lag_s: track.lag_s(),
             track,
             mix: Mix::new(setup),
             rate_hz: setup.audio_hz,
             tables: tables.count(),
-            files: files(setup),
-        })
+        };
+        Ok(Prepared::new(it).latency(latency).files(files(setup)))
     }
+}
 
+impl Processor for Waveform {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let turned = self.loops.turn(tick.inputs.value(SLOT));
         let place = tick.inputs.control(PLACE).try_into().unwrap_or([f64::NAN; 2]);
@@ -277,15 +276,7 @@ impl Node for Waveform {
         self.loops.state(state);
     }
 
-    fn latency(&self) -> Latency {
-        self.latency
-    }
-
-    fn files(&self) -> Vec<PathBuf> {
-        self.files.clone()
-    }
-
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         let mut facts =
             vec![Fact::count("slots", self.loops.count() as u64), Fact::count("tables", self.tables)];
         if self.lag_s > 0.0 {

@@ -1,7 +1,8 @@
 //! A plugin for the tests, whose node panics when told to.
 
 use asperity_sdk::{
-    Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 /// A slow wave, but for one tick.
@@ -18,11 +19,13 @@ impl Node for Panics {
             .param(Param::flag("early", false, "While it is prepared."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         assert!(!setup.params.flag("early"), "as told, early");
-        Ok(Self { at: setup.params.integer("at") as u64 })
+        Ok(Prepared::new(Self { at: setup.params.integer("at") as u64 }))
     }
+}
 
+impl Processor for Panics {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         assert!(tick.index != self.at, "as told");
         let span = tick.samples(48_000);

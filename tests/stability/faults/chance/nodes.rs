@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use asperity_node::{
-    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, RateSpec,
-    Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit, random,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, Prepared,
+    Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit, random,
 };
 
 /// Number of injectors in a graph.
@@ -92,10 +92,12 @@ impl Node for Chance {
             .resumes(Resume::Elapsed)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(Dice::new(setup)))
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(Dice::new(setup))))
     }
+}
 
+impl Processor for Chance {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let tiny = random::bits(7, tick.index).is_multiple_of(16);
         let size = if tiny { f32::MIN_POSITIVE / 64.0 } else { 0.3 };
@@ -145,10 +147,12 @@ impl Node for ChanceGate {
             .gates("in")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self(Dice::new(setup)))
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(Dice::new(setup))))
     }
+}
 
+impl Processor for ChanceGate {
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         self.0.may_panic();
         (tick.index / 10).is_multiple_of(2)
@@ -180,10 +184,12 @@ impl Node for ChanceLoop {
             .closes_cycles("delay_ms")
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { dice: Dice::new(setup), last: vec![0.0; 96] })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { dice: Dice::new(setup), last: vec![0.0; 96] }))
     }
+}
 
+impl Processor for ChanceLoop {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.dice.may_panic();
         let span = tick.samples(48_000);
@@ -213,10 +219,12 @@ impl Node for BreaksTwice {
         Descriptor::new("breaks_twice", "Panics.").output(out)
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for BreaksTwice {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {
         panic!("as told")
     }

@@ -420,7 +420,7 @@ fn thrown(hz: f64) -> Motion {
 }
 
 /// A kind whose frames are nonsense.
-fn spoiled(kind: Arc<dyn NodeKind>) -> Arc<dyn NodeKind> {
+fn spoiled(kind: Arc<NodeKind>) -> Arc<NodeKind> {
     after(kind, |tick| {
         let index = tick.index;
         for buffer in tick.outputs.buffers() {
@@ -438,12 +438,12 @@ fn spoiled(kind: Arc<dyn NodeKind>) -> Arc<dyn NodeKind> {
 pub(super) fn own(subject: &Subject<'_>) -> Found {
     let graph = subject.its_graph()?;
     let hz = f64::from(graph.tick_hz);
-    let asks = |kind: &&Arc<dyn NodeKind>| {
+    let asks = |kind: &&Arc<NodeKind>| {
         let d = kind.descriptor();
         let frames = d.outputs.iter().any(|o| matches!(o.shape, ShapeSpec::Magnitude(_)));
         frames && graph.nodes.iter().any(|n| n.kind == d.kind)
     };
-    let networks: Vec<Arc<dyn NodeKind>> = subject.registry().iter().filter(asks).cloned().collect();
+    let networks: Vec<Arc<NodeKind>> = subject.registry().iter().filter(asks).cloned().collect();
     let mut worse = subject.clone();
     for kind in &networks {
         worse = worse.with(spoiled(kind.clone()));

@@ -85,7 +85,7 @@ struct Filter {
 
 impl Filter {
     /// A source for it, at a rate of its own or at the graph's.
-    fn source(&self, rate_hz: Option<u32>, samples: Samples) -> Arc<dyn NodeKind> {
+    fn source(&self, rate_hz: Option<u32>, samples: Samples) -> Arc<NodeKind> {
         match rate_hz {
             Some(hz) => Played::audio_at("a signal from memory", hz, self.unit.clone(), samples),
             None => Played::audio("a signal from memory", self.unit.clone(), samples),

@@ -51,12 +51,7 @@ struct Tally {
 
 impl Tally {
     /// Runs a graph, or counts its refusal.
-    fn run(
-        &mut self,
-        subject: &Subject<'_>,
-        graph: &GraphFile,
-        kinds: &[Arc<dyn NodeKind>],
-    ) -> Result<(), Not> {
+    fn run(&mut self, subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<(), Not> {
         let at = format!("{} ticks/s, {} Hz", graph.tick_hz, graph.audio_hz);
         let compiled = match subject.compile(graph, kinds) {
             Ok(compiled) => compiled,

@@ -51,7 +51,7 @@ pub enum Became {
 }
 
 /// Kinds that play in such graphs, beside the subject's own.
-fn players(tick_hz: u32) -> Vec<Arc<dyn NodeKind>> {
+fn players(tick_hz: u32) -> Vec<Arc<NodeKind>> {
     let noise = |n: u64| (2.0 * asperity_node::random::uniform(9, n) - 1.0) as f32;
     let control = |name: &str, count, unit| {
         let values = Arc::new(move |tick: u64, out: &mut [f64]| {

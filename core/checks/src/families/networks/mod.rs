@@ -81,7 +81,7 @@ pub(super) const CASES: &[Case] = &[
 ];
 
 /// Kinds, and indices of nodes.
-type Culprits = (Vec<Arc<dyn NodeKind>>, Vec<usize>);
+type Culprits = (Vec<Arc<NodeKind>>, Vec<usize>);
 
 /// All kinds with an output of magnitudes in the subject's graph, and their nodes.
 fn culprits(subject: &Subject<'_>) -> Result<Culprits, Not> {
@@ -282,7 +282,7 @@ fn told(rig: &mut Rig) -> Result<Told, Not> {
 }
 
 /// A kind whose nodes of these names multiply their outputs for some ticks.
-fn multiplied(inner: Arc<dyn NodeKind>, told: &Told, at: &[Range<u64>]) -> Arc<dyn NodeKind> {
+fn multiplied(inner: Arc<NodeKind>, told: &Told, at: &[Range<u64>]) -> Arc<NodeKind> {
     let (told, at) = (told.clone(), at.to_vec());
     let make = move |setup: &Setup<'_>| -> Process {
         let of_this = told.iter().filter(|t| t.0 == setup.id);
@@ -297,7 +297,7 @@ fn multiplied(inner: Arc<dyn NodeKind>, told: &Told, at: &[Range<u64>]) -> Arc<d
                     values.copy_from_slice(before);
                 }
             }
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             let wrong = at.iter().any(|ticks| ticks.contains(&tick.index));
             for (output, times, before) in &mut mine {
                 let values = tick.outputs.control(*output);
@@ -379,14 +379,14 @@ fn windows(troubles: &[(&'static str, f64)], tick_hz: u32) -> (Vec<Window>, u64)
 }
 
 /// A kind whose frames of magnitudes go wrong.
-fn spoiled(inner: Arc<dyn NodeKind>, wrongs: &[Wrong], windows: &[Window]) -> Arc<dyn NodeKind> {
+fn spoiled(inner: Arc<NodeKind>, wrongs: &[Wrong], windows: &[Window]) -> Arc<NodeKind> {
     let plan: Arc<[(Range<u64>, u64, Spoil)]> =
         windows.iter().zip(wrongs).map(|(at, w)| (at.wrong.clone(), w.frames, w.spoil)).collect();
     let make = move |_: &Setup<'_>| -> Process {
         let plan = plan.clone();
         let mut came = vec![0; plan.len()];
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             for ((ticks, most, spoil), came) in plan.iter().zip(&mut came) {
                 if !ticks.contains(&tick.index) || *came >= *most {
                     continue;
@@ -431,7 +431,7 @@ impl Beside {
     fn new(
         subject: &Subject<'_>,
         motion: &Motion,
-        others: Vec<Arc<dyn NodeKind>>,
+        others: Vec<Arc<NodeKind>>,
         culprits: Vec<usize>,
     ) -> Result<Self, Not> {
         let plain = Rig::new(subject, motion.clone(), &[])?;

@@ -71,7 +71,7 @@ pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Metho
 
 /// The methods that have a parameter with both of these words, set to the one and to the other.
 pub(crate) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2]) -> Vec<[Method; 2]> {
-    let has = |kind: &dyn NodeKind| {
+    let has = |kind: &NodeKind| {
         let param = kind.descriptor().params.iter().find(|p| p.name == param);
         let known = |known: &[std::borrow::Cow<'_, str>]| words.iter().all(|w| known.iter().any(|k| k == w));
         param.is_some_and(|p| matches!(&p.kind, ParamKind::Choice(all) if known(all)))

@@ -352,16 +352,16 @@ fn levels(subject: &Subject<'_>) -> Found {
 type Instead = fn(u64, usize) -> Option<f32>;
 
 /// A kind that gets wrong magnitudes in some frames. The engine itself would not pass them on.
-fn misled(inner: Arc<dyn NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<dyn NodeKind> {
+fn misled(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<NodeKind> {
     let make = move |setup: &Setup<'_>| -> Process {
         let mut given = setup.input(0).map(|port| Buffer::new(port, setup.tick_hz));
         let frames = frames.clone();
         Box::new(move |node, tick| {
             let (Some(buffer), Some(frame)) = (&mut given, tick.inputs.magnitude(0)) else {
-                return node.process(tick);
+                return node.run(tick);
             };
             if !frames.contains(&frame.index) {
-                return node.process(tick);
+                return node.run(tick);
             }
             if let Buffer::Magnitude { bins, frame: place, .. } = buffer {
                 for (k, (to, from)) in bins.iter_mut().zip(frame.bins).enumerate() {
@@ -372,7 +372,7 @@ fn misled(inner: Arc<dyn NodeKind>, frames: Range<u64>, instead: Instead) -> Arc
             let buffers = std::slice::from_ref(buffer);
             let inputs = Inputs::new(buffers, &[], 1, &[InputRef { buffer: 0, connected: true }]);
             let outputs = Outputs::new(tick.outputs.buffers());
-            node.process(&mut Tick { index: tick.index, tick_hz: tick.tick_hz, inputs, outputs })
+            node.run(&mut Tick { index: tick.index, tick_hz: tick.tick_hz, inputs, outputs })
         })
     };
     wrap(inner, Arc::new(make))

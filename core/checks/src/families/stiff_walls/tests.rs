@@ -32,7 +32,7 @@ fn by_way(subject: &Subject<'_>, from_mm: f64, n_per_mm: f64) -> Subject<'static
     let make = move |_: &asperity_node::Setup<'_>| -> Process {
         let mut before = 0.0;
         Box::new(move |node, tick| {
-            let status = node.process(tick)?;
+            let status = node.run(tick)?;
             let (z, force) = (tick.inputs.control(0)[2], tick.outputs.control(0)[0]);
             if force > 0.0 && (z - before).abs() > from_mm {
                 tick.outputs.set(0, (force + n_per_mm * (z - before)).max(0.0));

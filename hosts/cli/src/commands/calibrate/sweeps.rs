@@ -293,9 +293,8 @@ impl Disturbances {
 
 /// Whether the limiter changed anything beside DC.
 fn limited(ended: &Ended) -> bool {
-    let Some(player) = &ended.player else { return false };
-    let engine = player.engine();
-    let facts = engine.schedule().index_of("limiter").map(|i| engine.facts(i)).unwrap_or_default();
+    let limiter = ended.conductor.schedule().index_of("limiter");
+    let Some(facts) = limiter.and_then(|i| ended.facts.get(i)) else { return false };
     facts.iter().any(|f| {
         let counts = f.name.starts_with("limited_") || f.name == "reduced";
         counts && matches!(f.value, FactValue::Count(n) if n > 0)

@@ -91,8 +91,8 @@ pub fn run(args: &CasesOfPlugin) -> ExitCode {
 }
 
 /// The wanted kinds.
-fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<dyn NodeKind>>, Diagnostic> {
-    let name = |k: &Arc<dyn NodeKind>| k.descriptor().kind.to_string();
+fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<NodeKind>>, Diagnostic> {
+    let name = |k: &Arc<NodeKind>| k.descriptor().kind.to_string();
     let kinds: Vec<_> =
         plugin.kinds().iter().filter(|k| wanted.is_none_or(|w| w == name(k))).cloned().collect();
     match (kinds.is_empty(), wanted) {
@@ -106,7 +106,7 @@ fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<dyn NodeKind>>
 }
 
 /// The settings. Each must be a parameter of some kind.
-fn settings(args: &CasesOfPlugin, kinds: &[Arc<dyn NodeKind>]) -> Result<Vec<(String, String)>, Diagnostic> {
+fn settings(args: &CasesOfPlugin, kinds: &[Arc<NodeKind>]) -> Result<Vec<(String, String)>, Diagnostic> {
     let mut out = Vec::new();
     for text in &args.cases.set {
         let Some((name, value)) = text.split_once('=') else {

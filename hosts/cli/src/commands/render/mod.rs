@@ -144,6 +144,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     for recorder in recorders {
         files.push(recorder.finish()?);
     }
+    let facts = (0..engine.schedule().nodes.len()).map(|i| engine.facts(i)).collect();
     let run = Run {
         args,
         ticks: done,
@@ -151,6 +152,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         elapsed_s,
         swaps,
         engine: &engine,
+        facts,
         times: &times,
         level: &level,
     };

@@ -25,6 +25,8 @@ pub struct Run<'a> {
     /// Changes that were taken over while it ran.
     pub swaps: Vec<Swapped>,
     pub engine: &'a Engine,
+    /// Facts of each node at the end.
+    pub facts: Vec<Vec<Fact>>,
     pub times: &'a Times,
     pub level: &'a Level,
 }
@@ -119,10 +121,9 @@ pub fn out_of_range(facts: &[Fact]) -> Vec<String> {
 }
 
 /// Samples that were cut at a card's full scale.
-pub fn clipped(engine: &Engine) -> u64 {
-    let nodes = 0..engine.schedule().nodes.len();
-    let facts = nodes.flat_map(|i| engine.facts(i)).filter(|f| f.name == "clipped_samples");
-    facts.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
+pub fn clipped(facts: &[Vec<Fact>]) -> u64 {
+    let clipped = facts.iter().flatten().filter(|f| f.name == "clipped_samples");
+    clipped.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
 }
 
 /// Says how many samples were cut, and what to do.
@@ -166,7 +167,7 @@ impl Run<'_> {
                 "last_fault": report.last_fault.as_ref().map(ToString::to_string),
                 "quarantined": report.quarantined,
                 "allocation_free": node.allocation_free,
-                "facts": facts_json(&engine.facts(i)),
+                "facts": facts_json(&self.facts[i]),
             }))
         };
         let report = json!({
@@ -191,7 +192,7 @@ impl Run<'_> {
             "swaps": self.swaps.iter().map(|s| json!({ "tick": s.tick, "what": s.what })).collect::<Vec<_>>(),
             "dropped": dropped_json(schedule),
             "output": {
-                "peak": level.peak, "rms": level.rms(), "unit": level.unit, "clipped": clipped(engine),
+                "peak": level.peak, "rms": level.rms(), "unit": level.unit, "clipped": clipped(&self.facts),
             },
             "options": {
                 "seconds": args.seconds,
@@ -213,9 +214,9 @@ impl Run<'_> {
             fact.name == "executor" && matches!(&fact.value, FactValue::Text(t) if t == "tract")
         };
         let nodes = &self.engine.schedule().nodes;
-        match (0..nodes.len()).find(|&i| self.engine.facts(i).iter().any(is_tract)) {
-            Some(i) => {
-                format!("by {name}; `{}` runs by tract, which other CPUs round otherwise", nodes[i].id)
+        match nodes.iter().zip(&self.facts).find(|(_, facts)| facts.iter().any(is_tract)) {
+            Some((node, _)) => {
+                format!("by {name}; `{}` runs by tract, which other CPUs round otherwise", node.id)
             }
             None => format!("by {name}; every CPU gives the same bits"),
         }
@@ -247,20 +248,19 @@ impl Run<'_> {
             if level.peak == 0.0 {
                 line("", "silent: no gate opened, or nothing moved".into());
             }
-            if let samples @ 1.. = clipped(engine) {
+            if let samples @ 1.. = clipped(&self.facts) {
                 line("", cut_at_full_scale(samples));
             }
         }
-        for (i, node) in schedule.nodes.iter().enumerate() {
-            let facts = engine.facts(i);
+        for (node, facts) in schedule.nodes.iter().zip(&self.facts) {
             for fact in facts.iter().filter(|f| f.name == "executor") {
                 line("network", format!("`{}`: {}", node.id, fact.value));
             }
-            for text in out_of_range(&facts) {
+            for text in out_of_range(facts) {
                 line("", format!("`{}`: {text}", node.id));
             }
             if node.kind == "limiter" {
-                line("limiter", format!("`{}` {}", node.id, limited(&facts)));
+                line("limiter", format!("`{}` {}", node.id, limited(facts)));
             }
         }
         match engine.faults() {

@@ -30,14 +30,14 @@ fn figures_text(f: &[f64; 4]) -> String {
 impl Run<'_> {
     /// Samples that were cut at the card's full scale.
     fn clipped(&self) -> u64 {
-        self.ended.player.as_ref().map_or(0, |p| clipped(p.engine()))
+        clipped(&self.ended.facts)
     }
 
     /// The report as JSON.
     pub fn json(&self) -> String {
         let (view, layout) = (&self.ended.view, self.ended.conductor.layout());
         let facts = |i: usize| -> Map<String, Value> {
-            self.ended.player.as_ref().map_or_else(Map::new, |p| facts_json(&p.engine().facts(i)))
+            self.ended.facts.get(i).map_or_else(Map::new, |facts| facts_json(facts))
         };
         let nodes = layout.nodes.iter().zip(&view.nodes).enumerate().map(|(i, (node, v))| {
             json!({
@@ -152,11 +152,9 @@ impl Run<'_> {
         for (node, v) in layout.nodes.iter().zip(&view.nodes).filter(|(_, v)| v.faults > 0) {
             line("", faulty((&node.id, &node.kind), v.faults, &v.last_fault, v.quarantined));
         }
-        if let Some(player) = &self.ended.player {
-            for (i, node) in layout.nodes.iter().enumerate() {
-                for text in out_of_range(&player.engine().facts(i)) {
-                    line("network", format!("`{}`: {text}", node.id));
-                }
+        for (node, facts) in layout.nodes.iter().zip(&self.ended.facts) {
+            for text in out_of_range(facts) {
+                line("network", format!("`{}`: {text}", node.id));
             }
         }
         for path in written {

@@ -1,7 +1,8 @@
 //! `my_filter`: a node to change. It softens a signal.
 
 use asperity_sdk::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 /// A one-pole low pass.
@@ -19,10 +20,12 @@ impl Node for MyFilterNode {
             .param(Param::number("softness", 0.9, 0.0..=0.999, "How soft: 0 changes nothing.").live())
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self { memory: 0.0, softness: setup.params.number("softness") as f32 })
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self { memory: 0.0, softness: setup.params.number("softness") as f32 }))
     }
+}
 
+impl Processor for MyFilterNode {
     // Real time: nothing here may allocate, lock, print or panic.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use asperity_sdk::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Form, Input, Law, Node, Output, Param, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Form, Input, Law, Node, Output, Param, Prepared,
+    Processor, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 /// Ridges of every surface that has some: the force to leave one [N], and their spacing [mm].
@@ -47,12 +47,14 @@ impl Node for MyEffectNode {
             .effect(effect)
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let slots = setup.params.slots().iter().flatten();
         let ridges = slots.map(|settings| (settings.number("force_n"), settings.number("spacing_mm")));
-        Ok(Self { ridges: ridges.collect() })
+        Ok(Prepared::new(Self { ridges: ridges.collect() }))
     }
+}
 
+impl Processor for MyEffectNode {
     // Real time: nothing here may allocate, lock, print or panic.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let slot = tick.inputs.value(0);

@@ -8,8 +8,8 @@
 use std::f64::consts::TAU;
 
 use asperity_sdk::{
-    Complex, Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Setup, Shape, ShapeSpec,
-    State, Status, Tick, Unit, random,
+    Complex, Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor,
+    Setup, Shape, ShapeSpec, State, Status, Tick, Unit, random,
 };
 
 /// Magnitudes in, spectra out. An `overlap_add` after it makes the signal.
@@ -41,7 +41,7 @@ impl Node for MyPhaseNode {
             .param(Param::number("spread", 1.0, 0.0..=1.0, "How far start phases are spread, in turns."))
     }
 
-    fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
             return Err(setup.params.node_error("nothing settles the layout of the frames"));
         };
@@ -54,9 +54,11 @@ impl Node for MyPhaseNode {
             bad: 0,
         };
         node.reset();
-        Ok(node)
+        Ok(Prepared::new(node))
     }
+}
 
+impl Processor for MyPhaseNode {
     // Real time: nothing here may allocate, lock, print or panic.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
@@ -84,7 +86,7 @@ impl Node for MyPhaseNode {
         state.keep(&mut self.turns).keep(&mut self.before);
     }
 
-    fn facts(&self) -> Vec<Fact> {
+    fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("bad_magnitudes", self.bad)]
     }
 }
