@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Role, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
@@ -303,8 +303,7 @@ fn with_stylus_of(
 impl From<Compiled> for Rig {
     fn from(compiled: Compiled) -> Self {
         let schedule = Arc::new(compiled.schedule.clone());
-        let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
-        let drives = drives.map(|(i, _)| (i, 0)).collect();
+        let drives = schedule.with_role(Role::AudioOutput).map(|(i, _)| (i, 0)).collect();
         let felt = felt(&schedule);
         let engine = Engine::new(compiled, Options::default());
         Self { engine, schedule, drives, felt, styluses: Vec::new() }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume};
+use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume, Role};
 
 /// A compiled graph.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +45,8 @@ pub struct ScheduledNode {
     pub id: String,
     /// Its kind.
     pub kind: String,
+    /// Purpose for the host.
+    pub role: Option<Role>,
     /// Build of its kind's code; see [`NodeKind::build`](asperity_node::NodeKind::build).
     pub build: u64,
     /// The node runs every `every`-th tick.
@@ -179,6 +181,11 @@ impl Schedule {
     /// Greatest latency of any path from a source to a sink.
     pub fn latency(&self) -> Latency {
         self.paths.iter().map(|p| p.most).max().unwrap_or(Latency::ZERO)
+    }
+
+    /// Nodes with a role, each with its index.
+    pub fn with_role(&self, role: Role) -> impl Iterator<Item = (usize, &ScheduledNode)> + Clone {
+        self.nodes.iter().enumerate().filter(move |(_, node)| node.role == Some(role))
     }
 
     /// Duration of the longest source in ticks, rounded up; `None` if no source has one.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Processor, Setup};
+use crate::{Config, Descriptor, Diagnostic, Effect, Node, NodeKind, Ports, Processor, Role, Setup};
 
 /// Node kinds by name.
 #[derive(Clone, Default)]
@@ -46,6 +46,16 @@ impl Registry {
     /// A kind by name.
     pub fn get(&self, kind: &str) -> Option<&Arc<dyn NodeKind>> {
         self.kinds.get(kind)
+    }
+
+    /// Role of a kind, by its name.
+    pub fn role(&self, kind: &str) -> Option<Role> {
+        self.get(kind)?.descriptor().role
+    }
+
+    /// Names of the kinds with a role, in the order in which they were added.
+    pub fn with_role(&self, role: Role) -> impl Iterator<Item = &str> + Clone {
+        self.order.iter().map(String::as_str).filter(move |kind| self.role(kind) == Some(role))
     }
 
     /// All kinds, by name.

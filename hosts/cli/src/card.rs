@@ -15,6 +15,7 @@ use asperity_live::view::View;
 use asperity_live::{
     Ended, Ends, Listener, Reins, START_S, Session, SessionError, SessionOptions, conduct, mic,
 };
+use asperity_node::Role;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -140,8 +141,8 @@ pub struct ActuatorArgs {
 /// # Errors
 /// Options that the graph has no use for, or that do not fit it.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
-    let of = |kind: &str| schedule.nodes.iter().filter(move |n| n.kind == kind).collect::<Vec<_>>();
-    let (outs, ins) = (of("audio_out"), of("audio_in"));
+    let of = |role| schedule.with_role(role).map(|(_, node)| node).collect::<Vec<_>>();
+    let (outs, ins) = (of(Role::AudioOutput), of(Role::AudioInput));
     let (card, timer) = (&args.card, args.clock == Some(ClockKind::Timer));
     let Some(node) = outs.first().or(ins.first()) else {
         let named = [

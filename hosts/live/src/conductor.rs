@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
-use asperity_node::Params;
+use asperity_node::{Params, Role};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
@@ -21,12 +21,6 @@ use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
 
 opaque_debug!(Conductor);
-
-/// Kinds of nodes that the host feeds with the position of a hand.
-pub const HANDS: [&str; 4] = ["osc_input", "pointer_input", "openhaptics_input", "haply_input"];
-
-/// Kinds of sinks whose forces a device renders.
-pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
 
 /// Time that a scope's queue holds [s].
 const SCOPE_S: f64 = 0.25;
@@ -138,7 +132,7 @@ impl Source {
 }
 
 /// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
-/// for every node of [`HANDS`] and [`FORCES`]; a node without one stays silent. `materials`: the textures
+/// for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the textures
 /// that a person may choose.
 pub fn conduct(
     compiled: Compiled,
@@ -149,7 +143,8 @@ pub fn conduct(
     materials: Vec<Materials>,
 ) -> (Conductor, Player) {
     let schedule = Arc::new(compiled.schedule.clone());
-    let outlet = Outlet::new(&compiled, places(&schedule, &channels(graph, &schedule, "audio_out", None)));
+    let outs = channels(graph, &schedule, Role::AudioOutput, None);
+    let outlet = Outlet::new(&compiled, places(&schedule, &outs));
     let (controller, engine) = Engine::controlled(compiled, options);
     let (mut sent, wiring) = wire(0, graph, schedule, ends, None, materials);
     let gate = gate(outlet);
@@ -244,7 +239,7 @@ impl Conductor {
 
     /// Nodes that would play, by channel, if `graph` replaced the running one.
     pub fn channels_after(&self, graph: &GraphFile, schedule: &Schedule) -> Vec<String> {
-        channels(graph, schedule, "audio_out", Some(&self.sent.channels))
+        channels(graph, schedule, Role::AudioOutput, Some(&self.sent.channels))
     }
 
     /// Guards of the device's channels.
@@ -303,13 +298,9 @@ impl Conductor {
 
 /// Nodes that need a new end when `next` replaces `running`: their name is new, or their parameters differ.
 pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
-    let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
+    let outside = |n: &&ScheduledNode| matches!(n.role, Some(Role::Hand | Role::Force));
     let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
     next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
-}
-
-fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
-    kinds.contains(&node.kind.as_str())
 }
 
 /// Node of the graph before that `node` continues, with its end.
@@ -328,22 +319,19 @@ fn wire(
     materials: Vec<Materials>,
 ) -> (Sent, Box<Wiring>) {
     // The slots of the graph before are in the order of its nodes.
-    let slot = |node: &ScheduledNode, kinds: &[&str]| {
+    let slot = |node: &ScheduledNode, role| {
         let old = &before?.schedule;
         let was = goes_on(old, node)?;
-        old.nodes.iter().filter(|n| is_among(n, kinds)).position(|n| n.id == was.id)
-    };
-    let of = |kinds: &'static [&'static str]| {
-        schedule.nodes.iter().enumerate().filter(move |(_, n)| kinds.contains(&n.kind.as_str()))
+        old.with_role(role).position(|(_, n)| n.id == was.id)
     };
     let mut sources = Vec::new();
     let mut hands = Vec::new();
-    for (at, node) in of(&HANDS) {
+    for (at, node) in schedule.with_role(Role::Hand) {
         let timeline = ends.hands.remove(&node.id).map(|reader| {
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
-        let from = slot(node, &HANDS).filter(|_| timeline.is_none());
+        let from = slot(node, Role::Hand).filter(|_| timeline.is_none());
         let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
         let source = match (was, from) {
             (Some(was), Some(_)) => was.clone(),
@@ -358,9 +346,9 @@ fn wire(
         hands.push(HandSlot { node: at, from, timeline, meter });
     }
     let mut forces = Vec::new();
-    for (at, node) in of(&FORCES) {
+    for (at, node) in schedule.with_role(Role::Force) {
         let writer = ends.forces.remove(&node.id);
-        let from = slot(node, &FORCES).filter(|_| writer.is_none());
+        let from = slot(node, Role::Force).filter(|_| writer.is_none());
         forces.push(ForceSlot { node: at, max_force_n: node.params.number("max_force_n"), writer, from });
     }
     let (mut scopes_out, mut scopes_in) = (Vec::new(), Vec::new());
@@ -370,14 +358,17 @@ fn wire(
         scopes_in.push(from);
     }
     let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());
-    for (at, node) in of(&["file_out", "probe"]).filter(|(_, n)| !n.params.text("file").is_empty()) {
+    let recorders = schedule.nodes.iter().enumerate().filter(|(_, node)| {
+        matches!(node.role, Some(Role::Recorder | Role::Probe)) && !node.params.text("file").is_empty()
+    });
+    for (at, node) in recorders {
         if let Some((to, from)) = tape(at, node, schedule.tick_hz) {
             tapes_out.push(to);
             tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader: from });
         }
     }
-    let channels = channels(graph, &schedule, "audio_out", before.map(|b| &b.channels));
-    let recorded = self::channels(graph, &schedule, "audio_in", before.map(|b| &b.recorded));
+    let channels = channels(graph, &schedule, Role::AudioOutput, before.map(|b| &b.channels));
+    let recorded = self::channels(graph, &schedule, Role::AudioInput, before.map(|b| &b.recorded));
     let outs = places(&schedule, &channels);
     let meters = NodeMeters::new(&schedule, before.map(|b| (&*b.schedule, &*b.meters)));
     let meters = Arc::new(meters);
@@ -410,9 +401,9 @@ fn wire(
     )
 }
 
-/// Nodes of a kind by channel of the device: in the file's order at first; later each keeps its channel.
-fn channels(graph: &GraphFile, schedule: &Schedule, kind: &str, was: Option<&Vec<String>>) -> Vec<String> {
-    let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
+/// Nodes of a role by channel of the device: in the file's order at first; later each keeps its channel.
+fn channels(graph: &GraphFile, schedule: &Schedule, role: Role, was: Option<&Vec<String>>) -> Vec<String> {
+    let there = |id: &str| schedule.with_role(role).any(|(_, n)| n.id == id);
     let declared = graph.nodes.iter().map(|n| n.id.as_str());
     let ids: Vec<String> = declared.filter(|id| there(id)).map(str::to_owned).collect();
     was.map_or(ids.clone(), |was| kept_in_place(was, &ids))

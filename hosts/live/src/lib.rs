@@ -39,7 +39,7 @@ pub mod view;
 
 pub use apart::apart;
 pub use asperity_audio::now_ns;
-pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, FORCES, HANDS, Recorded, conduct, needs_ends};
+pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, Recorded, conduct, needs_ends};
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use meters::{Count, Histogram, Meters, Record};

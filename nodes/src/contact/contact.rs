@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::since::Since;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Resume, Setup, ShapeSpec, State,
-    Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Resume, Role, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
@@ -144,6 +144,7 @@ impl Node for Contact {
             "contact",
             "Which surface of a scene a stylus touches, where and how; what each effect is to do about it.",
         )
+        .role(Role::Contact)
         .input(Input::new("position", ShapeSpec::Control(3), MM).doc("x, y, z of the stylus, z up"))
         .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
         .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))

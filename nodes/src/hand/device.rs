@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Param, Resume, Role, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 use super::{pass_on, ports, timing};
@@ -25,18 +25,18 @@ pub struct OpenHaptics;
 
 impl Device for OpenHaptics {
     fn input() -> Descriptor {
-        Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.").param(
-            Param::text(
+        Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.")
+            .role(Role::Hand)
+            .param(Param::text(
                 "library",
                 "",
                 "The vendor's library libHD; empty to look where systems keep theirs.",
-            ),
-        )
+            ))
     }
 
     fn force() -> (Descriptor, f64) {
         let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
-        (Descriptor::new("openhaptics_force", summary), 3.3)
+        (Descriptor::new("openhaptics_force", summary).role(Role::Force), 3.3)
     }
 
     const NAME: &str = "Name of the device as its set-up tool knows it; empty for the default.";
@@ -48,16 +48,14 @@ pub struct Haply;
 
 impl Device for Haply {
     fn input() -> Descriptor {
-        Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.").param(Param::text(
-            "service",
-            "ws://localhost:10001",
-            "Address of the Haply service.",
-        ))
+        Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.")
+            .role(Role::Hand)
+            .param(Param::text("service", "ws://localhost:10001", "Address of the Haply service."))
     }
 
     fn force() -> (Descriptor, f64) {
         let summary = "Renders a plane on an Inverse3, in the loop that talks to it.";
-        (Descriptor::new("haply_force", summary), 3.0)
+        (Descriptor::new("haply_force", summary).role(Role::Force), 3.0)
     }
 
     const NAME: &str = "Id of the device; empty where there is one.";

@@ -1,6 +1,6 @@
 //! `osc_input`: a hand over the network.
 
-use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, Tick, Unit};
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Role, Setup, Status, Tick, Unit};
 
 use super::{pass_on, place, ports, timing};
 
@@ -13,6 +13,7 @@ pub struct OscInput {
 impl Node for OscInput {
     fn descriptor() -> Descriptor {
         let it = Descriptor::new("osc_input", "A stylus that some other program tracks, over OSC (UDP).")
+            .role(Role::Hand)
             .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen at."))
             .param(Param::flag(
                 "anywhere",

@@ -1,6 +1,6 @@
 //! `pointer_input`: a hand with a mouse, a finger or a pen on the live page.
 
-use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Setup, Status, Tick, Unit};
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Resume, Role, Setup, Status, Tick, Unit};
 
 use super::{place, ports, timing};
 
@@ -16,6 +16,7 @@ impl Node for PointerInput {
     fn descriptor() -> Descriptor {
         let it =
             Descriptor::new("pointer_input", "A mouse, finger or pen on the live page: pressure is force.")
+                .role(Role::Hand)
                 .param(Param::number("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface.").unit("mm"))
                 .param(
                     Param::number(

@@ -2,7 +2,7 @@
 
 use asperity_motion::{self, Shape, StrokeParams};
 use asperity_node::{
-    Descriptor, Diagnostic, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Latency, Node, Output, Param, Resume, Role, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
 use super::microseconds;
@@ -16,6 +16,7 @@ impl Node for Stroke {
             "stroke",
             "Makes a stroke: zigzag, circle or line, with tremor, approach and lift-off.",
         )
+        .role(Role::Stroke)
         .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
         .param(Param::choice(
             "shape",

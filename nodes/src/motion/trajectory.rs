@@ -3,7 +3,8 @@
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Output, Param, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Latency, Node, Output, Param, Resume, Role, Setup, ShapeSpec, Status, Tick,
+    Unit,
 };
 
 use super::microseconds;
@@ -20,6 +21,7 @@ pub struct Trajectory {
 impl Node for Trajectory {
     fn descriptor() -> Descriptor {
         Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
+            .role(Role::Stroke)
             .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
             .output(
                 Output::new("force", ShapeSpec::Control(1), Unit::NEWTON)

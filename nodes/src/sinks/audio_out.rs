@@ -1,8 +1,8 @@
 //! `audio_out`: the way to the actuator.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Setup, ShapeSpec, State, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, RateSpec, Role, Setup, ShapeSpec, State,
+    Status, Tick, Unit,
 };
 
 /// How long the output takes to fade when what it depends on fails, in seconds.
@@ -26,6 +26,7 @@ impl Node for AudioOut {
             "audio_out",
             "Plays a limited current or voltage through the sound card; offline, the WAV file.",
         )
+        .role(Role::AudioOutput)
         .input(
             Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
                 .unit_among('u', DRIVES)

@@ -1,8 +1,8 @@
 //! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
 
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, RateSpec, Resume, Setup, ShapeSpec,
-    Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, RateSpec, Resume, Role, Setup,
+    ShapeSpec, Status, Tick, Unit, UnitSpec,
 };
 
 /// Reads a channel of the device and scales it.
@@ -16,6 +16,7 @@ impl Node for AudioIn {
             "audio_in",
             "Reads a channel of the sound card, such as an accelerometer on a line input.",
         )
+        .role(Role::AudioInput)
         .input(
             Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
                 .fed()

@@ -2,7 +2,7 @@
 
 use asperity_dsp::{Float, Framing, overlap_add};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Setup, Shape,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, RateSpec, Role, Setup, Shape,
     ShapeSpec, State, Status, Tick, Unit,
 };
 
@@ -20,6 +20,7 @@ pub struct OverlapAdd<T> {
 impl<T: Float> Node for OverlapAdd<T> {
     fn descriptor() -> Descriptor {
         Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
+            .role(Role::OverlapAdd)
             .input(
                 Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')

@@ -3,7 +3,7 @@
 use asperity_dsp::shaped_noise::PATTERN_LEN;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
-    Output, Param, Ports, Setup, ShapeSpec, Status, Tick, Unit,
+    Output, Param, Ports, Role, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{
@@ -85,6 +85,7 @@ impl Node for TextureNetwork {
             "texture_network",
             "Predicts the vibration of touching a material: an ONNX model's magnitudes of the next 0.1 s.",
         )
+        .role(Role::TextureNetwork)
         .input(
             Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON)
                 .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on"),

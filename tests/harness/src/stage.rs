@@ -8,7 +8,7 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
-use asperity_node::{Buffer, Registry};
+use asperity_node::{Buffer, Registry, Role};
 
 /// A graph from its rates, nodes and wires.
 pub fn graph(
@@ -44,8 +44,7 @@ pub fn one_voice() -> (GraphFile, Compiled) {
 /// Samples of every `audio_out` of a graph, run by the engine alone: at least so many of each.
 pub fn offline(compiled: Compiled, samples: usize) -> Vec<Vec<f32>> {
     let mut engine = Engine::new(compiled, Options::default());
-    let nodes = engine.schedule().nodes.iter().enumerate();
-    let outs: Vec<usize> = nodes.filter(|(_, n)| n.kind == "audio_out").map(|(i, _)| i).collect();
+    let outs: Vec<usize> = engine.schedule().with_role(Role::AudioOutput).map(|(i, _)| i).collect();
     let mut heard = vec![Vec::new(); outs.len()];
     while heard[0].len() < samples {
         engine.tick();

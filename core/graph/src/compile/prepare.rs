@@ -207,6 +207,7 @@ fn scheduled(
     ScheduledNode {
         id: decl.id.clone(),
         kind: decl.kind.clone(),
+        role: descriptor.role,
         build: node.kind.build(),
         every: decl.every,
         params: node.params.clone(),

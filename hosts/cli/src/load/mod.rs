@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
-use asperity_node::{Registry, Shape};
+use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
 use crate::failure::{Failure, clean, warn};
@@ -172,7 +172,7 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let (whole, _) = read(&args, &mut kinds)?;
     let registry = kinds.registry(Some(&whole))?;
     let mut graph = whole.clone();
-    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
     let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
     graph.wires.retain(|w| ids.contains(&w.to.node));
     Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
@@ -221,7 +221,7 @@ pub fn warn_about(schedule: &Schedule) {
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
-        let emission = node.params.get_number("emission").filter(|_| node.kind == "sample_commit");
+        let emission = node.params.get_number("emission");
         let frames = node.inputs.first().and_then(frames_a_window);
         // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,
         // 2 times at 0.8, 9 times at 0.95.
@@ -238,7 +238,7 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
             ));
         }
     }
-    let drives = |n: &&ScheduledNode| matches!(n.kind.as_str(), "actuator_inverse" | "limiter");
+    let drives = |n: &&ScheduledNode| matches!(n.role, Some(Role::ActuatorInverse | Role::Limiter));
     let drives: Vec<_> = schedule.nodes.iter().filter(drives).collect();
     for pair in drives.windows(2) {
         for name in ["profile", "handle_mass_g"] {

@@ -16,7 +16,7 @@ use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_engine::{Clock, Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_live::Outlet;
-use asperity_node::{Buffer, Shape, time};
+use asperity_node::{Buffer, Role, Shape, time};
 use indicatif::ProgressBar;
 
 use crate::failure::{Failure, be_quiet, print, progress, wrong};
@@ -216,7 +216,7 @@ fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Fai
         let channels = Master::channels(schedule).len() as u64;
         Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
     }
-    for node in schedule.nodes.iter().filter(|n| n.kind == "file_out") {
+    for (_, node) in schedule.with_role(Role::Recorder) {
         if let (Some(path), Shape::Audio { rate_hz }) = (recorder::file_of(node), node.outputs[0].port.shape)
             && ending(path) == "wav"
         {

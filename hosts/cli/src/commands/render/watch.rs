@@ -9,6 +9,7 @@ use std::thread::JoinHandle;
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::Outlet;
+use asperity_node::Role;
 use indicatif::ProgressBar;
 
 use super::recorder::{Master, file_of};
@@ -187,7 +188,7 @@ fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
 }
 
 fn is_recorded(node: &ScheduledNode) -> bool {
-    node.kind == "audio_out" || file_of(node).is_some()
+    node.role == Some(Role::AudioOutput) || file_of(node).is_some()
 }
 
 fn shape(node: &ScheduledNode) -> String {

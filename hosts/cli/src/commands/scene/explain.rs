@@ -10,7 +10,7 @@ use std::time::Instant;
 use asperity_accuracy::timing::Recorder;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
-use asperity_node::Buffer;
+use asperity_node::{Buffer, Role};
 use asperity_scene::space::Form;
 use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde_json::{Value, json};
@@ -353,8 +353,8 @@ impl Account {
             compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
         // Walls and volumes have an output each.
         let contact = ["surface", "volume"].map(|name| {
-            let node = compiled.schedule.nodes.iter().position(|n| n.kind == "contact")?;
-            let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
+            let (node, of) = compiled.schedule.with_role(Role::Contact).next()?;
+            let output = of.outputs.iter().position(|o| o.name == name)?;
             Some((node, output))
         });
         let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
@@ -465,8 +465,8 @@ fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Mode
             format!("{}: {}{more}", plural(n, "material"), names.join(", "))
         }
     };
-    let networks = schedule.nodes.iter().filter(|node| node.kind == "texture_network");
-    let nodes: Vec<String> = networks.map(|node| node.id.clone()).collect();
+    let networks = schedule.with_role(Role::TextureNetwork);
+    let nodes: Vec<String> = networks.map(|(_, node)| node.id.clone()).collect();
     let runs = cost(account, &nodes);
     // The library is read only when the model is loaded.
     [("model", runs), ("library", runs.map(|_| 0.0))]
