@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 fn compiled(text: &str) -> Result<Compiled, String> {
     let graph = GraphFile::parse(&Source::new("g.ron", text)).map_err(|e| e.to_string())?;
-    compile(&graph, &asperity_nodes::registry(), Default::default())
+    compile(&graph, &harness::registry(), Default::default())
         .map_err(|e| e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
 }
 
@@ -260,7 +260,7 @@ fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
                 [(\"s\", \"f\"), (\"f.force\", \"p\"), (\"f.depth\", \"idle\"), (\"loose\", \"after\")])";
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
     let options = asperity_graph::Options { prune: false };
-    let s = compile(&graph, &asperity_nodes::registry(), options).expect("it compiles").schedule;
+    let s = compile(&graph, &harness::registry(), options).expect("it compiles").schedule;
     assert!(s.index_of("idle").is_some() && s.index_of("loose").is_none() && s.index_of("after").is_none());
     assert_eq!(s.dropped.len(), 2);
 }
@@ -299,7 +299,7 @@ fn thousand_wrong_names_are_all_told_and_a_hundred_guessed() {
     let wires: Vec<String> = (1..1000).map(|i| format!("(\"g{}x\", \"g{i}\")", i - 1)).collect();
     let text = format!("Graph(version: 1, nodes: {{{}}}, wires: [{}])", nodes.join(", "), wires.join(", "));
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
-    let errors = compile(&graph, &asperity_nodes::registry(), Default::default()).unwrap_err();
+    let errors = compile(&graph, &harness::registry(), Default::default()).unwrap_err();
     assert_eq!(errors.len(), 999);
     assert_eq!(errors[7].help.as_deref(), Some("did you mean `g7`?"));
     assert!(errors.iter().all(|e| e.message.starts_with("there is no node `g") && e.place.is_some()));

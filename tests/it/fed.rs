@@ -17,7 +17,7 @@ fn engine(nodes: &str, wires: &str) -> (Controller, Engine) {
 }
 
 fn registry() -> Registry {
-    asperity_nodes::registry()
+    harness::registry()
 }
 
 fn node(engine: &Engine, id: &str) -> usize {

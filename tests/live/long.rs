@@ -129,7 +129,7 @@ fn player(tick_hz: u32) -> (asperity_live::Conductor, Player) {
     for set in ["stylus.shape=circle", "stylus.duration_s=1e6", &format!("tick_hz={tick_hz}")] {
         graph.set(set, "the test").expect("a setting");
     }
-    let compiled = harness::graph::compiled(&graph, &asperity_nodes::registry());
+    let compiled = harness::graph::compiled(&graph, &harness::registry());
     conduct(compiled, &graph, EngineOptions::default(), Ends::default(), None, Vec::new())
 }
 

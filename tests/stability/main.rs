@@ -54,7 +54,7 @@ fn scene(name: &str) -> GraphFile {
 
 /// The built-in kinds, perhaps with a graph.
 fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
-    let subject = Subject::new(asperity_nodes::registry()).effort(effort());
+    let subject = Subject::new(harness::registry()).effort(effort());
     if let Some(graph) = graph { subject.graph(graph) } else { subject }
 }
 

@@ -44,7 +44,7 @@ pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use meters::{Count, Histogram, Meters, Record};
 pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
-pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic};
+pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use reins::{Reins, Unheard};
 pub use remote_clock::{Order, RemoteClock};

@@ -103,7 +103,7 @@ impl Node for Source {
 }
 
 pub fn registry() -> Registry {
-    asperity_nodes::registry().with::<Source>()
+    crate::registry().with::<Source>()
 }
 
 /// Parameters that a kind must be given.

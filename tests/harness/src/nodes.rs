@@ -347,7 +347,7 @@ impl Node for Slow {
 
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
-    asperity_nodes::registry()
+    crate::registry()
         .with::<Counter>()
         .with::<Faulty>()
         .with::<Memory<0>>()

@@ -38,7 +38,7 @@ pub fn voice(id: &str, hz: f64, amps: f64) -> (String, String) {
 /// One sine of 80 Hz, at 500 ticks/s and 48 kHz.
 pub fn one_voice() -> (GraphFile, Compiled) {
     let (nodes, wires) = voice("out", 80.0, 0.1);
-    graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
+    graph(&crate::registry(), (500, 48_000), &nodes, &wires)
 }
 
 /// Samples of every `audio_out` of a graph, run by the engine alone: at least so many of each.

@@ -33,7 +33,7 @@ fn attack(limiter: &str, params: &str) -> (String, String) {
 
 fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
     let (nodes, wires) = attack(limiter, params);
-    graph(&asperity_nodes::registry(), (500, RATE), &nodes, &wires)
+    graph(&harness::registry(), (500, RATE), &nodes, &wires)
 }
 
 fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
@@ -98,7 +98,7 @@ fn limiter_that_goes_and_comes_back_lifts_no_limit() {
         let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
                        "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let wires = r#"("hush", "other"), ("other", "out")"#;
-        graph(&asperity_nodes::registry(), (500, RATE), nodes, wires)
+        graph(&harness::registry(), (500, RATE), nodes, wires)
     };
     for every_s in [0.05, 0.3, 1.0] {
         let played = play("comes back", every_s, |session, n| {
@@ -161,7 +161,7 @@ fn two_outputs_that_change_names_stay_within_their_limits() {
         if n % 2 == 1 {
             std::mem::swap(&mut a, &mut b);
         }
-        graph(&asperity_nodes::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
+        graph(&harness::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
     };
     let card = Simulated::new("both", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });

@@ -22,7 +22,7 @@ const TICKS_HZ: [u32; 5] = [100, 500, 1000, 2500, 4000];
 fn tones(rates: (u32, u32), outs: usize) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
     let voices = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
     let (nodes, wires): (Vec<_>, Vec<_>) = voices.into_iter().take(outs).unzip();
-    graph(&asperity_nodes::registry(), rates, &nodes.concat(), &wires.concat())
+    graph(&harness::registry(), rates, &nodes.concat(), &wires.concat())
 }
 
 /// A quarter of a second of one case.

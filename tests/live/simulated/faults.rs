@@ -309,7 +309,7 @@ fn panicking_node_is_named_and_every_clock_goes_on() {
     let _alone = real_time();
     for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
         let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
-        let registry = asperity_nodes::registry().with::<Breaks>();
+        let registry = harness::registry().with::<Breaks>();
         let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
         let options = options(&card, clock);
@@ -355,7 +355,7 @@ impl Node for Fails {
 fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
     let _alone = real_time();
     let card = Simulated::new("node", by_hand()).expect("a card");
-    let registry = asperity_nodes::registry().with::<Fails>();
+    let registry = harness::registry().with::<Fails>();
     let nodes = r#""bad": (kind: "fails"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
     let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
     let mut session = start(graph, options(&card, Clock::Callback));

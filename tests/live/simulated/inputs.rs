@@ -19,7 +19,7 @@ fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
         r#"{nodes} "in": (kind: "audio_in", params: (channel: 1)),
            "file": (kind: "file_out", params: (file: "in.wav")),"#
     );
-    graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &format!(r#"{wires} ("in", "file")"#))
+    graph(&harness::registry(), (500, 48_000), &nodes, &format!(r#"{wires} ("in", "file")"#))
 }
 
 /// All that a sink recorded, with nothing left out.
@@ -118,7 +118,7 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
         ("out limiter", "out"),"#;
     let (to, reader) = samples();
     let ends = Ends { hands: [("hand".to_owned(), reader)].into(), ..Ends::default() };
-    let graph = graph(&asperity_nodes::registry(), (500, 48_000), &nodes, wires);
+    let graph = graph(&harness::registry(), (500, 48_000), &nodes, wires);
     (start_with(graph, ends, None, options(card, clock)), Hand::new(to))
 }
 

@@ -20,7 +20,7 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
         &format!("(profile: \"hapcoil_one\", slew_hz: {dc_corner_hz:?})"),
     );
     let (more, more_wires) = voice("b", 123.0, 0.07);
-    graph(&asperity_nodes::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
+    graph(&harness::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
     (0..50).for_each(|_| card.step(97));
     for rates in [(1000, 48_000), (500, 44_100)] {
         let (nodes, wires) = voice("a", 80.0, 0.1);
-        let (file, compiled) = graph(&asperity_nodes::registry(), rates, &nodes, &wires);
+        let (file, compiled) = graph(&harness::registry(), rates, &nodes, &wires);
         let refused = session.conductor().swap(compiled, &file, &[], Ends::default(), Vec::new());
         assert!(refused.is_err());
         assert_eq!(session.conductor().layout().number, 0);
@@ -104,7 +104,7 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
                "force": (kind: "probe", params: (file: "f.csv")),"#
         );
         let wires = format!(r#"{wires} ("hand.force", "gain"), ("gain", "force")"#);
-        graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
+        graph(&harness::registry(), (500, 48_000), &nodes, &wires)
     };
     let card = Simulated::new("swapped hand", by_hand()).expect("a card");
     let (mut writer, reader) = samples();

@@ -65,7 +65,7 @@ impl Node for Spins {
 
 /// A run of a node that spins on channel 1, and of a tone on channel 2, by the paced driver.
 fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
-    let registry = asperity_nodes::registry().with::<Spins>();
+    let registry = harness::registry().with::<Spins>();
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
         r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",

@@ -13,7 +13,7 @@ use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
 use crate::failure::{Failure, clean, warn};
-use crate::kinds::Kinds;
+use crate::kinds::{self, Kinds};
 
 /// A graph and changes to it.
 #[derive(Clone, Debug, clap::Args)]
@@ -26,9 +26,7 @@ pub struct GraphArgs {
     /// Play this CSV in place of the graph's trajectory, stroke or hand
     #[arg(long, value_name = "TRAJ.csv")]
     pub input: Option<PathBuf>,
-    /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics,
-    /// haply
-    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
+    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,
     /// Keep nodes that lead to no sink; build the nodes of effects that no surface of a scene has
     #[arg(long)]
@@ -38,6 +36,13 @@ pub struct GraphArgs {
     pub strict: bool,
     #[command(flatten)]
     pub plugins: PluginArgs,
+}
+
+/// Help of `--hand`.
+fn hand_help() -> String {
+    let registry = asperity_hand::register(Registry::new());
+    let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
+    format!("Let a hand move the stylus in place of the graph's trajectory or stroke: {}", hands.join(", "))
 }
 
 /// Plugins to load.
@@ -198,10 +203,10 @@ fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(
 /// A graph with the changes of the command line.
 fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
     if let Some(input) = &args.input {
-        stylus::play(&mut graph, input)?;
+        stylus::play(&mut graph, &kinds::built_in(), input)?;
     }
     if let Some(hand) = &args.hand {
-        stylus::take_in_hand(&mut graph, hand)?;
+        stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
     }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;

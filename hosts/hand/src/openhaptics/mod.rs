@@ -15,6 +15,7 @@ mod callback;
 mod library;
 
 use std::ffi::{CString, c_uint, c_ulong};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Acquire, Ordering::Relaxed};
@@ -23,10 +24,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter};
+use asperity_node::{Descriptor, Param, Params, Registry};
 
+use crate::device::text;
 use crate::handle::{Handle, Shared, spawn};
+use crate::node::{Arm, ArmForce, ArmInput};
 use crate::servo::{Limits, Servo};
-use crate::{Device, Frame, HandError};
+use crate::{Device, Frame, HandDevice, HandError, Open};
 use callback::{Parked, Signals, Tick};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
 
@@ -74,6 +78,63 @@ impl OpenHapticsOptions {
 impl Default for OpenHapticsOptions {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+/// The kind of devices.
+pub struct OpenHaptics;
+
+impl Arm for OpenHaptics {
+    fn input() -> Descriptor {
+        Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.").param(
+            Param::text(
+                "library",
+                "",
+                "The vendor's library libHD; empty to look where systems keep theirs.",
+            ),
+        )
+    }
+
+    fn force() -> (Descriptor, f64) {
+        let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
+        (Descriptor::new("openhaptics_force", summary), 3.3)
+    }
+
+    const NAME: &str = "Name of the device as its set-up tool knows it; empty for the default.";
+    const AXES: &str = "x,-z,y";
+}
+
+impl HandDevice for OpenHaptics {
+    fn input(&self) -> &'static str {
+        "openhaptics_input"
+    }
+
+    fn force(&self) -> Option<&'static str> {
+        Some("openhaptics_force")
+    }
+
+    fn register(&self, registry: Registry) -> Registry {
+        registry.with::<ArmInput<Self>>().with::<ArmForce<Self>>()
+    }
+
+    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, HandError> {
+        let options = OpenHapticsOptions {
+            device: text(params, "device"),
+            library: text(params, "library").map(PathBuf::from),
+            frame: Frame::new(params.text("axes"), [0.0; 3])?,
+            max_force_n,
+            ..OpenHapticsOptions::new()
+        };
+        Ok(Box::new(|writer, models| start(options, writer, models)))
+    }
+
+    /// The library has one scheduler.
+    fn excludes(&self, _params: &Params, _open: &Params, _address: Option<SocketAddr>) -> bool {
+        true
+    }
+
+    fn servo_hz(&self) -> f64 {
+        f64::from(SERVO_HZ)
     }
 }
 

@@ -25,11 +25,14 @@ use crate::outlet::Seen;
 
 opaque_debug!(Player);
 
-/// Input indices of nodes that the host feeds with a hand.
-mod place {
-    pub(super) const POSITION: usize = 0;
-    pub(super) const FORCE: usize = 1;
-    pub(super) const STROKE: usize = 2;
+/// Inputs of a node with the role [`Hand`](asperity_node::Role::Hand) that the player feeds, by index.
+pub mod place {
+    /// x, y, z \[mm\].
+    pub const POSITION: usize = 0;
+    /// Force \[N\], or pressure from 0 to 1.
+    pub const FORCE: usize = 1;
+    /// Number of the touch.
+    pub const STROKE: usize = 2;
 }
 
 /// The program's clock for the engine during a tick; notes which node is called.

@@ -228,9 +228,5 @@ impl Node for BreaksTwice {
 
 /// The built-in kinds and these.
 pub(super) fn registry() -> Registry {
-    asperity_nodes::registry()
-        .with::<Chance>()
-        .with::<ChanceGate>()
-        .with::<ChanceLoop>()
-        .with::<BreaksTwice>()
+    harness::registry().with::<Chance>().with::<ChanceGate>().with::<ChanceLoop>().with::<BreaksTwice>()
 }

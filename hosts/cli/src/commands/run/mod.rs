@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use asperity_engine::Options;
 use asperity_live::view::{Condition, Layout, Request, View};
-use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
-use asperity_node::Fault;
+use asperity_live::{DOES_NOT_COME_BACK, Session, conduct, mic};
+use asperity_node::{Fault, Role};
 
 use crate::card::{self, DeviceArgs, Player};
 use crate::failure::{Failure, print, warn};
@@ -93,13 +93,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
     let mut hands = Hands::default();
-    let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
-    let ids: Vec<String> = schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
+    let outside = [Role::Hand, Role::Force].into_iter().flat_map(|role| schedule.with_role(role));
+    let ids: Vec<String> = outside.map(|(_, node)| node.id.clone()).collect();
     let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
     let ends = std::mem::take(&mut opened.ends);
     hands.go_on_with(opened, schedule);
     if args.page.is_none() {
-        for node in schedule.nodes.iter().filter(|n| n.kind == "pointer_input") {
+        for node in hands::pointers(schedule) {
             warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
         }
     }
@@ -112,10 +112,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     editor.hold_to(coils.ceiling());
     let session_options = card::options(&args.device, request, coils);
     let mut shows = Shows::open(args, &session_options.reins, &mut hands)?;
-    for node in schedule.nodes.iter().filter(|n| n.kind == "osc_input") {
-        let [address, arguments, listen] = ["address", "arguments", "listen"].map(|p| node.params.text(p));
-        shows.say(&format!("`{}` waits for OSC messages {address} ({arguments}) at {listen}", node.id));
-    }
+    hands::invitations(schedule).for_each(|invitation| shows.say(&invitation));
     let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
@@ -232,7 +229,8 @@ impl Stage {
             }
             self.stuck = stuck;
             let (condition, losses) = (view.condition, view.losses);
-            shows.show(view, session.conductor().layout(), hands);
+            let conductor = session.conductor();
+            shows.show(view, conductor.layout(), conductor.schedule(), hands);
             if !session.goes_on() {
                 return Err(Failure::Machine(match condition {
                     Condition::Failed => "the engine panicked, and the output was ramped down".into(),

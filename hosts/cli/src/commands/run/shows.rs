@@ -5,13 +5,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use asperity_graph::Schedule;
 use asperity_live::Reins;
 use asperity_live::view::{Layout, View};
 use asperity_page::{Feed, Page, serve};
 use asperity_terminal::Terminal;
 
 use super::Args;
-use super::hands::Hands;
+use super::hands::{Hands, pointers};
 use crate::failure::{Failure, complain};
 
 /// The page, the terminal and the messages of a run.
@@ -63,7 +64,7 @@ impl Shows {
     }
 
     /// Shows the current figures, and the graph if it changed.
-    pub fn show(&mut self, view: View, layout: &Layout, hands: &mut Hands) {
+    pub fn show(&mut self, view: View, layout: &Layout, schedule: &Schedule, hands: &mut Hands) {
         if let Some(pointer) = hands.take_pointer() {
             match &self.page {
                 Some((page, _)) => page.set_pointer(Some(pointer)),
@@ -74,7 +75,7 @@ impl Shows {
         }
         if self.layout.as_ref() != Some(layout) {
             if let Some((page, feed)) = &self.page {
-                if layout.nodes.iter().all(|node| node.kind != "pointer_input") {
+                if pointers(schedule).next().is_none() {
                     page.set_pointer(None);
                 }
                 feed.publish_layout(layout.clone());
