@@ -13,7 +13,7 @@ use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{
-    Ended, Ends, Listener, Reins, START_S, Session, SessionError, SessionOptions, conduct, mic,
+    Ended, Ends, Listener, RunControl, START_S, Session, SessionError, SessionOptions, conduct, mic,
 };
 use asperity_node::Role;
 use clap::ValueEnum;
@@ -227,7 +227,7 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
         reconnect: !args.no_reconnect,
         start_s: START_S,
         realtime: true,
-        reins: Reins::stopped_by(stop_flag()),
+        run_control: RunControl::stopped_by(stop_flag()),
         keeper: Some(Box::new(coils)),
     }
 }

@@ -7,7 +7,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
+use asperity_live::{Ended, Ends, MicReader, MicWriter, RunControl, Session, SessionOptions, conduct};
 use asperity_node::{Buffer, Registry, Role};
 
 /// A graph from its rates, nodes and wires.
@@ -76,7 +76,7 @@ pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
         reconnect: true,
         start_s: 0.0,
         realtime: false,
-        reins: Reins::default(),
+        run_control: RunControl::default(),
         keeper: None,
     }
 }

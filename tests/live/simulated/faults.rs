@@ -48,10 +48,10 @@ fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
-    session.reins().mute(true);
+    session.run_control().mute(true);
     assert_eq!(session.view().condition, Condition::Muted);
     (0..40).for_each(|_| card.step(97));
-    session.reins().mute(false);
+    session.run_control().mute(false);
     (0..200).for_each(|_| card.step(97));
     assert_eq!(session.view().condition, Condition::Playing);
     let all = heard(&card);

@@ -11,7 +11,7 @@ use asperity_audio::simulated::Simulated;
 use asperity_engine::Options;
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
-use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, conduct};
+use asperity_live::{DOES_NOT_COME_BACK, Ends, RunControl, Session, SessionOptions, conduct};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
@@ -82,7 +82,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
         reconnect: true,
         start_s: 0.0,
         realtime: false,
-        reins: Reins::default(),
+        run_control: RunControl::default(),
         keeper: None,
     };
     Session::start(conductor, player, None, options).expect("it starts")

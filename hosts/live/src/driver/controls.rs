@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*}
 use std::time::Duration;
 
 use super::Options;
-use crate::Reins;
+use crate::RunControl;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
@@ -20,7 +20,7 @@ const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 /// Requests to a running driver, and its state. Any thread.
 #[derive(Debug)]
 pub struct Controls {
-    reins: Reins,
+    run_control: RunControl,
     /// This driver must stop; the run may go on under another one.
     stopping: AtomicBool,
     failed: AtomicBool,
@@ -45,7 +45,7 @@ impl Controls {
     /// Controls of one driver. `device_asked`: for a device's thread beside the one that ticks.
     pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
         Arc::new(Self {
-            reins: options.reins.clone(),
+            run_control: options.run_control.clone(),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
             down: AtomicBool::new(false),
@@ -64,8 +64,8 @@ impl Controls {
     }
 
     /// Control of the run.
-    pub fn reins(&self) -> &Reins {
-        &self.reins
+    pub fn run_control(&self) -> &RunControl {
+        &self.run_control
     }
 
     /// State of the driver; never `Lost`, which only the owner of the device knows.
@@ -74,7 +74,7 @@ impl Controls {
             Condition::Failed
         } else if self.stopping() {
             Condition::Stopping
-        } else if self.reins.muted() {
+        } else if self.run_control.muted() {
             Condition::Muted
         } else if self.level.load(Relaxed) == Level::Full as u8 {
             Condition::Playing
@@ -126,7 +126,7 @@ impl Controls {
     }
 
     pub(super) fn stopping(&self) -> bool {
-        self.stopping.load(Relaxed) || self.reins.stopping()
+        self.stopping.load(Relaxed) || self.run_control.stopping()
     }
 
     /// Notes a callback.
@@ -146,7 +146,7 @@ impl Controls {
 
     /// Opens or closes the ramp as requested.
     pub(super) fn steer(&self, ramp: &mut Ramp) {
-        ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
+        ramp.open(!(self.run_control.muted() || self.stopping() || self.failed()));
     }
 
     /// Largest sample since the last read, including the last callback's, of full scale.

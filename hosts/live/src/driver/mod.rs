@@ -24,7 +24,7 @@ pub use timer::timer;
 
 use std::sync::Arc;
 
-use crate::Reins;
+use crate::RunControl;
 use crate::meters::Meters;
 use crate::outlet::Guards;
 use crate::ramp::START_S;
@@ -97,7 +97,7 @@ pub struct Options {
     /// Times and counts.
     pub meters: Arc<Meters>,
     /// Mutes and stops it.
-    pub reins: Reins,
+    pub run_control: RunControl,
     /// Guards of the device's channels, if any.
     pub guards: Option<Guards>,
 }
@@ -111,7 +111,7 @@ impl Options {
             period_frames: 0,
             seen_frames: 0,
             meters,
-            reins: Reins::default(),
+            run_control: RunControl::default(),
             guards: None,
         }
     }

@@ -19,7 +19,7 @@ use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{Conductor, Listener, Player, Reins, now_ns};
+use crate::{Conductor, Listener, Player, RunControl, now_ns};
 use card::Card;
 use custody::Custody;
 pub use custody::{Keeper, Opened, Terms};
@@ -49,7 +49,7 @@ pub struct SessionOptions {
     /// Whether to request real-time priority, locked memory and waking cores.
     pub realtime: bool,
     /// Mutes and stops it from any thread.
-    pub reins: Reins,
+    pub run_control: RunControl,
     /// Knows the heat of the device's coils; `None` lets anybody play.
     pub keeper: Option<Box<dyn Keeper>>,
 }
@@ -196,8 +196,8 @@ impl Session {
     }
 
     /// Mutes and stops it.
-    pub fn reins(&self) -> &Reins {
-        &self.options.reins
+    pub fn run_control(&self) -> &RunControl {
+        &self.options.run_control
     }
 
     /// Whether the run goes on: no tick panicked, and the requested device is there or may come back.
@@ -230,9 +230,9 @@ impl Session {
         match (self.driver.controls(), &self.loss) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
             (None, _) if self.driver.gone() => Condition::Failed,
-            _ if self.reins().stopping() => Condition::Stopping,
+            _ if self.run_control().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
-            _ if self.reins().muted() => Condition::Muted,
+            _ if self.run_control().muted() => Condition::Muted,
             // The device is back and does not play yet.
             _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
@@ -251,7 +251,7 @@ impl Session {
         let mut view = View {
             number: self.views,
             condition: self.condition(),
-            muted: self.reins().muted(),
+            muted: self.run_control().muted(),
             clock: self.driver.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),
@@ -322,7 +322,7 @@ impl Session {
     fn driver_options(&self) -> Options {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
-        options.reins = self.options.reins.clone();
+        options.run_control = self.options.run_control.clone();
         options.guards = Some(self.conductor.gate().gate.clone());
         if !self.options.realtime {
             options.priority = None;

@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let coils = card::coils(&args.device, schedule)?;
     editor.hold_to(coils.ceiling());
     let session_options = card::options(&args.device, request, coils);
-    let mut shows = Shows::open(args, &session_options.reins, &mut hands)?;
+    let mut shows = Shows::open(args, &session_options.run_control, &mut hands)?;
     hands::invitations(schedule).for_each(|invitation| shows.say(&invitation));
     let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
@@ -196,7 +196,7 @@ impl Stage {
             }
             self.hands.problems().iter().for_each(|p| shows.say(p));
             self.serve(shows);
-            if self.session.reins().stopping() {
+            if self.session.run_control().stopping() {
                 return Ok(());
             }
             let Self { session, editor, hands, recordings, .. } = self;
@@ -247,7 +247,7 @@ impl Stage {
 
     /// Begins what the user asked for since the last time.
     fn serve(&mut self, shows: &mut Shows) {
-        for request in self.session.reins().asked() {
+        for request in self.session.run_control().asked() {
             match request {
                 Request::Set { node, param, value } => {
                     if let Err(failure) = self.editor.set(node, param, value, self.session.conductor()) {
