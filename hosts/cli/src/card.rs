@@ -13,7 +13,7 @@ use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{
-    Ended, Ends, Listener, RunControl, START_S, Session, SessionError, SessionOptions, conduct, mic,
+    Ended, Ends, Listener, RunControl, START_S, Session, SessionError, SessionOptions, mic, prepare_live,
 };
 use asperity_node::Role;
 use clap::ValueEnum;
@@ -364,15 +364,16 @@ pub fn play(
     let (writer, reader) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
     let listener = writer.listener();
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
-    let (conductor, player) = conduct(compiled, &graph, Default::default(), ends, reader, Vec::new());
+    let (graph_controller, player) =
+        prepare_live(compiled, &graph, Default::default(), ends, reader, Vec::new());
     let not_opened = |e| not_opened(e, Player::Command);
     let stop = stop_flag();
     let options = SessionOptions { start_s, ..options(args, request, coils) };
-    let mut session = Session::start(conductor, player, writer, options).map_err(not_opened)?;
+    let mut session = Session::start(graph_controller, player, writer, options).map_err(not_opened)?;
     let mut whole = true;
     loop {
         session.tend().map_err(not_opened)?.into_iter().for_each(warn_once);
-        if session.conductor().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
+        if session.graph_controller().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
             return Err(Failure::Machine("the machine is too slow to record".into()));
         }
         let view = session.view();
@@ -389,7 +390,7 @@ pub fn play(
         std::thread::sleep(LOOK);
     }
     let mut ended = session.stop();
-    ended.conductor.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
+    ended.graph_controller.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
     Ok((ended, whole))
 }
 

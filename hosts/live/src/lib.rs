@@ -4,7 +4,7 @@
 //! without audio. Before a tick, inputs are read at the tick's own time. After it, outputs go to their
 //! sinks. The tick thread counts what happens; other threads read the counts.
 //!
-//! To change one thing, read: `session` for a run and its device, `conductor` for changes of the graph,
+//! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the graph,
 //! `player` for one tick, `driver` for the clocks, `outlet` for the guards of the device.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
@@ -19,10 +19,10 @@ macro_rules! opaque_debug {
 }
 
 mod apart;
-mod conductor;
 mod dll;
 pub mod driver;
 mod force;
+mod graph_controller;
 mod latency;
 mod layout;
 mod meters;
@@ -39,9 +39,9 @@ pub mod view;
 
 pub use apart::apart;
 pub use asperity_audio::now_ns;
-pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, Recorded, conduct, needs_ends};
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
+pub use graph_controller::{DOES_NOT_COME_BACK, Ends, GraphController, Recorded, needs_ends, prepare_live};
 pub use meters::{Count, Histogram, Meters, Record};
 pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};

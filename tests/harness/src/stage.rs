@@ -7,7 +7,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ended, Ends, MicReader, MicWriter, RunControl, Session, SessionOptions, conduct};
+use asperity_live::{Ended, Ends, MicReader, MicWriter, RunControl, Session, SessionOptions, prepare_live};
 use asperity_node::{Buffer, Registry, Role};
 
 /// A graph from its rates, nodes and wires.
@@ -92,8 +92,9 @@ pub fn start_with(
     options: SessionOptions,
 ) -> Session {
     let (writer, reader) = mic.unzip();
-    let (conductor, player) = conduct(compiled, &file, Options::default(), ends, reader, Vec::new());
-    Session::start(conductor, player, writer, options).expect("it starts")
+    let (graph_controller, player) =
+        prepare_live(compiled, &file, Options::default(), ends, reader, Vec::new());
+    Session::start(graph_controller, player, writer, options).expect("it starts")
 }
 
 /// Tends a session until it is so, at most 30 s; answers what was said.

@@ -37,9 +37,9 @@ fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
 }
 
 fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
-    let conductor = session.conductor();
-    conductor.collect();
-    conductor.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    let graph_controller = session.graph_controller();
+    graph_controller.collect();
+    graph_controller.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
 }
 
 /// Plays on a card for so long, with a change every so often.

@@ -318,7 +318,7 @@ fn panicking_node_is_named_and_every_clock_goes_on() {
         tend(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
         let view = session.view();
         assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
-        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
         let node = &view.nodes[bad];
         assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
         let ended = session.stop();
@@ -362,7 +362,7 @@ fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
     (0..200).for_each(|_| card.step(64));
     let view = session.view();
     assert!(session.goes_on() && view.condition == Condition::Playing);
-    let bad = session.conductor().schedule().index_of("bad").expect("the node");
+    let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
     assert!(
         view.nodes[bad].quarantined && view.nodes[bad].last_fault.contains("not finite"),
         "{:?}",

@@ -24,7 +24,7 @@ fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
 
 /// All that a sink recorded, with nothing left out.
 fn taped(session: &mut Session, all: &mut Vec<f32>) {
-    let lost = session.conductor().recorded(|r| {
+    let lost = session.graph_controller().recorded(|r| {
         assert_eq!(r.start, all.len() as u64);
         all.extend_from_slice(r.values);
     });
@@ -124,7 +124,7 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
 
 /// The hand's x in every tick [mm].
 fn places(session: &mut Session, all: &mut Vec<f64>) {
-    session.conductor().recorded(|r| all.push(f64::from(r.values[0])));
+    session.graph_controller().recorded(|r| all.push(f64::from(r.values[0])));
 }
 
 /// The part of the steps of a hand that moves evenly which are not even.

@@ -19,7 +19,7 @@ use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{Conductor, Listener, Player, RunControl, now_ns};
+use crate::{GraphController, Listener, Player, RunControl, now_ns};
 use card::Card;
 use custody::Custody;
 pub use custody::{Keeper, Opened, Terms};
@@ -91,7 +91,7 @@ struct Loss {
 
 /// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
 pub struct Session {
-    conductor: Conductor,
+    graph_controller: GraphController,
     driver: Running,
     card: Option<Card>,
     options: SessionOptions,
@@ -131,7 +131,7 @@ pub struct Ended {
     /// The engine with its wiring; `None` if a tick never ended.
     pub player: Option<Player>,
     /// Its control side.
-    pub conductor: Conductor,
+    pub graph_controller: GraphController,
     /// Figures of the whole run.
     pub view: View,
 }
@@ -143,15 +143,15 @@ impl Session {
     /// # Errors
     /// The reason of the device or the system; nothing runs then.
     pub fn start(
-        conductor: Conductor,
+        graph_controller: GraphController,
         player: Player,
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
-        let custody = Custody::new(options.keeper.take(), conductor.gate().gate.clone());
-        let tick_hz = conductor.schedule().tick_hz;
+        let custody = Custody::new(options.keeper.take(), graph_controller.gate().gate.clone());
+        let tick_hz = graph_controller.schedule().tick_hz;
         let mut it = Self {
-            conductor,
+            graph_controller,
             driver: Running(Driver::Waiting(Box::new(player))),
             card: None,
             listener: mic.as_ref().map(MicWriter::listener),
@@ -175,8 +175,8 @@ impl Session {
                 let opened = Opened {
                     id: card.stream.id(),
                     name: it.name.clone(),
-                    channels: it.conductor.channels_of(card.stream.channels()),
-                    coils: it.conductor.gate().standing().to_vec(),
+                    channels: it.graph_controller.channels_of(card.stream.channels()),
+                    coils: it.graph_controller.gate().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // After a loss, exactly this device is reopened, even if the request named a default.
@@ -191,8 +191,8 @@ impl Session {
     }
 
     /// Control side of the graph.
-    pub fn conductor(&mut self) -> &mut Conductor {
-        &mut self.conductor
+    pub fn graph_controller(&mut self) -> &mut GraphController {
+        &mut self.graph_controller
     }
 
     /// Mutes and stops it.
@@ -213,9 +213,9 @@ impl Session {
     /// # Errors
     /// The system gives no thread.
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
-        self.conductor.collect();
+        self.graph_controller.collect();
         self.count_xruns();
-        self.custody.tend(&self.conductor.gate().seen);
+        self.custody.tend(&self.graph_controller.gate().seen);
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -245,7 +245,7 @@ impl Session {
         let since = self.looked.elapsed();
         self.looked = Instant::now();
         self.views += 1;
-        let schedule = self.conductor.schedule().clone();
+        let schedule = self.graph_controller.schedule().clone();
         let ticks = self.meters.next_tick();
         let stats = self.card.as_ref().map(|c| c.stream.stats());
         let mut view = View {
@@ -260,7 +260,7 @@ impl Session {
             timing: self.meters.timing(),
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
-            guarded: self.conductor.gate().seen.changed(),
+            guarded: self.graph_controller.gate().seen.changed(),
             xruns: self.count_xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
@@ -268,7 +268,7 @@ impl Session {
             peak: self.driver.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
-        self.conductor.look(&mut view, since);
+        self.graph_controller.look(&mut view, since);
         view.latency_ms = self.latency(&view, stats.as_ref());
         view
     }
@@ -289,7 +289,7 @@ impl Session {
         if !view.sources.is_empty() {
             items.push(("hand: reading delay".to_owned(), delay));
         }
-        let schedule = self.conductor.schedule();
+        let schedule = self.graph_controller.schedule();
         items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
         let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
         items.push(("clock: lead before the callback".to_owned(), lead));
@@ -304,13 +304,13 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let player = self.driver.take();
-        self.custody.note(&self.conductor.gate().seen);
+        self.custody.note(&self.graph_controller.gate().seen);
         let mut view = self.view();
         // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
-        Ended { player, conductor: self.conductor, view }
+        Ended { player, graph_controller: self.graph_controller, view }
     }
 
     /// Answers of the system to the real-time requests.
@@ -323,7 +323,7 @@ impl Session {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
         options.run_control = self.options.run_control.clone();
-        options.guards = Some(self.conductor.gate().gate.clone());
+        options.guards = Some(self.graph_controller.gate().gate.clone());
         if !self.options.realtime {
             options.priority = None;
         }
@@ -338,7 +338,7 @@ impl Session {
         if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
-        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.conductor.schedule().tick_hz);
+        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.graph_controller.schedule().tick_hz);
         // A device that has not called yet may call with any number of frames.
         let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);

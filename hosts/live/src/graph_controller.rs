@@ -20,7 +20,7 @@ use crate::timeline::{Delay, Timeline};
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
 
-opaque_debug!(Conductor);
+opaque_debug!(GraphController);
 
 /// Time that a scope's queue holds [s].
 const SCOPE_S: f64 = 0.25;
@@ -59,7 +59,7 @@ struct Sent {
 }
 
 /// Changes a running graph from a control thread, and reads its figures. The other end of a [`Player`].
-pub struct Conductor {
+pub struct GraphController {
     controller: Controller,
     gate: GateControl,
     wirings: HeapProd<Box<Wiring>>,
@@ -134,14 +134,14 @@ impl Source {
 /// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
 /// for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the textures
 /// that a person may choose.
-pub fn conduct(
+pub fn prepare_live(
     compiled: Compiled,
     graph: &GraphFile,
     options: Options,
     ends: Ends,
     mic: Option<MicReader>,
     materials: Vec<Materials>,
-) -> (Conductor, Player) {
+) -> (GraphController, Player) {
     let schedule = Arc::new(compiled.schedule.clone());
     let outs = channels(graph, &schedule, Role::AudioOutput, None);
     let outlet = Outlet::new(&compiled, places(&schedule, &outs));
@@ -151,7 +151,7 @@ pub fn conduct(
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
     let player = Player::new(engine, wiring, mic, gate.seen.clone(), to_player, from_player);
-    let conductor = Conductor {
+    let graph_controller = GraphController {
         controller,
         gate,
         wirings,
@@ -162,10 +162,10 @@ pub fn conduct(
         before: Vec::new(),
         inside: None,
     };
-    (conductor, player)
+    (graph_controller, player)
 }
 
-impl Conductor {
+impl GraphController {
     /// The newest graph that was sent.
     pub fn schedule(&self) -> &Arc<Schedule> {
         self.controller.schedule()
