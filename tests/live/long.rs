@@ -13,7 +13,7 @@ use asperity_engine::Options as EngineOptions;
 use asperity_graph::GraphFile;
 use asperity_live::driver::{Callback, Clock, Controls, Options, Rates, TickThread, Ticker, paced};
 use asperity_live::realtime::Machine;
-use asperity_live::{Ends, Meters, Player, prepare_live};
+use asperity_live::{DeviceQueues, Meters, Player, prepare_live};
 use asperity_node::time;
 use harness::alone::apart;
 use harness::counting::{Who, assert_it_counts, bind, look, touched};
@@ -130,7 +130,7 @@ fn player(tick_hz: u32) -> (asperity_live::GraphController, Player) {
         graph.set(set, "the test").expect("a setting");
     }
     let compiled = harness::graph::compiled(&graph, &harness::registry());
-    prepare_live(compiled, &graph, EngineOptions::default(), Ends::default(), None, Vec::new())
+    prepare_live(compiled, &graph, EngineOptions::default(), DeviceQueues::default(), None, Vec::new())
 }
 
 enum Driver {

@@ -13,7 +13,8 @@ use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{
-    Ended, Ends, Listener, RunControl, START_S, Session, SessionError, SessionOptions, mic, prepare_live,
+    DeviceQueues, Ended, Listener, RunControl, START_S, Session, SessionError, SessionOptions, mic,
+    prepare_live,
 };
 use asperity_node::Role;
 use clap::ValueEnum;
@@ -353,7 +354,7 @@ pub fn play(
     (graph, compiled): (GraphFile, Compiled),
     args: &DeviceArgs,
     start_s: f64,
-    ends: Ends,
+    queues: DeviceQueues,
     ticks: u64,
     watching: Watching<'_>,
 ) -> Result<(Ended, bool), Failure> {
@@ -365,7 +366,7 @@ pub fn play(
     let listener = writer.listener();
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
     let (graph_controller, player) =
-        prepare_live(compiled, &graph, Default::default(), ends, reader, Vec::new());
+        prepare_live(compiled, &graph, Default::default(), queues, reader, Vec::new());
     let not_opened = |e| not_opened(e, Player::Command);
     let stop = stop_flag();
     let options = SessionOptions { start_s, ..options(args, request, coils) };

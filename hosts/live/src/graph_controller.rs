@@ -35,7 +35,7 @@ pub const DOES_NOT_COME_BACK: &str = "does not come back";
 
 /// Queues between nodes and devices, by node id.
 #[derive(Debug, Default)]
-pub struct Ends {
+pub struct DeviceQueues {
     /// Samples of hands.
     pub hands: HashMap<String, SampleReader>,
     /// Force models for devices.
@@ -131,14 +131,14 @@ impl Source {
     }
 }
 
-/// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
+/// Prepares a graph to run in real time: the player for a driver, and its control side. `queues` holds a queue
 /// for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the textures
 /// that a person may choose.
 pub fn prepare_live(
     compiled: Compiled,
     graph: &GraphFile,
     options: Options,
-    ends: Ends,
+    queues: DeviceQueues,
     mic: Option<MicReader>,
     materials: Vec<Materials>,
 ) -> (GraphController, Player) {
@@ -146,7 +146,7 @@ pub fn prepare_live(
     let outs = channels(graph, &schedule, Role::AudioOutput, None);
     let outlet = Outlet::new(&compiled, places(&schedule, &outs));
     let (controller, engine) = Engine::controlled(compiled, options);
-    let (mut sent, wiring) = wire(0, graph, schedule, ends, None, materials);
+    let (mut sent, wiring) = wire(0, graph, schedule, queues, None, materials);
     let gate = gate(outlet);
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
@@ -177,7 +177,7 @@ impl GraphController {
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] names, and
+    /// Sends a changed graph; see [`Controller::swap`]. `queues` holds those that [`needs_queues`] names, and
     /// any that replace others.
     ///
     /// # Errors
@@ -187,7 +187,7 @@ impl GraphController {
         compiled: Compiled,
         graph: &GraphFile,
         changed: &[String],
-        ends: Ends,
+        queues: DeviceQueues,
         materials: Vec<Materials>,
     ) -> Result<SwapReport, SwapError> {
         if !self.ready() {
@@ -203,7 +203,7 @@ impl GraphController {
         }
         let schedule = Arc::new(compiled.schedule.clone());
         let number = self.sent.swap + 1;
-        let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
+        let (mut sent, wiring) = wire(number, graph, schedule, queues, Some(&self.sent), materials);
         let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
@@ -296,14 +296,14 @@ impl GraphController {
     }
 }
 
-/// Nodes that need a new end when `next` replaces `running`: their name is new, or their parameters differ.
-pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
+/// Nodes that need a new queue when `next` replaces `running`: their name is new, or their parameters differ.
+pub fn needs_queues(running: &Schedule, next: &Schedule) -> Vec<String> {
     let outside = |n: &&ScheduledNode| matches!(n.role, Some(Role::Hand | Role::Force));
     let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
     next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
 }
 
-/// Node of the graph before that `node` continues, with its end.
+/// Node of the graph before that `node` continues, with its queue.
 fn goes_on<'s>(before: &'s Schedule, node: &ScheduledNode) -> Option<&'s ScheduledNode> {
     let same = |a: &Params, b: &Params| a.iter().eq(b.iter());
     before.nodes.iter().find(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
@@ -314,7 +314,7 @@ fn wire(
     swap: u64,
     graph: &GraphFile,
     schedule: Arc<Schedule>,
-    mut ends: Ends,
+    mut queues: DeviceQueues,
     before: Option<&Sent>,
     materials: Vec<Materials>,
 ) -> (Sent, Box<Wiring>) {
@@ -327,7 +327,7 @@ fn wire(
     let mut sources = Vec::new();
     let mut hands = Vec::new();
     for (at, node) in schedule.with_role(Role::Hand) {
-        let timeline = ends.hands.remove(&node.id).map(|reader| {
+        let timeline = queues.hands.remove(&node.id).map(|reader| {
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
@@ -347,7 +347,7 @@ fn wire(
     }
     let mut forces = Vec::new();
     for (at, node) in schedule.with_role(Role::Force) {
-        let writer = ends.forces.remove(&node.id);
+        let writer = queues.forces.remove(&node.id);
         let from = slot(node, Role::Force).filter(|_| writer.is_none());
         forces.push(ForceSlot { node: at, max_force_n: node.params.number("max_force_n"), writer, from });
     }

@@ -41,7 +41,9 @@ pub use apart::apart;
 pub use asperity_audio::now_ns;
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
-pub use graph_controller::{DOES_NOT_COME_BACK, Ends, GraphController, Recorded, needs_ends, prepare_live};
+pub use graph_controller::{
+    DOES_NOT_COME_BACK, DeviceQueues, GraphController, Recorded, needs_queues, prepare_live,
+};
 pub use meters::{Count, Histogram, Meters, Record};
 pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};

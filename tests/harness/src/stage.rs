@@ -7,7 +7,9 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ended, Ends, MicReader, MicWriter, RunControl, Session, SessionOptions, prepare_live};
+use asperity_live::{
+    DeviceQueues, Ended, MicReader, MicWriter, RunControl, Session, SessionOptions, prepare_live,
+};
 use asperity_node::{Buffer, Registry, Role};
 
 /// A graph from its rates, nodes and wires.
@@ -82,18 +84,18 @@ pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
 }
 
 pub fn start(graph: (GraphFile, Compiled), options: SessionOptions) -> Session {
-    start_with(graph, Ends::default(), None, options)
+    start_with(graph, DeviceQueues::default(), None, options)
 }
 
 pub fn start_with(
     (file, compiled): (GraphFile, Compiled),
-    ends: Ends,
+    queues: DeviceQueues,
     mic: Option<(MicWriter, MicReader)>,
     options: SessionOptions,
 ) -> Session {
     let (writer, reader) = mic.unzip();
     let (graph_controller, player) =
-        prepare_live(compiled, &file, Options::default(), ends, reader, Vec::new());
+        prepare_live(compiled, &file, Options::default(), queues, reader, Vec::new());
     Session::start(graph_controller, player, writer, options).expect("it starts")
 }
 

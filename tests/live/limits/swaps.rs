@@ -7,7 +7,7 @@ use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{Ends, Session, SessionOptions};
+use asperity_live::{DeviceQueues, Session, SessionOptions};
 use harness::alone::real_time;
 use harness::live::Live;
 use harness::stage::{by_hand, channel, graph, options, start, tend, timed};
@@ -39,7 +39,7 @@ fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
 fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
     let graph_controller = session.graph_controller();
     graph_controller.collect();
-    graph_controller.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
 }
 
 /// Plays on a card for so long, with a change every so often.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
-use asperity_live::{Ends, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
+use asperity_live::{DeviceQueues, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
 use harness::alone::real_time;
 use harness::stage::{by_hand, channel, graph, offline, options, start_with, tend, timed, voice};
 
@@ -42,7 +42,8 @@ fn recorded_samples_reach_the_graph_after_a_constant_delay() {
         let device = options(&card, Clock::Callback).device;
         let device = Some(Request { inputs: vec![1], ..device.expect("a device") });
         let options = SessionOptions { device, ..options(&card, Clock::Callback) };
-        let mut session = start_with(recording(), Ends::default(), Some(mic(1, 48_000, 500)), options);
+        let mut session =
+            start_with(recording(), DeviceQueues::default(), Some(mic(1, 48_000, 500)), options);
         let (mut frames, mut heard) = (0, Vec::new());
         for size in sizes.iter().cycle() {
             card.step(*size);
@@ -117,9 +118,9 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
         ("motion.speed", "gate.speed"), ("hand.force", "gate.force"), ("gate.out", "out limiter"),
         ("out limiter", "out"),"#;
     let (to, reader) = samples();
-    let ends = Ends { hands: [("hand".to_owned(), reader)].into(), ..Ends::default() };
+    let queues = DeviceQueues { hands: [("hand".to_owned(), reader)].into(), ..DeviceQueues::default() };
     let graph = graph(&harness::registry(), (500, 48_000), &nodes, wires);
-    (start_with(graph, ends, None, options(card, clock)), Hand::new(to))
+    (start_with(graph, queues, None, options(card, clock)), Hand::new(to))
 }
 
 /// The hand's x in every tick [mm].

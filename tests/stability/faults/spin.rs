@@ -11,7 +11,7 @@ use asperity_audio::simulated::Simulated;
 use asperity_engine::Options;
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
-use asperity_live::{DOES_NOT_COME_BACK, Ends, RunControl, Session, SessionOptions, prepare_live};
+use asperity_live::{DOES_NOT_COME_BACK, DeviceQueues, RunControl, Session, SessionOptions, prepare_live};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
@@ -76,7 +76,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     let (file, compiled) = graph(&registry, (500, 48_000), &nodes, &wires);
     let options = Options { limit_ns: Some(limit.as_nanos() as u64), ..Options::default() };
     let (graph_controller, player) =
-        prepare_live(compiled, &file, options, Ends::default(), None, Vec::new());
+        prepare_live(compiled, &file, options, DeviceQueues::default(), None, Vec::new());
     let options = SessionOptions {
         device: Some(Request { device: Some(card.id()), channels: vec![1, 2], ..Request::default() }),
         clock: Some(Clock::Paced),

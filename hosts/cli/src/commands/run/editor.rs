@@ -360,8 +360,9 @@ impl Editor {
             Edit::File(edit) => readers(playing.graph_controller.schedule(), &edit.changed),
             Edit::Choice(..) => Vec::new(),
         };
-        let ends = std::mem::take(&mut opened.ends);
-        let sent = playing.graph_controller.swap(made.compiled, &made.graph, &changed, ends, made.materials);
+        let queues = std::mem::take(&mut opened.queues);
+        let sent =
+            playing.graph_controller.swap(made.compiled, &made.graph, &changed, queues, made.materials);
         let report = match sent {
             Ok(report) => report,
             Err(e) => {

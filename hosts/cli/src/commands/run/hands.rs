@@ -11,7 +11,7 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
 use asperity_hand::{HandDevice, HandError, Handle, Open, device_of};
 use asperity_live::view::Layout;
-use asperity_live::{Ends, ForceReader, SampleWriter, force_model, samples};
+use asperity_live::{DeviceQueues, ForceReader, SampleWriter, force_model, samples};
 use asperity_node::Role;
 
 use crate::failure::Failure;
@@ -146,8 +146,8 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
 /// Devices that were opened for a graph that does not play yet.
 #[derive(Default)]
 pub struct Opened {
-    /// Ends of nodes that devices feed.
-    pub ends: Ends,
+    /// Queues of nodes that devices feed.
+    pub queues: DeviceQueues,
     /// Nodes whose devices must be closed before the rest can be opened.
     pub in_the_way: Vec<String>,
     held: Vec<Held>,
@@ -189,24 +189,24 @@ pub fn open(
     Ok(opened)
 }
 
-/// The ends that these nodes of a graph get, and the devices behind them.
+/// The queues that these nodes of a graph get, and the devices behind them.
 fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Failure> {
     let (mut opened, mut sources) = (Opened::default(), Vec::new());
     let mut wanted = ids.to_vec();
     let mut models: HashMap<String, ForceReader> = HashMap::new();
     for (_, node) in schedule.with_role(Role::Force) {
-        // One device reads and pushes the stylus: both ends are made new.
+        // One device reads and pushes the stylus: both queues are made new.
         let input = input_of(schedule, node)?;
         if ids.contains(&node.id) || ids.contains(&input.id) {
             let (writer, reader) = force_model();
-            opened.ends.forces.insert(node.id.clone(), writer);
+            opened.queues.forces.insert(node.id.clone(), writer);
             models.insert(input.id.clone(), reader);
             wanted.push(input.id.clone());
         }
     }
     for (_, node) in schedule.with_role(Role::Hand).filter(|(_, n)| wanted.contains(&n.id)) {
         let (writer, reader) = samples();
-        opened.ends.hands.insert(node.id.clone(), reader);
+        opened.queues.hands.insert(node.id.clone(), reader);
         let Some(device) = device_of(&node.kind) else {
             opened.pointer = Some(writer);
             continue;

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let outside = [Role::Hand, Role::Force].into_iter().flat_map(|role| schedule.with_role(role));
     let ids: Vec<String> = outside.map(|(_, node)| node.id.clone()).collect();
     let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-    let ends = std::mem::take(&mut opened.ends);
+    let queues = std::mem::take(&mut opened.queues);
     hands.go_on_with(opened, schedule);
     if args.page.is_none() {
         for node in hands::pointers(schedule) {
@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
     let (mic_writer, mic_reader) =
         (recorded > 0).then(|| mic(recorded, schedule.audio_hz, schedule.tick_hz)).unzip();
-    let (graph_controller, player) = prepare_live(compiled, &graph, options, ends, mic_reader, materials);
+    let (graph_controller, player) = prepare_live(compiled, &graph, options, queues, mic_reader, materials);
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use asperity_engine::SwapError;
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
-use asperity_live::needs_ends;
+use asperity_live::needs_queues;
 use asperity_live::view::Materials;
 use asperity_node::Role;
 use asperity_texture::Library;
@@ -155,7 +155,7 @@ impl Order {
         self.wanted()?;
         // Files that cannot be written are refused before a device is opened.
         drop(recorders(next, &self.begun)?);
-        let mut ids = needs_ends(&self.running, next);
+        let mut ids = needs_queues(&self.running, next);
         if self.again {
             ids.extend(hands::missing(next, &self.held));
         }
