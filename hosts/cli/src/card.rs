@@ -229,7 +229,7 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
         start_s: START_S,
         realtime: true,
         run_control: RunControl::stopped_by(stop_flag()),
-        keeper: Some(Box::new(coils)),
+        coil_monitor: Some(Box::new(coils)),
     }
 }
 

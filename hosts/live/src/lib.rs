@@ -51,5 +51,5 @@ pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};
 pub use run_control::{RunControl, Unheard};
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
-pub use session::{Ended, Keeper, Opened, Session, SessionError, SessionOptions, Terms};
+pub use session::{CoilMonitor, Ended, Opened, Session, SessionError, SessionOptions, StartValues};
 pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};

@@ -79,7 +79,7 @@ pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
         start_s: 0.0,
         realtime: false,
         run_control: RunControl::default(),
-        keeper: None,
+        coil_monitor: None,
     }
 }
 

@@ -84,7 +84,7 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
         start_s: 0.0,
         realtime: false,
         run_control: RunControl::default(),
-        keeper: None,
+        coil_monitor: None,
     };
     Session::start(graph_controller, player, None, options).expect("it starts")
 }

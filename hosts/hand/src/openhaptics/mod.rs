@@ -183,7 +183,7 @@ pub fn start(
     };
     let tick = Parked::new(tick, signals.clone());
     let most = options.max_force_n;
-    let keeper = Keeper {
+    let device_thread = DeviceThread {
         hd,
         name,
         most,
@@ -195,7 +195,7 @@ pub fn start(
         _turn: turn,
     };
     let (say, hear) = mpsc::sync_channel(1);
-    let thread = spawn("openhaptics", move || keeper.run(&say))?;
+    let thread = spawn("openhaptics", move || device_thread.run(&say))?;
     match hear.recv_timeout(BEGIN) {
         Ok(Ok(())) => Ok(Handle::new(shared, thread, None)),
         Ok(Err(e)) => {
@@ -235,7 +235,7 @@ impl Drop for Turn {
 }
 
 /// The source's own thread: it makes all calls of the library except the servo's.
-struct Keeper {
+struct DeviceThread {
     hd: Hd,
     name: Option<CString>,
     most: f64,
@@ -247,7 +247,7 @@ struct Keeper {
     _turn: Turn,
 }
 
-impl Keeper {
+impl DeviceThread {
     fn run(mut self, say: &SyncSender<Result<(), HandError>>) {
         let opened = self.open();
         let failed = opened.is_err();

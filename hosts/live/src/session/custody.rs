@@ -24,7 +24,7 @@ pub struct Opened {
 
 /// Start values of a run: heat of the coils, its share, guards of the machine.
 #[derive(Debug, Default)]
-pub struct Terms {
+pub struct StartValues {
     /// Heat of each coil \[A^2\].
     pub heat: Vec<f64>,
     /// This run's share of every limit, 0 to 1; `None` for all of it.
@@ -36,12 +36,12 @@ pub struct Terms {
 }
 
 /// Keeps the heat of coils between runs, and decides who may drive them. Control thread.
-pub trait Keeper: Send + std::fmt::Debug {
+pub trait CoilMonitor: Send + std::fmt::Debug {
     /// The device is open for the first time in this run.
     ///
     /// # Errors
     /// Why playing on it is not allowed.
-    fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic>;
+    fn opened(&mut self, device: &Opened) -> Result<StartValues, Diagnostic>;
 
     /// Notes the heat of each coil \[A^2\]: once a second, and before the end.
     fn note(&mut self, heat: &[f64]);
@@ -50,31 +50,31 @@ pub trait Keeper: Send + std::fmt::Debug {
     fn ended(&mut self);
 }
 
-/// The keeper during a run.
+/// The coil monitor during a run.
 #[derive(Debug)]
 pub(super) struct Custody {
-    keeper: Option<Box<dyn Keeper>>,
+    coil_monitor: Option<Box<dyn CoilMonitor>>,
     guards: Guards,
     opened: bool,
     noted: Instant,
 }
 
 impl Custody {
-    pub(super) fn new(keeper: Option<Box<dyn Keeper>>, guards: Guards) -> Self {
-        Self { keeper, guards, opened: false, noted: Instant::now() }
+    pub(super) fn new(coil_monitor: Option<Box<dyn CoilMonitor>>, guards: Guards) -> Self {
+        Self { coil_monitor, guards, opened: false, noted: Instant::now() }
     }
 
     /// The device is open and does not play yet. Returns notices for a person.
     pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
-        let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
-        let terms = keeper.opened(device)?;
+        let Some(coil_monitor) = &mut self.coil_monitor else { return Ok(Vec::new()) };
+        let start = coil_monitor.opened(device)?;
         let refused = || Diagnostic::new("the guards of the channels are in use").in_file(&device.name);
         match self.guards.0.enter().as_deref_mut() {
-            Some(Some(gate)) => gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine),
+            Some(Some(gate)) => gate.begin(&start.heat, start.share.unwrap_or(1.0), start.machine),
             _ => return Err(refused()),
         }
         self.opened = true;
-        Ok(terms.notices)
+        Ok(start.notices)
     }
 
     /// A device is back after this time without playing.
@@ -93,8 +93,8 @@ impl Custody {
 
     pub(super) fn note(&mut self, seen: &Seen) {
         self.noted = Instant::now();
-        if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
-            keeper.note(&seen.heat_of_all());
+        if let (Some(coil_monitor), true) = (&mut self.coil_monitor, self.opened) {
+            coil_monitor.note(&seen.heat_of_all());
         }
     }
 }
@@ -102,11 +102,13 @@ impl Custody {
 impl Drop for Custody {
     fn drop(&mut self) {
         // A panic is not an orderly end.
-        if let (Some(keeper), true, false) = (&mut self.keeper, self.opened, std::thread::panicking()) {
+        if let (Some(coil_monitor), true, false) =
+            (&mut self.coil_monitor, self.opened, std::thread::panicking())
+        {
             // Nothing plays any more: a dropped session stops its driver first.
             if let Some(Some(gate)) = self.guards.0.enter().as_deref() {
-                keeper.note(&gate.heat());
-                keeper.ended();
+                coil_monitor.note(&gate.heat());
+                coil_monitor.ended();
             }
         }
     }

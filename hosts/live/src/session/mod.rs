@@ -22,7 +22,7 @@ use crate::view::{Condition, View};
 use crate::{GraphController, Listener, Player, RunControl, now_ns};
 use card::Card;
 use custody::Custody;
-pub use custody::{Keeper, Opened, Terms};
+pub use custody::{CoilMonitor, Opened, StartValues};
 use running::{Driver, Running};
 use xruns::Xruns;
 
@@ -51,7 +51,7 @@ pub struct SessionOptions {
     /// Mutes and stops it from any thread.
     pub run_control: RunControl,
     /// Knows the heat of the device's coils; `None` lets anybody play.
-    pub keeper: Option<Box<dyn Keeper>>,
+    pub coil_monitor: Option<Box<dyn CoilMonitor>>,
 }
 
 /// Why a run does not start or ends.
@@ -148,7 +148,7 @@ impl Session {
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
-        let custody = Custody::new(options.keeper.take(), graph_controller.gate().gate.clone());
+        let custody = Custody::new(options.coil_monitor.take(), graph_controller.gate().gate.clone());
         let tick_hz = graph_controller.schedule().tick_hz;
         let mut it = Self {
             graph_controller,
