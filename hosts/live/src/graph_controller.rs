@@ -12,7 +12,7 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::layout::{layout, scopes};
-use crate::outlet::{GateControl, Outlet, gate, limiter_of};
+use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{
     ForceSlot, HandSlot, MicReader, NodeMeters, Player, Scope, SourceMeter, TapeReader, Wiring, tape,
 };
@@ -61,7 +61,7 @@ struct Sent {
 /// Changes a running graph from a control thread, and reads its figures. The other end of a [`Player`].
 pub struct GraphController {
     controller: Controller,
-    gate: GateControl,
+    limits: LimitsControl,
     wirings: HeapProd<Box<Wiring>>,
     retired: HeapCons<Box<Wiring>>,
     /// The newest graph that was sent.
@@ -144,16 +144,16 @@ pub fn prepare_live(
 ) -> (GraphController, Player) {
     let schedule = Arc::new(compiled.schedule.clone());
     let outs = channels(graph, &schedule, Role::AudioOutput, None);
-    let outlet = Outlet::new(&compiled, places(&schedule, &outs));
+    let output_limits = OutputLimits::new(&compiled, places(&schedule, &outs));
     let (controller, engine) = Engine::controlled(compiled, options);
     let (mut sent, wiring) = wire(0, graph, schedule, queues, None, materials);
-    let gate = gate(outlet);
+    let limits = device_limits(output_limits);
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
-    let player = Player::new(engine, wiring, mic, gate.seen.clone(), to_player, from_player);
+    let player = Player::new(engine, wiring, mic, limits.seen.clone(), to_player, from_player);
     let graph_controller = GraphController {
         controller,
-        gate,
+        limits,
         wirings,
         retired,
         tapes: std::mem::take(&mut sent.tapes),
@@ -204,13 +204,13 @@ impl GraphController {
         let schedule = Arc::new(compiled.schedule.clone());
         let number = self.sent.swap + 1;
         let (mut sent, wiring) = wire(number, graph, schedule, queues, Some(&self.sent), materials);
-        let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
+        let output_limits = OutputLimits::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
         }
         let report = self.controller.swap(compiled, changed)?;
-        self.gate.send(outlet);
+        self.limits.send(output_limits);
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
         self.before.clear();
@@ -242,9 +242,9 @@ impl GraphController {
         channels(graph, schedule, Role::AudioOutput, Some(&self.sent.channels))
     }
 
-    /// Guards of the device's channels.
-    pub(crate) fn gate(&self) -> &GateControl {
-        &self.gate
+    /// Limits of the device's channels.
+    pub(crate) fn limits(&self) -> &LimitsControl {
+        &self.limits
     }
 
     /// Drops what the tick thread returned, and reports finished swaps.

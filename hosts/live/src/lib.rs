@@ -5,7 +5,7 @@
 //! sinks. The tick thread counts what happens; other threads read the counts.
 //!
 //! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the graph,
-//! `player` for one tick, `driver` for the clocks, `outlet` for the guards of the device.
+//! `player` for one tick, `driver` for the clocks, `output_limits` for the limits of the device.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
 macro_rules! opaque_debug {
@@ -26,7 +26,7 @@ mod graph_controller;
 mod latency;
 mod layout;
 mod meters;
-mod outlet;
+mod output_limits;
 mod player;
 mod ramp;
 pub mod realtime;
@@ -45,7 +45,7 @@ pub use graph_controller::{
     DOES_NOT_COME_BACK, DeviceQueues, GraphController, Recorded, needs_queues, prepare_live,
 };
 pub use meters::{Count, Histogram, Meters, Record};
-pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
+pub use output_limits::{OutputLimits, SharedLimits, Standing, drive_at_full_scale};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};

@@ -188,7 +188,7 @@ impl CoilMonitor for Coils {
             StartValues { share: self.share.then_some(1.0 / SEATS as f32), ..StartValues::default() };
         if let Some(machine) = &self.machine {
             machine.check(device, &device.channels, &self.schedule)?;
-            start.machine = machine.guards(device, self.schedule.audio_hz)?;
+            start.machine = machine.limits(device, self.schedule.audio_hz)?;
         }
         *self.device.lock() = Some(device.clone());
         self.actuators = (0..device.channels.len()).map(|i| self.actuator(device, i)).collect();

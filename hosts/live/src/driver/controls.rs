@@ -9,7 +9,7 @@ use crate::RunControl;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
-use crate::outlet::Guards;
+use crate::output_limits::SharedLimits;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
@@ -38,7 +38,7 @@ pub struct Controls {
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
-    guards: Option<Guards>,
+    limits: Option<SharedLimits>,
 }
 
 impl Controls {
@@ -59,7 +59,7 @@ impl Controls {
             device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
-            guards: options.guards.clone(),
+            limits: options.limits.clone(),
         })
     }
 
@@ -155,12 +155,12 @@ impl Controls {
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
     }
 
-    /// Limits the output by the guards of its channels. One device is open at a time; if another thread has
-    /// the guards, the block is silent.
+    /// Limits the output by the limits of its channels. One device is open at a time; if another thread has
+    /// the limits, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
-        let Some(guards) = &self.guards else { return };
-        match guards.0.enter().as_deref_mut() {
-            Some(Some(gate)) => gate.hold(output, channels),
+        let Some(limits) = &self.limits else { return };
+        match limits.0.enter().as_deref_mut() {
+            Some(Some(limits)) => limits.hold(output, channels),
             _ => output.fill(0.0),
         }
     }

@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use crate::RunControl;
 use crate::meters::Meters;
-use crate::outlet::Guards;
+use crate::output_limits::SharedLimits;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
@@ -98,8 +98,8 @@ pub struct Options {
     pub meters: Arc<Meters>,
     /// Mutes and stops it.
     pub run_control: RunControl,
-    /// Guards of the device's channels, if any.
-    pub guards: Option<Guards>,
+    /// Limits of the device's channels, if any.
+    pub limits: Option<SharedLimits>,
 }
 
 impl Options {
@@ -112,7 +112,7 @@ impl Options {
             seen_frames: 0,
             meters,
             run_control: RunControl::default(),
-            guards: None,
+            limits: None,
         }
     }
 }

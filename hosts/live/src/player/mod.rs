@@ -21,7 +21,7 @@ use ringbuf::{HeapCons, HeapProd};
 use crate::ForceModel;
 use crate::driver::{Rates, Ticker};
 use crate::now_ns;
-use crate::outlet::Seen;
+use crate::output_limits::Seen;
 
 opaque_debug!(Player);
 

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use asperity_node::Diagnostic;
 
-use crate::outlet::{Guards, Outlet, Seen, Standing};
+use crate::output_limits::{OutputLimits, Seen, SharedLimits, Standing};
 
 /// Time between two notes of the coils' heat.
 const EVERY: Duration = Duration::from_secs(1);
@@ -22,15 +22,15 @@ pub struct Opened {
     pub coils: Vec<Option<Standing>>,
 }
 
-/// Start values of a run: heat of the coils, its share, guards of the machine.
+/// Start values of a run: heat of the coils, its share, limits of the machine.
 #[derive(Debug, Default)]
 pub struct StartValues {
     /// Heat of each coil \[A^2\].
     pub heat: Vec<f64>,
     /// This run's share of every limit, 0 to 1; `None` for all of it.
     pub share: Option<f32>,
-    /// Guards that replace the graph's own on their channels, for any graph.
-    pub machine: Outlet,
+    /// Limits that replace the graph's own on their channels, for any graph.
+    pub machine: OutputLimits,
     /// Messages for a person.
     pub notices: Vec<String>,
 }
@@ -54,14 +54,14 @@ pub trait CoilMonitor: Send + std::fmt::Debug {
 #[derive(Debug)]
 pub(super) struct Custody {
     coil_monitor: Option<Box<dyn CoilMonitor>>,
-    guards: Guards,
+    limits: SharedLimits,
     opened: bool,
     noted: Instant,
 }
 
 impl Custody {
-    pub(super) fn new(coil_monitor: Option<Box<dyn CoilMonitor>>, guards: Guards) -> Self {
-        Self { coil_monitor, guards, opened: false, noted: Instant::now() }
+    pub(super) fn new(coil_monitor: Option<Box<dyn CoilMonitor>>, limits: SharedLimits) -> Self {
+        Self { coil_monitor, limits, opened: false, noted: Instant::now() }
     }
 
     /// The device is open and does not play yet. Returns notices for a person.
@@ -69,8 +69,8 @@ impl Custody {
         let Some(coil_monitor) = &mut self.coil_monitor else { return Ok(Vec::new()) };
         let start = coil_monitor.opened(device)?;
         let refused = || Diagnostic::new("the guards of the channels are in use").in_file(&device.name);
-        match self.guards.0.enter().as_deref_mut() {
-            Some(Some(gate)) => gate.begin(&start.heat, start.share.unwrap_or(1.0), start.machine),
+        match self.limits.0.enter().as_deref_mut() {
+            Some(Some(limits)) => limits.begin(&start.heat, start.share.unwrap_or(1.0), start.machine),
             _ => return Err(refused()),
         }
         self.opened = true;
@@ -79,8 +79,8 @@ impl Custody {
 
     /// A device is back after this time without playing.
     pub(super) fn back(&mut self, away: Duration) {
-        if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
-            gate.rest(away.as_secs_f64());
+        if let Some(Some(limits)) = self.limits.0.enter().as_deref_mut() {
+            limits.rest(away.as_secs_f64());
         }
     }
 
@@ -106,8 +106,8 @@ impl Drop for Custody {
             (&mut self.coil_monitor, self.opened, std::thread::panicking())
         {
             // Nothing plays any more: a dropped session stops its driver first.
-            if let Some(Some(gate)) = self.guards.0.enter().as_deref() {
-                coil_monitor.note(&gate.heat());
+            if let Some(Some(limits)) = self.limits.0.enter().as_deref() {
+                coil_monitor.note(&limits.heat());
                 coil_monitor.ended();
             }
         }

@@ -148,7 +148,7 @@ impl Session {
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
-        let custody = Custody::new(options.coil_monitor.take(), graph_controller.gate().gate.clone());
+        let custody = Custody::new(options.coil_monitor.take(), graph_controller.limits().shared.clone());
         let tick_hz = graph_controller.schedule().tick_hz;
         let mut it = Self {
             graph_controller,
@@ -176,7 +176,7 @@ impl Session {
                     id: card.stream.id(),
                     name: it.name.clone(),
                     channels: it.graph_controller.channels_of(card.stream.channels()),
-                    coils: it.graph_controller.gate().standing().to_vec(),
+                    coils: it.graph_controller.limits().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // After a loss, exactly this device is reopened, even if the request named a default.
@@ -215,7 +215,7 @@ impl Session {
     pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
         self.graph_controller.collect();
         self.count_xruns();
-        self.custody.tend(&self.graph_controller.gate().seen);
+        self.custody.tend(&self.graph_controller.limits().seen);
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -260,7 +260,7 @@ impl Session {
             timing: self.meters.timing(),
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
-            guarded: self.graph_controller.gate().seen.changed(),
+            guarded: self.graph_controller.limits().seen.changed(),
             xruns: self.count_xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
@@ -304,7 +304,7 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let player = self.driver.take();
-        self.custody.note(&self.graph_controller.gate().seen);
+        self.custody.note(&self.graph_controller.limits().seen);
         let mut view = self.view();
         // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
@@ -323,7 +323,7 @@ impl Session {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
         options.run_control = self.options.run_control.clone();
-        options.guards = Some(self.graph_controller.gate().gate.clone());
+        options.limits = Some(self.graph_controller.limits().shared.clone());
         if !self.options.realtime {
             options.priority = None;
         }

@@ -15,7 +15,7 @@ use asperity_accuracy::timing::Recorder as Times;
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_engine::{Clock, Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_live::Outlet;
+use asperity_live::OutputLimits;
 use asperity_node::{Buffer, Role, Shape, time};
 use indicatif::ProgressBar;
 
@@ -251,7 +251,7 @@ struct Capture {
     /// Scenes and guards of graphs that the engine will take over.
     sent: Sent,
     /// With `--watch`: holds the file's channels to their limits while graphs change.
-    outlet: Option<Outlet>,
+    output_limits: Option<OutputLimits>,
     /// Time of each node in this tick \[ns\].
     spent: Vec<u64>,
     /// Calls of each node before this tick.
@@ -271,7 +271,7 @@ impl Capture {
             level: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),
             sent,
-            outlet: args.watch.then(|| Outlet::new(compiled, Master::channels(schedule))),
+            output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
             spent: vec![0; nodes],
             calls: vec![0; nodes],
         })
@@ -296,7 +296,7 @@ impl Capture {
         }
         self.level.take(engine);
         if let Some(master) = &mut self.master {
-            master.take(engine, self.outlet.as_mut())?;
+            master.take(engine, self.output_limits.as_mut())?;
         }
         for recorder in &mut self.recorders {
             recorder.take(engine, tick)?;
@@ -318,9 +318,9 @@ impl Capture {
             master.follow(moved);
         }
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
-        let Extras { scene, outlet } = self.sent.take().unwrap_or_default();
-        if let Some(current) = &mut self.outlet {
-            let mut before = std::mem::replace(current, outlet);
+        let Extras { scene, output_limits } = self.sent.take().unwrap_or_default();
+        if let Some(current) = &mut self.output_limits {
+            let mut before = std::mem::replace(current, output_limits);
             current.go_on(&mut before);
         }
         if let Some(traces) = &mut self.traces {

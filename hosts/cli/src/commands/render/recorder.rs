@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::Outlet;
+use asperity_live::OutputLimits;
 use asperity_node::{Buffer, ParamValue, Role, Shape, time};
 
 use crate::failure::{Failure, wrong};
@@ -314,7 +314,7 @@ impl Master {
     }
 
     /// Records the tick that has just run, held to its limits.
-    pub fn take(&mut self, engine: &Engine, outlet: Option<&mut Outlet>) -> Result<(), Failure> {
+    pub fn take(&mut self, engine: &Engine, output_limits: Option<&mut OutputLimits>) -> Result<(), Failure> {
         let channels = self.nodes.len();
         self.scratch.clear();
         for (c, &node) in self.nodes.iter().enumerate() {
@@ -325,8 +325,8 @@ impl Master {
                 }
             }
         }
-        if let Some(outlet) = outlet {
-            outlet.hold(&mut self.scratch, channels);
+        if let Some(output_limits) = output_limits {
+            output_limits.hold(&mut self.scratch, channels);
         }
         self.rows.append(&self.scratch, channels, |_| 0.0)
     }
