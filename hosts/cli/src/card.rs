@@ -373,7 +373,7 @@ pub fn play(
     let mut session = Session::start(graph_controller, player, writer, options).map_err(not_opened)?;
     let mut whole = true;
     loop {
-        session.tend().map_err(not_opened)?.into_iter().for_each(warn_once);
+        session.poll().map_err(not_opened)?.into_iter().for_each(warn_once);
         if session.graph_controller().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
             return Err(Failure::Machine("the machine is too slow to record".into()));
         }

@@ -99,13 +99,13 @@ pub fn start_with(
     Session::start(graph_controller, player, writer, options).expect("it starts")
 }
 
-/// Tends a session until it is so, at most 30 s; answers what was said.
-pub fn tend(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Session) -> bool) -> Vec<String> {
+/// Polls a session until it is so, at most 30 s; answers what was said.
+pub fn poll(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Session) -> bool) -> Vec<String> {
     let began = Instant::now();
     let mut said = Vec::new();
     while !is_so(session) {
         assert!(began.elapsed() < Duration::from_secs(30), "waited in vain for {what}; it said {said:?}");
-        said.extend(session.tend().expect("a thread"));
+        said.extend(session.poll().expect("a thread"));
         std::thread::sleep(Duration::from_millis(2));
     }
     said

@@ -10,7 +10,7 @@ use asperity_live::view::Condition;
 use asperity_live::{DeviceQueues, Session, SessionOptions};
 use harness::alone::real_time;
 use harness::live::Live;
-use harness::stage::{by_hand, channel, graph, options, start, tend, timed};
+use harness::stage::{by_hand, channel, graph, options, poll, start, timed};
 use harness::{self, json};
 
 use crate::coil::{Coil, RATED};
@@ -57,7 +57,7 @@ fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -
             change(&mut session, number);
         }
     }
-    let _ = session.tend();
+    let _ = session.poll();
     channel(&card.played(), 2, 0)
 }
 
@@ -187,16 +187,16 @@ fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
     let mut heard = 0;
     for _ in 0..4 {
         let until = heard + 2 * RATE as usize;
-        tend(&mut session, "the attack", |_| card.played().len() >= 2 * until);
+        poll(&mut session, "the attack", |_| card.played().len() >= 2 * until);
         card.unplug();
-        tend(&mut session, "the loss", |s| s.view().condition == Condition::Lost);
+        poll(&mut session, "the loss", |s| s.view().condition == Condition::Lost);
         let played = channel(&card.played(), 2, 0);
         coil.play(played[heard..].iter().copied());
         heard = played.len();
         let away = std::time::Instant::now();
         std::thread::sleep(Duration::from_millis(50));
         card.plug();
-        tend(&mut session, "the card", |s| s.view().condition == Condition::Playing);
+        poll(&mut session, "the card", |s| s.view().condition == Condition::Playing);
         // It lay still for no longer than this.
         coil.rest(away.elapsed().as_secs_f64());
     }

@@ -10,7 +10,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
 use harness::alone::real_time;
-use harness::stage::{by_hand, channel, graph, offline, options, start_with, tend, timed, voice};
+use harness::stage::{by_hand, channel, graph, offline, options, poll, start_with, timed, voice};
 
 /// A tone, and what is recorded of it.
 fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
@@ -134,7 +134,7 @@ fn uneven(clock: Clock, frames: &[u32], attempt: usize) -> f64 {
     let card = Simulated::new(&what, Params { frames: frames.to_vec(), ..timed(1) }).expect("a card");
     let (mut session, _hand) = touched(&card, clock);
     let mut x = Vec::new();
-    tend(&mut session, "two seconds", |s| {
+    poll(&mut session, "two seconds", |s| {
         places(s, &mut x);
         x.len() > 1000
     });
@@ -178,15 +178,15 @@ fn silent_hand_is_held_silent_after_70_ms_and_counted() {
         let (mut session, mut hand) = touched(&card, Clock::Callback);
         let mut x = Vec::new();
         let heard = || channel(&card.played(), 2, 0);
-        tend(&mut session, "the tone", |_| heard().iter().filter(|y| y.abs() > 0.09).count() > 4800);
+        poll(&mut session, "the tone", |_| heard().iter().filter(|y| y.abs() > 0.09).count() > 4800);
         let before = session.view().sources[0].stalls;
         let last_ns = hand.rest();
         let (at, now) = (heard().len() as f64, now_ns());
-        tend(&mut session, "the stall", |s| s.view().sources[0].stalled);
+        poll(&mut session, "the stall", |s| s.view().sources[0].stalled);
         let stalls = session.view().sources[0].stalls;
         assert!(stalls > before);
         let frames = heard().len() + 24_000;
-        tend(&mut session, "half a second", |s| {
+        poll(&mut session, "half a second", |s| {
             places(s, &mut x);
             heard().len() > frames
         });

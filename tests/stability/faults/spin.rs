@@ -16,7 +16,7 @@ use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use harness::live::{PATIENCE, told};
-use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::stage::{STEP, channel, graph, largest_step, poll, timed, voice};
 use harness::{asperity, json, plugins};
 
 /// Samples in which the output is down: 20 ms.
@@ -124,11 +124,11 @@ fn spinning_node_is_silenced_counted_and_left_behind() {
             Simulated::new(&format!("spin {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
         let heard = |c| channel(&card.played(), 2, c);
         let mut session = start(&card, 1e6, Duration::from_millis(50));
-        tend(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
+        poll(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
         let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
-        tend(&mut session, "the fault", |s| s.view().nodes[bad].last_fault == DOES_NOT_COME_BACK);
+        poll(&mut session, "the fault", |s| s.view().nodes[bad].last_fault == DOES_NOT_COME_BACK);
         let frames = heard(0).len();
-        tend(&mut session, "silence", |_| heard(0).len() > frames + 36_000);
+        poll(&mut session, "silence", |_| heard(0).len() > frames + 36_000);
         let view = session.view();
         let (one, two) = (heard(0), heard(1));
         let began = Instant::now();
@@ -307,9 +307,9 @@ fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
         let heard = |c| channel(&card.played(), 2, c);
         let mut session = start(&card, 0.03, Duration::from_millis(15));
         let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
-        tend(&mut session, "the end of the node", |s| s.view().nodes[bad].quarantined);
+        poll(&mut session, "the end of the node", |s| s.view().nodes[bad].quarantined);
         let frames = heard(0).len();
-        tend(&mut session, "more", |_| heard(0).len() > frames + 48_000);
+        poll(&mut session, "more", |_| heard(0).len() > frames + 48_000);
         let view = session.view();
         let (one, two) = (heard(0), heard(1));
         assert!(session.stop().player.is_some());

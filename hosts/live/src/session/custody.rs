@@ -85,7 +85,7 @@ impl Custody {
     }
 
     /// Notes the heat of the coils when it is time.
-    pub(super) fn tend(&mut self, seen: &Seen) {
+    pub(super) fn poll(&mut self, seen: &Seen) {
         if self.noted.elapsed() >= EVERY {
             self.note(seen);
         }

@@ -212,10 +212,10 @@ impl Session {
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
+    pub fn poll(&mut self) -> Result<Vec<String>, SessionError> {
         self.graph_controller.collect();
         self.count_xruns();
-        self.custody.tend(&self.graph_controller.limits().seen);
+        self.custody.poll(&self.graph_controller.limits().seen);
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }

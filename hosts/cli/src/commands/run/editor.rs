@@ -1,7 +1,7 @@
 //! Changes the graph while it plays, when its files change or the user chooses a material.
 //!
 //! Nothing here waits. Another thread prepares the new graph ([`reloader`](super::reloader)), and
-//! [`Editor::tend`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
+//! [`Editor::poll`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
 //! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
 use std::collections::VecDeque;
@@ -208,7 +208,7 @@ impl Editor {
 
     /// Looks at the files, takes over a graph that is ready, and begins the next edit. Call it some tens of
     /// times a second. Answers a message for the user.
-    pub fn tend(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+    pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         self.look(playing.graph_controller.schedule());
         let said = self.advance(playing);
         if self.job.is_none() {

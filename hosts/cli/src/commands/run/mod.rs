@@ -192,7 +192,7 @@ impl Stage {
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
         loop {
-            for notice in self.session.tend().map_err(not_opened)? {
+            for notice in self.session.poll().map_err(not_opened)? {
                 shows.say(&notice);
             }
             self.hands.problems().iter().for_each(|p| shows.say(p));
@@ -202,7 +202,7 @@ impl Stage {
             }
             let Self { session, editor, hands, recordings, .. } = self;
             let graph_controller = session.graph_controller();
-            if let Some(said) = editor.tend(&mut Playing { graph_controller, hands, recordings }) {
+            if let Some(said) = editor.poll(&mut Playing { graph_controller, hands, recordings }) {
                 shows.say(&said);
             }
             for warning in hands.warnings(&graph_controller.schedule().clone(), graph_controller.layout()) {
