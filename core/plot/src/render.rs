@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use super::above::Above;
+use super::above::SceneMap;
 use super::axis::{Axis, Panel};
 use super::lines::trace;
 use super::series::Series;

@@ -5,7 +5,7 @@ use std::path::Path;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Role, Shape, Unit};
-use asperity_plot::{Above, Moment, Render, Seen, Series};
+use asperity_plot::{Moment, Render, SceneMap, Seen, Series};
 use asperity_scene::Rendered;
 
 use super::samples;
@@ -156,7 +156,7 @@ impl Traces {
         let drive =
             if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
         let textures = self.effects.as_ref().map(Effects::textures).unwrap_or_default();
-        let above = self.effects.map(|effects| effects.into_above(schedule.tick_hz));
+        let above = self.effects.map(|effects| effects.into_scene_map(schedule.tick_hz));
         // The gate of a scene is open over what has no texture too.
         let active = match &above {
             Some(above) => above.times(&textures.iter().map(String::as_str).collect::<Vec<_>>()),
@@ -353,10 +353,10 @@ impl Effects {
     }
 
     /// The picture.
-    pub fn into_above(self, tick_hz: u32) -> Above {
+    pub fn into_scene_map(self, tick_hz: u32) -> SceneMap {
         let rendered = self.rendered.iter().map(|of| of.kind.clone());
         let effects = OF_SURFACES.into_iter().map(str::to_owned).chain(rendered).collect();
-        Above { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
+        SceneMap { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
     }
 }
 
