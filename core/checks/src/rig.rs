@@ -163,7 +163,7 @@ impl Rig {
         let mut rig = Self::from(subject.compiled(graph, kinds)?);
         let fed = |name: &str| {
             let kind = kinds.iter().map(|k| k.descriptor()).find(|d| d.kind == name);
-            kind.is_some_and(|d| d.inputs.iter().any(|i| i.fed && i.name == Played::PLACE))
+            kind.is_some_and(|d| d.inputs.iter().any(|i| i.host_fed && i.name == Played::PLACE))
         };
         rig.styluses = (0..rig.schedule.nodes.len()).filter(|&i| fed(&rig.schedule.nodes[i].kind)).collect();
         Ok(rig)
@@ -285,7 +285,7 @@ fn with_stylus_of(
         let Some(kind) = registry.get(&node.kind) else { continue };
         let d = kind.descriptor();
         let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
-            && d.inputs.iter().all(|i| i.optional || i.fed);
+            && d.inputs.iter().all(|i| i.optional || i.host_fed);
         if !moves {
             continue;
         }

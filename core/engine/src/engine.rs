@@ -227,7 +227,7 @@ impl Engine {
     /// Buffer of an input that the host feeds.
     fn fed(&mut self, node: usize, input: usize) -> Option<&mut Buffer> {
         let port = self.body.schedule.nodes.get(node)?.inputs.get(input)?;
-        self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.fed)
+        self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.host_fed)
     }
 
     /// Continues `ticks` later without running the ticks between, when they can no longer be heard.

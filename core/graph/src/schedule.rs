@@ -113,7 +113,7 @@ pub struct ScheduledInput {
     /// Whether it wakes a sleeping node.
     pub wakes: bool,
     /// Whether the host sets its values: no wire ends at it, and its buffer is its own.
-    pub fed: bool,
+    pub host_fed: bool,
 }
 
 /// An output of the schedule.
@@ -140,7 +140,7 @@ pub enum BufferEntry {
         value: f64,
     },
     /// Input set by the host.
-    Fed(PortType),
+    HostFed(PortType),
     /// A node's output.
     Output(PortType),
 }
@@ -197,9 +197,9 @@ impl Schedule {
     }
 
     /// Every input that the host sets: node and input.
-    pub fn fed(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub fn host_fed(&self) -> impl Iterator<Item = (usize, usize)> {
         let of = |(i, n): (usize, &ScheduledNode)| {
-            let fed = n.inputs.iter().enumerate().filter(|(_, p)| p.fed);
+            let fed = n.inputs.iter().enumerate().filter(|(_, p)| p.host_fed);
             fed.map(|(p, _)| (i, p)).collect::<Vec<_>>()
         };
         self.nodes.iter().enumerate().flat_map(of)

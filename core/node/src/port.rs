@@ -171,7 +171,7 @@ pub struct Input {
     pub limited: bool,
     /// Whether the host sets the values while no wire ends here, such as data from a device, a network
     /// or a hand. Until then they are not valid.
-    pub fed: bool,
+    pub host_fed: bool,
 }
 
 /// An output in a descriptor.
@@ -203,7 +203,7 @@ impl Input {
             default: 0.0,
             wakes: !matches!(shape, ShapeSpec::Control(_)),
             limited: false,
-            fed: false,
+            host_fed: false,
         }
     }
 
@@ -253,8 +253,8 @@ impl Input {
     /// Makes it optional; an unconnected input is set by the host, tick by tick. Built-in nodes only: a
     /// host knows the values by their kind.
     #[must_use]
-    pub fn fed(mut self) -> Self {
-        (self.optional, self.fed) = (true, true);
+    pub fn host_fed(mut self) -> Self {
+        (self.optional, self.host_fed) = (true, true);
         self
     }
 }

@@ -18,13 +18,13 @@ pub(crate) fn hand(descriptor: Descriptor, (force, force_doc): (Unit, &'static s
         .role(Role::Hand)
         .input(
             Input::new("hand_position", ShapeSpec::Control(3), Unit::MILLIMETRE)
-                .fed()
+                .host_fed()
                 .doc("where the hand is; a wire here takes the device's place"),
         )
-        .input(Input::new("hand_force", ShapeSpec::Control(1), force).fed().doc(force_doc))
+        .input(Input::new("hand_force", ShapeSpec::Control(1), force).host_fed().doc(force_doc))
         .input(
             Input::new("hand_stroke", ShapeSpec::Control(1), Unit::NONE)
-                .fed()
+                .host_fed()
                 .doc("counts touches that do not join on to what was before"),
         )
         .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))

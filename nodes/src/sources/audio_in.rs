@@ -19,7 +19,7 @@ impl Node for AudioIn {
         .role(Role::AudioInput)
         .input(
             Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
-                .fed()
+                .host_fed()
                 .doc("what the device recorded; a wire here takes its place"),
         )
         .output(

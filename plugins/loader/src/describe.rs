@@ -105,7 +105,7 @@ pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
         default: p.default_value,
         wakes: p.flags & ASPERITY_WAKES != 0 || !matches!(shape, ShapeSpec::Control(_)),
         limited: p.flags & ASPERITY_LIMITED != 0,
-        fed: false,
+        host_fed: false,
     })
 }
 

@@ -68,7 +68,7 @@ pub(super) fn build(
 pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
     let buffer = |entry: &BufferEntry| match entry {
         BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
-        BufferEntry::Fed(port) => fed(port, schedule.tick_hz),
+        BufferEntry::HostFed(port) => fed(port, schedule.tick_hz),
         BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
     };
     schedule.buffers.iter().map(buffer).collect()
@@ -76,7 +76,8 @@ pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
 
 /// Audio buffers that the host fills.
 pub(crate) fn fed_audio(schedule: &Schedule) -> Vec<usize> {
-    let audio = |e: &BufferEntry| matches!(e, BufferEntry::Fed(PortType { shape: Shape::Audio { .. }, .. }));
+    let audio =
+        |e: &BufferEntry| matches!(e, BufferEntry::HostFed(PortType { shape: Shape::Audio { .. }, .. }));
     (0..schedule.buffers.len()).filter(|&at| audio(&schedule.buffers[at])).collect()
 }
 
@@ -126,7 +127,7 @@ fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
     for (fate, node) in plan.fates.iter().zip(&new.nodes) {
         let (Fate::Kept(i) | Fate::Rebuilt { old: i, .. }) = fate else { continue };
         let inputs = node.inputs.iter().zip(&old.nodes[*i].inputs);
-        let fed = inputs.filter(|(new, old)| new.fed && old.fed && new.port == old.port);
+        let fed = inputs.filter(|(new, old)| new.host_fed && old.host_fed && new.port == old.port);
         pairs.extend(fed.map(|(new, old)| (new.reads.buffer as usize, old.reads.buffer as usize)));
     }
     pairs
@@ -137,7 +138,7 @@ fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
 fn fed_anew(plan: &Plan, old: &Schedule, new: &Schedule, i: usize, input: usize) -> Option<usize> {
     let j = plan.fates.iter().position(|f| matches!(f, Fate::Rebuilt { old, .. } if *old == i))?;
     let (was, is) = (&old.nodes[i].inputs[input], new.nodes[j].inputs.get(input)?);
-    (was.fed && is.fed && is.port == was.port).then_some(is.reads.buffer as usize)
+    (was.host_fed && is.host_fed && is.port == was.port).then_some(is.reads.buffer as usize)
 }
 
 /// Adds slots for old nodes after the new ones. Returns the buffers fed by the host to nodes that
@@ -163,7 +164,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
                     let (was, is) = (port.reads.buffer as usize, body.buffers.len());
                     body.buffers.push(match old.buffers.get(was) {
                         Some(BufferEntry::Constant { count, value }) => Buffer::constant(*count, *value),
-                        Some(BufferEntry::Fed(port)) => {
+                        Some(BufferEntry::HostFed(port)) => {
                             // It holds its last values.
                             own.push((is, was));
                             fed(port, old.tick_hz)

@@ -144,7 +144,7 @@ fn buffer_counts(schedule: &Schedule) -> (usize, Vec<(&'static str, usize)>) {
     for buffer in &schedule.buffers {
         match buffer {
             BufferEntry::Constant { .. } => constants += 1,
-            BufferEntry::Fed(_) => {}
+            BufferEntry::HostFed(_) => {}
             BufferEntry::Output(port) => {
                 if let Some(c) = counts.iter_mut().find(|(kind, _)| *kind == port.shape.kind()) {
                     c.1 += 1;

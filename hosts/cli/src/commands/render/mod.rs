@@ -200,7 +200,7 @@ fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str
 
 /// Refuses a graph that needs input from a device while it runs.
 fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
-    let Some((node, _)) = schedule.fed().next() else { return Ok(()) };
+    let Some((node, _)) = schedule.host_fed().next() else { return Ok(()) };
     let node = &schedule.nodes[node];
     Err(wrong(
         &args.graph.graph,

@@ -33,7 +33,7 @@ const MOST_SURFACES: usize = 40;
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
-    if let Some((node, _)) = compiled.schedule.fed().next() {
+    if let Some((node, _)) = compiled.schedule.host_fed().next() {
         let node = &compiled.schedule.nodes[node];
         let message =
             format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
