@@ -46,8 +46,8 @@ pub(crate) struct Slot {
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
-    /// Which outputs are `aside`; see [`asperity_node::Output`].
-    aside: Box<[bool]>,
+    /// Which outputs are `secondary`; see [`asperity_node::Output`].
+    secondary: Box<[bool]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// When the node is wanted; empty for a node that always runs.
@@ -91,7 +91,7 @@ impl Slot {
             outputs: node.buffers.clone(),
             rates: shapes.iter().map(rate).collect(),
             held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
-            aside: node.outputs.iter().map(|o| o.aside).collect(),
+            secondary: node.outputs.iter().map(|o| o.secondary).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
             guards: node.guards.iter().map(|way| way.clone().into()).collect(),
@@ -299,15 +299,15 @@ impl Slot {
     }
 
     /// Writes the outputs of a node that failed: controls hold and are marked, frames are zero, audio
-    /// fades. Faded or zeroed output counts as valid, so that a mix goes on. A control `aside` counts
+    /// fades. Faded or zeroed output counts as valid, so that a mix goes on. A control `secondary` counts
     /// as valid too, because it only describes those outputs.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
-        for (((buffer, held), fade), aside) in outputs.zip(&self.aside) {
+        for (((buffer, held), fade), secondary) in outputs.zip(&self.secondary) {
             match buffer {
                 Buffer::Control { values, valid, .. } => {
                     values.copy_from_slice(held);
-                    *valid = *aside;
+                    *valid = *secondary;
                 }
                 Buffer::Audio { samples, len, valid, silent } => {
                     *silent = fade.fault(&mut samples[..*len]);

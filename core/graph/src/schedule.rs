@@ -125,8 +125,8 @@ pub struct ScheduledOutput {
     pub port: PortType,
     /// Number of inputs that read it.
     pub readers: usize,
-    /// Whether it is `aside`; see [`asperity_node::Output`].
-    pub aside: bool,
+    /// Whether it is `secondary`; see [`asperity_node::Output`].
+    pub secondary: bool,
 }
 
 /// A buffer.

@@ -109,17 +109,17 @@ impl Node for TextureNetwork {
         )
         .output(
             Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that does not say, noise"),
         )
         .output(
             Output::new("statistics", ShapeSpec::Control(2), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where magnitudes are means, 0 where they are root mean squares"),
         )
         .output(
             Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("how the material's vibration is spread over place, from the library; all 0 where it does not say"),
         )
         .param(Param::file(

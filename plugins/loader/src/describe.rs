@@ -122,7 +122,7 @@ pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
             "output `{name}` promises a limited signal, which only the built-in limiter may"
         ));
     }
-    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false, aside: false })
+    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false, secondary: false })
 }
 
 unsafe fn port(p: &AsperityPort) -> Result<(String, String, ShapeSpec, UnitSpec), Lie> {

@@ -59,7 +59,7 @@ pub(super) fn prepare(
                         name: output.name.to_string(),
                         port: port.clone(),
                         readers,
-                        aside: output.aside,
+                        secondary: output.secondary,
                     });
                 }
                 None => {
