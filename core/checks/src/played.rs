@@ -101,7 +101,7 @@ impl Played {
     /// A random signal for an input like `output`.
     pub(crate) fn signal(name: String, output: Output, signal: Signal, seed: u64) -> Arc<dyn NodeKind> {
         // The output depends on the tick alone.
-        let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Resume);
+        let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Continue);
         Arc::new(Self { descriptor, what: What::Signal(signal, seed) })
     }
 

@@ -155,7 +155,7 @@ impl Slot {
         let woke = match self.resume {
             Resume::Restart => contain(|| processor.reset()),
             Resume::Elapsed if now.sleep => contain(|| processor.elapsed(now.tick - since)),
-            Resume::Elapsed | Resume::Resume | Resume::Never => Ok(()),
+            Resume::Elapsed | Resume::Continue | Resume::Never => Ok(()),
         };
         if let Err(fault) = woke {
             self.fault(fault, now);

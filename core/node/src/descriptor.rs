@@ -14,7 +14,7 @@ pub enum Resume {
     Elapsed,
     /// The node continues as it was. Its output depends on the tick and its inputs, not on the number
     /// of calls.
-    Resume,
+    Continue,
     /// The node never sleeps, because its state must stay up to date.
     Never,
 }
@@ -25,7 +25,7 @@ impl Resume {
         match self {
             Resume::Restart => "restart",
             Resume::Elapsed => "elapsed time",
-            Resume::Resume => "resuming",
+            Resume::Continue => "resuming",
             Resume::Never => "nothing: it never sleeps",
         }
     }

@@ -33,7 +33,7 @@ pub(crate) fn hand(descriptor: Descriptor, (force, force_doc): (Unit, &'static s
             Output::new("stroke", ShapeSpec::Control(1), Unit::NONE)
                 .doc("counts touches; wired to `velocity.stroke`, the way from one to the next is no motion"),
         )
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
 }
 
 /// Adds the parameters that say when a source is too old, and how far behind it is read.

@@ -71,7 +71,7 @@ impl Node for Stroke {
             Param::integer("seed", 1, 0..=i64::MAX, "Seed of tremor and force; left out, from the graph's.")
                 .optional(),
         )
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -49,7 +49,7 @@ impl Node for Trajectory {
                 Param::number("max_gap_s", 0.0, 0.0..=3600.0, "Longest time between rows; 0 for 0.1 s or five median steps.")
                     .unit("s"),
             )
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -40,7 +40,7 @@ impl<T: Float> Node for PhaseVocoder<T> {
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of random start phases; left out, from the graph's.").optional())
             .param(precision())
             // Phases follow from the frame's place in time.
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

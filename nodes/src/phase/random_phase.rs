@@ -35,7 +35,7 @@ impl<T: Float> Node for RandomPhase<T> {
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the phases; left out, from the graph's.").optional())
             .param(precision())
             // Phases follow from the frame's number.
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

@@ -29,7 +29,7 @@ impl Node for AudioIn {
         .param(Param::integer("channel", 1, 1..=1024, "Channel of the device, counted from 1."))
         .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What the device's full scale is, in `unit`."))
         .param(Param::choice("unit", &["m/s^2", "A", "V", "N", "FS"], "The signal's unit."))
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

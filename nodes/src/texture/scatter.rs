@@ -50,7 +50,7 @@ impl<T: Float> Node for Scatter<T> {
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
         // Noise follows from the frame's number.
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Self, Diagnostic> {

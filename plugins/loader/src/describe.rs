@@ -46,7 +46,7 @@ unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> 
     d.resume = match kind.resume {
         ASPERITY_RESTART => Resume::Restart,
         ASPERITY_ELAPSED => Resume::Elapsed,
-        ASPERITY_RESUME => Resume::Resume,
+        ASPERITY_RESUME => Resume::Continue,
         ASPERITY_NEVER => Resume::Never,
         other => return Err(format!("it says {other} of how it wakes")),
     };

@@ -101,7 +101,7 @@ impl<const RESUME: u8> Node for Memory<RESUME> {
         let (kind, resume) = match RESUME {
             0 => ("memory_restart", Resume::Restart),
             1 => ("memory_elapsed", Resume::Elapsed),
-            2 => ("memory_resume", Resume::Resume),
+            2 => ("memory_resume", Resume::Continue),
             _ => ("memory_never", Resume::Never),
         };
         Descriptor::new(kind, "Counts its calls into an audio level.")
