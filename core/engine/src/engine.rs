@@ -23,12 +23,12 @@ pub struct Options {
     /// Checks every output for NaN and infinities. Without it, such values reach their readers unmarked
     /// and uncounted; panics, errors and overruns are still contained. Only for measuring the cost of
     /// the check: a player or writer leaves it on, and no graph file or program option turns it off.
-    pub guards: bool,
+    pub check_finite: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sleep: true, limit_ns: None, guards: true }
+        Self { sleep: true, limit_ns: None, check_finite: true }
     }
 }
 
@@ -220,8 +220,8 @@ impl Engine {
     }
 
     fn now(&self) -> Now {
-        let Options { sleep, guards, .. } = self.options;
-        Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, guards }
+        let Options { sleep, check_finite, .. } = self.options;
+        Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, check_finite }
     }
 
     /// Buffer of an input that the host feeds.

@@ -76,7 +76,7 @@ pub(crate) struct Now {
     /// Whether nodes may sleep.
     pub(crate) sleep: bool,
     /// Whether outputs are checked for NaN and infinities.
-    pub(crate) guards: bool,
+    pub(crate) check_finite: bool,
 }
 
 impl Slot {
@@ -217,7 +217,7 @@ impl Slot {
         let processor = &mut self.processor;
         let answer = watch.call(|| processor.process(&mut tick)).and_then(|status| match status {
             Status::Error(code) => Err(Fault::Failed(code)),
-            _ if now.guards && !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
+            _ if now.check_finite && !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
             status => Ok(status),
         });
         self.report.calls += 1;
