@@ -298,6 +298,6 @@ impl Engine {
 }
 
 fn wanted(slots: &[Slot], node: usize) -> bool {
-    let guards = &slots[node].guards;
-    guards.is_empty() || guards.iter().any(|way| way.iter().all(|&g| slots[g].wants))
+    let gate_sets = &slots[node].gate_sets;
+    gate_sets.is_empty() || gate_sets.iter().any(|way| way.iter().all(|&g| slots[g].wants))
 }

@@ -35,7 +35,7 @@ pub struct NodeReport {
 }
 
 /// Sets of gates: a node is wanted while all gates of one set are open.
-pub(crate) type Guards = Box<[Box<[usize]>]>;
+pub(crate) type GateSets = Box<[Box<[usize]>]>;
 
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
@@ -51,7 +51,7 @@ pub(crate) struct Slot {
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// When the node is wanted; empty for a node that always runs.
-    pub(crate) guards: Guards,
+    pub(crate) gate_sets: GateSets,
     resume: Resume,
     closes_cycle: bool,
     /// Last answer of a gate; true for other nodes.
@@ -94,7 +94,7 @@ impl Slot {
             secondary: node.outputs.iter().map(|o| o.secondary).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
-            guards: node.guards.iter().map(|way| way.clone().into()).collect(),
+            gate_sets: node.gate_sets.iter().map(|way| way.clone().into()).collect(),
             resume: node.resume,
             closes_cycle: node.closes_cycle,
             wants: true,
@@ -385,12 +385,12 @@ impl Slot {
         (self.dozing, self.tail) = (false, None);
     }
 
-    /// Exchanges two nodes with all their state. Each takes the other's inputs, outputs and guards.
+    /// Exchanges two nodes with all their state. Each takes the other's inputs, outputs and gate sets.
     pub(crate) fn trade(&mut self, other: &mut Self) {
         std::mem::swap(self, other);
         std::mem::swap(&mut self.inputs, &mut other.inputs);
         std::mem::swap(&mut self.outputs, &mut other.outputs);
-        std::mem::swap(&mut self.guards, &mut other.guards);
+        std::mem::swap(&mut self.gate_sets, &mut other.gate_sets);
     }
 
     /// Continues from another node: with its state, copied through `room`, if there is room. Returns

@@ -63,7 +63,7 @@ pub struct ScheduledNode {
     pub buffers: Range<usize>,
     /// Sets of gates that let it sleep: it runs while all gates of one set are open. Empty for a node
     /// that always runs.
-    pub guards: Vec<Vec<usize>>,
+    pub gate_sets: Vec<Vec<usize>>,
     /// Behaviour on waking.
     pub resume: Resume,
     /// Whether it is a sink.

@@ -8,7 +8,7 @@ use super::plan::{Fate, Place, Plan, Point, live_value};
 use super::shadow::Ways;
 use super::takeover::{Rebuilt, Set, Swap};
 use crate::engine::Body;
-use crate::slot::{Guards, Slot};
+use crate::slot::{GateSets, Slot};
 
 /// Makes a swap from a plan. `sizes` and `live` belong to the old schedule: bytes of each node's state,
 /// and the last values of its live parameters.
@@ -23,7 +23,7 @@ pub(super) fn build(
     let mut body = Body::new(compiled);
     let settled = std::mem::replace(&mut body.steps, plan.steps.clone());
     let new = body.schedule.clone();
-    let guards = guards(plan, old, &new, &mut body.slots);
+    let gate_sets = gate_sets(plan, old, &new, &mut body.slots);
     let own = add_shadows(plan, old, &mut body);
     let (fades, readers) = plan.points.iter().map(|p| crossfade(plan, &new, *p, &mut body)).unzip();
     let mut swap = Swap {
@@ -37,7 +37,7 @@ pub(super) fn build(
         shadows: plan.shadows.nodes.iter().enumerate().map(|(k, &i)| (new.nodes.len() + k, i)).collect(),
         gone: (0..old.nodes.len()).filter(|i| !plan.fates.iter().any(|f| f.kept() == Some(*i))).collect(),
         sets: Vec::new(),
-        guards,
+        gate_sets,
         fed: carried(plan, old, &new),
         every: every(plan, &new),
         begun: 0,
@@ -105,17 +105,17 @@ fn sets(new: &Schedule, j: usize, before: &[f64]) -> Vec<Set> {
     changed.map(|((l, value), _)| Set { node: j, param: l.index, value }).collect()
 }
 
-/// Guards as a slot has them.
-fn boxed(ways: &Ways) -> Guards {
+/// GateSets as a slot has them.
+fn boxed(ways: &Ways) -> GateSets {
     ways.iter().map(|way| way.clone().into()).collect()
 }
 
-/// Sets the guards of new nodes during the fade, and returns those for afterwards.
-fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, Guards)> {
+/// Sets the gate sets of new nodes during the fade, and returns those for afterwards.
+fn gate_sets(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, GateSets)> {
     let mut after = Vec::new();
     for (j, ways) in plan.shadows.new_ways(old, new).iter().enumerate() {
-        if *ways != new.nodes[j].guards {
-            after.push((j, std::mem::replace(&mut slots[j].guards, boxed(ways))));
+        if *ways != new.nodes[j].gate_sets {
+            after.push((j, std::mem::replace(&mut slots[j].gate_sets, boxed(ways))));
         }
     }
     after
@@ -150,7 +150,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
     for &i in &plan.shadows.nodes {
         let node = &old.nodes[i];
         let mut slot = Slot::empty(node);
-        slot.guards = boxed(&plan.shadows.old_ways(old, i));
+        slot.gate_sets = boxed(&plan.shadows.old_ways(old, i));
         let start = body.buffers.len();
         slot.outputs = start..start + node.outputs.len();
         body.buffers.extend(node.outputs.iter().map(|o| Buffer::new(&o.port, old.tick_hz)));

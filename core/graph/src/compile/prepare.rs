@@ -215,7 +215,7 @@ fn scheduled(
         inputs,
         outputs,
         buffers: 0..0,
-        guards: ordered.guards[i].iter().map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
+        gate_sets: ordered.gate_sets[i].iter().map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
         resume: descriptor.resume,
         sink: descriptor.sink,
         gate: ordered.gates[i],
