@@ -75,9 +75,9 @@ pub struct Args {
 const WATCH_LIMIT_TICKS: u64 = 10;
 
 /// The computer's clock.
-pub struct Wall(pub Instant);
+pub struct ClockTime(pub Instant);
 
-impl Clock for Wall {
+impl Clock for ClockTime {
     fn now_ns(&self) -> u64 {
         self.0.elapsed().as_nanos() as u64
     }
@@ -119,20 +119,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         (Engine::new(compiled, options), None)
     };
 
-    let wall = Wall(Instant::now());
+    let clock = ClockTime(Instant::now());
     let mut done = 0;
     while done < ticks && !stop.load(Ordering::Relaxed) {
         if args.watch {
             let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
-            std::thread::sleep(due.saturating_sub(wall.0.elapsed()));
+            std::thread::sleep(due.saturating_sub(clock.0.elapsed()));
         }
-        capture.tick(&mut engine, &wall, done)?;
+        capture.tick(&mut engine, &clock, done)?;
         done += 1;
         if done.is_multiple_of(1024) {
-            show_rate(&bar, done, engine.schedule(), wall.0.elapsed().as_secs_f64());
+            show_rate(&bar, done, engine.schedule(), clock.0.elapsed().as_secs_f64());
         }
     }
-    let elapsed_s = wall.0.elapsed().as_secs_f64();
+    let elapsed_s = clock.0.elapsed().as_secs_f64();
     let swaps = watch.map(Watch::finish).unwrap_or_default();
     bar.finish_and_clear();
 
@@ -278,12 +278,12 @@ impl Capture {
     }
 
     /// Runs a tick and records its outputs.
-    fn tick(&mut self, engine: &mut Engine, wall: &Wall, tick: u64) -> Result<(), Failure> {
+    fn tick(&mut self, engine: &mut Engine, clock: &ClockTime, tick: u64) -> Result<(), Failure> {
         let swaps = engine.swaps();
         self.spent.fill(0);
-        let before = wall.now_ns();
-        engine.tick_timed(wall, &mut self.spent);
-        self.times.tick(wall.now_ns() - before);
+        let before = clock.now_ns();
+        engine.tick_timed(clock, &mut self.spent);
+        self.times.tick(clock.now_ns() - before);
         if engine.swaps() != swaps {
             self.follow(engine.schedule().clone());
         }

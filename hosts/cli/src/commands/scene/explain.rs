@@ -16,7 +16,7 @@ use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde_json::{Value, json};
 
 use super::{Explain, load_scene};
-use crate::commands::render::Wall;
+use crate::commands::render::ClockTime;
 use crate::commands::render::plot::Effects;
 use crate::commands::render::report::dropped_json;
 use crate::failure::{Failure, clean, print, wrong};
@@ -359,7 +359,7 @@ impl Account {
         });
         let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
         let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
-        let wall = Wall(Instant::now());
+        let clock = ClockTime(Instant::now());
         let (mut spent, mut total) = (vec![0; nodes.len()], vec![0_u64; nodes.len()]);
         let mut calls = vec![0; nodes.len()];
         let mut times = Recorder::new(nodes.len());
@@ -368,7 +368,7 @@ impl Account {
         for _ in 0..ticks {
             spent.fill(0);
             let began = Instant::now();
-            engine.tick_timed(&wall, &mut spent);
+            engine.tick_timed(&clock, &mut spent);
             let tick_ns = began.elapsed().as_nanos() as u64;
             effects.take(&engine);
             let now = contact.map(|port| {
