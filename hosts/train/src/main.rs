@@ -2,7 +2,6 @@
 //! network, a library of materials, and a card with its quality.
 
 mod arguments;
-mod card;
 mod data;
 mod descent;
 mod encoder;
@@ -11,6 +10,7 @@ mod failure;
 mod files;
 mod layer;
 mod loss;
+mod model_report;
 mod network;
 mod onnx;
 mod pattern;

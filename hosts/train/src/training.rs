@@ -20,12 +20,12 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use crate::arguments::{self, Evaluate, Settings, Train};
-use crate::card::Sizes;
 use crate::data::{self, Data, Origin};
 use crate::descent::{self, Losses, Stage, Stop};
 use crate::evaluation::{self, Naming as Named, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
+use crate::model_report::Sizes;
 use crate::network::{self, Scaling};
 use crate::pattern;
 use crate::progress::Teller;
@@ -327,7 +327,7 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
     let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
     let sizes = Sizes { encoder_bytes: size("encoder.onnx"), network_bytes: size("texture.onnx") };
-    let card = card::write(settings, sizes, data, &evaluation);
+    let card = model_report::write(settings, sizes, data, &evaluation);
     write_whole(&folder.join("MODEL_CARD.md"), card.as_bytes())?;
     eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
     Ok(())
