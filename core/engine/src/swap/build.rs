@@ -105,7 +105,7 @@ fn sets(new: &Schedule, j: usize, before: &[f64]) -> Vec<Set> {
     changed.map(|((l, value), _)| Set { node: j, param: l.index, value }).collect()
 }
 
-/// GateSets as a slot has them.
+/// Gate sets as a slot has them.
 fn boxed(ways: &Ways) -> GateSets {
     ways.iter().map(|way| way.clone().into()).collect()
 }

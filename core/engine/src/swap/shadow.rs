@@ -13,7 +13,7 @@ pub(super) type Ways = Vec<Vec<usize>>;
 /// A node with more sets than this always runs during the fade.
 const MOST_WAYS: usize = 64;
 
-/// A node's gate sets as sets; one empty set if it always runs.
+/// A node's gate sets; one empty set if it always runs.
 fn as_ways(gate_sets: &Ways) -> Ways {
     if gate_sets.is_empty() { vec![Vec::new()] } else { gate_sets.clone() }
 }

@@ -42,7 +42,7 @@ pub(crate) struct Swap {
     /// Old nodes that are not kept.
     pub(super) gone: Vec<usize>,
     pub(super) sets: Vec<Set>,
-    /// Guards after the fade, for slots with other gate sets during the fade.
+    /// Gate sets after the fade, for slots with other gate sets during the fade.
     pub(super) gate_sets: Vec<(usize, GateSets)>,
     /// Buffers fed by the host that other nodes continue with: new and old buffer.
     pub(super) fed: Vec<(usize, usize)>,

@@ -107,7 +107,7 @@ pub(super) fn hull(mut points: Vec<Point>) -> Vec<Point> {
     lower
 }
 
-/// SceneMap 0 where `p` lies left of the line from `a` to `b`.
+/// Above 0 where `p` lies left of the line from `a` to `b`.
 pub(super) fn left_of(a: Point, b: Point, p: Point) -> f64 {
     (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }
