@@ -170,7 +170,7 @@ impl Engine {
         self.tick += 1;
     }
 
-    /// Sets the values of a [fed](asperity_graph::ScheduledInput::fed) control input from the next tick
+    /// Sets the values of a [host-fed](asperity_graph::ScheduledInput::host_fed) control input from the next tick
     /// on, until others are set. `valid` marks them as trusted. Values that are not finite are refused,
     /// and the old ones are no longer trusted. Returns false if there is no such input, or the number
     /// of values differs. Tick thread.
