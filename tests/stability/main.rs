@@ -24,6 +24,7 @@ use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases
 use asperity_graph::GraphFile;
 use asperity_node::{Config, Descriptor, Diagnostic, NodeKind, Ports, Processor, Setup};
 use harness::graph::lowered;
+use harness::registry;
 
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
@@ -54,7 +55,7 @@ fn scene(name: &str) -> GraphFile {
 
 /// The built-in kinds, perhaps with a graph.
 fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
-    let subject = Subject::new(harness::registry()).effort(effort());
+    let subject = Subject::new(registry()).effort(effort());
     if let Some(graph) = graph { subject.graph(graph) } else { subject }
 }
 
@@ -86,7 +87,7 @@ fn plugin(
     }
 
     let mut descriptor = like.descriptor().clone();
-    descriptor.kind = name.into();
+    (descriptor.kind, descriptor.role) = (name.into(), None);
     Arc::new(Plugin(like.clone(), more(descriptor)))
 }
 

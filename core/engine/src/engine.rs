@@ -170,10 +170,10 @@ impl Engine {
         self.tick += 1;
     }
 
-    /// Sets the values of a [host-fed](asperity_graph::ScheduledInput::host_fed) control input from the next tick
-    /// on, until others are set. `valid` marks them as trusted. Values that are not finite are refused,
-    /// and the old ones are no longer trusted. Returns false if there is no such input, or the number
-    /// of values differs. Tick thread.
+    /// Sets the values of a [host-fed](asperity_graph::ScheduledInput::host_fed) control input from the
+    /// next tick on, until others are set. `valid` marks them as trusted. Values that are not finite are
+    /// refused, and the old ones are no longer trusted. Returns false if there is no such input, or the
+    /// number of values differs. Tick thread.
     pub fn feed_control(&mut self, node: usize, input: usize, given: &[f64], valid: bool) -> bool {
         let Some(Buffer::Control { values, changed, valid: trusted }) = self.fed(node, input) else {
             return false;

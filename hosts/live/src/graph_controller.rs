@@ -131,9 +131,9 @@ impl Source {
     }
 }
 
-/// Prepares a graph to run in real time: the player for a driver, and its control side. `queues` holds a queue
-/// for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the textures
-/// that a person may choose.
+/// Prepares a graph to run in real time: the player for a driver, and its control side. `queues` holds a
+/// queue for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the
+/// textures that a person may choose.
 pub fn prepare_live(
     compiled: Compiled,
     graph: &GraphFile,

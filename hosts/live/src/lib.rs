@@ -4,8 +4,8 @@
 //! without audio. Before a tick, inputs are read at the tick's own time. After it, outputs go to their
 //! sinks. The tick thread counts what happens; other threads read the counts.
 //!
-//! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the graph,
-//! `player` for one tick, `driver` for the clocks, `output_limits` for the limits of the device.
+//! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the
+//! graph, `player` for one tick, `driver` for the clocks, `output_limits` for the limits of the device.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
 macro_rules! opaque_debug {

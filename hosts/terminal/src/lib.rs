@@ -55,7 +55,8 @@ impl Terminal {
     /// Takes over the terminal of standard output: raw mode, so that Ctrl-C is an ordinary key, and the
     /// alternate screen, so that the former contents come back.
     ///
-    /// The keys hold `run_control`. Those that stop and mute act as soon as they are read, also between frames.
+    /// The keys act on `run_control`. Those that stop and mute act as soon as they are read, also between
+    /// frames.
     ///
     /// # Errors
     ///

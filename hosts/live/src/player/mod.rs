@@ -57,7 +57,8 @@ impl Drop for Now<'_> {
     }
 }
 
-/// An engine with its inputs, sinks and meters. [`prepare_live`](crate::prepare_live) makes it, a driver runs it.
+/// An engine with its inputs, sinks and meters. [`prepare_live`](crate::prepare_live) makes it, a driver
+/// runs it.
 pub struct Player {
     engine: Engine,
     wiring: Box<Wiring>,
