@@ -1,5 +1,5 @@
 //! Trains texture models from tactile images and strokes. A model is an encoder of images, a tick
-//! network, a library of materials, and a card with its quality.
+//! network, a library of materials, and a model report with its quality.
 
 mod arguments;
 mod data;
