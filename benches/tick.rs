@@ -13,8 +13,8 @@ use asperity_diagnostics::Source;
 use asperity_engine::{Clock, Engine, NoClock, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Prepared, Processor, Registry, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Prepared, Processor, Registry, Role, Setup, ShapeSpec,
+    Status, Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{Choice, Model, Precision, Runner};
@@ -153,7 +153,7 @@ fn measure(synthesis_hz: u32, precision: &str, pace: Pace) {
     let mut rows = vec![Row { name: "plain read of the weights".into(), timing: read, goal: String::new() }];
     for (node, timing) in schedule.nodes.iter().zip(nodes) {
         let ratio = timing.summary().p50_ns as f64 / read_p50 as f64;
-        let goal = if node.kind == "texture_network" {
+        let goal = if node.role == Some(Role::TextureNetwork) {
             format!("{} ({ratio:.2} x the read)", goal("<= 1.2 x the read"))
         } else {
             String::new()

@@ -10,6 +10,8 @@ mod readers;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Mutex;
 
+use asperity_nodes::registry;
+
 /// Counts the bytes that a reader holds.
 #[global_allocator]
 static ALLOCATOR: counting::Counting = counting::Counting;

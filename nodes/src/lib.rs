@@ -7,7 +7,6 @@
 pub mod actuator;
 pub mod contact;
 pub mod effects;
-pub mod hand;
 pub mod motion;
 pub mod phase;
 mod precision;
@@ -26,12 +25,6 @@ pub fn registry() -> Registry {
         .with::<motion::Trajectory>()
         .with::<motion::Stroke>()
         .with::<motion::Velocity>()
-        .with::<hand::OscInput>()
-        .with::<hand::PointerInput>()
-        .with::<hand::OpenhapticsInput>()
-        .with::<hand::HaplyInput>()
-        .with::<hand::OpenhapticsForce>()
-        .with::<hand::HaplyForce>()
         .with::<sources::AudioIn>()
         .with::<sources::Impulse>()
         .with::<sources::Sine>()

@@ -47,7 +47,7 @@ fn is_meant(kind: &str, case: &str) -> bool {
 /// Runs some cases over all built-in kinds.
 fn check(names: &[&str]) {
     let mut wrong = Vec::new();
-    for kind in asperity_nodes::registry().iter() {
+    for kind in harness::registry().iter() {
         let name = &kind.descriptor().kind;
         let mut subjects = vec![(name.to_string(), subject(kind))];
         // Where a node may compute in double precision, it is checked in both.
@@ -126,13 +126,13 @@ fn every_case_is_run_here() {
 
 #[test]
 fn the_time_of_a_tick_can_be_told() {
-    let registry = asperity_nodes::registry();
+    let registry = harness::registry();
     let time = tick_time(&subject(registry.get("spsi").expect("spsi"))).unwrap();
     assert!(time.median_us > 0.0 && time.median_us <= time.p99_us && time.p99_us <= time.max_us, "{time:?}");
 }
 
 fn engine(graph: &GraphFile) -> Engine {
-    harness::graph::engine(graph, &asperity_nodes::registry())
+    harness::graph::engine(graph, &harness::registry())
 }
 
 #[test]

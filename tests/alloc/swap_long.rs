@@ -186,7 +186,7 @@ fn shipped(k: usize) -> GraphFile {
 
 #[test]
 fn shipped_graph_swapped_often_neither_clicks_nor_allocates() {
-    let registry = asperity_nodes::registry();
+    let registry = harness::registry();
     let compiled = |k| harness::graph::compiled(&shipped(k), &registry);
     // Some of the seven are louder than others.
     let still: Vec<Rig> = (0..7)

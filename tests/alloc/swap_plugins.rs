@@ -17,7 +17,7 @@ const GRAPH: &str = "Graph(version: 1, nodes: {\"wave\": (kind: \"told\"), \
                      \"end\": (kind: \"probe\")}, wires: [(\"wave\", \"late\"), (\"late\", \"end\")])";
 
 fn compiled(plugin: &Plugin) -> Compiled {
-    let mut registry = asperity_nodes::registry();
+    let mut registry = harness::registry();
     for kind in plugin.kinds() {
         assert!(registry.add(Arc::<NodeKind>::clone(kind)).is_none());
     }

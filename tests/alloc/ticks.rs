@@ -13,7 +13,7 @@ fn ticks() -> u64 {
 /// A change of a running graph saves, restores, sets and resets nodes on the tick thread.
 #[test]
 fn state_and_live_parameters_allocate_nothing() {
-    for kind in asperity_nodes::registry().iter() {
+    for kind in harness::registry().iter() {
         let node = || {
             let mut compiled = any_node::compiled(&any_node::graph(kind.as_ref(), "random", 500, 48_000));
             let it = compiled.schedule.index_of("it").expect("the node");
@@ -40,7 +40,7 @@ fn state_and_live_parameters_allocate_nothing() {
 fn no_tick_of_a_scene_allocates() {
     for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
         let graph = graph::lowered(&harness::graphs("scenes").join(name));
-        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+        let compiled = graph::compiled(&graph, &harness::registry());
         let most = compiled.schedule.duration_ticks().expect("a stroke that ends");
         let mut engine = Engine::new(compiled, Options::default());
         let ((), count) = allocations(|| (0..most).for_each(|_| engine.tick()));
@@ -74,7 +74,7 @@ fn no_tick_of_the_shipped_graph_allocates() {
         ] {
             graph.set(&set, "--set").expect("a setting");
         }
-        let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+        let compiled = graph::compiled(&graph, &harness::registry());
         assert!(compiled.schedule.allocating().is_empty());
         let mut engine = Engine::new(compiled, Options::default());
         // Asked outside: reading a variable allocates.

@@ -29,7 +29,7 @@ impl Node for Tone {
                 "Its frequency; a quarter of a turn ahead at 0.",
             ))
             .param(Param::number("level", 1.0, -10.0..=10.0, "Its amplitude."))
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 fn compiled(text: &str) -> Result<Compiled, String> {
     let graph = GraphFile::parse(&Source::new("g.ron", text)).map_err(|e| e.to_string())?;
-    compile(&graph, &asperity_nodes::registry(), Default::default())
+    compile(&graph, &harness::registry(), Default::default())
         .map_err(|e| e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
 }
 
@@ -20,14 +20,14 @@ fn schedule(nodes: &str, wires: &str) -> Schedule {
 }
 
 /// The ways in which a node is wanted, each as gates joined by +.
-fn guards(s: &Schedule, id: &str) -> Vec<String> {
+fn gate_sets(s: &Schedule, id: &str) -> Vec<String> {
     let node = &s.nodes[s.index_of(id).unwrap()];
     let way = |way: &Vec<usize>| {
         let mut ids: Vec<&str> = way.iter().map(|&g| s.nodes[g].id.as_str()).collect();
         ids.sort();
         ids.join("+")
     };
-    let mut ways: Vec<String> = node.guards.iter().map(way).collect();
+    let mut ways: Vec<String> = node.gate_sets.iter().map(way).collect();
     ways.sort();
     ways
 }
@@ -68,10 +68,10 @@ fn a_gate_is_asked_before_what_it_lets_sleep() {
         ),
     );
     for id in ["t", "tp", "to"] {
-        assert_eq!(guards(&s, id), ["g"], "{id}");
+        assert_eq!(gate_sets(&s, id), ["g"], "{id}");
     }
     for id in ["s", "m", "f", "h", "g", "p"] {
-        assert!(guards(&s, id).is_empty(), "{id}");
+        assert!(gate_sets(&s, id).is_empty(), "{id}");
     }
     let at = |step: Step| s.steps.iter().position(|x| *x == step).unwrap();
     let i = |id: &str| s.index_of(id).unwrap();
@@ -95,8 +95,8 @@ fn second_gate_in_a_row_is_asked_only_if_the_first_is_open() {
             texture_wires("t")
         ),
     );
-    assert_eq!(guards(&s, "t"), ["a+b"]);
-    assert_eq!(guards(&s, "a"), ["b"]);
+    assert_eq!(gate_sets(&s, "t"), ["a+b"]);
+    assert_eq!(gate_sets(&s, "a"), ["b"]);
     let at = |step: Step| s.steps.iter().position(|x| *x == step).unwrap();
     let i = |id: &str| s.index_of(id).unwrap();
     assert!(at(Step::Wants(i("b"))) < at(Step::Wants(i("a"))));
@@ -117,7 +117,7 @@ fn what_two_gates_share_sleeps_while_both_are_closed() {
             texture_wires("t")
         ),
     );
-    assert_eq!(guards(&s, "t"), ["a", "b"]);
+    assert_eq!(gate_sets(&s, "t"), ["a", "b"]);
 }
 
 #[test]
@@ -137,8 +137,8 @@ fn what_a_gate_is_asked_with_does_not_sleep_behind_it() {
         ),
     );
     // Gate b asks gate a's answer, so a is needed whatever b says; the texture is needed while a is open.
-    assert!(guards(&s, "a").is_empty());
-    assert_eq!(guards(&s, "t"), ["a"]);
+    assert!(gate_sets(&s, "a").is_empty());
+    assert_eq!(gate_sets(&s, "t"), ["a"]);
 }
 
 #[test]
@@ -260,7 +260,7 @@ fn pruning_off_keeps_what_can_run_and_refuses_nothing_more() {
                 [(\"s\", \"f\"), (\"f.force\", \"p\"), (\"f.depth\", \"idle\"), (\"loose\", \"after\")])";
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
     let options = asperity_graph::Options { prune: false };
-    let s = compile(&graph, &asperity_nodes::registry(), options).expect("it compiles").schedule;
+    let s = compile(&graph, &harness::registry(), options).expect("it compiles").schedule;
     assert!(s.index_of("idle").is_some() && s.index_of("loose").is_none() && s.index_of("after").is_none());
     assert_eq!(s.dropped.len(), 2);
 }
@@ -299,7 +299,7 @@ fn thousand_wrong_names_are_all_told_and_a_hundred_guessed() {
     let wires: Vec<String> = (1..1000).map(|i| format!("(\"g{}x\", \"g{i}\")", i - 1)).collect();
     let text = format!("Graph(version: 1, nodes: {{{}}}, wires: [{}])", nodes.join(", "), wires.join(", "));
     let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
-    let errors = compile(&graph, &asperity_nodes::registry(), Default::default()).unwrap_err();
+    let errors = compile(&graph, &harness::registry(), Default::default()).unwrap_err();
     assert_eq!(errors.len(), 999);
     assert_eq!(errors[7].help.as_deref(), Some("did you mean `g7`?"));
     assert!(errors.iter().all(|e| e.message.starts_with("there is no node `g") && e.place.is_some()));
@@ -323,11 +323,11 @@ fn of_many_gates_in_a_row_a_node_waits_for_the_last_alone() {
     wires.push((format!("q{}.out", gates - 1), "out".to_owned()));
     let wires: Vec<String> = wires.iter().map(|(a, b)| format!("({a:?}, {b:?})")).collect();
     let s = schedule(&nodes.join(", "), &wires.join(", "));
-    assert_eq!(guards(&s, "q299"), [""; 0]);
-    assert_eq!(guards(&s, "q297"), ["q298+q299"]);
-    let most = s.nodes.iter().flat_map(|n| &n.guards).map(Vec::len).max();
+    assert_eq!(gate_sets(&s, "q299"), [""; 0]);
+    assert_eq!(gate_sets(&s, "q297"), ["q298+q299"]);
+    let most = s.nodes.iter().flat_map(|n| &n.gate_sets).map(Vec::len).max();
     assert_eq!(most, Some(64));
-    assert_eq!(s.nodes[s.index_of("s").unwrap()].guards.len(), 1);
+    assert_eq!(s.nodes[s.index_of("s").unwrap()].gate_sets.len(), 1);
 }
 
 /// Values of a probe's input over some ticks.

@@ -456,16 +456,16 @@ fn without_guards_only_non_finite_values_go_on() {
            \"p\": (kind: \"probe\")";
     let wires: String = ids.iter().map(|(id, _)| format!("(\"{id}.control\", \"p_{id}\"), ")).collect();
     let wires = wires + "(\"a.audio\", \"w\"), (\"w\", \"l\"), (\"l\", \"p\")";
-    for guards in [true, false] {
-        let mut e = engine_with(&nodes, &wires, Options { guards, ..Options::default() });
+    for check_finite in [true, false] {
+        let mut e = engine_with(&nodes, &wires, Options { check_finite, ..Options::default() });
         for tick in 0..20 {
             e.tick();
             if tick == 3 {
-                assert_eq!(audio(&e, "a", 0).iter().all(|y| y.is_finite()), guards);
+                assert_eq!(audio(&e, "a", 0).iter().all(|y| y.is_finite()), check_finite);
                 // The first value is the tick's number, the second none.
                 let (values, valid) = control(&e, "c", 1);
                 let held = (values[0], values[1].is_nan(), valid);
-                assert_eq!(held, if guards { (2.0, false, false) } else { (3.0, true, true) });
+                assert_eq!(held, if check_finite { (2.0, false, false) } else { (3.0, true, true) });
                 assert_eq!(control(&e, "x", 1), (vec![2.0, -2.0], false), "a panic");
                 assert_eq!(control(&e, "e", 1), (vec![2.0, -2.0], false), "an error");
             }
@@ -478,6 +478,6 @@ fn without_guards_only_non_finite_values_go_on() {
         for (id, fault) in [("x", Fault::Panicked), ("e", Fault::Failed(42))] {
             assert_eq!(faults(id), Some(fault));
         }
-        assert_eq!(["a", "c", "m"].map(faults), [guards.then_some(Fault::NotFinite); 3]);
+        assert_eq!(["a", "c", "m"].map(faults), [check_finite.then_some(Fault::NotFinite); 3]);
     }
 }

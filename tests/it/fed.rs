@@ -17,7 +17,7 @@ fn engine(nodes: &str, wires: &str) -> (Controller, Engine) {
 }
 
 fn registry() -> Registry {
-    asperity_nodes::registry()
+    harness::registry()
 }
 
 fn node(engine: &Engine, id: &str) -> usize {
@@ -91,7 +91,7 @@ fn a_wire_takes_the_place_of_the_host() {
         r#""t": (kind: "stroke"), "hand": (kind: "osc_input"), "p": (kind: "probe")"#,
         r#"("t", "hand.hand_position"), ("hand.position", "p")"#,
     );
-    assert_eq!(engine.schedule().fed().count(), 2, "force and stroke are the host's");
+    assert_eq!(engine.schedule().host_fed().count(), 2, "force and stroke are the host's");
     let hand = node(&engine, "hand");
     assert!(!engine.feed_control(hand, 0, &[1.0, 2.0, 3.0], true));
     engine.tick();

@@ -95,8 +95,7 @@ impl<const RATE_HZ: u32> Processor for Given<RATE_HZ> {
 }
 
 fn registry() -> Registry {
-    let mut all =
-        asperity_nodes::registry().with::<Given<2500>>().with::<Given<44_000>>().with::<Given<44_100>>();
+    let mut all = harness::registry().with::<Given<2500>>().with::<Given<44_000>>().with::<Given<44_100>>();
     for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
         let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
         for kind in plugin.kinds() {

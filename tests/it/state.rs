@@ -60,7 +60,7 @@ fn saved(p: &mut dyn Processor) -> Vec<u8> {
 }
 
 fn kinds() -> Vec<Arc<NodeKind>> {
-    asperity_nodes::registry().iter().cloned().collect()
+    harness::registry().iter().cloned().collect()
 }
 
 /// Parameters that are live, with their places.

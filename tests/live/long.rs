@@ -13,7 +13,7 @@ use asperity_engine::Options as EngineOptions;
 use asperity_graph::GraphFile;
 use asperity_live::driver::{Callback, Clock, Controls, Options, Rates, TickThread, Ticker, paced};
 use asperity_live::realtime::Machine;
-use asperity_live::{Ends, Meters, Player, conduct};
+use asperity_live::{DeviceQueues, Meters, Player, prepare_live};
 use asperity_node::time;
 use harness::alone::apart;
 use harness::counting::{Who, assert_it_counts, bind, look, touched};
@@ -121,7 +121,7 @@ fn memory_kb() -> u64 {
 }
 
 /// The shipped graph with a stroke without end, so that no node sleeps.
-fn player(tick_hz: u32) -> (asperity_live::Conductor, Player) {
+fn player(tick_hz: u32) -> (asperity_live::GraphController, Player) {
     let mut graph = GraphFile::read(harness::graphs("texture.ron")).expect("the shipped graph");
     let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
     stylus.kind = "stroke".into();
@@ -129,8 +129,8 @@ fn player(tick_hz: u32) -> (asperity_live::Conductor, Player) {
     for set in ["stylus.shape=circle", "stylus.duration_s=1e6", &format!("tick_hz={tick_hz}")] {
         graph.set(set, "the test").expect("a setting");
     }
-    let compiled = harness::graph::compiled(&graph, &asperity_nodes::registry());
-    conduct(compiled, &graph, EngineOptions::default(), Ends::default(), None, Vec::new())
+    let compiled = harness::graph::compiled(&graph, &harness::registry());
+    prepare_live(compiled, &graph, EngineOptions::default(), DeviceQueues::default(), None, Vec::new())
 }
 
 enum Driver {
@@ -159,7 +159,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let what = format!("{} {tick_hz} Hz, {frames} frames", clock.name());
     let card = Simulated::new(&what, Params { frames: vec![frames], inputs: 0, ..Params::default() })
         .expect("a card");
-    let (mut conductor, player) = player(tick_hz);
+    let (mut graph_controller, player) = player(tick_hz);
     let meters = Arc::new(Meters::new(tick_hz));
     let options = Options { start_s: 0.0, ..Options::new(meters.clone()) };
     let heard = Arc::new(Heard::default());
@@ -177,7 +177,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let request = Request { device: Some(card.id()), ..Request::default() };
     let stream = open(&request, process, None, to).expect("the card");
     stream.play().expect("it plays");
-    let wait = |until: u64, conductor: &mut asperity_live::Conductor| {
+    let wait = |until: u64, graph_controller: &mut asperity_live::GraphController| {
         let (began, mut view) = (Instant::now(), asperity_live::view::View::default());
         while meters.next_tick() < until {
             assert!(!driver.controls().failed() && stream.lost().is_none(), "{what}: {:?}", stream.lost());
@@ -186,15 +186,15 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
                     < Duration::from_secs(60) + Duration::from_secs(3 * until / u64::from(tick_hz))
             );
             // As a page would.
-            conductor.look(&mut view, Duration::from_millis(50));
+            graph_controller.look(&mut view, Duration::from_millis(50));
             std::thread::sleep(Duration::from_millis(50));
         }
         view
     };
-    wait(ticks / 5, &mut conductor);
+    wait(ticks / 5, &mut graph_controller);
     look(Who::Bound);
     let before_kb = memory_kb();
-    let view = wait(ticks, &mut conductor);
+    let view = wait(ticks, &mut graph_controller);
     let after_kb = memory_kb();
     look(Who::Nobody);
     let (timing, grown) = (meters.timing(), after_kb.saturating_sub(before_kb));

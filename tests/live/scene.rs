@@ -21,7 +21,7 @@ use crate::pen::Pen;
 /// A shipped scene as a graph.
 fn lowered(name: &str) -> (GraphFile, Compiled) {
     let graph = graph::lowered(&graphs("scenes").join(name));
-    let compiled = graph::compiled(&graph, &asperity_nodes::registry());
+    let compiled = graph::compiled(&graph, &harness::registry());
     (graph, compiled)
 }
 

@@ -161,7 +161,7 @@ fn the_models_of_the_corpus_are_as_they_are_made() {
 #[test]
 fn the_fuzzers_dictionary_has_every_kind_and_parameter() {
     let mut words: Vec<String> = Vec::new();
-    for kind in asperity_nodes::registry().iter() {
+    for kind in harness::registry().iter() {
         let d = kind.descriptor();
         words.push(d.kind.to_string());
         words.extend(d.params.iter().map(|p| p.name.to_string()));

@@ -24,6 +24,7 @@ use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases
 use asperity_graph::GraphFile;
 use asperity_node::{Descriptor, NodeKind};
 use harness::graph::lowered;
+use harness::registry;
 
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
@@ -54,7 +55,7 @@ fn scene(name: &str) -> GraphFile {
 
 /// The built-in kinds, perhaps with a graph.
 fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
-    let subject = Subject::new(asperity_nodes::registry()).effort(effort());
+    let subject = Subject::new(registry()).effort(effort());
     if let Some(graph) = graph { subject.graph(graph) } else { subject }
 }
 
@@ -70,7 +71,7 @@ fn plugin(
     more: impl FnOnce(Descriptor) -> Descriptor,
 ) -> Arc<NodeKind> {
     let mut descriptor = like.descriptor().clone();
-    descriptor.kind = name.into();
+    (descriptor.kind, descriptor.role) = (name.into(), None);
     let (ports, prepare) = (like.clone(), like.clone());
     let kind = NodeKind::new(more(descriptor), move |setup| prepare.prepare(setup));
     Arc::new(kind.with_ports(move |config, _| ports.ports(config)))

@@ -14,7 +14,7 @@ use harness::plugins;
 fn all() -> Subject<'static> {
     static ALL: OnceLock<Registry> = OnceLock::new();
     let registry = ALL.get_or_init(|| {
-        let mut registry = asperity_nodes::registry();
+        let mut registry = harness::registry();
         for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
             let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
             for kind in plugin.kinds() {
@@ -31,7 +31,7 @@ fn mutant(
     kind: &str,
     make: impl Fn(&Setup<'_>) -> wrap::Process + Send + Sync + 'static,
 ) -> Subject<'static> {
-    let subject = Subject::new(asperity_nodes::registry()).effort(effort());
+    let subject = Subject::new(harness::registry()).effort(effort());
     let kind = subject.kind(kind).expect("the kind");
     subject.with(wrap::wrap(kind, Arc::new(make)))
 }

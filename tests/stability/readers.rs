@@ -55,13 +55,13 @@ fn text(bytes: &[u8]) -> Option<std::sync::Arc<Source>> {
 /// A graph, as far as an engine that could run it.
 fn graph(bytes: &[u8]) -> bool {
     let Some(Ok(graph)) = text(bytes).map(|source| GraphFile::parse(&source)) else { return false };
-    compile(&graph, &asperity_nodes::registry(), Default::default()).is_ok()
+    compile(&graph, &super::registry(), Default::default()).is_ok()
 }
 
 /// A scene, as far as the graph that it comes to.
 fn scene(bytes: &[u8]) -> bool {
     let Some(Ok(scene)) = text(bytes).map(|source| Scene::parse(&source)) else { return false };
-    lower(&scene, &asperity_nodes::registry(), Lowering::default()).is_ok()
+    lower(&scene, &super::registry(), Lowering::default()).is_ok()
 }
 
 /// A file about a material, a texture or an actuator.

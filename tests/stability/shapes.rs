@@ -5,7 +5,7 @@ use std::sync::Arc;
 use asperity_checks::played::Played;
 use asperity_checks::{Found, Rig, Subject, holds};
 use asperity_graph::GraphFile;
-use asperity_node::Unit;
+use asperity_node::{Role, Unit};
 
 use crate::{breaks, passes, subject, wrap};
 
@@ -203,7 +203,7 @@ fn sizes(subject: &Subject<'_>) -> Found {
             holds(steps <= 3 * nodes, || format!("{place}: {steps} steps for {nodes} nodes"))?;
             let paths: usize = rig.schedule.paths.iter().map(|p| p.through.len()).sum();
             holds(paths <= 20 * nodes + 200_000, || format!("{place}: paths of {paths} nodes for {nodes}"))?;
-            let sinks: Vec<usize> = (0..nodes).filter(|i| rig.schedule.nodes[*i].kind == "probe").collect();
+            let sinks: Vec<usize> = rig.schedule.with_role(Role::Probe).map(|(i, _)| i).collect();
             rig.run(TICKS, |rig, tick| {
                 for &sink in &sinks {
                     let got = match rig.engine.input(sink, 0) {

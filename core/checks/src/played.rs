@@ -52,7 +52,7 @@ impl Played {
 
     /// The same, with a place that the case feeds from tick to tick to input 0, valid or not.
     pub(crate) fn fed_stylus(name: &str, like: &Descriptor) -> Arc<NodeKind> {
-        let place = Input::new(Self::PLACE, ShapeSpec::Control(3), Unit::MILLIMETRE).fed();
+        let place = Input::new(Self::PLACE, ShapeSpec::Control(3), Unit::MILLIMETRE).host_fed();
         let mut descriptor = Descriptor::new(name.to_owned(), "Passes on the places of a case.").input(place);
         descriptor.outputs = like.outputs.clone();
         Self { descriptor, what: What::Fed }.kind()
@@ -61,7 +61,7 @@ impl Played {
     /// One value, which the case feeds to input 0, at the output `out`.
     pub(crate) fn fed(name: &str, unit: Unit) -> Arc<NodeKind> {
         let one = ShapeSpec::Control(1);
-        let input = Input::new("value", one, unit.clone()).fed();
+        let input = Input::new("value", one, unit.clone()).host_fed();
         let descriptor = Descriptor::new(name.to_owned(), "Passes on a value of a case.")
             .input(input)
             .output(Output::new("out", one, unit));
@@ -80,7 +80,7 @@ impl Played {
 
     /// The same, valid only while the host feeds a valid value to the input `hand`.
     pub(crate) fn audio_in_hand(name: &str, unit: Unit, samples: Samples) -> Arc<NodeKind> {
-        let hand = Input::new("hand", ShapeSpec::Control(1), Unit::NONE).fed();
+        let hand = Input::new("hand", ShapeSpec::Control(1), Unit::NONE).host_fed();
         let output = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), unit);
         let descriptor =
             Descriptor::new(name.to_owned(), "Plays what it is given.").input(hand).output(output);
@@ -101,7 +101,7 @@ impl Played {
     /// A random signal for an input like `output`.
     pub(crate) fn signal(name: String, output: Output, signal: Signal, seed: u64) -> Arc<NodeKind> {
         // The output depends on the tick alone.
-        let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Resume);
+        let descriptor = Descriptor::new(name, "Any signal.").output(output).resumes(Resume::Continue);
         Self { descriptor, what: What::Signal(signal, seed) }.kind()
     }
 

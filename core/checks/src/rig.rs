@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Role, Shape, ShapeSpec, Unit};
 
 use crate::case::{Not, not_applicable};
 use crate::played::{Motion, Played};
@@ -163,7 +163,7 @@ impl Rig {
         let mut rig = Self::from(subject.compiled(graph, kinds)?);
         let fed = |name: &str| {
             let kind = kinds.iter().map(|k| k.descriptor()).find(|d| d.kind == name);
-            kind.is_some_and(|d| d.inputs.iter().any(|i| i.fed && i.name == Played::PLACE))
+            kind.is_some_and(|d| d.inputs.iter().any(|i| i.host_fed && i.name == Played::PLACE))
         };
         rig.styluses = (0..rig.schedule.nodes.len()).filter(|&i| fed(&rig.schedule.nodes[i].kind)).collect();
         Ok(rig)
@@ -285,7 +285,7 @@ fn with_stylus_of(
         let Some(kind) = registry.get(&node.kind) else { continue };
         let d = kind.descriptor();
         let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
-            && d.inputs.iter().all(|i| i.optional || i.fed);
+            && d.inputs.iter().all(|i| i.optional || i.host_fed);
         if !moves {
             continue;
         }
@@ -303,8 +303,7 @@ fn with_stylus_of(
 impl From<Compiled> for Rig {
     fn from(compiled: Compiled) -> Self {
         let schedule = Arc::new(compiled.schedule.clone());
-        let drives = schedule.nodes.iter().enumerate().filter(|(_, n)| n.kind == "audio_out");
-        let drives = drives.map(|(i, _)| (i, 0)).collect();
+        let drives = schedule.with_role(Role::AudioOutput).map(|(i, _)| (i, 0)).collect();
         let felt = felt(&schedule);
         let engine = Engine::new(compiled, Options::default());
         Self { engine, schedule, drives, felt, styluses: Vec::new() }

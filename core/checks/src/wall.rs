@@ -55,7 +55,7 @@ fn tells(d: &Descriptor) -> bool {
 /// Kinds of floors: they tell of a wall, and take nothing but a place.
 pub(crate) fn floors(subject: &Subject<'_>) -> Vec<Arc<NodeKind>> {
     let takes_a_place = |d: &Descriptor| {
-        let mut needed = d.inputs.iter().filter(|i| !i.optional && !i.fed);
+        let mut needed = d.inputs.iter().filter(|i| !i.optional && !i.host_fed);
         let first = needed.next().is_some_and(|i| i.shape == ShapeSpec::Control(3) && i.name == "position");
         first && needed.next().is_none()
     };

@@ -23,12 +23,12 @@ pub struct Options {
     /// Checks every output for NaN and infinities. Without it, such values reach their readers unmarked
     /// and uncounted; panics, errors and overruns are still contained. Only for measuring the cost of
     /// the check: a player or writer leaves it on, and no graph file or program option turns it off.
-    pub guards: bool,
+    pub check_finite: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sleep: true, limit_ns: None, guards: true }
+        Self { sleep: true, limit_ns: None, check_finite: true }
     }
 }
 
@@ -170,10 +170,10 @@ impl Engine {
         self.tick += 1;
     }
 
-    /// Sets the values of a [fed](asperity_graph::ScheduledInput::fed) control input from the next tick
-    /// on, until others are set. `valid` marks them as trusted. Values that are not finite are refused,
-    /// and the old ones are no longer trusted. Returns false if there is no such input, or the number
-    /// of values differs. Tick thread.
+    /// Sets the values of a [host-fed](asperity_graph::ScheduledInput::host_fed) control input from the
+    /// next tick on, until others are set. `valid` marks them as trusted. Values that are not finite are
+    /// refused, and the old ones are no longer trusted. Returns false if there is no such input, or the
+    /// number of values differs. Tick thread.
     pub fn feed_control(&mut self, node: usize, input: usize, given: &[f64], valid: bool) -> bool {
         let Some(Buffer::Control { values, changed, valid: trusted }) = self.fed(node, input) else {
             return false;
@@ -220,14 +220,14 @@ impl Engine {
     }
 
     fn now(&self) -> Now {
-        let Options { sleep, guards, .. } = self.options;
-        Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, guards }
+        let Options { sleep, check_finite, .. } = self.options;
+        Now { tick: self.tick, tick_hz: self.body.schedule.tick_hz, sleep, check_finite }
     }
 
     /// Buffer of an input that the host feeds.
     fn fed(&mut self, node: usize, input: usize) -> Option<&mut Buffer> {
         let port = self.body.schedule.nodes.get(node)?.inputs.get(input)?;
-        self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.fed)
+        self.body.buffers.get_mut(port.reads.buffer as usize).filter(|_| port.host_fed)
     }
 
     /// Continues `ticks` later without running the ticks between, when they can no longer be heard.
@@ -299,6 +299,6 @@ impl Engine {
 }
 
 fn wanted(slots: &[Slot], node: usize) -> bool {
-    let guards = &slots[node].guards;
-    guards.is_empty() || guards.iter().any(|way| way.iter().all(|&g| slots[g].wants))
+    let gate_sets = &slots[node].gate_sets;
+    gate_sets.is_empty() || gate_sets.iter().any(|way| way.iter().all(|&g| slots[g].wants))
 }

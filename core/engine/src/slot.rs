@@ -35,7 +35,7 @@ pub struct NodeReport {
 }
 
 /// Sets of gates: a node is wanted while all gates of one set are open.
-pub(crate) type Guards = Box<[Box<[usize]>]>;
+pub(crate) type GateSets = Box<[Box<[usize]>]>;
 
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
@@ -46,12 +46,12 @@ pub(crate) struct Slot {
     rates: Box<[u32]>,
     /// Last good values of each control output; empty for other outputs.
     held: Box<[Box<[f64]>]>,
-    /// Which outputs are `aside`; see [`asperity_node::Output`].
-    aside: Box<[bool]>,
+    /// Which outputs are `secondary`; see [`asperity_node::Output`].
+    secondary: Box<[bool]>,
     fades: Box<[Fade]>,
     pub(crate) every: u64,
     /// When the node is wanted; empty for a node that always runs.
-    pub(crate) guards: Guards,
+    pub(crate) gate_sets: GateSets,
     resume: Resume,
     closes_cycle: bool,
     /// Last answer of a gate; true for other nodes.
@@ -76,7 +76,7 @@ pub(crate) struct Now {
     /// Whether nodes may sleep.
     pub(crate) sleep: bool,
     /// Whether outputs are checked for NaN and infinities.
-    pub(crate) guards: bool,
+    pub(crate) check_finite: bool,
 }
 
 impl Slot {
@@ -91,10 +91,10 @@ impl Slot {
             outputs: node.buffers.clone(),
             rates: shapes.iter().map(rate).collect(),
             held: shapes.iter().map(|s| vec![0.0; count(s)].into()).collect(),
-            aside: node.outputs.iter().map(|o| o.aside).collect(),
+            secondary: node.outputs.iter().map(|o| o.secondary).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
-            guards: node.guards.iter().map(|way| way.clone().into()).collect(),
+            gate_sets: node.gate_sets.iter().map(|way| way.clone().into()).collect(),
             resume: node.resume,
             closes_cycle: node.closes_cycle,
             wants: true,
@@ -160,7 +160,7 @@ impl Slot {
         let woke = match self.resume {
             Resume::Restart => contain(|| processor.ask(|p| p.reset())),
             Resume::Elapsed if now.sleep => contain(|| processor.ask(|p| p.elapsed(now.tick - since))),
-            Resume::Elapsed | Resume::Resume | Resume::Never => Ok(()),
+            Resume::Elapsed | Resume::Continue | Resume::Never => Ok(()),
         };
         if let Err(fault) = woke {
             self.fault(fault, now);
@@ -221,7 +221,7 @@ impl Slot {
             Tick { index: now.tick, tick_hz: now.tick_hz, inputs, outputs: Outputs::new(&mut *outputs) };
         let processor = &mut self.processor;
         let answer = watch.call(|| processor.run(&mut tick)).and_then(|status| match status {
-            _ if now.guards && !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
+            _ if now.check_finite && !outputs.iter().all(is_finite) => Err(Fault::NotFinite),
             status => Ok(status),
         });
         self.report.calls += 1;
@@ -303,15 +303,15 @@ impl Slot {
     }
 
     /// Writes the outputs of a node that failed: controls hold and are marked, frames are zero, audio
-    /// fades. Faded or zeroed output counts as valid, so that a mix goes on. A control `aside` counts
+    /// fades. Faded or zeroed output counts as valid, so that a mix goes on. A control `secondary` counts
     /// as valid too, because it only describes those outputs.
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
-        for (((buffer, held), fade), aside) in outputs.zip(&self.aside) {
+        for (((buffer, held), fade), secondary) in outputs.zip(&self.secondary) {
             match buffer {
                 Buffer::Control { values, valid, .. } => {
                     values.copy_from_slice(held);
-                    *valid = *aside;
+                    *valid = *secondary;
                 }
                 Buffer::Audio { samples, len, valid, silent } => {
                     *silent = fade.fault(&mut samples[..*len]);
@@ -389,12 +389,12 @@ impl Slot {
         (self.dozing, self.tail) = (false, None);
     }
 
-    /// Exchanges two nodes with all their state. Each takes the other's inputs, outputs and guards.
+    /// Exchanges two nodes with all their state. Each takes the other's inputs, outputs and gate sets.
     pub(crate) fn trade(&mut self, other: &mut Self) {
         std::mem::swap(self, other);
         std::mem::swap(&mut self.inputs, &mut other.inputs);
         std::mem::swap(&mut self.outputs, &mut other.outputs);
-        std::mem::swap(&mut self.guards, &mut other.guards);
+        std::mem::swap(&mut self.gate_sets, &mut other.gate_sets);
     }
 
     /// Continues from another node: with its state, copied through `room`, if there is room. Returns

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume};
+use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume, Role};
 
 /// A compiled graph.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +45,8 @@ pub struct ScheduledNode {
     pub id: String,
     /// Its kind.
     pub kind: String,
+    /// Purpose for the host.
+    pub role: Option<Role>,
     /// Build of its kind's code; see [`NodeKind::build`](asperity_node::NodeKind::build).
     pub build: u64,
     /// The node runs every `every`-th tick.
@@ -61,7 +63,7 @@ pub struct ScheduledNode {
     pub buffers: Range<usize>,
     /// Sets of gates that let it sleep: it runs while all gates of one set are open. Empty for a node
     /// that always runs.
-    pub guards: Vec<Vec<usize>>,
+    pub gate_sets: Vec<Vec<usize>>,
     /// Behaviour on waking.
     pub resume: Resume,
     /// Whether it is a sink.
@@ -111,7 +113,7 @@ pub struct ScheduledInput {
     /// Whether it wakes a sleeping node.
     pub wakes: bool,
     /// Whether the host sets its values: no wire ends at it, and its buffer is its own.
-    pub fed: bool,
+    pub host_fed: bool,
 }
 
 /// An output of the schedule.
@@ -123,8 +125,8 @@ pub struct ScheduledOutput {
     pub port: PortType,
     /// Number of inputs that read it.
     pub readers: usize,
-    /// Whether it is `aside`; see [`asperity_node::Output`].
-    pub aside: bool,
+    /// Whether it is `secondary`; see [`asperity_node::Output`].
+    pub secondary: bool,
 }
 
 /// A buffer.
@@ -138,7 +140,7 @@ pub enum BufferEntry {
         value: f64,
     },
     /// Input set by the host.
-    Fed(PortType),
+    HostFed(PortType),
     /// A node's output.
     Output(PortType),
 }
@@ -181,6 +183,11 @@ impl Schedule {
         self.paths.iter().map(|p| p.most).max().unwrap_or(Latency::ZERO)
     }
 
+    /// Nodes with a role, each with its index.
+    pub fn with_role(&self, role: Role) -> impl Iterator<Item = (usize, &ScheduledNode)> + Clone {
+        self.nodes.iter().enumerate().filter(move |(_, node)| node.role == Some(role))
+    }
+
     /// Duration of the longest source in ticks, rounded up; `None` if no source has one.
     pub fn duration_ticks(&self) -> Option<u64> {
         let longest = self.nodes.iter().filter_map(|n| n.duration).max()?;
@@ -190,9 +197,9 @@ impl Schedule {
     }
 
     /// Every input that the host sets: node and input.
-    pub fn fed(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub fn host_fed(&self) -> impl Iterator<Item = (usize, usize)> {
         let of = |(i, n): (usize, &ScheduledNode)| {
-            let fed = n.inputs.iter().enumerate().filter(|(_, p)| p.fed);
+            let fed = n.inputs.iter().enumerate().filter(|(_, p)| p.host_fed);
             fed.map(|(p, _)| (i, p)).collect::<Vec<_>>()
         };
         self.nodes.iter().enumerate().flat_map(of)

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Effect, Input, Output, Param};
+use crate::{Effect, Input, Output, Param, Role};
 
 /// The engine's action when a sleeping node wakes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub enum Resume {
     Elapsed,
     /// The node continues as it was. Its output depends on the tick and its inputs, not on the number
     /// of calls.
-    Resume,
+    Continue,
     /// The node never sleeps, because its state must stay up to date.
     Never,
 }
@@ -25,7 +25,7 @@ impl Resume {
         match self {
             Resume::Restart => "restart",
             Resume::Elapsed => "elapsed time",
-            Resume::Resume => "resuming",
+            Resume::Continue => "resuming",
             Resume::Never => "nothing: it never sleeps",
         }
     }
@@ -38,6 +38,8 @@ pub struct Descriptor {
     pub kind: Cow<'static, str>,
     /// Purpose, in one sentence.
     pub summary: Cow<'static, str>,
+    /// Purpose for the host, if the host treats it specially. A plugin's kind has none.
+    pub role: Option<Role>,
     /// Inputs. If they depend on parameters, those for the defaults.
     pub inputs: Vec<Input>,
     /// Outputs. If they depend on parameters, those for the defaults.
@@ -68,6 +70,7 @@ impl Descriptor {
         Self {
             kind: kind.into(),
             summary: summary.into(),
+            role: None,
             inputs: Vec::new(),
             outputs: Vec::new(),
             params: Vec::new(),
@@ -79,6 +82,13 @@ impl Descriptor {
             effect: None,
             timing: Cow::Borrowed(""),
         }
+    }
+
+    /// Gives it a role.
+    #[must_use]
+    pub fn role(mut self, role: Role) -> Self {
+        self.role = Some(role);
+        self
     }
 
     /// Adds an input.

@@ -16,6 +16,7 @@ mod param;
 mod port;
 mod registry;
 mod retrieval;
+mod role;
 pub mod time;
 mod unit;
 
@@ -33,5 +34,6 @@ pub use param::{Param, ParamKind, ParamValue, Params};
 pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};
 pub use registry::Registry;
 pub use retrieval::Retrieval;
+pub use role::Role;
 pub use time::{FrameClock, FrameRate, Latency};
 pub use unit::Unit;

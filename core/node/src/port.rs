@@ -171,7 +171,7 @@ pub struct Input {
     pub limited: bool,
     /// Whether the host sets the values while no wire ends here, such as data from a device, a network
     /// or a hand. Until then they are not valid.
-    pub fed: bool,
+    pub host_fed: bool,
 }
 
 /// An output in a descriptor.
@@ -188,7 +188,7 @@ pub struct Output {
     /// Whether the node limits the signal (finite, and within a device's limits).
     pub limited: bool,
     /// Whether it is secondary: a wire without a port name does not mean it.
-    pub aside: bool,
+    pub secondary: bool,
 }
 
 impl Input {
@@ -203,7 +203,7 @@ impl Input {
             default: 0.0,
             wakes: !matches!(shape, ShapeSpec::Control(_)),
             limited: false,
-            fed: false,
+            host_fed: false,
         }
     }
 
@@ -253,8 +253,8 @@ impl Input {
     /// Makes it optional; an unconnected input is set by the host, tick by tick. Built-in nodes only: a
     /// host knows the values by their kind.
     #[must_use]
-    pub fn fed(mut self) -> Self {
-        (self.optional, self.fed) = (true, true);
+    pub fn host_fed(mut self) -> Self {
+        (self.optional, self.host_fed) = (true, true);
         self
     }
 }
@@ -263,7 +263,7 @@ impl Output {
     /// Makes an output.
     pub fn new(name: impl Into<Cow<'static, str>>, shape: ShapeSpec, unit: Unit) -> Self {
         let doc = Cow::Borrowed("");
-        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false, aside: false }
+        Self { name: name.into(), doc, shape, unit: UnitSpec::Is(unit), limited: false, secondary: false }
     }
 
     /// Sets its meaning, in a few words.
@@ -283,8 +283,8 @@ impl Output {
     /// Makes it secondary: a wire without a port name does not mean it. If the node fails and it holds
     /// its values, these stay valid, because they only describe the other outputs.
     #[must_use]
-    pub fn aside(mut self) -> Self {
-        self.aside = true;
+    pub fn secondary(mut self) -> Self {
+        self.secondary = true;
         self
     }
 

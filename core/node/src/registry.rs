@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::{Effect, Node, NodeKind};
+use crate::{Effect, Node, NodeKind, Role};
 
 /// Node kinds by name.
 #[derive(Clone, Default)]
@@ -45,6 +45,16 @@ impl Registry {
     /// A kind by name.
     pub fn get(&self, kind: &str) -> Option<&Arc<NodeKind>> {
         self.kinds.get(kind)
+    }
+
+    /// Role of a kind, by its name.
+    pub fn role(&self, kind: &str) -> Option<Role> {
+        self.get(kind)?.descriptor().role
+    }
+
+    /// Names of the kinds with a role, in the order in which they were added.
+    pub fn with_role(&self, role: Role) -> impl Iterator<Item = &str> + Clone {
+        self.order.iter().map(String::as_str).filter(move |kind| self.role(kind) == Some(role))
     }
 
     /// All kinds, by name.

@@ -4,8 +4,8 @@
 //!
 //! | type | shows |
 //! |---|---|
-//! | [`Render`] | signals of a render over time, below the scene from above ([`Above`]) |
-//! | [`Picture`] | a graph, laid out in layers |
+//! | [`Render`] | signals of a render over time, below the scene from above ([`SceneMap`]) |
+//! | [`GraphPicture`] | a graph, laid out in layers |
 //! | [`Dots`] | figures side by side, one row for each method |
 //! | [`Scatter`] | cost and quality of many settings |
 //! | [`Response`] | a frequency response, measured and fitted |
@@ -32,11 +32,11 @@ mod series;
 mod spectrogram;
 mod svg;
 
-pub use above::{Above, Moment, Seen};
+pub use above::{Moment, SceneMap, Seen};
 pub use curves::{Curve, Curves};
 pub use dots::{Column, Dots};
 pub use fit::{Fit, Spectrum};
-pub use picture::{Picture, PictureNode, PictureWire};
+pub use picture::{GraphPicture, GraphPictureNode, GraphPictureWire};
 pub use pulses::{Pulses, PulsesRow, Pulsing};
 pub use render::Render;
 pub use response::{Measured, Response};

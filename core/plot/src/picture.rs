@@ -7,7 +7,7 @@ use super::svg::{Svg, escape, num, text_width};
 
 /// A box.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct PictureNode {
+pub struct GraphPictureNode {
     /// Name of the node; wires refer to it.
     pub id: String,
     /// Kind of the node.
@@ -20,7 +20,7 @@ pub struct PictureNode {
 
 /// A wire from an output to an input.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct PictureWire {
+pub struct GraphPictureWire {
     /// Node and output port; the port may be empty.
     pub from: (String, String),
     /// Node and input port; the port may be empty.
@@ -33,11 +33,11 @@ pub struct PictureWire {
 
 /// A graph to draw: sources above, sinks below. Wires to unknown nodes are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Picture {
+pub struct GraphPicture {
     /// Boxes; ids are unique.
-    pub nodes: Vec<PictureNode>,
+    pub nodes: Vec<GraphPictureNode>,
     /// Wires.
-    pub wires: Vec<PictureWire>,
+    pub wires: Vec<GraphPictureWire>,
 }
 
 const MARGIN: f64 = 28.0;
@@ -107,12 +107,12 @@ impl Side {
 
 /// A wire with the indices of its boxes and ports.
 struct Wire<'a> {
-    wire: &'a PictureWire,
+    wire: &'a GraphPictureWire,
     edge: Edge,
     ports: (usize, usize),
 }
 
-impl Picture {
+impl GraphPicture {
     /// The picture as an SVG document.
     pub fn to_svg(&self) -> String {
         let index: HashMap<&str, usize> =
@@ -257,13 +257,13 @@ fn stroke(svg: &mut Svg, d: &str, grey: bool, dashed: bool) {
     );
 }
 
-fn caption_width(node: &PictureNode) -> f64 {
+fn caption_width(node: &GraphPictureNode) -> f64 {
     // Bold is wider than the estimate.
     text_width(&node.id, 13.0) * 1.08 + text_width(&second_line(node), 12.0) + 9.0
 }
 
 /// Text after the id: the kind unless it equals the id, and the note.
-fn second_line(node: &PictureNode) -> String {
+fn second_line(node: &GraphPictureNode) -> String {
     let kind = if node.kind == node.id { "" } else { node.kind.as_str() };
     match (kind.is_empty(), node.note.is_empty()) {
         (_, true) => kind.to_owned(),
@@ -272,7 +272,7 @@ fn second_line(node: &PictureNode) -> String {
     }
 }
 
-fn draw_box(svg: &mut Svg, node: &PictureNode, at: [f64; 2], width: f64, inputs: &Side, outputs: &Side) {
+fn draw_box(svg: &mut Svg, node: &GraphPictureNode, at: [f64; 2], width: f64, inputs: &Side, outputs: &Side) {
     let [x, y] = at;
     let look = match (node.dropped, inputs.ports.is_empty(), outputs.ports.is_empty()) {
         (true, ..) => "fill=\"#f7f8f9\" stroke=\"#b4bec8\" stroke-dasharray=\"4 3\"",
@@ -306,17 +306,21 @@ mod tests {
     use super::super::tests::tags;
     use super::*;
 
-    fn node(id: &str) -> PictureNode {
-        PictureNode { id: id.into(), kind: "k".into(), ..PictureNode::default() }
+    fn node(id: &str) -> GraphPictureNode {
+        GraphPictureNode { id: id.into(), kind: "k".into(), ..GraphPictureNode::default() }
     }
 
-    fn wire(from: &str, to: &str) -> PictureWire {
-        PictureWire { from: (from.into(), "o".into()), to: (to.into(), "i".into()), ..PictureWire::default() }
+    fn wire(from: &str, to: &str) -> GraphPictureWire {
+        GraphPictureWire {
+            from: (from.into(), "o".into()),
+            to: (to.into(), "i".into()),
+            ..GraphPictureWire::default()
+        }
     }
 
     #[test]
     fn every_node_and_wire_is_drawn() {
-        let picture = Picture {
+        let picture = GraphPicture {
             nodes: ["a", "b<&>", "c", "lone"].map(node).to_vec(),
             wires: vec![wire("a", "b<&>"), wire("b<&>", "c"), wire("a", "c"), wire("a", "nobody")],
         };
@@ -331,7 +335,7 @@ mod tests {
     fn cycles_are_drawn_dashed() {
         let mut back = wire("c", "b");
         back.feedback = true;
-        let picture = Picture {
+        let picture = GraphPicture {
             nodes: ["a", "b", "c"].map(node).to_vec(),
             wires: vec![wire("a", "b"), wire("b", "c"), back, wire("c", "a"), wire("c", "c")],
         };
@@ -342,6 +346,6 @@ mod tests {
 
     #[test]
     fn empty_graph_is_an_empty_page() {
-        tags(&Picture::default().to_svg());
+        tags(&GraphPicture::default().to_svg());
     }
 }

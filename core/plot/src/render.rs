@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use super::above::Above;
+use super::above::SceneMap;
 use super::axis::{Axis, Panel};
 use super::lines::trace;
 use super::series::Series;
@@ -18,7 +18,7 @@ pub struct Render {
     /// Smaller, under the heading.
     pub subtitle: String,
     /// The scene that was touched.
-    pub above: Option<Above>,
+    pub above: Option<SceneMap>,
     /// Position, mm; columns x, y, z.
     pub position: Option<Series>,
     /// Planar speed, mm/s.
@@ -94,7 +94,7 @@ impl Render {
         let signals = self.signals();
         let map = self.above.as_ref().map(|above| above.laid(TOP));
         let first = map.as_ref().map_or(TOP, |map| map.bottom());
-        let strip = self.above.as_ref().map(Above::strip_height).filter(|height| *height > 0.0);
+        let strip = self.above.as_ref().map(SceneMap::strip_height).filter(|height| *height > 0.0);
         let heights = strip.into_iter().chain(signals.iter().map(Signal::height));
         let height = first + heights.map(|height| HEADING + height).sum::<f64>() + BOTTOM;
         let mut svg = Svg::chart([WIDTH, height], LEFT, &self.title, &[&self.subtitle]);

@@ -107,7 +107,7 @@ pub(crate) fn measure(
     let strokes: Vec<Path3> = plan.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
     let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
     paths.push(lag::straight());
-    let options = Options { sleep: false, guards: setting.guards, ..Options::default() };
+    let options = Options { sleep: false, check_finite: setting.guards, ..Options::default() };
     for draw in 0..plan.draws {
         let seed = plan.seed.wrapping_add(draw);
         let mut all = Vec::new();

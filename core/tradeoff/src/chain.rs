@@ -11,7 +11,7 @@ use asperity_diagnostics::{Diagnostic, Place};
 use asperity_dsp::Framing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Buffer, Latency, NodeKind, Registry, Shape, Unit};
+use asperity_node::{Buffer, Latency, NodeKind, Registry, Role, Shape, Unit};
 use asperity_texture::Library;
 
 use crate::knob::{has, set};
@@ -310,9 +310,9 @@ impl Places {
             if retrieval.spectrum {
                 let reads =
                     |n: &asperity_graph::ScheduledNode| n.inputs.iter().any(|p| p.from == Some((i, 0)));
-                let next = schedule.nodes.iter().position(|n| reads(n) && n.kind == "overlap_add");
-                it.signal = next.map(|n| (n, 0));
-                it.between = next.map_or(it.between, |n| it.between + schedule.nodes[n].latency);
+                let next = schedule.with_role(Role::OverlapAdd).find(|(_, n)| reads(n));
+                it.signal = next.map(|(n, _)| (n, 0));
+                it.between = next.map_or(it.between, |(_, n)| it.between + n.latency);
             }
             break;
         }

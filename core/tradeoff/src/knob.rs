@@ -5,7 +5,7 @@ use std::fmt;
 use asperity_diagnostics::ron::{Key, Kind, Value};
 use asperity_diagnostics::{Diagnostic, Place, one_of};
 use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting};
-use asperity_node::{NodeKind, ParamKind, Registry, ShapeSpec};
+use asperity_node::{NodeKind, ParamKind, Registry, Role, ShapeSpec};
 
 /// The part of a graph that a knob sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -251,7 +251,7 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
             .iter()
             .filter(|w| w.from.node == id)
             .map(|w| w.to.node.clone())
-            .filter(|to| graph.node(to).is_some_and(|n| n.kind == "overlap_add"))
+            .filter(|to| graph.node(to).is_some_and(|n| registry.role(&n.kind) == Some(Role::OverlapAdd)))
             .collect();
         for synthesis in behind {
             graph.wires.retain(|w| w.to.node != synthesis);
@@ -303,7 +303,8 @@ fn bypass(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) -
     }
     graph.wires.retain(|w| w.to.node != id && w.from.node != id);
     graph.nodes.retain(|n| n.id != id);
-    let cards = |n: &&mut NodeDecl| limits && n.kind == "audio_out" && behind.contains(&n.id);
+    let plays = |n: &NodeDecl| registry.role(&n.kind) == Some(Role::AudioOutput);
+    let cards = |n: &&mut NodeDecl| limits && plays(n) && behind.contains(&n.id);
     for card in graph.nodes.iter_mut().filter(cards) {
         card.kind = "probe".to_owned();
         card.params.clear();

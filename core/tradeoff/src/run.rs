@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use asperity_checks::{Effort, Subject, Verdict};
 use asperity_data::made::Ground;
 use asperity_diagnostics::Diagnostic;
-use asperity_graph::GraphFile;
-use asperity_node::{Registry, random};
+use asperity_graph::{GraphFile, NodeDecl};
+use asperity_node::{Registry, Role, random};
 use asperity_surfaces::topography::made_surfaces;
 use serde::{Deserialize, Serialize};
 
@@ -265,8 +265,12 @@ fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
         let why = "guards are off: this can only be measured, since no graph or command can turn them off";
         fails.insert("guards".into(), why.into());
     }
-    let cards = |g: &GraphFile| g.nodes.iter().filter(|n| n.kind == "audio_out").count();
-    if base.is_some_and(|base| cards(&base.graph) > cards(&s.graph)) {
+    let fewer_cards = |base: &LoadedGraph| {
+        let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
+        let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
+        cards(&base.graph) > cards(&s.graph)
+    };
+    if base.is_some_and(fewer_cards) {
         let why = "the limiter before the coil is gone: nothing is played without one";
         fails.insert("limiter".into(), why.into());
     }

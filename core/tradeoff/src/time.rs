@@ -114,7 +114,7 @@ impl Entry {
         monitor: &dyn Monitor,
     ) -> Result<Self, Diagnostic> {
         let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
-        let options = Options { guards: setting.guards, ..Options::default() };
+        let options = Options { check_finite: setting.guards, ..Options::default() };
         let path = patch::circle(&graph, registry)?;
         let (chain, memory) = weighed(monitor, || Chain::new(&graph, registry, vec![path.clone()], options))?;
         Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, block_ticks(&graph)) })

@@ -13,8 +13,10 @@ use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{
-    Ended, Ends, Listener, Reins, START_S, Session, SessionError, SessionOptions, conduct, mic,
+    DeviceQueues, Ended, Listener, RunControl, START_S, Session, SessionError, SessionOptions, mic,
+    prepare_live,
 };
+use asperity_node::Role;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -140,8 +142,8 @@ pub struct ActuatorArgs {
 /// # Errors
 /// Options that the graph has no use for, or that do not fit it.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
-    let of = |kind: &str| schedule.nodes.iter().filter(move |n| n.kind == kind).collect::<Vec<_>>();
-    let (outs, ins) = (of("audio_out"), of("audio_in"));
+    let of = |role| schedule.with_role(role).map(|(_, node)| node).collect::<Vec<_>>();
+    let (outs, ins) = (of(Role::AudioOutput), of(Role::AudioInput));
     let (card, timer) = (&args.card, args.clock == Some(ClockKind::Timer));
     let Some(node) = outs.first().or(ins.first()) else {
         let named = [
@@ -226,8 +228,8 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
         reconnect: !args.no_reconnect,
         start_s: START_S,
         realtime: true,
-        reins: Reins::stopped_by(stop_flag()),
-        keeper: Some(Box::new(coils)),
+        run_control: RunControl::stopped_by(stop_flag()),
+        coil_monitor: Some(Box::new(coils)),
     }
 }
 
@@ -352,7 +354,7 @@ pub fn play(
     (graph, compiled): (GraphFile, Compiled),
     args: &DeviceArgs,
     start_s: f64,
-    ends: Ends,
+    queues: DeviceQueues,
     ticks: u64,
     watching: Watching<'_>,
 ) -> Result<(Ended, bool), Failure> {
@@ -363,15 +365,16 @@ pub fn play(
     let (writer, reader) = mic(recorded, schedule.audio_hz, schedule.tick_hz);
     let listener = writer.listener();
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
-    let (conductor, player) = conduct(compiled, &graph, Default::default(), ends, reader, Vec::new());
+    let (graph_controller, player) =
+        prepare_live(compiled, &graph, Default::default(), queues, reader, Vec::new());
     let not_opened = |e| not_opened(e, Player::Command);
     let stop = stop_flag();
     let options = SessionOptions { start_s, ..options(args, request, coils) };
-    let mut session = Session::start(conductor, player, writer, options).map_err(not_opened)?;
+    let mut session = Session::start(graph_controller, player, writer, options).map_err(not_opened)?;
     let mut whole = true;
     loop {
-        session.tend().map_err(not_opened)?.into_iter().for_each(warn_once);
-        if session.conductor().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
+        session.poll().map_err(not_opened)?.into_iter().for_each(warn_once);
+        if session.graph_controller().recorded(|r| (watching.recorded)(r.sink, r.start, r.values)) > 0 {
             return Err(Failure::Machine("the machine is too slow to record".into()));
         }
         let view = session.view();
@@ -388,7 +391,7 @@ pub fn play(
         std::thread::sleep(LOOK);
     }
     let mut ended = session.stop();
-    ended.conductor.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
+    ended.graph_controller.recorded(|r| (watching.recorded)(r.sink, r.start, r.values));
     Ok((ended, whole))
 }
 

@@ -80,8 +80,7 @@ impl Kinds {
     /// A plugin that the graph or `--plugin` names does not load, or has a kind that exists already.
     /// Such a plugin on the plugin path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
-        let mut merged =
-            Merged { registry: asperity_nodes::registry(), from: HashMap::new(), apart: self.apart };
+        let mut merged = Merged { registry: built_in(), from: HashMap::new(), apart: self.apart };
         self.files.clear();
         self.left_out.clear();
         for decl in graph.map_or(&[][..], |g| &g.plugins) {
@@ -139,6 +138,11 @@ impl Kinds {
         let plays = self.plays;
         self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
     }
+}
+
+/// The kinds that exist without plugins.
+pub fn built_in() -> Registry {
+    asperity_hand::register(asperity_nodes::registry())
 }
 
 /// The kinds that exist without a graph.

@@ -5,7 +5,7 @@
 //! declare balance this with samples that they emit early. So only nodes that delay samples count here.
 
 use asperity_graph::Schedule;
-use asperity_node::Latency;
+use asperity_node::{Latency, Role};
 
 /// Nodes on the path of most delay to an audio output, each with its milliseconds.
 pub(crate) fn of_graph(schedule: &Schedule) -> Vec<(String, f64)> {
@@ -19,7 +19,7 @@ pub(crate) fn of_graph(schedule: &Schedule) -> Vec<(String, f64)> {
         before[i] = sources.max_by(|&a: &usize, &b: &usize| f64::total_cmp(&sums[a], &sums[b]));
         sums[i] = before[i].map_or(0.0, |from: usize| sums[from]) + late(i);
     }
-    let sinks = (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out");
+    let sinks = schedule.with_role(Role::AudioOutput).map(|(i, _)| i);
     let Some(mut at) = sinks.max_by(|&a, &b| f64::total_cmp(&sums[a], &sums[b])) else { return Vec::new() };
     let mut items = Vec::new();
     loop {

@@ -4,8 +4,8 @@
 //! without audio. Before a tick, inputs are read at the tick's own time. After it, outputs go to their
 //! sinks. The tick thread counts what happens; other threads read the counts.
 //!
-//! To change one thing, read: `session` for a run and its device, `conductor` for changes of the graph,
-//! `player` for one tick, `driver` for the clocks, `outlet` for the guards of the device.
+//! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the
+//! graph, `player` for one tick, `driver` for the clocks, `output_limits` for the limits of the device.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
 macro_rules! opaque_debug {
@@ -19,19 +19,19 @@ macro_rules! opaque_debug {
 }
 
 mod apart;
-mod conductor;
 mod dll;
 pub mod driver;
 mod force;
+mod graph_controller;
 mod latency;
 mod layout;
 mod meters;
-mod outlet;
+mod output_limits;
 mod player;
 mod ramp;
 pub mod realtime;
-mod reins;
 mod remote_clock;
+mod run_control;
 mod sample;
 mod session;
 mod timeline;
@@ -39,15 +39,17 @@ pub mod view;
 
 pub use apart::apart;
 pub use asperity_audio::now_ns;
-pub use conductor::{Conductor, DOES_NOT_COME_BACK, Ends, FORCES, HANDS, Recorded, conduct, needs_ends};
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
 pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
+pub use graph_controller::{
+    DOES_NOT_COME_BACK, DeviceQueues, GraphController, Recorded, needs_queues, prepare_live,
+};
 pub use meters::{Count, Histogram, Meters, Record};
-pub use outlet::{Guards, Outlet, Standing, drive_at_full_scale};
-pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic};
+pub use output_limits::{OutputLimits, SharedLimits, Standing, drive_at_full_scale};
+pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
-pub use reins::{Reins, Unheard};
 pub use remote_clock::{Order, RemoteClock};
+pub use run_control::{RunControl, Unheard};
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
-pub use session::{Ended, Keeper, Opened, Session, SessionError, SessionOptions, Terms};
+pub use session::{CoilMonitor, Ended, Opened, Session, SessionError, SessionOptions, StartValues};
 pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};

@@ -224,7 +224,8 @@ pub struct SourceView {
     pub samples: u64,
 }
 
-/// Change that a person requests of a running graph; see [`Reins`](crate::Reins) for muting and stopping.
+/// Change that a person requests of a running graph; see [`RunControl`](crate::RunControl) for muting and
+/// stopping.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Set a live parameter: node, parameter, value.

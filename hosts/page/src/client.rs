@@ -105,17 +105,17 @@ async fn listen(
 fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
     let request = match ask {
         Ask::Mute(mute) => {
-            shared.reins.mute(mute);
+            shared.run_control.mute(mute);
             return Ok(());
         }
         Ask::Stop => {
-            shared.reins.stop();
+            shared.run_control.stop();
             return Ok(());
         }
         Ask::Set { node, param, value } => set(node, param, value, &shared.feed.layout())?,
         Ask::Material { node, name } => material(node, name, &shared.feed.layout())?,
     };
-    shared.reins.ask(request).map_err(|unheard| match unheard {
+    shared.run_control.ask(request).map_err(|unheard| match unheard {
         Unheard::Busy => "The run is busy. Try again.".to_owned(),
         Unheard::Over => "The run has ended.".to_owned(),
     })

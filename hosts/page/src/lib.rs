@@ -2,7 +2,7 @@
 //!
 //! [`serve`] starts a server on a thread of its own. The control thread of a run hands figures to a
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
-//! requests out of the run's [`asperity_live::Reins`]. The tick thread is not involved.
+//! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
 //!
 //! | module | job |
 //! |---|---|

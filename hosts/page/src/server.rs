@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use asperity_live::{Reins, SampleWriter};
+use asperity_live::{RunControl, SampleWriter};
 use axum::extract::{State, WebSocketUpgrade};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -91,7 +91,7 @@ pub(crate) struct Shared {
     pub(crate) port: u16,
     pub(crate) token: String,
     pub(crate) feed: Arc<Feed>,
-    pub(crate) reins: Reins,
+    pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
     pub(crate) counts: Counters,
     pub(crate) stop: watch::Sender<bool>,
@@ -107,8 +107,8 @@ pub struct Page {
 
 /// Serves the page on 127.0.0.1, on a thread of its own, until the [`Page`] is dropped.
 ///
-/// Pages show `feed`. Every page holds `reins`: mute and stop act at once. Other requests are checked
-/// against the layout and wait in `reins`; when these are full, the page is told to try again.
+/// Pages show `feed`. Every page holds `run_control`: mute and stop act at once. Other requests are checked
+/// against the layout and wait in `run_control`; when these are full, the page is told to try again.
 ///
 /// `pointer` takes the samples of the hand: x to the right and y away from the person, in mm from the
 /// middle of the surface, z 0, pressure from 0 to 1 as force. It is `None` while the graph has no pointer.
@@ -120,7 +120,7 @@ pub struct Page {
 pub fn serve(
     options: Options,
     feed: Arc<Feed>,
-    reins: Reins,
+    run_control: RunControl,
     pointer: Option<SampleWriter>,
 ) -> io::Result<Page> {
     let token = options.token.map_or_else(random, Ok)?;
@@ -137,7 +137,7 @@ pub fn serve(
         port,
         token,
         feed,
-        reins,
+        run_control,
         hand: Hand::new(pointer),
         counts: Counters::default(),
         stop: watch::Sender::new(false),

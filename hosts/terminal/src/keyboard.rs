@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
 use std::time::Duration;
 
-use asperity_live::Reins;
+use asperity_live::RunControl;
 use ratatui::crossterm::event::{self, Event};
 
 use crate::keys::at_once;
@@ -29,8 +29,8 @@ pub(crate) struct Keyboard {
 }
 
 impl Keyboard {
-    /// Starts the thread. Keys that stop or mute act on `reins` at once.
-    pub(crate) fn start(reins: Reins) -> io::Result<Self> {
+    /// Starts the thread. Keys that stop or mute act on `run_control` at once.
+    pub(crate) fn start(run_control: RunControl) -> io::Result<Self> {
         let (to, events) = sync_channel(KEYS);
         let over = Arc::new(AtomicBool::new(false));
         let ended = over.clone();
@@ -39,7 +39,7 @@ impl Keyboard {
                 let seen = wait(WAIT).and_then(|()| event::poll(SEEN));
                 let next = seen.and_then(|seen| seen.then(event::read).transpose());
                 match next {
-                    Ok(Some(Event::Key(key))) if at_once(&key, &reins) => {}
+                    Ok(Some(Event::Key(key))) if at_once(&key, &run_control) => {}
                     Ok(Some(event)) => {
                         // A key too many is dropped: the thread goes on with those that stop and mute.
                         if let Err(TrySendError::Disconnected(_)) = to.try_send(event) {

@@ -1,6 +1,6 @@
 //! Actions of the keys.
 
-use asperity_live::Reins;
+use asperity_live::RunControl;
 use asperity_live::view::{LiveLayout, Request};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
@@ -35,15 +35,15 @@ pub(crate) enum Answer {
 }
 
 /// Stops or mutes the run, without waiting for a frame. Returns whether it was such a key.
-pub(crate) fn at_once(key: &KeyEvent, reins: &Reins) -> bool {
+pub(crate) fn at_once(key: &KeyEvent, run_control: &RunControl) -> bool {
     if key.kind == KeyEventKind::Release {
         return false;
     }
     match (key.modifiers.contains(KeyModifiers::CONTROL), key.code) {
-        (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => reins.stop(),
+        (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => run_control.stop(),
         // A repeated key would flicker.
         (false, KeyCode::Char(' ' | 'm')) if key.kind == KeyEventKind::Repeat => {}
-        (false, KeyCode::Char(' ' | 'm')) => reins.toggle_mute(),
+        (false, KeyCode::Char(' ' | 'm')) => run_control.toggle_mute(),
         _ => return false,
     }
     true

@@ -42,9 +42,14 @@ fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
 }
 
 /// Whether a key acts at once, and whether the run is stopped and muted afterwards.
-fn does(reins: &Reins, code: KeyCode, modifiers: KeyModifiers, kind: KeyEventKind) -> (bool, bool, bool) {
-    let done = at_once(&KeyEvent::new_with_kind(code, modifiers, kind), reins);
-    (done, reins.stopping(), reins.muted())
+fn does(
+    run_control: &RunControl,
+    code: KeyCode,
+    modifiers: KeyModifiers,
+    kind: KeyEventKind,
+) -> (bool, bool, bool) {
+    let done = at_once(&KeyEvent::new_with_kind(code, modifiers, kind), run_control);
+    (done, run_control.stopping(), run_control.muted())
 }
 
 #[test]
@@ -55,23 +60,23 @@ fn q_and_ctrl_c_stop() {
         ('c', KeyModifiers::NONE, false),
         ('q', KeyModifiers::CONTROL, false),
     ] {
-        let did = does(&Reins::default(), KeyCode::Char(key), modifiers, KeyEventKind::Press);
+        let did = does(&RunControl::default(), KeyCode::Char(key), modifiers, KeyEventKind::Press);
         assert_eq!(did, (stops, stops, false), "{key}");
     }
 }
 
 #[test]
 fn mute_toggles_and_a_held_key_counts_once() {
-    let reins = Reins::default();
-    let key = |key, kind| does(&reins, KeyCode::Char(key), KeyModifiers::NONE, kind);
+    let run_control = RunControl::default();
+    let key = |key, kind| does(&run_control, KeyCode::Char(key), KeyModifiers::NONE, kind);
     assert_eq!(key(' ', KeyEventKind::Press), (true, false, true));
     assert_eq!(key(' ', KeyEventKind::Repeat), (true, false, true));
     assert_eq!(key(' ', KeyEventKind::Release), (false, false, true));
     assert_eq!(key('m', KeyEventKind::Press), (true, false, false));
     // Muted on the page meanwhile.
-    reins.mute(true);
+    run_control.mute(true);
     assert_eq!(
-        does(&reins, KeyCode::Char('m'), KeyModifiers::NONE, KeyEventKind::Press),
+        does(&run_control, KeyCode::Char('m'), KeyModifiers::NONE, KeyEventKind::Press),
         (true, false, false)
     );
 }

@@ -34,7 +34,7 @@ use std::sync::mpsc::TryRecvError;
 use std::time::Instant;
 
 use asperity_live::view::{Layout, View};
-use asperity_live::{Reins, Unheard};
+use asperity_live::{RunControl, Unheard};
 use ratatui::crossterm::event::Event;
 
 use board::Board;
@@ -46,7 +46,7 @@ use screen::Screen;
 pub struct Terminal {
     board: Board,
     screen: Screen,
-    reins: Reins,
+    run_control: RunControl,
     keyboard: Keyboard,
     start: Instant,
 }
@@ -55,16 +55,17 @@ impl Terminal {
     /// Takes over the terminal of standard output: raw mode, so that Ctrl-C is an ordinary key, and the
     /// alternate screen, so that the former contents come back.
     ///
-    /// The keys hold `reins`. Those that stop and mute act as soon as they are read, also between frames.
+    /// The keys act on `run_control`. Those that stop and mute act as soon as they are read, also between
+    /// frames.
     ///
     /// # Errors
     ///
     /// [`io::ErrorKind::Unsupported`] where standard output is no terminal,
     /// [`io::ErrorKind::AlreadyExists`] while there is another `Terminal`, else the error of the system.
-    pub fn open(reins: Reins) -> io::Result<Self> {
+    pub fn open(run_control: RunControl) -> io::Result<Self> {
         let screen = Screen::open()?;
-        let keyboard = Keyboard::start(reins.clone())?;
-        Ok(Self { board: Board::default(), screen, reins, keyboard, start: Instant::now() })
+        let keyboard = Keyboard::start(run_control.clone())?;
+        Ok(Self { board: Board::default(), screen, run_control, keyboard, start: Instant::now() })
     }
 
     /// Shows another graph, or the same one with other values or materials.
@@ -108,7 +109,7 @@ impl Terminal {
 
     fn send(&mut self) {
         for request in std::mem::take(&mut self.board.requests) {
-            match self.reins.ask(request) {
+            match self.run_control.ask(request) {
                 Ok(()) => {}
                 Err(Unheard::Busy) => self.board.note("too many requests at once: the last key did nothing"),
                 Err(Unheard::Over) => self.board.note("the run has ended: the key did nothing"),

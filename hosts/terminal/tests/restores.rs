@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use asperity_live::Reins;
+use asperity_live::RunControl;
 use asperity_live::view::{Layout, ScopeLayout, View};
 use asperity_terminal::Terminal;
 
@@ -161,12 +161,12 @@ fn flood(terminal: &mut Terminal, done: &str) {
     std::fs::write(done, "done").expect("a file can be made");
 }
 
-fn open() -> Option<(Terminal, Reins)> {
-    let reins = Reins::default();
-    match Terminal::open(reins.clone()) {
+fn open() -> Option<(Terminal, RunControl)> {
+    let run_control = RunControl::default();
+    match Terminal::open(run_control.clone()) {
         Ok(mut terminal) => {
             terminal.layout(&Layout { file: "weave.ron".into(), ..Layout::default() });
-            Some((terminal, reins))
+            Some((terminal, run_control))
         }
         Err(error) => {
             println!("{error}");
@@ -184,7 +184,7 @@ fn draw_for(terminal: &mut Terminal, ms: u64) {
 }
 
 fn run_child(child: &str) {
-    let Some((mut terminal, reins)) = open() else { return };
+    let Some((mut terminal, run_control)) = open() else { return };
     draw_for(&mut terminal, 100);
     match child {
         "child-panics" => panic!("drawn and done"),
@@ -206,11 +206,11 @@ fn run_child(child: &str) {
         }
         _ => {
             let until = Instant::now() + Duration::from_secs(20);
-            while !reins.stopping() && Instant::now() < until {
+            while !run_control.stopping() && Instant::now() < until {
                 draw_for(&mut terminal, 40);
             }
             drop(terminal);
-            if reins.stopping() {
+            if run_control.stopping() {
                 println!("asked to stop");
             }
         }

@@ -24,7 +24,7 @@ pub(crate) enum Command {
     Train(Train),
     /// Retrains the tick network of a model; its encoder and materials stay.
     Network(Network),
-    /// Evaluates a trained model on held-out data and rewrites its card.
+    /// Evaluates a trained model on held-out data and rewrites its model report.
     Evaluate(Evaluate),
     /// Finds the patterns of a model's materials again: the fields `waves` and `events` of its library.
     Pattern(FindPatterns),

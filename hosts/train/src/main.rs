@@ -1,8 +1,7 @@
 //! Trains texture models from tactile images and strokes. A model is an encoder of images, a tick
-//! network, a library of materials, and a card with its quality.
+//! network, a library of materials, and a model report with its quality.
 
 mod arguments;
-mod card;
 mod data;
 mod descent;
 mod encoder;
@@ -11,6 +10,7 @@ mod failure;
 mod files;
 mod layer;
 mod loss;
+mod model_report;
 mod network;
 mod onnx;
 mod pattern;

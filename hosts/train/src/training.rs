@@ -20,17 +20,17 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use crate::arguments::{self, Evaluate, Settings, Train};
-use crate::card::Sizes;
 use crate::data::{self, Data, Origin};
 use crate::descent::{self, Losses, Stage, Stop};
 use crate::evaluation::{self, Naming as Named, Network, Written};
 use crate::failure::Failure;
 use crate::files::write_whole;
+use crate::model_report::Sizes;
 use crate::network::{self, Scaling};
 use crate::pattern;
 use crate::progress::Teller;
 use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
-use crate::{card, onnx};
+use crate::{model_report, onnx};
 
 /// Trains a model and writes it.
 ///
@@ -140,7 +140,7 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     judge(&train.out, &run, settings, &data)
 }
 
-/// Retrains the tick network of a model from its encoder's vectors, and writes its card.
+/// Retrains the tick network of a model from its encoder's vectors, and writes its model report.
 ///
 /// # Errors
 /// Errors of the files, the data or the training; [`Failure::Stopped`] by Ctrl-C.
@@ -288,7 +288,7 @@ fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<D
     })
 }
 
-/// Evaluates the model of a folder and writes its card.
+/// Evaluates the model of a folder and writes its model report.
 ///
 /// # Errors
 /// Errors of the files and the data.
@@ -327,8 +327,8 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
     write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
     let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
     let sizes = Sizes { encoder_bytes: size("encoder.onnx"), network_bytes: size("texture.onnx") };
-    let card = card::write(settings, sizes, data, &evaluation);
-    write_whole(&folder.join("MODEL_CARD.md"), card.as_bytes())?;
+    let report = model_report::write(settings, sizes, data, &evaluation);
+    write_whole(&folder.join("MODEL_CARD.md"), report.as_bytes())?;
     eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
     Ok(())
 }

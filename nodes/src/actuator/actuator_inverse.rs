@@ -3,7 +3,7 @@
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec,
-    Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
+    Role, Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
 };
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
@@ -20,6 +20,7 @@ impl Node for ActuatorInverse {
             "actuator_inverse",
             "Feed-forward inverse of a voice coil on a handle: acceleration to current or voltage.",
         )
+        .role(Role::ActuatorInverse)
         .input(
             Input::new("acceleration", ShapeSpec::Audio(RateSpec::Of('r')), Unit::METRE_PER_SECOND_SQUARED)
                 .doc("what the handle is to do"),

@@ -2,8 +2,8 @@
 
 use asperity_actuator::{self, Drive, LimiterSettings};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Resume, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Resume, Role,
+    Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
@@ -28,6 +28,7 @@ impl Node for Limiter {
             "limiter",
             "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
         )
+        .role(Role::Limiter)
         .input(
             Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
                 .unit_among('u', DRIVES)

@@ -63,6 +63,7 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
 mod tests {
     use asperity_diagnostics::Source;
     use asperity_graph::{GraphFile, compile};
+    use asperity_node::Role;
 
     #[test]
     fn whoever_looks_whether_files_change_is_told_of_a_profiles_file() {
@@ -79,7 +80,7 @@ mod tests {
             let source = Source::new(dir.path().join("g.ron").display().to_string(), text);
             let graph = GraphFile::parse(&source).unwrap();
             let compiled = compile(&graph, &crate::registry(), Default::default()).unwrap();
-            let limiter = compiled.schedule.nodes.iter().find(|n| n.kind == "limiter").unwrap();
+            let limiter = compiled.schedule.with_role(Role::Limiter).next().unwrap().1;
             assert_eq!(limiter.files, files);
         }
     }

@@ -3,7 +3,7 @@
 use crate::since::Since;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, Resume,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
+    Role, Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
@@ -140,6 +140,7 @@ impl Node for Contact {
             "contact",
             "Which surface of a scene a stylus touches, where and how; what each effect is to do about it.",
         )
+        .role(Role::Contact)
         .input(Input::new("position", ShapeSpec::Control(3), MM).doc("x, y, z of the stylus, z up"))
         .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
         .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))

@@ -2,8 +2,8 @@
 
 use asperity_motion::{self, Shape, StrokeParams};
 use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec, Status, Tick,
-    Unit,
+    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 use super::microseconds;
@@ -17,6 +17,7 @@ impl Node for Stroke {
             "stroke",
             "Makes a stroke: zigzag, circle or line, with tremor, approach and lift-off.",
         )
+        .role(Role::Stroke)
         .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
         .param(Param::choice(
             "shape",
@@ -71,7 +72,7 @@ impl Node for Stroke {
             Param::integer("seed", 1, 0..=i64::MAX, "Seed of tremor and force; left out, from the graph's.")
                 .optional(),
         )
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

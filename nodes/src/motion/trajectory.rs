@@ -3,8 +3,8 @@
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec, Status,
-    Tick, Unit,
+    Descriptor, Diagnostic, Fact, Node, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
+    Status, Tick, Unit,
 };
 
 use super::microseconds;
@@ -21,6 +21,7 @@ pub struct Trajectory {
 impl Node for Trajectory {
     fn descriptor() -> Descriptor {
         Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
+            .role(Role::Stroke)
             .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
             .output(
                 Output::new("force", ShapeSpec::Control(1), Unit::NEWTON)
@@ -48,7 +49,7 @@ impl Node for Trajectory {
                 Param::number("max_gap_s", 0.0, 0.0..=3600.0, "Longest time between rows; 0 for 0.1 s or five median steps.")
                     .unit("s"),
             )
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

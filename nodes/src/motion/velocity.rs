@@ -6,8 +6,8 @@ use std::f64::consts::{SQRT_2, TAU};
 use crate::since::Since;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Role, Setup,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 /// Filtered velocity below which a stylus that stands still has none, so that a network can give its last
@@ -42,6 +42,7 @@ impl Node for Velocity {
             "velocity",
             "Velocity and speed along the surface: finite difference and a second-order low-pass.",
         )
+        .role(Role::Velocity)
         .input(
             Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
                 .doc("x, y, z of the stylus, z up"),

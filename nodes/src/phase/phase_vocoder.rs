@@ -43,7 +43,7 @@ impl Node for PhaseVocoder {
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of random start phases; left out, from the graph's.").optional())
             .param(precision())
             // Phases follow from the frame's place in time.
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

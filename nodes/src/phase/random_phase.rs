@@ -38,7 +38,7 @@ impl Node for RandomPhase {
             .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the phases; left out, from the graph's.").optional())
             .param(precision())
             // Phases follow from the frame's number.
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

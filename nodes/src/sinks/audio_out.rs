@@ -1,7 +1,7 @@
 //! `audio_out`: the way to the actuator.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Setup,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Role, Setup,
     ShapeSpec, State, Status, Tick, Unit,
 };
 
@@ -26,6 +26,7 @@ impl Node for AudioOut {
             "audio_out",
             "Plays a limited current or voltage through the sound card; offline, the WAV file.",
         )
+        .role(Role::AudioOutput)
         .input(
             Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
                 .unit_among('u', DRIVES)

@@ -1,8 +1,8 @@
 //! `file_out`: audio of any kind and rate to a file.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, RateSpec, Role, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 /// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
@@ -13,6 +13,7 @@ pub struct FileOut {
 impl Node for FileOut {
     fn descriptor() -> Descriptor {
         Descriptor::new("file_out", "Records audio of any unit and rate to a file of its own.")
+            .role(Role::Recorder)
             .input(
                 Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
                     .unit_of('u')

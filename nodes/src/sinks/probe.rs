@@ -1,7 +1,8 @@
 //! `probe`: keeps what it is wired to in view of the host.
 
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick,
+    Unit,
 };
 
 /// A sink for any signal. The host reads its input after every tick and writes what it read. It keeps nothing awake, so
@@ -11,6 +12,7 @@ pub struct Probe;
 impl Node for Probe {
     fn descriptor() -> Descriptor {
         Descriptor::new("probe", "Records any signal; the host writes it to a file.")
+            .role(Role::Probe)
             .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is recorded"))
             .param(Param::text(
                 "file",

@@ -2,7 +2,7 @@
 
 use asperity_node::{
     Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec, Resume,
-    Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
+    Role, Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
 };
 
 /// Reads a channel of the device and scales it.
@@ -16,9 +16,10 @@ impl Node for AudioIn {
             "audio_in",
             "Reads a channel of the sound card, such as an accelerometer on a line input.",
         )
+        .role(Role::AudioInput)
         .input(
             Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
-                .fed()
+                .host_fed()
                 .doc("what the device recorded; a wire here takes its place"),
         )
         .output(
@@ -28,7 +29,7 @@ impl Node for AudioIn {
         .param(Param::integer("channel", 1, 1..=1024, "Channel of the device, counted from 1."))
         .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What the device's full scale is, in `unit`."))
         .param(Param::choice("unit", &["m/s^2", "A", "V", "N", "FS"], "The signal's unit."))
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

@@ -91,7 +91,7 @@ impl Node for Sine {
                 .unit("s"),
             )
             .param(super::unit_param())
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn ports(config: &Config<'_>, ports: Ports) -> Result<Ports, Diagnostic> {

@@ -55,7 +55,7 @@ impl Node for Sweep {
             .param(silence("before_s", s.before_s, "Silence before the sweep."))
             .param(silence("after_s", s.after_s, "Silence after the sweep."))
             .param(super::unit_param())
-            .resumes(Resume::Resume)
+            .resumes(Resume::Continue)
     }
 
     fn ports(config: &Config<'_>, ports: Ports) -> Result<Ports, Diagnostic> {

@@ -3,7 +3,7 @@
 use asperity_dsp::{Float, Framing, overlap_add};
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Prepared, Processor, RateSpec,
-    Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
+    Role, Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use crate::precision::{in_precision, precision};
@@ -23,6 +23,7 @@ struct Running<T> {
 impl Node for OverlapAdd {
     fn descriptor() -> Descriptor {
         Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
+            .role(Role::OverlapAdd)
             .input(
                 Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')

@@ -53,7 +53,7 @@ impl Node for Scatter {
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
         // Noise follows from the frame's number.
-        .resumes(Resume::Resume)
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

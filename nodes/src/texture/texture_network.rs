@@ -3,7 +3,7 @@
 use asperity_dsp::shaped_noise::PATTERN_LEN;
 use asperity_node::{
     Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
-    Output, Param, Ports, Prepared, Processor, Setup, ShapeSpec, Status, Tick, Unit,
+    Output, Param, Ports, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{
@@ -85,6 +85,7 @@ impl Node for TextureNetwork {
             "texture_network",
             "Predicts the vibration of touching a material: an ONNX model's magnitudes of the next 0.1 s.",
         )
+        .role(Role::TextureNetwork)
         .input(
             Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON)
                 .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on"),
@@ -108,17 +109,17 @@ impl Node for TextureNetwork {
         )
         .output(
             Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that does not say, noise"),
         )
         .output(
             Output::new("statistics", ShapeSpec::Control(2), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where magnitudes are means, 0 where they are root mean squares"),
         )
         .output(
             Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
-                .aside()
+                .secondary()
                 .doc("how the material's vibration is spread over place, from the library; all 0 where it does not say"),
         )
         .param(Param::file(

@@ -56,7 +56,7 @@ unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> 
     d.resume = match kind.resume {
         ASPERITY_RESTART => Resume::Restart,
         ASPERITY_ELAPSED => Resume::Elapsed,
-        ASPERITY_RESUME => Resume::Resume,
+        ASPERITY_RESUME => Resume::Continue,
         ASPERITY_NEVER => Resume::Never,
         other => return Err(format!("it says {other} of how it wakes")),
     };
@@ -115,7 +115,7 @@ pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
         default: p.default_value,
         wakes: p.flags & ASPERITY_WAKES != 0 || !matches!(shape, ShapeSpec::Control(_)),
         limited: p.flags & ASPERITY_LIMITED != 0,
-        fed: false,
+        host_fed: false,
     })
 }
 
@@ -132,7 +132,7 @@ pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
             "output `{name}` promises a limited signal, which only the built-in limiter may"
         ));
     }
-    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false, aside: false })
+    Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false, secondary: false })
 }
 
 unsafe fn port(p: &AsperityPort) -> Result<(String, String, ShapeSpec, UnitSpec), Lie> {

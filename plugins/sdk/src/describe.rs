@@ -106,7 +106,7 @@ fn kind<N: Node>(d: &Descriptor, texts: &mut Texts) -> AsperityKind {
         resume: match d.resume {
             Resume::Restart => ASPERITY_RESTART,
             Resume::Elapsed => ASPERITY_ELAPSED,
-            Resume::Resume => ASPERITY_RESUME,
+            Resume::Continue => ASPERITY_RESUME,
             Resume::Never => ASPERITY_NEVER,
         },
         input_count: d.inputs.len() as u32,

@@ -4,8 +4,8 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{
     Buffer, Complex, Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec,
-    Node, NodeKind, Output, Param, Ports, Prepared, Processor, RateSpec, Registry, Setup, ShapeSpec, Status,
-    Tick, Unit, UnitSpec, random,
+    Node, NodeKind, Output, Param, Ports, Prepared, Processor, RateSpec, Registry, Role, Setup, ShapeSpec,
+    Status, Tick, Unit, UnitSpec, random,
 };
 
 /// Signals of a source.
@@ -105,7 +105,7 @@ impl Processor for Source {
 }
 
 pub fn registry() -> Registry {
-    asperity_nodes::registry().with::<Source>()
+    crate::registry().with::<Source>()
 }
 
 /// Parameters that a kind must be given.
@@ -134,7 +134,7 @@ pub fn graph(kind: &NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> Grap
     graph.add_node("it", &d.kind, &params, "test").unwrap();
     for Input { name, shape, unit, limited, .. } in &d.inputs {
         // A stroke that begins anew in every tick leaves nothing to remember.
-        if name == "stroke" && matches!(&*d.kind, "velocity" | "contact" | "waveform" | "relief") {
+        if name == "stroke" {
             continue;
         }
         // Nor does an effect that is another in every tick.
@@ -167,7 +167,7 @@ pub fn graph(kind: &NodeKind, signal: &str, tick_hz: u32, audio_hz: u32) -> Grap
     }
     for output in &d.outputs {
         // A recorded force or speed is there only where the file has it.
-        if d.kind == "trajectory" && output.name != "position" {
+        if d.role == Some(Role::Stroke) && output.name != "position" {
             continue;
         }
         let probe = format!("probe {}", output.name);

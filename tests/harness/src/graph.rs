@@ -36,7 +36,7 @@ pub fn of_lines(lines: &str) -> GraphFile {
 /// The graph of a scene in a file.
 pub fn lowered(scene: &Path) -> GraphFile {
     let scene = Scene::read(scene).unwrap_or_else(|e| panic!("{e}"));
-    lower(&scene, &asperity_nodes::registry(), Lowering::default()).expect("a graph").graph
+    lower(&scene, &crate::registry(), Lowering::default()).expect("a graph").graph
 }
 
 /// The graph's schedule and nodes.

@@ -21,6 +21,11 @@ pub mod survival;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+/// All built-in kinds.
+pub fn registry() -> asperity_node::Registry {
+    asperity_hand::register(asperity_nodes::registry())
+}
+
 /// The repository's root.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

@@ -109,7 +109,7 @@ impl<const RESUME: u8> Node for Memory<RESUME> {
         let (kind, resume) = match RESUME {
             0 => ("memory_restart", Resume::Restart),
             1 => ("memory_elapsed", Resume::Elapsed),
-            2 => ("memory_resume", Resume::Resume),
+            2 => ("memory_resume", Resume::Continue),
             _ => ("memory_never", Resume::Never),
         };
         Descriptor::new(kind, "Counts its calls into an audio level.")
@@ -378,7 +378,7 @@ impl Processor for Slow {
 
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
-    asperity_nodes::registry()
+    crate::registry()
         .with::<Counter>()
         .with::<Faulty>()
         .with::<Memory<0>>()

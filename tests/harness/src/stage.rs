@@ -7,8 +7,10 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
-use asperity_live::{Ended, Ends, MicReader, MicWriter, Reins, Session, SessionOptions, conduct};
-use asperity_node::{Buffer, Registry};
+use asperity_live::{
+    DeviceQueues, Ended, MicReader, MicWriter, RunControl, Session, SessionOptions, prepare_live,
+};
+use asperity_node::{Buffer, Registry, Role};
 
 /// A graph from its rates, nodes and wires.
 pub fn graph(
@@ -38,14 +40,13 @@ pub fn voice(id: &str, hz: f64, amps: f64) -> (String, String) {
 /// One sine of 80 Hz, at 500 ticks/s and 48 kHz.
 pub fn one_voice() -> (GraphFile, Compiled) {
     let (nodes, wires) = voice("out", 80.0, 0.1);
-    graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
+    graph(&crate::registry(), (500, 48_000), &nodes, &wires)
 }
 
 /// Samples of every `audio_out` of a graph, run by the engine alone: at least so many of each.
 pub fn offline(compiled: Compiled, samples: usize) -> Vec<Vec<f32>> {
     let mut engine = Engine::new(compiled, Options::default());
-    let nodes = engine.schedule().nodes.iter().enumerate();
-    let outs: Vec<usize> = nodes.filter(|(_, n)| n.kind == "audio_out").map(|(i, _)| i).collect();
+    let outs: Vec<usize> = engine.schedule().with_role(Role::AudioOutput).map(|(i, _)| i).collect();
     let mut heard = vec![Vec::new(); outs.len()];
     while heard[0].len() < samples {
         engine.tick();
@@ -77,33 +78,34 @@ pub fn options(card: &Simulated, clock: Clock) -> SessionOptions {
         reconnect: true,
         start_s: 0.0,
         realtime: false,
-        reins: Reins::default(),
-        keeper: None,
+        run_control: RunControl::default(),
+        coil_monitor: None,
     }
 }
 
 pub fn start(graph: (GraphFile, Compiled), options: SessionOptions) -> Session {
-    start_with(graph, Ends::default(), None, options)
+    start_with(graph, DeviceQueues::default(), None, options)
 }
 
 pub fn start_with(
     (file, compiled): (GraphFile, Compiled),
-    ends: Ends,
+    queues: DeviceQueues,
     mic: Option<(MicWriter, MicReader)>,
     options: SessionOptions,
 ) -> Session {
     let (writer, reader) = mic.unzip();
-    let (conductor, player) = conduct(compiled, &file, Options::default(), ends, reader, Vec::new());
-    Session::start(conductor, player, writer, options).expect("it starts")
+    let (graph_controller, player) =
+        prepare_live(compiled, &file, Options::default(), queues, reader, Vec::new());
+    Session::start(graph_controller, player, writer, options).expect("it starts")
 }
 
-/// Tends a session until it is so, at most 30 s; answers what was said.
-pub fn tend(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Session) -> bool) -> Vec<String> {
+/// Polls a session until it is so, at most 30 s; answers what was said.
+pub fn poll(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Session) -> bool) -> Vec<String> {
     let began = Instant::now();
     let mut said = Vec::new();
     while !is_so(session) {
         assert!(began.elapsed() < Duration::from_secs(30), "waited in vain for {what}; it said {said:?}");
-        said.extend(session.tend().expect("a thread"));
+        said.extend(session.poll().expect("a thread"));
         std::thread::sleep(Duration::from_millis(2));
     }
     said

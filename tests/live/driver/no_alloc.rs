@@ -86,7 +86,7 @@ fn no_driver_allocates_while_it_runs() {
             let frames = sizes[i % sizes.len()];
             call(&mut half, &mut room, now, frames);
             now += frames as u64 * 1_000_000_000 / 48_000 + if i % 900 == 0 { 70_000_000 } else { 0 };
-            driver.controls().reins().mute(i % 1000 > 900);
+            driver.controls().run_control().mute(i % 1000 > 900);
         }
     });
     assert_eq!(allocated, 0, "callback");

@@ -7,10 +7,10 @@ use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{Ends, Session, SessionOptions};
+use asperity_live::{DeviceQueues, Session, SessionOptions};
 use harness::alone::real_time;
 use harness::live::Live;
-use harness::stage::{by_hand, channel, graph, options, start, tend, timed};
+use harness::stage::{by_hand, channel, graph, options, poll, start, timed};
 use harness::{self, json};
 
 use crate::coil::{Coil, RATED};
@@ -33,13 +33,13 @@ fn attack(limiter: &str, params: &str) -> (String, String) {
 
 fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
     let (nodes, wires) = attack(limiter, params);
-    graph(&asperity_nodes::registry(), (500, RATE), &nodes, &wires)
+    graph(&harness::registry(), (500, RATE), &nodes, &wires)
 }
 
 fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
-    let conductor = session.conductor();
-    conductor.collect();
-    conductor.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    let graph_controller = session.graph_controller();
+    graph_controller.collect();
+    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
 }
 
 /// Plays on a card for so long, with a change every so often.
@@ -57,7 +57,7 @@ fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -
             change(&mut session, number);
         }
     }
-    let _ = session.tend();
+    let _ = session.poll();
     channel(&card.played(), 2, 0)
 }
 
@@ -98,7 +98,7 @@ fn limiter_that_goes_and_comes_back_lifts_no_limit() {
         let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
                        "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let wires = r#"("hush", "other"), ("other", "out")"#;
-        graph(&asperity_nodes::registry(), (500, RATE), nodes, wires)
+        graph(&harness::registry(), (500, RATE), nodes, wires)
     };
     for every_s in [0.05, 0.3, 1.0] {
         let played = play("comes back", every_s, |session, n| {
@@ -161,7 +161,7 @@ fn two_outputs_that_change_names_stay_within_their_limits() {
         if n % 2 == 1 {
             std::mem::swap(&mut a, &mut b);
         }
-        graph(&asperity_nodes::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
+        graph(&harness::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
     };
     let card = Simulated::new("both", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
@@ -187,16 +187,16 @@ fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
     let mut heard = 0;
     for _ in 0..4 {
         let until = heard + 2 * RATE as usize;
-        tend(&mut session, "the attack", |_| card.played().len() >= 2 * until);
+        poll(&mut session, "the attack", |_| card.played().len() >= 2 * until);
         card.unplug();
-        tend(&mut session, "the loss", |s| s.view().condition == Condition::Lost);
+        poll(&mut session, "the loss", |s| s.view().condition == Condition::Lost);
         let played = channel(&card.played(), 2, 0);
         coil.play(played[heard..].iter().copied());
         heard = played.len();
         let away = std::time::Instant::now();
         std::thread::sleep(Duration::from_millis(50));
         card.plug();
-        tend(&mut session, "the card", |s| s.view().condition == Condition::Playing);
+        poll(&mut session, "the card", |s| s.view().condition == Condition::Playing);
         // It lay still for no longer than this.
         coil.rest(away.elapsed().as_secs_f64());
     }

@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use asperity_live::view::Request;
-use asperity_live::{Reins, Sample, SampleReader, samples};
+use asperity_live::{RunControl, Sample, SampleReader, samples};
 use asperity_page::{Feed, Options, Page, serve};
 use harness::alone::real_time;
 use harness::chromium::{Chromium, Look};
@@ -19,7 +19,7 @@ use super::made_up;
 struct Stage {
     page: Option<Page>,
     asked: Receiver<Request>,
-    reins: Reins,
+    run_control: RunControl,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -31,10 +31,10 @@ impl Stage {
 
     fn at(options: Options, pen: Option<asperity_live::SampleWriter>) -> Self {
         let feed = Arc::new(Feed::new());
-        let reins = Reins::default();
-        let held = reins.clone();
+        let run_control = RunControl::default();
+        let held = run_control.clone();
         let (tell, asked) = sync_channel(4096);
-        let page = serve(options, feed.clone(), reins.clone(), pen).expect("it serves");
+        let page = serve(options, feed.clone(), run_control.clone(), pen).expect("it serves");
         let stop = Arc::new(AtomicBool::new(false));
         let until = stop.clone();
         let thread = std::thread::spawn(move || {
@@ -55,7 +55,7 @@ impl Stage {
                 }
             }
         });
-        Self { page: Some(page), asked, reins, stop, thread: Some(thread) }
+        Self { page: Some(page), asked, run_control, stop, thread: Some(thread) }
     }
 
     fn page(&self) -> &Page {
@@ -69,7 +69,7 @@ impl Stage {
 
     fn muted(&self, is: bool) {
         let begun = Instant::now();
-        while self.reins.muted() != is {
+        while self.run_control.muted() != is {
             assert!(begun.elapsed() < Duration::from_secs(30), "muted: {}", !is);
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -207,7 +207,7 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.key(" ", "Space");
     stage.muted(true);
     browser.until("document.querySelector('#mute').getAttribute('aria-pressed') === 'true'");
-    assert!(stage.reins.muted(), "each was asked for once");
+    assert!(stage.run_control.muted(), "each was asked for once");
     assert_eq!(stage.asked.try_recv().ok(), None);
     assert_eq!(browser.complaints(), Vec::<String>::new());
     // The run ends, and the page says so; it begins again, and the page finds it.

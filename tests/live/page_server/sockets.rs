@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use asperity_live::view::{Request, View};
-use asperity_live::{Reins, samples};
+use asperity_live::{RunControl, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
 use harness::alone::real_time;
 use harness::live::until;
@@ -39,16 +39,17 @@ const FILES: [&str; 16] = [
 struct Stage {
     page: Page,
     feed: Arc<Feed>,
-    reins: Reins,
+    run_control: RunControl,
 }
 
 fn stage() -> Stage {
     let feed = Arc::new(Feed::new());
     feed.publish_layout(made_up::layout());
-    let reins = Reins::default();
+    let run_control = RunControl::default();
     // Nobody reads the hand.
-    let page = serve(Options::default(), feed.clone(), reins.clone(), Some(samples().0)).expect("it serves");
-    Stage { page, feed, reins }
+    let page =
+        serve(Options::default(), feed.clone(), run_control.clone(), Some(samples().0)).expect("it serves");
+    Stage { page, feed, run_control }
 }
 
 impl Stage {
@@ -366,7 +367,7 @@ fn garbage_or_too_much_ends_only_its_connection() {
     until("all are let go", || stage.page.counts().pages == 1);
     stage.feed.publish(View { number: 9, ..View::default() });
     while !matches!(good.read().expect("the good one is shown what is new"), Message::Binary(_)) {}
-    assert!(stage.reins.muted() && stage.reins.asked().is_empty());
+    assert!(stage.run_control.muted() && stage.run_control.asked().is_empty());
 }
 
 #[test]
@@ -427,7 +428,7 @@ fn request_for_a_missing_part_is_refused_with_a_reason() {
     ] {
         assert!(ask(text).contains(why), "{text}");
     }
-    assert!(stage.reins.asked().is_empty(), "nothing of this comes to the run");
+    assert!(stage.run_control.asked().is_empty(), "nothing of this comes to the run");
     for n in 0..4 {
         let text = format!(r#"{{"set":{{"node":"texture","param":"gain","value":{n}}}}}"#);
         socket.send(Message::text(text)).expect("it hears");
@@ -438,8 +439,8 @@ fn request_for_a_missing_part_is_refused_with_a_reason() {
     while !matches!(socket.read().expect("it answers"), Message::Text(text) if text.contains("has ended")) {}
     // Of one parameter the newest value counts, and a run that is to stop takes no more.
     let set = Request::Set { node: "texture".into(), param: "gain".into(), value: 3.0 };
-    assert_eq!(stage.reins.asked(), [set]);
-    assert!(stage.reins.muted() && stage.reins.stopping());
+    assert_eq!(stage.run_control.asked(), [set]);
+    assert!(stage.run_control.muted() && stage.run_control.stopping());
 }
 
 #[test]
@@ -467,11 +468,11 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     let _alone = real_time();
     let stage = stage();
     let taken = Options { port: stage.port(), token: None };
-    let error = serve(taken, stage.feed.clone(), Reins::default(), None).expect_err("it is taken");
+    let error = serve(taken, stage.feed.clone(), RunControl::default(), None).expect_err("it is taken");
     assert_eq!(error.kind(), ErrorKind::AddrInUse);
     let odd = Options { port: 0, token: Some("a&b".into()) };
     assert_eq!(
-        serve(odd, stage.feed.clone(), Reins::default(), None).expect_err("odd").kind(),
+        serve(odd, stage.feed.clone(), RunControl::default(), None).expect_err("odd").kind(),
         ErrorKind::InvalidInput
     );
 }
@@ -480,9 +481,10 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
 fn hand_goes_on_with_another_writer_and_new_strokes() {
     let _alone = real_time();
     let (to, mut first) = samples();
-    let reins = Reins::default();
-    let page = serve(Options::default(), Arc::new(Feed::new()), reins.clone(), Some(to)).expect("it serves");
-    let stage = Stage { page, feed: Arc::new(Feed::new()), reins };
+    let run_control = RunControl::default();
+    let page =
+        serve(Options::default(), Arc::new(Feed::new()), run_control.clone(), Some(to)).expect("it serves");
+    let stage = Stage { page, feed: Arc::new(Feed::new()), run_control };
     let mut socket = stage.watch().expect("a place");
     let mut touch = |x: f64, number: f64| {
         let told = [1.0, x, x, x, 0.0, 0.5, number].map(f64::to_le_bytes).concat();

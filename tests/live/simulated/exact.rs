@@ -6,7 +6,7 @@ use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use harness::alone::real_time;
 use harness::live::told;
-use harness::stage::{by_hand, channel, graph, offline, one_voice, options, start, stop, tend, timed, voice};
+use harness::stage::{by_hand, channel, graph, offline, one_voice, options, poll, start, stop, timed, voice};
 
 use crate::audio::quantized;
 
@@ -22,7 +22,7 @@ const TICKS_HZ: [u32; 5] = [100, 500, 1000, 2500, 4000];
 fn tones(rates: (u32, u32), outs: usize) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
     let voices = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
     let (nodes, wires): (Vec<_>, Vec<_>) = voices.into_iter().take(outs).unzip();
-    graph(&asperity_nodes::registry(), rates, &nodes.concat(), &wires.concat())
+    graph(&harness::registry(), rates, &nodes.concat(), &wires.concat())
 }
 
 /// A quarter of a second of one case.
@@ -93,7 +93,7 @@ fn paced(frames: u32, attempt: u32) -> Result<(), String> {
     let card = Simulated::new(&format!("paced {frames} {attempt}"), timed(frames)).expect("a card");
     let options = SessionOptions { realtime: true, ..options(&card, Clock::Paced) };
     let mut session = start(one_voice(), options);
-    tend(&mut session, "a second", |_| card.played().len() > 2 * 48_000);
+    poll(&mut session, "a second", |_| card.played().len() > 2 * 48_000);
     let view = session.stop().view;
     if view.lost_samples + view.underruns + view.xruns > 0 {
         let (lost, underruns, xruns) = (view.lost_samples, view.underruns, view.xruns);

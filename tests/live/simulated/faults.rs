@@ -15,7 +15,7 @@ use asperity_node::{
 };
 use harness::alone::real_time;
 use harness::live::told;
-use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, start, tend, timed};
+use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, poll, start, timed};
 
 /// Samples in which a stop, a mute or a panic must be silent: 20 ms.
 const DOWN: usize = 960;
@@ -49,10 +49,10 @@ fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
-    session.reins().mute(true);
+    session.run_control().mute(true);
     assert_eq!(session.view().condition, Condition::Muted);
     (0..40).for_each(|_| card.step(97));
-    session.reins().mute(false);
+    session.run_control().mute(false);
     (0..200).for_each(|_| card.step(97));
     assert_eq!(session.view().condition, Condition::Playing);
     let all = heard(&card);
@@ -84,7 +84,7 @@ fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
     let card = Simulated::new(&name, params).expect("a card");
     let mut session = start(one_voice(), options(&card, clock));
     // Half a second, in which the limiter's high-pass forgets the start.
-    tend(&mut session, "a tone", |s| playing(s) && heard(&card).len() > 24_000);
+    poll(&mut session, "a tone", |s| playing(s) && heard(&card).len() > 24_000);
     let mut view = session.view();
     if dropped {
         drop(session);
@@ -115,15 +115,15 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
     told(|| {
         let card = Simulated::new("gaps", timed(64)).expect("a card");
         let mut session = start(one_voice(), options(&card, Clock::Callback));
-        tend(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
+        poll(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
         let xruns = session.view().xruns;
         card.xrun();
-        tend(&mut session, "the underrun", |s| s.view().xruns > xruns);
+        poll(&mut session, "the underrun", |s| s.view().xruns > xruns);
         let before = session.view();
         // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is
         // no loss: then another.
         let mut frames = 0;
-        tend(&mut session, "the gap", |s| {
+        poll(&mut session, "the gap", |s| {
             if heard(&card).len() > frames {
                 frames = heard(&card).len() + 48_000;
                 card.gap(Duration::from_millis(120));
@@ -131,7 +131,7 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
             s.view().lost_samples >= before.lost_samples + 4000
         });
         let frames = heard(&card).len();
-        tend(&mut session, "more", |_| heard(&card).len() > frames + 9600);
+        poll(&mut session, "more", |_| heard(&card).len() > frames + 9600);
         let view = session.stop().view;
         assert!(view.skipped_ticks >= 40, "{} ticks were left out", view.skipped_ticks);
         assert!(largest_step(&heard(&card)) < STEP);
@@ -161,10 +161,10 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
     let card = Simulated::new("lost", timed(64)).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     for (losses, (name, harm, mend)) in ways.into_iter().enumerate() {
-        tend(&mut session, "a tone", |s| playing(s) && s.view().clock == "callback");
+        poll(&mut session, "a tone", |s| playing(s) && s.view().clock == "callback");
         let ticks = session.view().ticks;
         harm(&card);
-        let said = tend(&mut session, name, |s| s.view().condition == Condition::Lost);
+        let said = poll(&mut session, name, |s| s.view().condition == Condition::Lost);
         assert!(
             said.iter().any(|s| s.contains("is lost") && s.contains("when the device is back")),
             "{said:?}"
@@ -174,12 +174,12 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
         assert_eq!((view.losses, view.clock.as_str()), (losses as u64 + 1, "timer"));
         // Without a card the graph goes on.
         let further = view.ticks.max(ticks) + 50;
-        tend(&mut session, "ticks without a card", |s| s.view().ticks > further);
+        poll(&mut session, "ticks without a card", |s| s.view().ticks > further);
         let quiet = heard(&card).len();
         mend(&card);
-        let said = tend(&mut session, "the card", |s| playing(s) && s.view().clock == "callback");
+        let said = poll(&mut session, "the card", |s| playing(s) && s.view().clock == "callback");
         assert!(said.iter().any(|s| s.contains("is back")), "{name}: {said:?}");
-        tend(&mut session, "the tone", |_| heard(&card)[quiet..].iter().any(|y| y.abs() > 0.05));
+        poll(&mut session, "the tone", |_| heard(&card)[quiet..].iter().any(|y| y.abs() > 0.05));
     }
     // One that is not waited for ends the run.
     let ended = session.stop();
@@ -187,7 +187,7 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
     let options = asperity_live::SessionOptions { reconnect: false, ..options(&card, Clock::Callback) };
     let mut session = start(one_voice(), options);
     card.unplug();
-    tend(&mut session, "the end", |s| !s.goes_on());
+    poll(&mut session, "the end", |s| !s.goes_on());
     assert!(session.stop().player.is_some());
 }
 
@@ -313,16 +313,16 @@ fn panicking_node_is_named_and_every_clock_goes_on() {
     let _alone = real_time();
     for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
         let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
-        let registry = asperity_nodes::registry().with::<Breaks>();
+        let registry = harness::registry().with::<Breaks>();
         let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
         let options = options(&card, clock);
         let device = if clock == Clock::Timer { None } else { options.device.clone() };
         let mut session = start(graph, SessionOptions { device, ..options });
-        tend(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
+        poll(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
         let view = session.view();
         assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
-        let bad = session.conductor().schedule().index_of("bad").expect("the node");
+        let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
         let node = &view.nodes[bad];
         assert!(node.quarantined && node.last_fault.contains("panicked"), "{node:?}");
         let ended = session.stop();
@@ -362,14 +362,14 @@ impl Processor for Fails {
 fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
     let _alone = real_time();
     let card = Simulated::new("node", by_hand()).expect("a card");
-    let registry = asperity_nodes::registry().with::<Fails>();
+    let registry = harness::registry().with::<Fails>();
     let nodes = r#""bad": (kind: "fails"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
     let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
     let mut session = start(graph, options(&card, Clock::Callback));
     (0..200).for_each(|_| card.step(64));
     let view = session.view();
     assert!(session.goes_on() && view.condition == Condition::Playing);
-    let bad = session.conductor().schedule().index_of("bad").expect("the node");
+    let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
     assert!(
         view.nodes[bad].quarantined && view.nodes[bad].last_fault.contains("not finite"),
         "{:?}",

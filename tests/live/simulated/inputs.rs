@@ -8,9 +8,9 @@ use std::time::Duration;
 use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
-use asperity_live::{Ends, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
+use asperity_live::{DeviceQueues, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
 use harness::alone::real_time;
-use harness::stage::{by_hand, channel, graph, offline, options, start_with, tend, timed, voice};
+use harness::stage::{by_hand, channel, graph, offline, options, poll, start_with, timed, voice};
 
 /// A tone, and what is recorded of it.
 fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
@@ -19,12 +19,12 @@ fn recording() -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
         r#"{nodes} "in": (kind: "audio_in", params: (channel: 1)),
            "file": (kind: "file_out", params: (file: "in.wav")),"#
     );
-    graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &format!(r#"{wires} ("in", "file")"#))
+    graph(&harness::registry(), (500, 48_000), &nodes, &format!(r#"{wires} ("in", "file")"#))
 }
 
 /// All that a sink recorded, with nothing left out.
 fn taped(session: &mut Session, all: &mut Vec<f32>) {
-    let lost = session.conductor().recorded(|r| {
+    let lost = session.graph_controller().recorded(|r| {
         assert_eq!(r.start, all.len() as u64);
         all.extend_from_slice(r.values);
     });
@@ -42,7 +42,8 @@ fn recorded_samples_reach_the_graph_after_a_constant_delay() {
         let device = options(&card, Clock::Callback).device;
         let device = Some(Request { inputs: vec![1], ..device.expect("a device") });
         let options = SessionOptions { device, ..options(&card, Clock::Callback) };
-        let mut session = start_with(recording(), Ends::default(), Some(mic(1, 48_000, 500)), options);
+        let mut session =
+            start_with(recording(), DeviceQueues::default(), Some(mic(1, 48_000, 500)), options);
         let (mut frames, mut heard) = (0, Vec::new());
         for size in sizes.iter().cycle() {
             card.step(*size);
@@ -117,14 +118,14 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
         ("motion.speed", "gate.speed"), ("hand.force", "gate.force"), ("gate.out", "out limiter"),
         ("out limiter", "out"),"#;
     let (to, reader) = samples();
-    let ends = Ends { hands: [("hand".to_owned(), reader)].into(), ..Ends::default() };
-    let graph = graph(&asperity_nodes::registry(), (500, 48_000), &nodes, wires);
-    (start_with(graph, ends, None, options(card, clock)), Hand::new(to))
+    let queues = DeviceQueues { hands: [("hand".to_owned(), reader)].into(), ..DeviceQueues::default() };
+    let graph = graph(&harness::registry(), (500, 48_000), &nodes, wires);
+    (start_with(graph, queues, None, options(card, clock)), Hand::new(to))
 }
 
 /// The hand's x in every tick [mm].
 fn places(session: &mut Session, all: &mut Vec<f64>) {
-    session.conductor().recorded(|r| all.push(f64::from(r.values[0])));
+    session.graph_controller().recorded(|r| all.push(f64::from(r.values[0])));
 }
 
 /// The part of the steps of a hand that moves evenly which are not even.
@@ -133,7 +134,7 @@ fn uneven(clock: Clock, frames: &[u32], attempt: usize) -> f64 {
     let card = Simulated::new(&what, Params { frames: frames.to_vec(), ..timed(1) }).expect("a card");
     let (mut session, _hand) = touched(&card, clock);
     let mut x = Vec::new();
-    tend(&mut session, "two seconds", |s| {
+    poll(&mut session, "two seconds", |s| {
         places(s, &mut x);
         x.len() > 1000
     });
@@ -177,15 +178,15 @@ fn silent_hand_is_held_silent_after_70_ms_and_counted() {
         let (mut session, mut hand) = touched(&card, Clock::Callback);
         let mut x = Vec::new();
         let heard = || channel(&card.played(), 2, 0);
-        tend(&mut session, "the tone", |_| heard().iter().filter(|y| y.abs() > 0.09).count() > 4800);
+        poll(&mut session, "the tone", |_| heard().iter().filter(|y| y.abs() > 0.09).count() > 4800);
         let before = session.view().sources[0].stalls;
         let last_ns = hand.rest();
         let (at, now) = (heard().len() as f64, now_ns());
-        tend(&mut session, "the stall", |s| s.view().sources[0].stalled);
+        poll(&mut session, "the stall", |s| s.view().sources[0].stalled);
         let stalls = session.view().sources[0].stalls;
         assert!(stalls > before);
         let frames = heard().len() + 24_000;
-        tend(&mut session, "half a second", |s| {
+        poll(&mut session, "half a second", |s| {
             places(s, &mut x);
             heard().len() > frames
         });

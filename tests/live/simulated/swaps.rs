@@ -6,7 +6,7 @@ use std::process::Stdio;
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
-use asperity_live::{Ends, Sample, SessionOptions, needs_ends, now_ns, samples};
+use asperity_live::{DeviceQueues, Sample, SessionOptions, needs_queues, now_ns, samples};
 use harness::alone::real_time;
 use harness::stage::{
     STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, voice,
@@ -20,7 +20,7 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
         &format!("(profile: \"hapcoil_one\", slew_hz: {dc_corner_hz:?})"),
     );
     let (more, more_wires) = voice("b", 123.0, 0.07);
-    graph(&asperity_nodes::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
+    graph(&harness::registry(), (500, 48_000), &(nodes + &more), &(wires + &more_wires))
 }
 
 #[test]
@@ -33,18 +33,22 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
     step(100);
     let before = session.view();
     let (file, compiled) = two(0.05, 3000.0);
-    let conductor = session.conductor();
-    conductor.swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    let graph_controller = session.graph_controller();
+    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
     // Sent and not yet taken over: nothing seems to have been lost.
     let sent = session.view();
-    let index =
-        |s: &mut asperity_live::Session, id: &str| s.conductor().schedule().index_of(id).expect("a node");
+    let index = |s: &mut asperity_live::Session, id: &str| {
+        s.graph_controller().schedule().index_of(id).expect("a node")
+    };
     let kept = index(&mut session, "b tone");
     assert_eq!((sent.layout, sent.nodes[kept].calls), (1, before.nodes[kept].calls));
     assert_eq!(sent.nodes[kept].max_us, before.nodes[kept].max_us);
     // Another one at once: they are taken over one after the other.
     let (file, compiled) = two(0.1, 2000.0);
-    session.conductor().swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    session
+        .graph_controller()
+        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
+        .expect("it is sent");
     step(100);
     let view = session.view();
     let kept = index(&mut session, "b tone");
@@ -55,7 +59,7 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
         "{:?}",
         view.nodes[kept]
     );
-    assert_eq!(session.conductor().collect().len(), 2);
+    assert_eq!(session.graph_controller().collect().len(), 2);
     let wanted = offline(two(0.1, 2000.0).1, 19_400);
     let b = channel(&card.played(), 2, 1);
     assert!(b.iter().zip(&wanted[1]).all(|(y, x)| *y == f64::from(*x)));
@@ -79,13 +83,17 @@ fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
     (0..50).for_each(|_| card.step(97));
     for rates in [(1000, 48_000), (500, 44_100)] {
         let (nodes, wires) = voice("a", 80.0, 0.1);
-        let (file, compiled) = graph(&asperity_nodes::registry(), rates, &nodes, &wires);
-        let refused = session.conductor().swap(compiled, &file, &[], Ends::default(), Vec::new());
+        let (file, compiled) = graph(&harness::registry(), rates, &nodes, &wires);
+        let refused =
+            session.graph_controller().swap(compiled, &file, &[], DeviceQueues::default(), Vec::new());
         assert!(refused.is_err());
-        assert_eq!(session.conductor().layout().number, 0);
+        assert_eq!(session.graph_controller().layout().number, 0);
     }
     let (file, compiled) = two(0.1, 3000.0);
-    session.conductor().swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    session
+        .graph_controller()
+        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
+        .expect("it is sent");
     (0..50).for_each(|_| card.step(97));
     let played = card.played();
     // Were its places those of a graph that never came, both channels would be silent.
@@ -104,12 +112,12 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
                "force": (kind: "probe", params: (file: "f.csv")),"#
         );
         let wires = format!(r#"{wires} ("hand.force", "gain"), ("gain", "force")"#);
-        graph(&asperity_nodes::registry(), (500, 48_000), &nodes, &wires)
+        graph(&harness::registry(), (500, 48_000), &nodes, &wires)
     };
     let card = Simulated::new("swapped hand", by_hand()).expect("a card");
     let (mut writer, reader) = samples();
-    let ends = Ends { hands: [("hand".to_owned(), reader)].into(), ..Ends::default() };
-    let mut session = start_with(hand(1.0, 10_000.0), ends, None, options(&card, Clock::Callback));
+    let queues = DeviceQueues { hands: [("hand".to_owned(), reader)].into(), ..DeviceQueues::default() };
+    let mut session = start_with(hand(1.0, 10_000.0), queues, None, options(&card, Clock::Callback));
     let mut feed = |session: &mut asperity_live::Session| {
         for _ in 0..100 {
             let now = now_ns();
@@ -127,8 +135,11 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
         before.sources
     );
     let (file, compiled) = hand(2.0, 10_000.0);
-    assert!(needs_ends(session.conductor().schedule(), &compiled.schedule).is_empty());
-    session.conductor().swap(compiled, &file, &[], Ends::default(), Vec::new()).expect("it is sent");
+    assert!(needs_queues(session.graph_controller().schedule(), &compiled.schedule).is_empty());
+    session
+        .graph_controller()
+        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
+        .expect("it is sent");
     let sent = session.view();
     assert_eq!(sent.sources[0].samples, 100, "before it is taken over");
     // None came since: a count that began anew would have all of them come at once.
@@ -137,10 +148,10 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
     assert_eq!((view.sources[0].samples, view.sources[0].stalls), (200, 0));
     // Otherwise set, it needs an end of its own.
     let (_, compiled) = hand(2.0, 60.0);
-    assert_eq!(needs_ends(session.conductor().schedule(), &compiled.schedule), ["hand"]);
+    assert_eq!(needs_queues(session.graph_controller().schedule(), &compiled.schedule), ["hand"]);
     // Two tapes: the probe of the graph before is read to its end.
     let mut forces = Vec::new();
-    session.conductor().recorded(|r| forces.push((r.sink.to_owned(), r.start, r.values[0])));
+    session.graph_controller().recorded(|r| forces.push((r.sink.to_owned(), r.start, r.values[0])));
     assert!(forces.windows(2).all(|w| w[1].1 == w[0].1 + 1), "no tick twice or left out");
     assert!(forces.iter().any(|f| f.2 == 1.65) && forces.iter().any(|f| f.2 == 3.3));
 }

@@ -11,13 +11,13 @@ use asperity_audio::simulated::Simulated;
 use asperity_engine::Options;
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
-use asperity_live::{DOES_NOT_COME_BACK, Ends, Reins, Session, SessionOptions, conduct};
+use asperity_live::{DOES_NOT_COME_BACK, DeviceQueues, RunControl, Session, SessionOptions, prepare_live};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status,
     Tick, Unit,
 };
 use harness::live::{PATIENCE, told};
-use harness::stage::{STEP, channel, graph, largest_step, tend, timed, voice};
+use harness::stage::{STEP, channel, graph, largest_step, poll, timed, voice};
 use harness::{asperity, json, plugins};
 
 /// Samples in which the output is down: 20 ms.
@@ -72,7 +72,7 @@ impl Processor for Spins {
 
 /// A run of a node that spins on channel 1, and of a tone on channel 2, by the paced driver.
 fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
-    let registry = asperity_nodes::registry().with::<Spins>();
+    let registry = harness::registry().with::<Spins>();
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
         r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",
@@ -82,17 +82,18 @@ fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
     let wires = format!(r#"("bad", "limiter"), ("limiter", "out"), {wires}"#);
     let (file, compiled) = graph(&registry, (500, 48_000), &nodes, &wires);
     let options = Options { limit_ns: Some(limit.as_nanos() as u64), ..Options::default() };
-    let (conductor, player) = conduct(compiled, &file, options, Ends::default(), None, Vec::new());
+    let (graph_controller, player) =
+        prepare_live(compiled, &file, options, DeviceQueues::default(), None, Vec::new());
     let options = SessionOptions {
         device: Some(Request { device: Some(card.id()), channels: vec![1, 2], ..Request::default() }),
         clock: Some(Clock::Paced),
         reconnect: true,
         start_s: 0.0,
         realtime: false,
-        reins: Reins::default(),
-        keeper: None,
+        run_control: RunControl::default(),
+        coil_monitor: None,
     };
-    Session::start(conductor, player, None, options).expect("it starts")
+    Session::start(graph_controller, player, None, options).expect("it starts")
 }
 
 /// Whether the sound ends within 20 ms without a step, and stays silent.
@@ -130,11 +131,11 @@ fn spinning_node_is_silenced_counted_and_left_behind() {
             Simulated::new(&format!("spin {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
         let heard = |c| channel(&card.played(), 2, c);
         let mut session = start(&card, 1e6, Duration::from_millis(50));
-        tend(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
-        let bad = session.conductor().schedule().index_of("bad").expect("the node");
-        tend(&mut session, "the fault", |s| s.view().nodes[bad].last_fault == DOES_NOT_COME_BACK);
+        poll(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
+        let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
+        poll(&mut session, "the fault", |s| s.view().nodes[bad].last_fault == DOES_NOT_COME_BACK);
         let frames = heard(0).len();
-        tend(&mut session, "silence", |_| heard(0).len() > frames + 36_000);
+        poll(&mut session, "silence", |_| heard(0).len() > frames + 36_000);
         let view = session.view();
         let (one, two) = (heard(0), heard(1));
         let began = Instant::now();
@@ -312,10 +313,10 @@ fn slow_node_is_counted_and_cut_out_and_the_rest_plays() {
             Simulated::new(&format!("slow {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
         let heard = |c| channel(&card.played(), 2, c);
         let mut session = start(&card, 0.03, Duration::from_millis(15));
-        let bad = session.conductor().schedule().index_of("bad").expect("the node");
-        tend(&mut session, "the end of the node", |s| s.view().nodes[bad].quarantined);
+        let bad = session.graph_controller().schedule().index_of("bad").expect("the node");
+        poll(&mut session, "the end of the node", |s| s.view().nodes[bad].quarantined);
         let frames = heard(0).len();
-        tend(&mut session, "more", |_| heard(0).len() > frames + 48_000);
+        poll(&mut session, "more", |_| heard(0).len() > frames + 48_000);
         let view = session.view();
         let (one, two) = (heard(0), heard(1));
         assert!(session.stop().player.is_some());

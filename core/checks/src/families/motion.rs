@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 use std::sync::Arc;
 
 use asperity_dsp::low_pass::opened_hz;
-use asperity_node::random;
+use asperity_node::{Role, random};
 
 use crate::case::{Case, Family, Found, Not, holds, not_applicable};
 use crate::rig::{Rig, values};
@@ -162,7 +162,7 @@ impl Stage {
         }
     }
 
-    /// Corner of the low-pass of the node `velocity` before the gate, at the speed that opens it \[Hz\].
+    /// Corner of the low-pass of the velocity before the gate, at the speed that opens it \[Hz\].
     fn cutoff_hz(&self) -> Option<f64> {
         let nodes = &self.rig.schedule.nodes;
         let gate = self.gate?;
@@ -170,7 +170,7 @@ impl Stage {
             nodes[gate.node].inputs[gate.speed].from.iter().map(|from| from.0).collect();
         let mut seen = vec![false; nodes.len()];
         while let Some(at) = next.pop().filter(|&at| !std::mem::replace(&mut seen[at], true)) {
-            if nodes[at].kind == "velocity" {
+            if nodes[at].role == Some(Role::Velocity) {
                 let [hz, per_mm_s] =
                     ["cutoff_hz", "cutoff_hz_per_mm_s"].map(|name| nodes[at].params.number(name));
                 let opens = gate.opens_mm_s.unwrap_or_default();

@@ -68,7 +68,7 @@ pub(super) fn sleep(subject: &Subject<'_>) -> Found {
     let elapsed = match resume {
         Resume::Restart => return not_applicable("it is reset when it wakes"),
         Resume::Never => return not_applicable("it never sleeps"),
-        Resume::Resume => false,
+        Resume::Continue => false,
         Resume::Elapsed => true,
     };
     let (mut whole, mut slept) = (subject.stand(Signal::Random)?, subject.stand(Signal::Random)?);

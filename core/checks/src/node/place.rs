@@ -232,7 +232,7 @@ impl Place {
         let constant = |buffer: usize| match schedule.buffers.get(buffer) {
             Some(BufferEntry::Constant { count, value }) => (*count, *value),
             // A host has not fed it yet.
-            Some(BufferEntry::Fed(PortType { shape: Shape::Control { count }, .. })) => (*count, 0.0),
+            Some(BufferEntry::HostFed(PortType { shape: Shape::Control { count }, .. })) => (*count, 0.0),
             _ => (0, 0.0),
         };
         let inputs = node.inputs.iter();

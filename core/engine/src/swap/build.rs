@@ -8,7 +8,7 @@ use super::plan::{Fate, Place, Plan, Point, live_value};
 use super::shadow::Ways;
 use super::takeover::{Rebuilt, Set, Swap};
 use crate::engine::Body;
-use crate::slot::{Guards, Slot};
+use crate::slot::{GateSets, Slot};
 
 /// Makes a swap from a plan. `sizes` and `live` belong to the old schedule: bytes of each node's state,
 /// and the last values of its live parameters.
@@ -23,7 +23,7 @@ pub(super) fn build(
     let mut body = Body::new(compiled);
     let settled = std::mem::replace(&mut body.steps, plan.steps.clone());
     let new = body.schedule.clone();
-    let guards = guards(plan, old, &new, &mut body.slots);
+    let gate_sets = gate_sets(plan, old, &new, &mut body.slots);
     let own = add_shadows(plan, old, &mut body);
     let (fades, readers) = plan.points.iter().map(|p| crossfade(plan, &new, *p, &mut body)).unzip();
     let mut swap = Swap {
@@ -37,7 +37,7 @@ pub(super) fn build(
         shadows: plan.shadows.nodes.iter().enumerate().map(|(k, &i)| (new.nodes.len() + k, i)).collect(),
         gone: (0..old.nodes.len()).filter(|i| !plan.fates.iter().any(|f| f.kept() == Some(*i))).collect(),
         sets: Vec::new(),
-        guards,
+        gate_sets,
         fed: carried(plan, old, &new),
         every: every(plan, &new),
         begun: 0,
@@ -68,7 +68,7 @@ pub(super) fn build(
 pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
     let buffer = |entry: &BufferEntry| match entry {
         BufferEntry::Constant { count, value } => Buffer::constant(*count, *value),
-        BufferEntry::Fed(port) => fed(port, schedule.tick_hz),
+        BufferEntry::HostFed(port) => fed(port, schedule.tick_hz),
         BufferEntry::Output(port) => Buffer::new(port, schedule.tick_hz),
     };
     schedule.buffers.iter().map(buffer).collect()
@@ -76,7 +76,8 @@ pub(crate) fn buffers(schedule: &Schedule) -> Vec<Buffer> {
 
 /// Audio buffers that the host fills.
 pub(crate) fn fed_audio(schedule: &Schedule) -> Vec<usize> {
-    let audio = |e: &BufferEntry| matches!(e, BufferEntry::Fed(PortType { shape: Shape::Audio { .. }, .. }));
+    let audio =
+        |e: &BufferEntry| matches!(e, BufferEntry::HostFed(PortType { shape: Shape::Audio { .. }, .. }));
     (0..schedule.buffers.len()).filter(|&at| audio(&schedule.buffers[at])).collect()
 }
 
@@ -104,17 +105,17 @@ fn sets(new: &Schedule, j: usize, before: &[f64]) -> Vec<Set> {
     changed.map(|((l, value), _)| Set { node: j, param: l.index, value }).collect()
 }
 
-/// Guards as a slot has them.
-fn boxed(ways: &Ways) -> Guards {
+/// Gate sets as a slot has them.
+fn boxed(ways: &Ways) -> GateSets {
     ways.iter().map(|way| way.clone().into()).collect()
 }
 
-/// Sets the guards of new nodes during the fade, and returns those for afterwards.
-fn guards(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, Guards)> {
+/// Sets the gate sets of new nodes during the fade, and returns those for afterwards.
+fn gate_sets(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, GateSets)> {
     let mut after = Vec::new();
     for (j, ways) in plan.shadows.new_ways(old, new).iter().enumerate() {
-        if *ways != new.nodes[j].guards {
-            after.push((j, std::mem::replace(&mut slots[j].guards, boxed(ways))));
+        if *ways != new.nodes[j].gate_sets {
+            after.push((j, std::mem::replace(&mut slots[j].gate_sets, boxed(ways))));
         }
     }
     after
@@ -126,7 +127,7 @@ fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
     for (fate, node) in plan.fates.iter().zip(&new.nodes) {
         let (Fate::Kept(i) | Fate::Rebuilt { old: i, .. }) = fate else { continue };
         let inputs = node.inputs.iter().zip(&old.nodes[*i].inputs);
-        let fed = inputs.filter(|(new, old)| new.fed && old.fed && new.port == old.port);
+        let fed = inputs.filter(|(new, old)| new.host_fed && old.host_fed && new.port == old.port);
         pairs.extend(fed.map(|(new, old)| (new.reads.buffer as usize, old.reads.buffer as usize)));
     }
     pairs
@@ -137,7 +138,7 @@ fn carried(plan: &Plan, old: &Schedule, new: &Schedule) -> Vec<(usize, usize)> {
 fn fed_anew(plan: &Plan, old: &Schedule, new: &Schedule, i: usize, input: usize) -> Option<usize> {
     let j = plan.fates.iter().position(|f| matches!(f, Fate::Rebuilt { old, .. } if *old == i))?;
     let (was, is) = (&old.nodes[i].inputs[input], new.nodes[j].inputs.get(input)?);
-    (was.fed && is.fed && is.port == was.port).then_some(is.reads.buffer as usize)
+    (was.host_fed && is.host_fed && is.port == was.port).then_some(is.reads.buffer as usize)
 }
 
 /// Adds slots for old nodes after the new ones. Returns the buffers fed by the host to nodes that
@@ -149,7 +150,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
     for &i in &plan.shadows.nodes {
         let node = &old.nodes[i];
         let mut slot = Slot::empty(node);
-        slot.guards = boxed(&plan.shadows.old_ways(old, i));
+        slot.gate_sets = boxed(&plan.shadows.old_ways(old, i));
         let start = body.buffers.len();
         slot.outputs = start..start + node.outputs.len();
         body.buffers.extend(node.outputs.iter().map(|o| Buffer::new(&o.port, old.tick_hz)));
@@ -163,7 +164,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
                     let (was, is) = (port.reads.buffer as usize, body.buffers.len());
                     body.buffers.push(match old.buffers.get(was) {
                         Some(BufferEntry::Constant { count, value }) => Buffer::constant(*count, *value),
-                        Some(BufferEntry::Fed(port)) => {
+                        Some(BufferEntry::HostFed(port)) => {
                             // It holds its last values.
                             own.push((is, was));
                             fed(port, old.tick_hz)

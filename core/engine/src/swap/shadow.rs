@@ -13,9 +13,9 @@ pub(super) type Ways = Vec<Vec<usize>>;
 /// A node with more sets than this always runs during the fade.
 const MOST_WAYS: usize = 64;
 
-/// A node's guards as sets; one empty set if it always runs.
-fn as_ways(guards: &Ways) -> Ways {
-    if guards.is_empty() { vec![Vec::new()] } else { guards.clone() }
+/// A node's gate sets; one empty set if it always runs.
+fn as_ways(gate_sets: &Ways) -> Ways {
+    if gate_sets.is_empty() { vec![Vec::new()] } else { gate_sets.clone() }
 }
 
 /// Adds a set, unless a subset of it is there; removes supersets of it.
@@ -68,8 +68,8 @@ impl Shadows {
                 None => {}
             }
         }
-        let guards = |i: usize| old.nodes[i].guards.iter().flatten().copied();
-        let asked = shadows.iter().copied().chain(heard.iter().map(|(_, i)| *i)).flat_map(guards);
+        let gate_sets = |i: usize| old.nodes[i].gate_sets.iter().flatten().copied();
+        let asked = shadows.iter().copied().chain(heard.iter().map(|(_, i)| *i)).flat_map(gate_sets);
         let gates: BTreeSet<usize> = asked.filter(|&g| slots[g].is_none() && !shadows.contains(&g)).collect();
         let running = shadows.len();
         let nodes: Vec<usize> = shadows.into_iter().chain(gates).collect();
@@ -89,7 +89,7 @@ impl Shadows {
             let Some((i, _)) = point.old else { continue };
             let reader = &new.nodes[point.node];
             let gated = matches!(point.place, Place::Input(input) if reader.gate == Some(input));
-            for mut way in as_ways(&reader.guards) {
+            for mut way in as_ways(&reader.gate_sets) {
                 if gated && !way.contains(&point.node) {
                     way.push(point.node);
                 }
@@ -121,7 +121,7 @@ impl Shadows {
     /// new nodes.
     pub(super) fn old_ways(&self, old: &Schedule, i: usize) -> Ways {
         let mut ways: Ways = Vec::new();
-        for way in as_ways(&old.nodes[i].guards) {
+        for way in as_ways(&old.nodes[i].gate_sets) {
             add(&mut ways, way.iter().filter_map(|&g| self.slot(g)).collect());
         }
         self.faded[i].iter().for_each(|way| add(&mut ways, way.clone()));
@@ -130,7 +130,7 @@ impl Shadows {
 
     /// When each new node is wanted while old ones read it, directly or indirectly.
     pub(super) fn new_ways(&self, old: &Schedule, new: &Schedule) -> Vec<Ways> {
-        let mut ways: Vec<Ways> = new.nodes.iter().map(|n| n.guards.clone()).collect();
+        let mut ways: Vec<Ways> = new.nodes.iter().map(|n| n.gate_sets.clone()).collect();
         let mut more: Vec<Ways> = vec![Vec::new(); ways.len()];
         for &(j, i) in &self.heard {
             let was = self.old_ways(old, i);

@@ -8,7 +8,7 @@ use ringbuf::{HeapCons, HeapProd};
 use super::crossfade::{self, Crossfade, Ramp};
 use super::order::Run;
 use crate::engine::Body;
-use crate::slot::{Guards, Now, Slot};
+use crate::slot::{GateSets, Now, Slot};
 
 /// A request of the controller.
 pub(crate) enum Command {
@@ -42,8 +42,8 @@ pub(crate) struct Swap {
     /// Old nodes that are not kept.
     pub(super) gone: Vec<usize>,
     pub(super) sets: Vec<Set>,
-    /// Guards after the fade, for slots with other guards during the fade.
-    pub(super) guards: Vec<(usize, Guards)>,
+    /// Gate sets after the fade, for slots with other gate sets during the fade.
+    pub(super) gate_sets: Vec<(usize, GateSets)>,
     /// Buffers fed by the host that other nodes continue with: new and old buffer.
     pub(super) fed: Vec<(usize, usize)>,
     /// The takeover happens in a tick that this divides, in which every new node runs.
@@ -189,8 +189,8 @@ impl Link {
             }
         }
         self.wake_readers(&swap, body);
-        for (slot, guards) in &mut swap.guards {
-            std::mem::swap(&mut body.slots[*slot].guards, guards);
+        for (slot, gate_sets) in &mut swap.gate_sets {
+            std::mem::swap(&mut body.slots[*slot].gate_sets, gate_sets);
         }
         for &(slot, old) in &swap.shadows {
             body.slots[slot].trade(&mut swap.body.slots[old]);

@@ -19,8 +19,8 @@ pub(super) struct Ordered {
     pub(super) dropped: Vec<Dropped>,
     /// Whether a node closes a cycle.
     pub(super) closes_cycle: Vec<bool>,
-    /// When each node is wanted; see [`guards`].
-    pub(super) guards: Vec<Vec<Vec<usize>>>,
+    /// When each node is wanted; see [`gate_sets`].
+    pub(super) gate_sets: Vec<Vec<Vec<usize>>>,
     /// The gated input of each gate.
     pub(super) gates: Vec<Option<usize>>,
 }
@@ -39,14 +39,14 @@ pub(super) fn order(
     check_required(graph, resolved, &live)?;
     let gates = gates(resolved);
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
-    let mut guards = guards(resolved, &live, &gates, &closes_cycle);
+    let mut gate_sets = gate_sets(resolved, &live, &gates, &closes_cycle);
     let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
-    let mut vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+    let mut vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &gate_sets), wanted);
     if vertices.len() < (0..2 * n).filter(|&v| wanted(v)).count() {
         // Gates wait for nodes that they let sleep. No such graph is known; it would run with all nodes
         // awake.
-        guards = vec![Vec::new(); n];
-        vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &guards), wanted);
+        gate_sets = vec![Vec::new(); n];
+        vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &gate_sets), wanted);
     }
     let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
     let mut steps: Vec<Step> =
@@ -54,7 +54,7 @@ pub(super) fn order(
     steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
     let wired: BTreeSet<usize> = resolved.wires.iter().map(|w| w.from.0).collect();
     let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, i, wired.contains(&i))).collect();
-    Ok(Ordered { nodes, steps, dropped, closes_cycle, guards, gates })
+    Ok(Ordered { nodes, steps, dropped, closes_cycle, gate_sets, gates })
 }
 
 /// Dependencies. Vertices 0..n are nodes, n..2n the questions to gates.
@@ -62,7 +62,7 @@ fn edges(
     resolved: &Resolved,
     gates: &[Option<usize>],
     closes_cycle: &[bool],
-    guards: &[Vec<Vec<usize>>],
+    gate_sets: &[Vec<Vec<usize>>],
 ) -> Vec<BTreeSet<usize>> {
     let n = resolved.nodes.len();
     let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); 2 * n];
@@ -76,7 +76,7 @@ fn edges(
         }
     }
     for node in 0..n {
-        for &gate in guards[node].iter().flatten() {
+        for &gate in gate_sets[node].iter().flatten() {
             before[node].insert(n + gate);
             if gates[node].is_some() {
                 before[n + node].insert(n + gate);
@@ -263,7 +263,7 @@ const MAX_GATES: usize = 64;
 /// A node is wanted when a reader is wanted. Through a gated input the gate must be open too. A
 /// superset of another set adds nothing. So a gate is never in a set of a node on which its own
 /// question depends: such a node is wanted whenever the gate is, which includes the set with the gate.
-fn guards(
+fn gate_sets(
     resolved: &Resolved,
     live: &[bool],
     gates: &[Option<usize>],

@@ -59,7 +59,7 @@ pub(super) fn prepare(
                         name: output.name.to_string(),
                         port: port.clone(),
                         readers,
-                        aside: output.aside,
+                        secondary: output.secondary,
                     });
                 }
                 None => {
@@ -86,7 +86,7 @@ pub(super) fn prepare(
                 from: wire.map(|w| (place[w.from.0], w.from.1)),
                 port: typed.inputs[i][p].clone(),
                 wakes: input.wakes,
-                fed: input.fed && wire.is_none(),
+                host_fed: input.host_fed && wire.is_none(),
             });
         }
         let wirings = |ports: &[Option<PortType>], connected: Vec<bool>| -> Vec<Wiring> {
@@ -165,7 +165,7 @@ fn constants(resolved: &Resolved, typed: &Typed, ordered: &Ordered) -> Vec<Buffe
         let ports = node.ports.inputs.iter().zip(&typed.inputs[i]).zip(&node.input_wires);
         for ((input, port), _) in ports.filter(|(_, wire)| wire.is_none()) {
             out.push(match port {
-                Some(port) if input.fed => BufferEntry::Fed(port.clone()),
+                Some(port) if input.host_fed => BufferEntry::HostFed(port.clone()),
                 Some(PortType { shape: Shape::Control { count }, .. }) => {
                     BufferEntry::Constant { count: *count, value: input.default }
                 }
@@ -198,6 +198,7 @@ fn scheduled(
     ScheduledNode {
         id: decl.id.clone(),
         kind: decl.kind.clone(),
+        role: descriptor.role,
         build: node.kind.build(),
         every: decl.every,
         params: node.params.clone(),
@@ -205,7 +206,7 @@ fn scheduled(
         inputs,
         outputs,
         buffers: 0..0,
-        guards: ordered.guards[i].iter().map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
+        gate_sets: ordered.gate_sets[i].iter().map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
         resume: descriptor.resume,
         sink: descriptor.sink,
         gate: ordered.gates[i],

@@ -208,9 +208,9 @@ fn only_required(inputs: &[Input]) -> Option<usize> {
     required.next().filter(|_| required.next().is_none())
 }
 
-/// The only output that is not `aside`, which a wire without a port name means.
+/// The only output that is not `secondary`, which a wire without a port name means.
 fn only_main(outputs: &[Output]) -> Option<usize> {
-    let mut main = (0..outputs.len()).filter(|&i| !outputs[i].aside);
+    let mut main = (0..outputs.len()).filter(|&i| !outputs[i].secondary);
     main.next().filter(|_| main.next().is_none())
 }
 

@@ -19,7 +19,7 @@ use way::{LANE, Piece, Stop, cover, lanes, line, pieces};
 
 /// A scene from above.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Above {
+pub struct SceneMap {
     /// The surfaces of the scene.
     pub surfaces: Vec<Seen>,
     /// Names of the effects, at most 11, in the order of the bits of [`Moment::effects`] and of the lanes.
@@ -103,12 +103,12 @@ const COLOURS: [&str; 11] = [
 
 /// A scene whose place on the page is known: millimetres over pixels.
 pub(super) struct Laid<'a> {
-    above: &'a Above,
+    above: &'a SceneMap,
     panel: Panel,
     pieces: Vec<Piece>,
 }
 
-impl Above {
+impl SceneMap {
     /// Lays the scene out below `top`.
     pub(super) fn laid(&self, top: f64) -> Laid<'_> {
         let outlines = self.surfaces.iter().map(|seen| Outline::of(&seen.surface));

@@ -26,12 +26,12 @@ fn along(mm: f32, effects: impl Fn(usize) -> u16) -> Vec<Moment> {
     (0..1000).map(moment).collect()
 }
 
-fn above(surfaces: Vec<Seen>, moments: Vec<Moment>) -> Above {
+fn above(surfaces: Vec<Seen>, moments: Vec<Moment>) -> SceneMap {
     let effects = ["stiffness", "friction", "a <texture>"].map(String::from).to_vec();
-    Above { surfaces, effects, moments, hz: 100.0 }
+    SceneMap { surfaces, effects, moments, hz: 100.0 }
 }
 
-fn svg(above: Above) -> String {
+fn svg(above: SceneMap) -> String {
     let svg = Render { title: "T".into(), above: Some(above), ..Render::default() }.to_svg();
     tags(&svg);
     svg
@@ -121,7 +121,7 @@ fn legend_lists_active_effects_with_their_share() {
 #[test]
 fn bars_mark_active_times_and_merge() {
     let x = Axis::linear((0.0, 10.0), [100.0, 1100.0]);
-    let bars = |moments: Vec<Moment>, hz: f64| Above { hz, ..above(Vec::new(), moments) }.bars(0, &x);
+    let bars = |moments: Vec<Moment>, hz: f64| SceneMap { hz, ..above(Vec::new(), moments) }.bars(0, &x);
     // 1000 ticks of a pixel.
     let found = bars(along(50.0, |k| u16::from((200..300).contains(&k) || k == 700 || k == 703)), 100.0);
     let wanted = [[300.0, 400.0], [800.0, 801.0], [803.0, 804.0]];
@@ -273,7 +273,7 @@ fn texts_do_not_overlap_and_stay_on_the_page() {
     ];
     for count in [0, 1, 6, 11] {
         let effects: Vec<String> = names.map(String::from).to_vec();
-        let above = Above {
+        let above = SceneMap {
             effects,
             ..above(vec![tile("a tile", [0.0; 3], [20.0, 60.0])], along(176.0, |_| (1 << count) - 1))
         };
@@ -316,7 +316,7 @@ fn tile_name_is_off_all_lanes() {
     let mut tiles = vec![tile("network", [-80.0, 0.0, 0.0], [20.0, 60.0])];
     tiles[0].note = "canvas".into();
     let effects = ["a", "b", "c", "d", "e"].map(String::from).to_vec();
-    let svg = svg(Above { effects, ..above(tiles, moments) });
+    let svg = svg(SceneMap { effects, ..above(tiles, moments) });
     let lanes = svg.lines().filter(|line| line.contains(&format!("stroke-width=\"{LANE}\"><title>")));
     let ends: Vec<f64> = lanes
         .flat_map(|line| lines_of(line.split('"').nth(1).unwrap()))
@@ -433,7 +433,7 @@ fn empty_and_not_finite_scenes_are_drawn() {
         }
     }
     // No effect has a name.
-    svg(Above { effects: Vec::new(), ..above(Vec::new(), along(10.0, |_| u16::MAX)) });
+    svg(SceneMap { effects: Vec::new(), ..above(Vec::new(), along(10.0, |_| u16::MAX)) });
 }
 
 /// Colours as seen with all cones, without the long ones, without the middle ones, in CIE Lab under D65

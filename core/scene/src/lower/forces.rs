@@ -3,7 +3,7 @@
 use crate::Part;
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
-use asperity_node::Acts;
+use asperity_node::{Acts, Role};
 
 use crate::lower::builder::{Builder, handed_on, number, setting};
 
@@ -22,9 +22,10 @@ impl Builder<'_> {
         if input.outputs.iter().all(|output| output.name != "position") {
             let place = &scene.input.place;
             let message = format!("`{}` does not tell where a stylus is", scene.input.kind);
-            return Err(Diagnostic::new(message).at(&place.source, place.span).help(
-                "trajectory, stroke, or a hand: osc_input, pointer_input, openhaptics_input, haply_input",
-            ));
+            let [strokes, hands] = [Role::Stroke, Role::Hand].map(|role| self.kinds(role).join(", "));
+            return Err(Diagnostic::new(message)
+                .at(&place.source, place.span)
+                .help(format!("{strokes}, or a hand: {hands}")));
         }
         let strokes = input.outputs.iter().any(|output| output.name == "stroke");
         self.part("motion", &scene.motion)?;
@@ -62,6 +63,11 @@ impl Builder<'_> {
         Ok(())
     }
 
+    /// Names of the kinds with a role.
+    fn kinds(&self, role: Role) -> Vec<&str> {
+        self.registry.with_role(role).collect()
+    }
+
     /// What pushes and pulls.
     pub(crate) fn forces(&mut self) -> Result<(), Diagnostic> {
         let scene = self.scene;
@@ -97,11 +103,11 @@ impl Builder<'_> {
     /// A device that pushes back: the wall in its own loop, what else there is as told once a tick.
     fn device(&mut self, device: &Part, beside: &[String]) -> Result<(), Diagnostic> {
         let descriptor = self.descriptor(&device.kind, &device.place)?;
-        if descriptor.inputs.iter().all(|input| input.name != "plane") {
+        if descriptor.role != Some(Role::Force) {
             let message = format!("`{}` is no device that pushes back", device.kind);
             return Err(Diagnostic::new(message)
                 .at(&device.place.source, device.place.span)
-                .help("openhaptics_force or haply_force"));
+                .help(self.kinds(Role::Force).join(" or ")));
         }
         let mut params = handed_on(device);
         let of_scene = &self.scene.device;

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::Scene;
 use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
-use asperity_node::Registry;
+use asperity_node::{Descriptor, Diagnostic, Node, Registry, Role, Setup, Status, Tick};
 
 use crate::{Lowering, Rendered, lower};
 
@@ -164,13 +164,32 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     }
 }
 
+/// A node that pushes back, as hosts of devices bring it.
+struct Push;
+
+impl Node for Push {
+    fn descriptor() -> Descriptor {
+        Descriptor::new("push_force", "Pushes.").role(Role::Force)
+    }
+
+    fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {
+        Ok(Self)
+    }
+
+    fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
+
 /// The error of a scene in which something is replaced: message, text at its place, help.
 fn wrong(effects: &str, (from, to): (&str, &str)) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/made.ron").display().to_string();
     let text = scene(TILE, &[effects.to_owned()]).unwrap().source.text().replacen(from, to, 1);
     assert!(text.contains(to));
     let source = Source::new(path, text);
-    let registry = asperity_nodes::registry();
+    let registry = asperity_nodes::registry().with::<Push>();
     let found = Scene::parse(&source).and_then(|s| lower(&s, &registry, Lowering::default())).unwrap_err();
     let place = found.place.expect("a place");
     let at = &source.text()[place.span.start..place.span.end];
@@ -204,7 +223,7 @@ fn what_cannot_be_lowered_is_told_with_its_place() {
             ("(damping_ns_per_m: 2)", "(damping_ns_per_m: 2, output: audio_out())"),
             "no device that pushes back",
             "audio_out",
-            "haply_force",
+            "push_force",
         ),
     ];
     for (effects, replace, message, at, help) in cases {

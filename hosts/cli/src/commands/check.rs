@@ -116,11 +116,11 @@ fn remarks(schedule: &Schedule, i: usize) -> String {
     if let Some(gated) = node.gate {
         out.push(format!("gates `{}`", node.inputs[gated].name));
     }
-    if !node.guards.is_empty() {
+    if !node.gate_sets.is_empty() {
         let way = |way: &Vec<usize>| -> String {
             way.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>().join(" and ")
         };
-        let ways: Vec<String> = node.guards.iter().map(way).collect();
+        let ways: Vec<String> = node.gate_sets.iter().map(way).collect();
         out.push(format!("runs while {} is open, wakes by {}", ways.join(", or "), node.resume.word()));
     }
     if node.closes_cycle {
@@ -144,7 +144,7 @@ fn buffer_counts(schedule: &Schedule) -> (usize, Vec<(&'static str, usize)>) {
     for buffer in &schedule.buffers {
         match buffer {
             BufferEntry::Constant { .. } => constants += 1,
-            BufferEntry::Fed(_) => {}
+            BufferEntry::HostFed(_) => {}
             BufferEntry::Output(port) => {
                 if let Some(c) = counts.iter_mut().find(|(kind, _)| *kind == port.shape.kind()) {
                     c.1 += 1;
@@ -195,7 +195,7 @@ fn as_json(schedule: &Schedule) -> Value {
                 "inputs": inputs,
                 "outputs": outputs,
                 "guards": node
-                    .guards
+                    .gate_sets
                     .iter()
                     .map(|way| way.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>())
                     .collect::<Vec<_>>(),

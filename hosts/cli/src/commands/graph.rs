@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
-use asperity_plot::{Picture, PictureNode, PictureWire};
+use asperity_plot::{GraphPicture, GraphPictureNode, GraphPictureWire};
 
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
@@ -34,11 +34,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn picture(graph: &GraphFile, schedule: &Schedule) -> Picture {
-    let mut picture = Picture::default();
+fn picture(graph: &GraphFile, schedule: &Schedule) -> GraphPicture {
+    let mut picture = GraphPicture::default();
     for node in &schedule.nodes {
         let note = if node.every > 1 { format!("every {} ticks", node.every) } else { String::new() };
-        picture.nodes.push(PictureNode {
+        picture.nodes.push(GraphPictureNode {
             id: node.id.clone(),
             kind: node.kind.clone(),
             note,
@@ -46,7 +46,7 @@ fn picture(graph: &GraphFile, schedule: &Schedule) -> Picture {
         });
     }
     for d in &schedule.dropped {
-        picture.nodes.push(PictureNode {
+        picture.nodes.push(GraphPictureNode {
             id: d.id.clone(),
             kind: d.kind.clone(),
             note: "not built".into(),
@@ -66,7 +66,7 @@ fn picture(graph: &GraphFile, schedule: &Schedule) -> Picture {
                 Shape::Magnitude(l) => format!("{} bins", l.bins),
                 Shape::Spectrum(l) => format!("{} bins, phase", l.bins),
             };
-            picture.wires.push(PictureWire {
+            picture.wires.push(GraphPictureWire {
                 from: (schedule.nodes[from].id.clone(), output.name.clone()),
                 to: (node.id.clone(), input.name.clone()),
                 label,
@@ -78,7 +78,7 @@ fn picture(graph: &GraphFile, schedule: &Schedule) -> Picture {
     let dropped = |id: &str| schedule.dropped.iter().any(|d| d.id == id);
     for wire in graph.wires.iter().filter(|w| dropped(&w.from.node) || dropped(&w.to.node)) {
         let end = |e: &asperity_graph::Endpoint| (e.node.clone(), e.port.clone().unwrap_or_default());
-        picture.wires.push(PictureWire {
+        picture.wires.push(GraphPictureWire {
             from: end(&wire.from),
             to: end(&wire.to),
             label: String::new(),

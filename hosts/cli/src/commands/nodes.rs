@@ -65,7 +65,7 @@ fn text_of(d: &Descriptor) -> String {
     }
     for p in &d.inputs {
         let mut notes = Vec::new();
-        if p.fed {
+        if p.host_fed {
             notes.push("from the device, unless wired".into());
         } else if p.optional {
             notes.push(if p.default == 0.0 {
@@ -152,7 +152,7 @@ fn as_json(d: &Descriptor) -> Value {
             json!({
                 "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
                 "optional": p.optional, "default": p.optional.then_some(p.default), "limited": p.limited,
-                "fed": p.fed,
+                "fed": p.host_fed,
             })
         })
         .collect();

@@ -121,7 +121,7 @@ fn loudness(asked: f64, [strongest, stays]: [f64; 2]) -> String {
 
 /// Says by how much the limiter lowered the tone, if it did.
 fn limited(ended: &asperity_live::Ended) -> String {
-    let limiter = ended.conductor.schedule().index_of("limiter");
+    let limiter = ended.graph_controller.schedule().index_of("limiter");
     let Some(facts) = limiter.and_then(|i| ended.facts.get(i)) else { return String::new() };
     let number = |name: &str| {
         facts.iter().find(|f| f.name == name).and_then(|f| match f.value {

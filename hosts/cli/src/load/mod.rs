@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
-use asperity_node::{Registry, Shape};
+use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
 use crate::failure::{Failure, clean, warn};
-use crate::kinds::Kinds;
+use crate::kinds::{self, Kinds};
 
 /// A graph and changes to it.
 #[derive(Clone, Debug, clap::Args)]
@@ -26,9 +26,7 @@ pub struct GraphArgs {
     /// Play this CSV in place of the graph's trajectory, stroke or hand
     #[arg(long, value_name = "TRAJ.csv")]
     pub input: Option<PathBuf>,
-    /// Let a hand move the stylus in place of the graph's trajectory or stroke: osc, pointer, openhaptics,
-    /// haply
-    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
+    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,
     /// Keep nodes that lead to no sink; build the nodes of effects that no surface of a scene has
     #[arg(long)]
@@ -38,6 +36,13 @@ pub struct GraphArgs {
     pub strict: bool,
     #[command(flatten)]
     pub plugins: PluginArgs,
+}
+
+/// Help of `--hand`.
+fn hand_help() -> String {
+    let registry = asperity_hand::register(Registry::new());
+    let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
+    format!("Let a hand move the stylus in place of the graph's trajectory or stroke: {}", hands.join(", "))
 }
 
 /// Plugins to load.
@@ -172,7 +177,7 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let (whole, _) = read(&args, &mut kinds)?;
     let registry = kinds.registry(Some(&whole))?;
     let mut graph = whole.clone();
-    graph.nodes.retain(|n| !n.kind.ends_with("_force"));
+    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
     let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
     graph.wires.retain(|w| ids.contains(&w.to.node));
     Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
@@ -198,10 +203,10 @@ fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(
 /// A graph with the changes of the command line.
 fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
     if let Some(input) = &args.input {
-        stylus::play(&mut graph, input)?;
+        stylus::play(&mut graph, &kinds::built_in(), input)?;
     }
     if let Some(hand) = &args.hand {
-        stylus::take_in_hand(&mut graph, hand)?;
+        stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
     }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;
@@ -221,7 +226,7 @@ pub fn warn_about(schedule: &Schedule) {
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
-        let emission = node.params.get_number("emission").filter(|_| node.kind == "sample_commit");
+        let emission = node.params.get_number("emission");
         let frames = node.inputs.first().and_then(frames_a_window);
         // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,
         // 2 times at 0.8, 9 times at 0.95.
@@ -238,7 +243,7 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
             ));
         }
     }
-    let drives = |n: &&ScheduledNode| matches!(n.kind.as_str(), "actuator_inverse" | "limiter");
+    let drives = |n: &&ScheduledNode| matches!(n.role, Some(Role::ActuatorInverse | Role::Limiter));
     let drives: Vec<_> = schedule.nodes.iter().filter(drives).collect();
     for pair in drives.windows(2) {
         for name in ["profile", "handle_mass_g"] {

@@ -4,31 +4,34 @@ use std::path::Path;
 
 use asperity_diagnostics::one_of;
 use asperity_graph::GraphFile;
-use asperity_live::HANDS;
+use asperity_node::{Registry, Role};
 
 use crate::failure::{Failure, wrong};
 
-/// Kinds that play a stroke known beforehand.
-const RECORDED: [&str; 2] = ["trajectory", "stroke"];
+/// Name of a hand for `--hand`: that of its kind without `_input`.
+pub fn hand_name(kind: &str) -> &str {
+    kind.strip_suffix("_input").unwrap_or(kind)
+}
 
 /// Plays a recorded stroke in place of the graph's own: `--input TRAJ.csv`.
-pub fn play(graph: &mut GraphFile, file: &Path) -> Result<(), Failure> {
-    let i = only(graph, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
-    replace(graph, i, "trajectory");
+pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(), Failure> {
+    let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
+    replace(graph, registry, i, "trajectory");
     graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
     Ok(())
 }
 
 /// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without
 /// `_input`.
-pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
+pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
-    let Some(kind) = HANDS.iter().find(|k| **k == name || k.strip_suffix("_input") == Some(name)) else {
-        let names = HANDS.iter().map(|k| k.strip_suffix("_input").unwrap_or(k));
+    let mut hands = registry.with_role(Role::Hand);
+    let names = hands.clone().map(hand_name);
+    let Some(kind) = hands.find(|kind| *kind == name || hand_name(kind) == name) else {
         return Err(wrong("--hand", format!("there is no hand `{name}`"), one_of(name, names)));
     };
-    let i = only(graph, "--hand", "edit the graph: make the node you mean of that kind")?;
-    replace(graph, i, kind);
+    let i = only(graph, registry, "--hand", "edit the graph: make the node you mean of that kind")?;
+    replace(graph, registry, i, kind);
     let id = graph.nodes[i].id.clone();
     let mut before = "PARAM";
     for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
@@ -49,8 +52,8 @@ pub fn take_in_hand(graph: &mut GraphFile, text: &str) -> Result<(), Failure> {
 }
 
 /// Index of the one node that moves the stylus.
-fn only(graph: &GraphFile, option: &str, help: &str) -> Result<usize, Failure> {
-    let moves = |kind: &str| RECORDED.contains(&kind) || HANDS.contains(&kind);
+fn only(graph: &GraphFile, registry: &Registry, option: &str, help: &str) -> Result<usize, Failure> {
+    let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
     let found: Vec<usize> = (0..graph.nodes.len()).filter(|&i| moves(&graph.nodes[i].kind)).collect();
     if let &[i] = found.as_slice() {
         return Ok(i);
@@ -62,7 +65,7 @@ fn only(graph: &GraphFile, option: &str, help: &str) -> Result<usize, Failure> {
 }
 
 /// Gives the node that moves the stylus another kind, without the parameters of its old kind.
-fn replace(graph: &mut GraphFile, i: usize, kind: &str) {
+fn replace(graph: &mut GraphFile, registry: &Registry, i: usize, kind: &str) {
     let (id, before) = (graph.nodes[i].id.clone(), graph.nodes[i].kind.clone());
     if before == kind {
         return;
@@ -73,34 +76,39 @@ fn replace(graph: &mut GraphFile, i: usize, kind: &str) {
     for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
         wire.from.port.get_or_insert_with(|| "position".to_owned());
     }
-    if !HANDS.contains(&kind) {
+    if registry.role(kind) != Some(Role::Hand) {
         graph.wires.retain(|w| w.from.node != id || w.from.port.as_deref() != Some("stroke"));
         return;
     }
     // A hand may be put down elsewhere: its port `stroke` tells the nodes below that this is no motion.
-    let followers: Vec<String> = graph
-        .wires
-        .iter()
-        .filter(|w| w.from.node == id && w.from.port.as_deref() == Some("position"))
-        .filter(|w| graph.node(&w.to.node).is_some_and(|n| matches!(n.kind.as_str(), "velocity" | "contact")))
-        .map(|w| w.to.node.clone())
+    let positions = graph.wires.iter().filter(|w| w.from.node == id && wired(&w.from.port, "position"));
+    let followers: Vec<(String, String)> = positions
+        .filter_map(|w| {
+            let kind = registry.get(&graph.node(&w.to.node)?.kind)?;
+            let inputs = &kind.descriptor().inputs;
+            inputs.iter().any(|input| input.name == "stroke").then_some(())?;
+            Some((w.to.node.clone(), inputs.first()?.name.to_string()))
+        })
         .collect();
-    let wired = |port: &Option<String>| port.as_deref() == Some("stroke");
-    for follower in followers {
-        if !graph.wires.iter().any(|w| w.to.node == follower && wired(&w.to.port)) {
+    for (follower, first) in followers {
+        if !graph.wires.iter().any(|w| w.to.node == follower && wired(&w.to.port, "stroke")) {
             graph.add_wire(&format!("{id}.stroke"), &format!("{follower}.stroke"), "--hand");
         }
         // With a second input, the first needs its name.
-        let to = graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == follower);
-        to.for_each(|w| {
-            w.to.port.get_or_insert_with(|| "position".to_owned());
-        });
+        for wire in graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == follower) {
+            wire.to.port.get_or_insert_with(|| first.clone());
+        }
     }
+}
+
+fn wired(port: &Option<String>, name: &str) -> bool {
+    port.as_deref() == Some(name)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kinds::built_in;
     use asperity_diagnostics::Source;
 
     fn graph(text: &str) -> GraphFile {
@@ -121,12 +129,12 @@ mod tests {
     #[test]
     fn hand_replaces_stroke_and_back() {
         let mut it = graph(STROKE);
-        take_in_hand(&mut it, "pointer:depth_mm=3, lift_mm=1").expect("it fits");
+        take_in_hand(&mut it, &built_in(), "pointer:depth_mm=3, lift_mm=1").expect("it fits");
         assert_eq!(it.nodes[0].kind, "pointer_input");
         let set: Vec<&str> = it.nodes[0].params.iter().map(|s| s.name.as_str()).collect();
         assert_eq!(set, ["depth_mm", "lift_mm"]);
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f", "s.stroke -> v.stroke"]);
-        play(&mut it, Path::new("a.csv")).expect("it fits");
+        play(&mut it, &built_in(), Path::new("a.csv")).expect("it fits");
         assert_eq!(it.nodes[0].kind, "trajectory");
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f"]);
         assert_eq!(it.nodes[0].params.len(), 1);
@@ -139,7 +147,7 @@ mod tests {
             wires: [("s.position", "v.position"), ("s.position", "c.position"),
                 ("v.spatial", "c.velocity")])"#;
         let mut it = graph(text);
-        take_in_hand(&mut it, "pointer").expect("it fits");
+        take_in_hand(&mut it, &built_in(), "pointer").expect("it fits");
         let all = wires(&it);
         assert!(
             ["s.stroke -> v.stroke", "s.stroke -> c.stroke"].iter().all(|w| all.iter().any(|a| a == w)),
@@ -149,10 +157,10 @@ mod tests {
 
     #[test]
     fn unknown_hand_or_graph_without_stylus_is_refused() {
-        let e = take_in_hand(&mut graph(STROKE), "pointr").expect_err("no such hand");
+        let e = take_in_hand(&mut graph(STROKE), &built_in(), "pointr").expect_err("no such hand");
         assert!(e.text().contains("pointer"), "{}", e.text());
-        let e =
-            take_in_hand(&mut graph(r#"Graph(version: 1, nodes: {})"#), "pointer").expect_err("no stylus");
+        let mut empty = graph(r#"Graph(version: 1, nodes: {})"#);
+        let e = take_in_hand(&mut empty, &built_in(), "pointer").expect_err("no stylus");
         assert!(e.text().contains("found none"), "{}", e.text());
     }
 }

@@ -12,7 +12,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use asperity_diagnostics::{Diagnostic, fnv};
 use asperity_graph::Schedule;
-use asperity_live::{Keeper, Opened, Terms};
+use asperity_live::{CoilMonitor, Opened, StartValues};
 use parking_lot::Mutex;
 
 use super::Machine;
@@ -182,34 +182,35 @@ impl Coils {
     }
 }
 
-impl Keeper for Coils {
-    fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic> {
-        let mut terms = Terms { share: self.share.then_some(1.0 / SEATS as f32), ..Terms::default() };
+impl CoilMonitor for Coils {
+    fn opened(&mut self, device: &Opened) -> Result<StartValues, Diagnostic> {
+        let mut start =
+            StartValues { share: self.share.then_some(1.0 / SEATS as f32), ..StartValues::default() };
         if let Some(machine) = &self.machine {
             machine.check(device, &device.channels, &self.schedule)?;
-            terms.machine = machine.guards(device, self.schedule.audio_hz)?;
+            start.machine = machine.limits(device, self.schedule.audio_hz)?;
         }
         *self.device.lock() = Some(device.clone());
         self.actuators = (0..device.channels.len()).map(|i| self.actuator(device, i)).collect();
         let simulated = device.id.starts_with("simulated");
-        terms.notices.extend(self.unprotected(device).filter(|_| !simulated));
+        start.notices.extend(self.unprotected(device).filter(|_| !simulated));
         let Some(folder) = folder(simulated) else {
             if !simulated && std::env::var_os(FOLDER).is_none() {
-                terms
+                start
                     .notices
                     .push("this system has no state folder: the coils count as being at their rating".into());
-                terms.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
+                start.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
             }
-            return Ok(terms);
+            return Ok(start);
         };
         std::fs::create_dir_all(&folder).map_err(|e| unusable(&folder, &e))?;
         for (i, (channel, _)) in device.channels.iter().enumerate() {
             let (seats, warm) = self.sit(&folder, device, i)?;
             self.seats.push(seats);
-            terms.heat.push(match warm {
+            start.heat.push(match warm {
                 Warm::Known(heat) => heat,
                 Warm::AtLeast(heat) => {
-                    terms.notices.push(format!(
+                    start.notices.push(format!(
                         "the coil on channel {channel} counts as being at its rating: \
                          the last run was killed, or the clock went back"
                     ));
@@ -217,12 +218,12 @@ impl Keeper for Coils {
                 }
             });
         }
-        self.note(&terms.heat);
+        self.note(&start.heat);
         for seat in self.seats.iter().flatten() {
             // The record of a run under way must survive a crash of the machine.
             let _ = seat.file.sync_all();
         }
-        Ok(terms)
+        Ok(start)
     }
 
     fn note(&mut self, heat: &[f64]) {

@@ -8,7 +8,7 @@ use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Limiter, LimiterSettin
 use asperity_diagnostics::ron::{Value, parse};
 use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::{Opened, Outlet};
+use asperity_live::{Opened, OutputLimits};
 use asperity_node::{Guard, Unit};
 
 /// Relative difference of numbers that count as equal.
@@ -129,11 +129,11 @@ impl Machine {
     }
 
     /// Guards for the channels in the file.
-    pub fn guards(&self, device: &Opened, rate_hz: u32) -> Result<Outlet, Diagnostic> {
+    pub fn limits(&self, device: &Opened, rate_hz: u32) -> Result<OutputLimits, Diagnostic> {
         let guard = |(channel, _): &(u16, String)| {
             self.output(device, *channel).map(|output| output.guard(rate_hz)).transpose()
         };
-        Ok(Outlet::staying(device.channels.iter().map(guard).collect::<Result<Vec<_>, _>>()?))
+        Ok(OutputLimits::staying(device.channels.iter().map(guard).collect::<Result<Vec<_>, _>>()?))
     }
 }
 

@@ -22,15 +22,19 @@
 mod link;
 mod message;
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter, now_ns};
+use asperity_node::{Descriptor, Param, Params, Registry};
 
+use crate::device::text;
 use crate::handle::{Handle, Shared, spawn};
+use crate::node::{Arm, ArmForce, ArmInput};
 use crate::servo::{Limits, Servo};
-use crate::{Device, Frame, HandError};
+use crate::{Device, Frame, HandDevice, HandError, Open};
 use link::Link;
 use message::Heard;
 
@@ -91,9 +95,66 @@ impl Default for HaplyOptions {
     }
 }
 
+/// The kind of devices.
+pub struct Haply;
+
+impl Arm for Haply {
+    fn input() -> Descriptor {
+        Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.").param(Param::text(
+            "service",
+            "ws://localhost:10001",
+            "Address of the Haply service.",
+        ))
+    }
+
+    fn force() -> (Descriptor, f64) {
+        let summary = "Renders a plane on an Inverse3, in the loop that talks to it.";
+        (Descriptor::new("haply_force", summary), 3.0)
+    }
+
+    const NAME: &str = "Id of the device; empty where there is one.";
+    const AXES: &str = "x,y,z";
+}
+
+impl HandDevice for Haply {
+    fn input(&self) -> &'static str {
+        "haply_input"
+    }
+
+    fn force(&self) -> Option<&'static str> {
+        Some("haply_force")
+    }
+
+    fn register(&self, registry: Registry) -> Registry {
+        registry.with::<ArmInput<Self>>().with::<ArmForce<Self>>()
+    }
+
+    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, HandError> {
+        let options = HaplyOptions {
+            service: params.text("service").to_owned(),
+            device: text(params, "device"),
+            frame: Frame::new(params.text("axes"), [0.0; 3])?,
+            max_force_n,
+            ..HaplyOptions::new()
+        };
+        Ok(Box::new(|writer, models| start(options, writer, models)))
+    }
+
+    /// A service may have several devices. One without a name could be any of them.
+    fn excludes(&self, params: &Params, open: &Params, _address: Option<SocketAddr>) -> bool {
+        let [one, other] = [params, open].map(|params| text(params, "device"));
+        same_service(params.text("service"), open.text("service"))
+            && (one.is_none() || other.is_none() || one == other)
+    }
+
+    fn servo_hz(&self) -> f64 {
+        1.0 / (1.0 / f64::from(USUAL_HZ) + 2.0 * DELAY_S)
+    }
+}
+
 /// Whether two addresses name the same service: with or without `ws://`, and `localhost` for 127.0.0.1 and
 /// ::1. No name is looked up.
-pub fn same_service(one: &str, other: &str) -> bool {
+fn same_service(one: &str, other: &str) -> bool {
     link::place(one) == link::place(other)
 }
 

@@ -15,6 +15,7 @@ mod callback;
 mod library;
 
 use std::ffi::{CString, c_uint, c_ulong};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Acquire, Ordering::Relaxed};
@@ -23,10 +24,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter};
+use asperity_node::{Descriptor, Param, Params, Registry};
 
+use crate::device::text;
 use crate::handle::{Handle, Shared, spawn};
+use crate::node::{Arm, ArmForce, ArmInput};
 use crate::servo::{Limits, Servo};
-use crate::{Device, Frame, HandError};
+use crate::{Device, Frame, HandDevice, HandError, Open};
 use callback::{Parked, Signals, Tick};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
 
@@ -77,6 +81,63 @@ impl Default for OpenHapticsOptions {
     }
 }
 
+/// The kind of devices.
+pub struct OpenHaptics;
+
+impl Arm for OpenHaptics {
+    fn input() -> Descriptor {
+        Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.").param(
+            Param::text(
+                "library",
+                "",
+                "The vendor's library libHD; empty to look where systems keep theirs.",
+            ),
+        )
+    }
+
+    fn force() -> (Descriptor, f64) {
+        let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
+        (Descriptor::new("openhaptics_force", summary), 3.3)
+    }
+
+    const NAME: &str = "Name of the device as its set-up tool knows it; empty for the default.";
+    const AXES: &str = "x,-z,y";
+}
+
+impl HandDevice for OpenHaptics {
+    fn input(&self) -> &'static str {
+        "openhaptics_input"
+    }
+
+    fn force(&self) -> Option<&'static str> {
+        Some("openhaptics_force")
+    }
+
+    fn register(&self, registry: Registry) -> Registry {
+        registry.with::<ArmInput<Self>>().with::<ArmForce<Self>>()
+    }
+
+    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, HandError> {
+        let options = OpenHapticsOptions {
+            device: text(params, "device"),
+            library: text(params, "library").map(PathBuf::from),
+            frame: Frame::new(params.text("axes"), [0.0; 3])?,
+            max_force_n,
+            ..OpenHapticsOptions::new()
+        };
+        Ok(Box::new(|writer, models| start(options, writer, models)))
+    }
+
+    /// The library has one scheduler.
+    fn excludes(&self, _params: &Params, _open: &Params, _address: Option<SocketAddr>) -> bool {
+        true
+    }
+
+    fn servo_hz(&self) -> f64 {
+        f64::from(SERVO_HZ)
+    }
+}
+
 /// Opens the device and starts its servo. Without `models` the motors stay off.
 ///
 /// # Errors
@@ -122,7 +183,7 @@ pub fn start(
     };
     let tick = Parked::new(tick, signals.clone());
     let most = options.max_force_n;
-    let keeper = Keeper {
+    let device_thread = DeviceThread {
         hd,
         name,
         most,
@@ -134,7 +195,7 @@ pub fn start(
         _turn: turn,
     };
     let (say, hear) = mpsc::sync_channel(1);
-    let thread = spawn("openhaptics", move || keeper.run(&say))?;
+    let thread = spawn("openhaptics", move || device_thread.run(&say))?;
     match hear.recv_timeout(BEGIN) {
         Ok(Ok(())) => Ok(Handle::new(shared, thread, None)),
         Ok(Err(e)) => {
@@ -174,7 +235,7 @@ impl Drop for Turn {
 }
 
 /// The source's own thread: it makes all calls of the library except the servo's.
-struct Keeper {
+struct DeviceThread {
     hd: Hd,
     name: Option<CString>,
     most: f64,
@@ -186,7 +247,7 @@ struct Keeper {
     _turn: Turn,
 }
 
-impl Keeper {
+impl DeviceThread {
     fn run(mut self, say: &SyncSender<Result<(), HandError>>) {
         let opened = self.open();
         let failed = opened.is_err();

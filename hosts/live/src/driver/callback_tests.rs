@@ -154,7 +154,7 @@ fn mute_stop_and_panic_are_silent_within_20_ms() {
         (0..150).for_each(|_| drop(device.call(64, 1)));
         assert_eq!(driver.controls().condition(), Condition::Playing);
         match how {
-            "mute" => driver.controls().reins().mute(true),
+            "mute" => driver.controls().run_control().mute(true),
             "stop" => driver.controls().request_stop(),
             _ => {}
         }
@@ -170,7 +170,7 @@ fn mute_stop_and_panic_are_silent_within_20_ms() {
         assert_eq!(driver.controls().condition(), want);
         assert_eq!(driver.controls().down(), how != "mute");
         if how == "mute" {
-            driver.controls().reins().mute(false);
+            driver.controls().run_control().mute(false);
             let heard: Vec<f32> = (0..160).flat_map(|_| device.call(64, 1)).collect();
             assert!(heard[9] < 1.0 && heard[heard.len() - 1] > 50_000.0);
         }

@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering::*}
 use std::time::Duration;
 
 use super::Options;
-use crate::Reins;
+use crate::RunControl;
 use crate::dll::Line;
 use crate::meters::Meters;
 use crate::now_ns;
-use crate::outlet::Guards;
+use crate::output_limits::SharedLimits;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
 use crate::view::Condition;
@@ -20,7 +20,7 @@ const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 /// Requests to a running driver, and its state. Any thread.
 #[derive(Debug)]
 pub struct Controls {
-    reins: Reins,
+    run_control: RunControl,
     /// This driver must stop; the run may go on under another one.
     stopping: AtomicBool,
     failed: AtomicBool,
@@ -38,14 +38,14 @@ pub struct Controls {
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     priority: Option<i32>,
-    guards: Option<Guards>,
+    limits: Option<SharedLimits>,
 }
 
 impl Controls {
     /// Controls of one driver. `device_asked`: for a device's thread beside the one that ticks.
     pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
         Arc::new(Self {
-            reins: options.reins.clone(),
+            run_control: options.run_control.clone(),
             stopping: AtomicBool::new(false),
             failed: AtomicBool::new(false),
             down: AtomicBool::new(false),
@@ -59,13 +59,13 @@ impl Controls {
             device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
-            guards: options.guards.clone(),
+            limits: options.limits.clone(),
         })
     }
 
     /// Control of the run.
-    pub fn reins(&self) -> &Reins {
-        &self.reins
+    pub fn run_control(&self) -> &RunControl {
+        &self.run_control
     }
 
     /// State of the driver; never `Lost`, which only the owner of the device knows.
@@ -74,7 +74,7 @@ impl Controls {
             Condition::Failed
         } else if self.stopping() {
             Condition::Stopping
-        } else if self.reins.muted() {
+        } else if self.run_control.muted() {
             Condition::Muted
         } else if self.level.load(Relaxed) == Level::Full as u8 {
             Condition::Playing
@@ -126,7 +126,7 @@ impl Controls {
     }
 
     pub(super) fn stopping(&self) -> bool {
-        self.stopping.load(Relaxed) || self.reins.stopping()
+        self.stopping.load(Relaxed) || self.run_control.stopping()
     }
 
     /// Notes a callback.
@@ -146,7 +146,7 @@ impl Controls {
 
     /// Opens or closes the ramp as requested.
     pub(super) fn steer(&self, ramp: &mut Ramp) {
-        ramp.open(!(self.reins.muted() || self.stopping() || self.failed()));
+        ramp.open(!(self.run_control.muted() || self.stopping() || self.failed()));
     }
 
     /// Largest sample since the last read, including the last callback's, of full scale.
@@ -155,12 +155,12 @@ impl Controls {
         f32::from_bits(self.peak.swap(0, Relaxed).max(self.last_peak.load(Relaxed)))
     }
 
-    /// Limits the output by the guards of its channels. One device is open at a time; if another thread has
-    /// the guards, the block is silent.
+    /// Limits the output by the limits of its channels. One device is open at a time; if another thread has
+    /// the limits, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
-        let Some(guards) = &self.guards else { return };
-        match guards.0.enter().as_deref_mut() {
-            Some(Some(gate)) => gate.hold(output, channels),
+        let Some(limits) = &self.limits else { return };
+        match limits.0.enter().as_deref_mut() {
+            Some(Some(limits)) => limits.hold(output, channels),
             _ => output.fill(0.0),
         }
     }

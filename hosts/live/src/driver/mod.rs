@@ -24,9 +24,9 @@ pub use timer::timer;
 
 use std::sync::Arc;
 
-use crate::Reins;
+use crate::RunControl;
 use crate::meters::Meters;
-use crate::outlet::Guards;
+use crate::output_limits::SharedLimits;
 use crate::ramp::START_S;
 use crate::realtime::PRIORITY;
 
@@ -97,9 +97,9 @@ pub struct Options {
     /// Times and counts.
     pub meters: Arc<Meters>,
     /// Mutes and stops it.
-    pub reins: Reins,
-    /// Guards of the device's channels, if any.
-    pub guards: Option<Guards>,
+    pub run_control: RunControl,
+    /// Limits of the device's channels, if any.
+    pub limits: Option<SharedLimits>,
 }
 
 impl Options {
@@ -111,8 +111,8 @@ impl Options {
             period_frames: 0,
             seen_frames: 0,
             meters,
-            reins: Reins::default(),
-            guards: None,
+            run_control: RunControl::default(),
+            limits: None,
         }
     }
 }

@@ -21,15 +21,18 @@ use ringbuf::{HeapCons, HeapProd};
 use crate::ForceModel;
 use crate::driver::{Rates, Ticker};
 use crate::now_ns;
-use crate::outlet::Seen;
+use crate::output_limits::Seen;
 
 opaque_debug!(Player);
 
-/// Input indices of nodes that the host feeds with a hand.
-mod place {
-    pub(super) const POSITION: usize = 0;
-    pub(super) const FORCE: usize = 1;
-    pub(super) const STROKE: usize = 2;
+/// Inputs of a node with the role [`Hand`](asperity_node::Role::Hand) that the player feeds, by index.
+pub mod place {
+    /// x, y, z \[mm\].
+    pub const POSITION: usize = 0;
+    /// Force \[N\], or pressure from 0 to 1.
+    pub const FORCE: usize = 1;
+    /// Number of the touch.
+    pub const STROKE: usize = 2;
 }
 
 /// The program's clock for the engine during a tick; notes which node is called.
@@ -54,7 +57,8 @@ impl Drop for Now<'_> {
     }
 }
 
-/// An engine with its inputs, sinks and meters. [`conduct`](crate::conduct) makes it, a driver runs it.
+/// An engine with its inputs, sinks and meters. [`prepare_live`](crate::prepare_live) makes it, a driver
+/// runs it.
 pub struct Player {
     engine: Engine,
     wiring: Box<Wiring>,

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use asperity_node::Diagnostic;
 
-use crate::outlet::{Guards, Outlet, Seen, Standing};
+use crate::output_limits::{OutputLimits, Seen, SharedLimits, Standing};
 
 /// Time between two notes of the coils' heat.
 const EVERY: Duration = Duration::from_secs(1);
@@ -22,26 +22,26 @@ pub struct Opened {
     pub coils: Vec<Option<Standing>>,
 }
 
-/// Start values of a run: heat of the coils, its share, guards of the machine.
+/// Start values of a run: heat of the coils, its share, limits of the machine.
 #[derive(Debug, Default)]
-pub struct Terms {
+pub struct StartValues {
     /// Heat of each coil \[A^2\].
     pub heat: Vec<f64>,
     /// This run's share of every limit, 0 to 1; `None` for all of it.
     pub share: Option<f32>,
-    /// Guards that replace the graph's own on their channels, for any graph.
-    pub machine: Outlet,
+    /// Limits that replace the graph's own on their channels, for any graph.
+    pub machine: OutputLimits,
     /// Messages for a person.
     pub notices: Vec<String>,
 }
 
 /// Keeps the heat of coils between runs, and decides who may drive them. Control thread.
-pub trait Keeper: Send + std::fmt::Debug {
+pub trait CoilMonitor: Send + std::fmt::Debug {
     /// The device is open for the first time in this run.
     ///
     /// # Errors
     /// Why playing on it is not allowed.
-    fn opened(&mut self, device: &Opened) -> Result<Terms, Diagnostic>;
+    fn opened(&mut self, device: &Opened) -> Result<StartValues, Diagnostic>;
 
     /// Notes the heat of each coil \[A^2\]: once a second, and before the end.
     fn note(&mut self, heat: &[f64]);
@@ -50,42 +50,42 @@ pub trait Keeper: Send + std::fmt::Debug {
     fn ended(&mut self);
 }
 
-/// The keeper during a run.
+/// The coil monitor during a run.
 #[derive(Debug)]
 pub(super) struct Custody {
-    keeper: Option<Box<dyn Keeper>>,
-    guards: Guards,
+    coil_monitor: Option<Box<dyn CoilMonitor>>,
+    limits: SharedLimits,
     opened: bool,
     noted: Instant,
 }
 
 impl Custody {
-    pub(super) fn new(keeper: Option<Box<dyn Keeper>>, guards: Guards) -> Self {
-        Self { keeper, guards, opened: false, noted: Instant::now() }
+    pub(super) fn new(coil_monitor: Option<Box<dyn CoilMonitor>>, limits: SharedLimits) -> Self {
+        Self { coil_monitor, limits, opened: false, noted: Instant::now() }
     }
 
     /// The device is open and does not play yet. Returns notices for a person.
     pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
-        let Some(keeper) = &mut self.keeper else { return Ok(Vec::new()) };
-        let terms = keeper.opened(device)?;
+        let Some(coil_monitor) = &mut self.coil_monitor else { return Ok(Vec::new()) };
+        let start = coil_monitor.opened(device)?;
         let refused = || Diagnostic::new("the guards of the channels are in use").in_file(&device.name);
-        match self.guards.0.enter().as_deref_mut() {
-            Some(Some(gate)) => gate.begin(&terms.heat, terms.share.unwrap_or(1.0), terms.machine),
+        match self.limits.0.enter().as_deref_mut() {
+            Some(Some(limits)) => limits.begin(&start.heat, start.share.unwrap_or(1.0), start.machine),
             _ => return Err(refused()),
         }
         self.opened = true;
-        Ok(terms.notices)
+        Ok(start.notices)
     }
 
     /// A device is back after this time without playing.
     pub(super) fn back(&mut self, away: Duration) {
-        if let Some(Some(gate)) = self.guards.0.enter().as_deref_mut() {
-            gate.rest(away.as_secs_f64());
+        if let Some(Some(limits)) = self.limits.0.enter().as_deref_mut() {
+            limits.rest(away.as_secs_f64());
         }
     }
 
     /// Notes the heat of the coils when it is time.
-    pub(super) fn tend(&mut self, seen: &Seen) {
+    pub(super) fn poll(&mut self, seen: &Seen) {
         if self.noted.elapsed() >= EVERY {
             self.note(seen);
         }
@@ -93,8 +93,8 @@ impl Custody {
 
     pub(super) fn note(&mut self, seen: &Seen) {
         self.noted = Instant::now();
-        if let (Some(keeper), true) = (&mut self.keeper, self.opened) {
-            keeper.note(&seen.heat_of_all());
+        if let (Some(coil_monitor), true) = (&mut self.coil_monitor, self.opened) {
+            coil_monitor.note(&seen.heat_of_all());
         }
     }
 }
@@ -102,11 +102,13 @@ impl Custody {
 impl Drop for Custody {
     fn drop(&mut self) {
         // A panic is not an orderly end.
-        if let (Some(keeper), true, false) = (&mut self.keeper, self.opened, std::thread::panicking()) {
+        if let (Some(coil_monitor), true, false) =
+            (&mut self.coil_monitor, self.opened, std::thread::panicking())
+        {
             // Nothing plays any more: a dropped session stops its driver first.
-            if let Some(Some(gate)) = self.guards.0.enter().as_deref() {
-                keeper.note(&gate.heat());
-                keeper.ended();
+            if let Some(Some(limits)) = self.limits.0.enter().as_deref() {
+                coil_monitor.note(&limits.heat());
+                coil_monitor.ended();
             }
         }
     }

@@ -19,10 +19,10 @@ use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{Conductor, Listener, Player, Reins, now_ns};
+use crate::{GraphController, Listener, Player, RunControl, now_ns};
 use card::Card;
 use custody::Custody;
-pub use custody::{Keeper, Opened, Terms};
+pub use custody::{CoilMonitor, Opened, StartValues};
 use running::{Driver, Running};
 use xruns::Xruns;
 
@@ -49,9 +49,9 @@ pub struct SessionOptions {
     /// Whether to request real-time priority, locked memory and waking cores.
     pub realtime: bool,
     /// Mutes and stops it from any thread.
-    pub reins: Reins,
+    pub run_control: RunControl,
     /// Knows the heat of the device's coils; `None` lets anybody play.
-    pub keeper: Option<Box<dyn Keeper>>,
+    pub coil_monitor: Option<Box<dyn CoilMonitor>>,
 }
 
 /// Why a run does not start or ends.
@@ -91,7 +91,7 @@ struct Loss {
 
 /// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
 pub struct Session {
-    conductor: Conductor,
+    graph_controller: GraphController,
     driver: Running,
     card: Option<Card>,
     options: SessionOptions,
@@ -131,7 +131,7 @@ pub struct Ended {
     /// The engine with its wiring; `None` if a tick never ended.
     pub player: Option<Player>,
     /// Its control side.
-    pub conductor: Conductor,
+    pub graph_controller: GraphController,
     /// Figures of the whole run.
     pub view: View,
     /// Facts of each node at the end; empty if a tick never ended.
@@ -145,15 +145,15 @@ impl Session {
     /// # Errors
     /// The reason of the device or the system; nothing runs then.
     pub fn start(
-        conductor: Conductor,
+        graph_controller: GraphController,
         player: Player,
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
-        let custody = Custody::new(options.keeper.take(), conductor.gate().gate.clone());
-        let tick_hz = conductor.schedule().tick_hz;
+        let custody = Custody::new(options.coil_monitor.take(), graph_controller.limits().shared.clone());
+        let tick_hz = graph_controller.schedule().tick_hz;
         let mut it = Self {
-            conductor,
+            graph_controller,
             driver: Running(Driver::Waiting(Box::new(player))),
             card: None,
             listener: mic.as_ref().map(MicWriter::listener),
@@ -177,8 +177,8 @@ impl Session {
                 let opened = Opened {
                     id: card.stream.id(),
                     name: it.name.clone(),
-                    channels: it.conductor.channels_of(card.stream.channels()),
-                    coils: it.conductor.gate().standing().to_vec(),
+                    channels: it.graph_controller.channels_of(card.stream.channels()),
+                    coils: it.graph_controller.limits().standing().to_vec(),
                 };
                 it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
                 // After a loss, exactly this device is reopened, even if the request named a default.
@@ -193,13 +193,13 @@ impl Session {
     }
 
     /// Control side of the graph.
-    pub fn conductor(&mut self) -> &mut Conductor {
-        &mut self.conductor
+    pub fn graph_controller(&mut self) -> &mut GraphController {
+        &mut self.graph_controller
     }
 
     /// Mutes and stops it.
-    pub fn reins(&self) -> &Reins {
-        &self.options.reins
+    pub fn run_control(&self) -> &RunControl {
+        &self.options.run_control
     }
 
     /// Whether the run goes on: no tick panicked, and the requested device is there or may come back.
@@ -214,10 +214,10 @@ impl Session {
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn tend(&mut self) -> Result<Vec<String>, SessionError> {
-        self.conductor.collect();
+    pub fn poll(&mut self) -> Result<Vec<String>, SessionError> {
+        self.graph_controller.collect();
         self.count_xruns();
-        self.custody.tend(&self.conductor.gate().seen);
+        self.custody.poll(&self.graph_controller.limits().seen);
         if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
             self.lose(&reason)?;
         }
@@ -232,9 +232,9 @@ impl Session {
         match (self.driver.controls(), &self.loss) {
             (Some(controls), _) if controls.failed() => Condition::Failed,
             (None, _) if self.driver.gone() => Condition::Failed,
-            _ if self.reins().stopping() => Condition::Stopping,
+            _ if self.run_control().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
-            _ if self.reins().muted() => Condition::Muted,
+            _ if self.run_control().muted() => Condition::Muted,
             // The device is back and does not play yet.
             _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
             (Some(controls), None) => controls.condition(),
@@ -247,13 +247,13 @@ impl Session {
         let since = self.looked.elapsed();
         self.looked = Instant::now();
         self.views += 1;
-        let schedule = self.conductor.schedule().clone();
+        let schedule = self.graph_controller.schedule().clone();
         let ticks = self.meters.next_tick();
         let stats = self.card.as_ref().map(|c| c.stream.stats());
         let mut view = View {
             number: self.views,
             condition: self.condition(),
-            muted: self.reins().muted(),
+            muted: self.run_control().muted(),
             clock: self.driver.clock().map_or("", Clock::name).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),
@@ -262,7 +262,7 @@ impl Session {
             timing: self.meters.timing(),
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
-            guarded: self.conductor.gate().seen.changed(),
+            guarded: self.graph_controller.limits().seen.changed(),
             xruns: self.count_xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
@@ -270,7 +270,7 @@ impl Session {
             peak: self.driver.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
-        self.conductor.look(&mut view, since);
+        self.graph_controller.look(&mut view, since);
         view.latency_ms = self.latency(&view, stats.as_ref());
         view
     }
@@ -291,7 +291,7 @@ impl Session {
         if !view.sources.is_empty() {
             items.push(("hand: reading delay".to_owned(), delay));
         }
-        let schedule = self.conductor.schedule();
+        let schedule = self.graph_controller.schedule();
         items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
         let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
         items.push(("clock: lead before the callback".to_owned(), lead));
@@ -306,14 +306,14 @@ impl Session {
     pub fn stop(mut self) -> Ended {
         let before = self.view();
         let mut player = self.driver.take();
-        self.custody.note(&self.conductor.gate().seen);
+        self.custody.note(&self.graph_controller.limits().seen);
         let mut view = self.view();
         // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
         view.condition =
             if before.condition == Condition::Failed { Condition::Failed } else { Condition::Stopping };
         let facts = player.as_mut().map(Player::facts).unwrap_or_default();
-        Ended { player, conductor: self.conductor, view, facts }
+        Ended { player, graph_controller: self.graph_controller, view, facts }
     }
 
     /// Answers of the system to the real-time requests.
@@ -325,8 +325,8 @@ impl Session {
     fn driver_options(&self) -> Options {
         let mut options = Options::new(self.meters.clone());
         options.start_s = self.options.start_s;
-        options.reins = self.options.reins.clone();
-        options.guards = Some(self.conductor.gate().gate.clone());
+        options.run_control = self.options.run_control.clone();
+        options.limits = Some(self.graph_controller.limits().shared.clone());
         if !self.options.realtime {
             options.priority = None;
         }
@@ -341,7 +341,7 @@ impl Session {
         if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
-        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.conductor.schedule().tick_hz);
+        let (rate_hz, tick_hz) = (card.stream.rate_hz(), self.graph_controller.schedule().tick_hz);
         // A device that has not called yet may call with any number of frames.
         let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);

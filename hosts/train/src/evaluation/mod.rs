@@ -1,4 +1,4 @@
-//! Evaluation of a written model: everything on its card.
+//! Evaluation of a written model: everything in its model report.
 
 mod looks;
 mod magnitudes;

@@ -236,9 +236,5 @@ impl Processor for BreaksTwice {
 
 /// The built-in kinds and these.
 pub(super) fn registry() -> Registry {
-    asperity_nodes::registry()
-        .with::<Chance>()
-        .with::<ChanceGate>()
-        .with::<ChanceLoop>()
-        .with::<BreaksTwice>()
+    harness::registry().with::<Chance>().with::<ChanceGate>().with::<ChanceLoop>().with::<BreaksTwice>()
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_actuator::{Drive, Dynamics, Plant};
 use asperity_dsp::filter::{Complex64, Section};
-use asperity_node::Unit;
+use asperity_node::{Role, Unit};
 
 use super::{ACTUATORS, inverses, shipped};
 use crate::case::{Found, Not, holds};
@@ -86,6 +86,7 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
     );
     let (mut least, mut worst, mut most) = (f64::MAX, 0.0_f64, 0.0_f64);
     for (kind, actuator) in kinds.iter().flat_map(|k| ACTUATORS.map(|a| (k, a))) {
+        let ours = subject.registry().role(kind) == Some(Role::ActuatorInverse);
         let d = shipped(actuator.0, actuator.1)?;
         for drive in [Drive::Current, Drive::Voltage] {
             let place = |hz: u32| format!("`{kind}`, {} on {} g, {drive:?}, {hz} Hz", actuator.0, actuator.1);
@@ -96,7 +97,7 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
                 let stated = inverse(&d, drive, f, RATE) * plant(&d, drive, f, RATE);
                 let off = (got - stated).norm();
                 // f32 rounds away 10^-5 of what is asked at most.
-                if kind == "actuator_inverse" {
+                if ours {
                     worst = worst.max((off - 1e-5).max(0.0) / stated.norm());
                     holds(off <= 1e-3 * stated.norm() + 1e-5, || {
                         format!("{}: {got:.5} and not {stated:.5}", place(*hz))
@@ -133,6 +134,7 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
     let tones: Vec<u32> = (0..count).map(tone).collect();
     let (mut worst, mut apart, mut left) = (0.0_f64, (0.0_f64, 0), 0.0_f64);
     for (kind, actuator) in kinds.iter().flat_map(|k| ACTUATORS.map(|a| (k, a))) {
+        let ours = subject.registry().role(kind) == Some(Role::ActuatorInverse);
         let d = shipped(actuator.0, actuator.1)?;
         for drive in [Drive::Current, Drive::Voltage] {
             let driven = driven(subject, kind, actuator, drive, &tones)?;
@@ -159,7 +161,7 @@ pub(super) fn off(subject: &Subject<'_>) -> Found {
                 for ((hz, got), right) in tones.iter().zip(answers(&felt, &tones)).zip(&right) {
                     let f = f64::from(*hz);
                     let stated = inverse(&d, drive, f, RATE) * plant(&other, drive, f, RATE);
-                    if kind == "actuator_inverse" {
+                    if ours {
                         let off = (got - stated).norm() / stated.norm();
                         worst = worst.max(off);
                         holds(off <= 1e-3, || format!("{}: {got:.5} and not {stated:.5}", place(*hz)))?;

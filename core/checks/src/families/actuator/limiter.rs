@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_actuator::{Drive, Dynamics, Plant};
 use asperity_node::random::{bits, uniform};
-use asperity_node::{Buffer, NodeKind, ShapeSpec};
+use asperity_node::{Buffer, NodeKind, Role, ShapeSpec};
 
 use super::{ACTUATORS, limiters, named, shipped, unit};
 use crate::case::{Found, Not, fails, holds, not_applicable};
@@ -485,7 +485,7 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
 /// A judge for each sound card, by the limiter before it.
 fn judges(rig: &Rig) -> Result<Vec<Judge>, Not> {
     let mut all = Vec::new();
-    for out in rig.schedule.nodes.iter().filter(|n| n.kind == "audio_out") {
+    for (_, out) in rig.schedule.with_role(Role::AudioOutput) {
         let Some(input) = out.inputs.first() else { continue };
         let (Some((from, _)), Some(port)) = (input.from, &input.port) else { continue };
         let limiter = &rig.schedule.nodes[from];

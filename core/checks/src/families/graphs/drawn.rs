@@ -425,7 +425,7 @@ impl<'d> Types<'d> {
     /// Whether an output always exists: a node of a file or a message often has its first output only.
     fn is_sure(&self, node: usize, output: &Output) -> bool {
         self.nodes.get(node).is_some_and(|d| {
-            d.inputs.iter().any(|i| !i.optional && !i.fed)
+            d.inputs.iter().any(|i| !i.optional && !i.host_fed)
                 || d.outputs.first().is_some_and(|f| f.name == output.name)
         })
     }

@@ -293,7 +293,7 @@ impl Disturbances {
 
 /// Whether the limiter changed anything beside DC.
 fn limited(ended: &Ended) -> bool {
-    let limiter = ended.conductor.schedule().index_of("limiter");
+    let limiter = ended.graph_controller.schedule().index_of("limiter");
     let Some(facts) = limiter.and_then(|i| ended.facts.get(i)) else { return false };
     facts.iter().any(|f| {
         let counts = f.name.starts_with("limited_") || f.name == "reduced";

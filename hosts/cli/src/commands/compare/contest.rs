@@ -16,7 +16,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
 use super::vectors::{Delay, Score, Set, Vector, band, mean_magnitudes};
-use crate::commands::render::Wall;
+use crate::commands::render::ClockTime;
 use crate::failure::{Failure, progress};
 use crate::phase::{Chain, FRAME_HZ, Frames, How, Method};
 
@@ -80,11 +80,11 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
     let steps = methods.len() * (ROUNDS * set.vectors.len() + 3);
     let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
-    let wall = Wall(Instant::now());
+    let clock = ClockTime(Instant::now());
     for round in 0..ROUNDS {
         for (v, vector) in set.vectors.iter().enumerate() {
             for entry in &mut entries {
-                entry.play(registry, &wall, vector, v, round == 0);
+                entry.play(registry, &clock, vector, v, round == 0);
                 bar.inc(1);
             }
         }
@@ -178,7 +178,7 @@ impl<'a> Entry<'a> {
     }
 
     /// Plays a vector. The first time it is scored; later the samples must be the same.
-    fn play(&mut self, registry: &Registry, wall: &Wall, vector: &Vector, v: usize, first: bool) {
+    fn play(&mut self, registry: &Registry, clock: &ClockTime, vector: &Vector, v: usize, first: bool) {
         // An offline method has no time per frame, and is not repeated.
         let again = !first && matches!(self.method.how, How::Offline(_));
         if again || !first && self.signals[v].is_none() {
@@ -190,7 +190,7 @@ impl<'a> Entry<'a> {
                 return Ok((offline.signal(&vector.frames, SEED)?, Delay::Offline, 0, None, false));
             }
             let mut chain = Chain::new(registry, self.method, &vector.frames, SEED)?;
-            let signal = chain.timed_signal(wall, |ns| took.push(ns));
+            let signal = chain.timed_signal(clock, |ns| took.push(ns));
             let (faults, report) = chain.faults();
             let why = report.and_then(|r| r.last_fault).map(|f| f.to_string());
             let gone = report.is_some_and(|r| r.quarantined);

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::low_pass::opened_hz;
-use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Latency, Registry};
+use asperity_graph::{GraphFile, Schedule, ScheduledNode};
+use asperity_node::{Latency, Registry, Role};
 use asperity_tradeoff::Response;
 
 use super::Args;
@@ -67,7 +67,7 @@ pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     let Ready { path, response, end } = ready;
     let schedule = response.schedule().clone();
-    let of_scene = schedule.nodes.iter().any(|node| node.kind == "contact");
+    let of_scene = schedule.with_role(Role::Contact).next().is_some();
     let lag_ms = response.lag_ms(STEPS).ok_or_else(|| {
         Failure::from(
             Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
@@ -121,7 +121,7 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
     let (leads, slowest) = leading_to(schedule, end);
     for (i, node) in schedule.nodes.iter().enumerate() {
         if leads[i]
-            && node.kind == "velocity"
+            && node.role == Some(Role::Velocity)
             && let Some(hz) = node.params.get_number("cutoff_hz").filter(|hz| *hz > 0.0)
         {
             let (at, rate_hz) = (Response::MEAN_MM_S, f64::from(schedule.tick_hz) / f64::from(node.every));
@@ -152,8 +152,10 @@ fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
         let node = &schedule.nodes[i];
         let wanted: Vec<&str> =
             node.outputs.iter().zip(&leads[i]).filter(|(_, on)| **on).map(|(o, _)| o.name.as_str()).collect();
-        for input in &node.inputs {
-            let leads_on = wanted.iter().any(|output| passes(&node.kind, &input.name, output));
+        for (index, input) in node.inputs.iter().enumerate() {
+            // The other inputs of a gate open it, and delay nothing.
+            let passed = node.gate.is_none_or(|gated| gated == index);
+            let leads_on = passed && wanted.iter().any(|output| passes(node, &input.name, output));
             if let Some((from, output)) = input.from.filter(|(from, _)| leads_on && *from < i) {
                 leads[from][output] = true;
                 before[i].push(from);
@@ -173,19 +175,17 @@ fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
     }
     // A path past the low-pass is not delayed by it.
     let leads = schedule.nodes.iter().zip(&leads).map(|(node, outputs)| {
-        let held = |o: usize| node.kind != "velocity" || node.outputs[o].name != "unfiltered";
+        let held = |o: usize| node.role != Some(Role::Velocity) || node.outputs[o].name != "unfiltered";
         outputs.iter().enumerate().any(|(o, on)| *on && held(o))
     });
     (leads.collect(), slowest)
 }
 
 /// Whether an output depends on an input in time: the point of contact does not depend on the speed.
-fn passes(kind: &str, input: &str, output: &str) -> bool {
-    match (kind, input) {
-        ("contact", "velocity") => matches!(output, "velocity" | "speed"),
-        ("contact", "unfiltered") => matches!(output, "slide" | "push"),
-        // These open the gate, and delay nothing.
-        ("speed_gate", "speed" | "force") => false,
+fn passes(node: &ScheduledNode, input: &str, output: &str) -> bool {
+    match (node.role, input) {
+        (Some(Role::Contact), "velocity") => matches!(output, "velocity" | "speed"),
+        (Some(Role::Contact), "unfiltered") => matches!(output, "slide" | "push"),
         _ => true,
     }
 }

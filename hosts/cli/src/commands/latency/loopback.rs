@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::view::View;
-use asperity_live::{Ends, Listener, Sample, SampleWriter, now_ns, samples};
+use asperity_live::{DeviceQueues, Listener, Sample, SampleWriter, now_ns, samples};
 
 use super::Args;
 use crate::card::{TICK_HZ, Watching, graph, output_nodes, play};
@@ -89,7 +89,8 @@ pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
 /// Plays the graph and measures.
 pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Failure> {
     let (writer, reader) = samples();
-    let ends = Ends { hands: HashMap::from([("hand".to_owned(), reader)]), ..Ends::default() };
+    let queues =
+        DeviceQueues { hands: HashMap::from([("hand".to_owned(), reader)]), ..DeviceQueues::default() };
     let hand = Hand::start(writer);
     let mut trials = Trials::new(args.trials, args.level);
     let mut last = View::default();
@@ -107,7 +108,7 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let card = args.output.recording_from(args.input_device.as_deref());
     // Long enough for every trial; it ends when they are over.
     let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + args.trials)) * TICK_HZ) as u64;
-    let played = play(made, &card, START_S, ends, ticks, watching);
+    let played = play(made, &card, START_S, queues, ticks, watching);
     drop(hand);
     let (ended, whole) = played?;
     if !whole && !trials.over() {

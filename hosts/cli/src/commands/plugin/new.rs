@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use include_dir::{Dir, include_dir};
 
 use crate::failure::{Failure, print, wrong};
+use crate::kinds;
 use crate::phase::OFFLINE;
 
 /// Languages of a plugin.
@@ -109,7 +110,7 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
         return Err(Diagnostic::new(format!("`{name}` means something in Rust, C or C++ already"))
             .help("choose another name"));
     }
-    if OFFLINE.contains(&name) || asperity_nodes::registry().get(name).is_some() {
+    if OFFLINE.contains(&name) || kinds::built_in().get(name).is_some() {
         return Err(Diagnostic::new(format!("there is a built-in kind `{name}`")).help("choose another name"));
     }
     Ok(name)

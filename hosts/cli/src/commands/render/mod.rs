@@ -15,8 +15,8 @@ use asperity_accuracy::timing::Recorder as Times;
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_engine::{Clock, Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_live::Outlet;
-use asperity_node::{Buffer, Shape, time};
+use asperity_live::OutputLimits;
+use asperity_node::{Buffer, Role, Shape, time};
 use indicatif::ProgressBar;
 
 use crate::failure::{Failure, be_quiet, print, progress, wrong};
@@ -75,9 +75,9 @@ pub struct Args {
 const WATCH_LIMIT_TICKS: u64 = 10;
 
 /// The computer's clock.
-pub struct Wall(pub Instant);
+pub struct ClockTime(pub Instant);
 
-impl Clock for Wall {
+impl Clock for ClockTime {
     fn now_ns(&self) -> u64 {
         self.0.elapsed().as_nanos() as u64
     }
@@ -119,20 +119,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         (Engine::new(compiled, options), None)
     };
 
-    let wall = Wall(Instant::now());
+    let clock = ClockTime(Instant::now());
     let mut done = 0;
     while done < ticks && !stop.load(Ordering::Relaxed) {
         if args.watch {
             let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
-            std::thread::sleep(due.saturating_sub(wall.0.elapsed()));
+            std::thread::sleep(due.saturating_sub(clock.0.elapsed()));
         }
-        capture.tick(&mut engine, &wall, done)?;
+        capture.tick(&mut engine, &clock, done)?;
         done += 1;
         if done.is_multiple_of(1024) {
-            show_rate(&bar, done, engine.schedule(), wall.0.elapsed().as_secs_f64());
+            show_rate(&bar, done, engine.schedule(), clock.0.elapsed().as_secs_f64());
         }
     }
-    let elapsed_s = wall.0.elapsed().as_secs_f64();
+    let elapsed_s = clock.0.elapsed().as_secs_f64();
     let swaps = watch.map(Watch::finish).unwrap_or_default();
     bar.finish_and_clear();
 
@@ -202,7 +202,7 @@ fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str
 
 /// Refuses a graph that needs input from a device while it runs.
 fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
-    let Some((node, _)) = schedule.fed().next() else { return Ok(()) };
+    let Some((node, _)) = schedule.host_fed().next() else { return Ok(()) };
     let node = &schedule.nodes[node];
     Err(wrong(
         &args.graph.graph,
@@ -218,7 +218,7 @@ fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Fai
         let channels = Master::channels(schedule).len() as u64;
         Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
     }
-    for node in schedule.nodes.iter().filter(|n| n.kind == "file_out") {
+    for (_, node) in schedule.with_role(Role::Recorder) {
         if let (Some(path), Shape::Audio { rate_hz }) = (recorder::file_of(node), node.outputs[0].port.shape)
             && ending(path) == "wav"
         {
@@ -253,7 +253,7 @@ struct Capture {
     /// Scenes and guards of graphs that the engine will take over.
     sent: Sent,
     /// With `--watch`: holds the file's channels to their limits while graphs change.
-    outlet: Option<Outlet>,
+    output_limits: Option<OutputLimits>,
     /// Time of each node in this tick \[ns\].
     spent: Vec<u64>,
     /// Calls of each node before this tick.
@@ -273,19 +273,19 @@ impl Capture {
             level: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),
             sent,
-            outlet: args.watch.then(|| Outlet::new(compiled, Master::channels(schedule))),
+            output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
             spent: vec![0; nodes],
             calls: vec![0; nodes],
         })
     }
 
     /// Runs a tick and records its outputs.
-    fn tick(&mut self, engine: &mut Engine, wall: &Wall, tick: u64) -> Result<(), Failure> {
+    fn tick(&mut self, engine: &mut Engine, clock: &ClockTime, tick: u64) -> Result<(), Failure> {
         let swaps = engine.swaps();
         self.spent.fill(0);
-        let before = wall.now_ns();
-        engine.tick_timed(wall, &mut self.spent);
-        self.times.tick(wall.now_ns() - before);
+        let before = clock.now_ns();
+        engine.tick_timed(clock, &mut self.spent);
+        self.times.tick(clock.now_ns() - before);
         if engine.swaps() != swaps {
             self.follow(engine.schedule().clone());
         }
@@ -298,7 +298,7 @@ impl Capture {
         }
         self.level.take(engine);
         if let Some(master) = &mut self.master {
-            master.take(engine, self.outlet.as_mut())?;
+            master.take(engine, self.output_limits.as_mut())?;
         }
         for recorder in &mut self.recorders {
             recorder.take(engine, tick)?;
@@ -320,9 +320,9 @@ impl Capture {
             master.follow(moved);
         }
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
-        let Extras { scene, outlet } = self.sent.take().unwrap_or_default();
-        if let Some(current) = &mut self.outlet {
-            let mut before = std::mem::replace(current, outlet);
+        let Extras { scene, output_limits } = self.sent.take().unwrap_or_default();
+        if let Some(current) = &mut self.output_limits {
+            let mut before = std::mem::replace(current, output_limits);
             current.go_on(&mut before);
         }
         if let Some(traces) = &mut self.traces {

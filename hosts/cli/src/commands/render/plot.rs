@@ -4,8 +4,8 @@ use std::path::Path;
 
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
-use asperity_node::{Buffer, ParamValue, Shape, Unit};
-use asperity_plot::{Above, Moment, Render, Seen, Series};
+use asperity_node::{Buffer, ParamValue, Role, Shape, Unit};
+use asperity_plot::{Moment, Render, SceneMap, Seen, Series};
 use asperity_scene::Rendered;
 
 use super::samples;
@@ -59,8 +59,8 @@ impl Traces {
             let wired = all.clone().find(|&(n, o)| schedule.nodes[n].outputs[o].readers > 0);
             wired.or_else(|| all.clone().next()).map(trace)
         };
-        let into = |kind: &str| {
-            let node = schedule.nodes.iter().find(|n| n.kind == kind)?;
+        let into = |role| {
+            let (_, node) = schedule.with_role(role).next()?;
             node.inputs.first()?.from.map(trace)
         };
         let last_acceleration = || {
@@ -72,19 +72,14 @@ impl Traces {
             };
             (0..schedule.nodes.len()).rev().find_map(|n| Some((n, fits(n)?))).map(trace)
         };
-        let gate_mm_s =
-            schedule.nodes.iter().find_map(|n| match (n.kind.as_str(), n.params.get("speed_mm_s")) {
-                ("speed_gate", Some(ParamValue::Number(x))) => Some(*x),
-                _ => None,
-            });
         Self {
             position: control(3, Unit::MILLIMETRE, "position"),
             speed: control(1, Unit::MILLIMETRE_PER_SECOND, "speed"),
             force: control(1, Unit::NEWTON, "force"),
-            acceleration: into("actuator_inverse").or_else(last_acceleration),
-            drive: into("audio_out"),
+            acceleration: into(Role::ActuatorInverse).or_else(last_acceleration),
+            drive: into(Role::AudioOutput),
             active: control(1, Unit::NONE, "active"),
-            gate_mm_s,
+            gate_mm_s: speed_gate(schedule).map(|(_, mm_s)| mm_s),
             effects: None,
         }
     }
@@ -161,7 +156,7 @@ impl Traces {
         let drive =
             if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
         let textures = self.effects.as_ref().map(Effects::textures).unwrap_or_default();
-        let above = self.effects.map(|effects| effects.into_above(schedule.tick_hz));
+        let above = self.effects.map(|effects| effects.into_scene_map(schedule.tick_hz));
         // The gate of a scene is open over what has no texture too.
         let active = match &above {
             Some(above) => above.times(&textures.iter().map(String::as_str).collect::<Vec<_>>()),
@@ -282,7 +277,7 @@ impl Effects {
         for (place, Rendered { texture: gated, nodes: ids, .. }) in self.rendered.iter().enumerate() {
             let nodes = || ids.iter().filter_map(|id| schedule.index_of(id));
             // A voice is heard behind its level.
-            let is_level = |node: &usize| schedule.nodes[*node].kind == "level";
+            let is_level = |node: &usize| schedule.nodes[*node].gate.is_some();
             let leveled = nodes().any(|node| is_level(&node));
             // The next tick sets the count of calls: the node may have been called before.
             let watched = nodes().filter(|node| !leveled || is_level(node)).map(|node| Watched {
@@ -293,9 +288,8 @@ impl Effects {
             });
             self.watched.extend(watched);
         }
-        self.gate = schedule.nodes.iter().position(|node| node.kind == "speed_gate");
-        self.contact = schedule.nodes.iter().position(|node| node.kind == "contact").and_then(|node| {
-            let of = &schedule.nodes[node];
+        self.gate = speed_gate(schedule).map(|(gate, _)| gate);
+        self.contact = schedule.with_role(Role::Contact).next().and_then(|(node, of)| {
             let input = |name: &str| of.inputs.iter().position(|i| i.name == name);
             let output = |name: &str| of.outputs.iter().position(|o| o.name == name);
             Some(Contact {
@@ -359,11 +353,17 @@ impl Effects {
     }
 
     /// The picture.
-    pub fn into_above(self, tick_hz: u32) -> Above {
+    pub fn into_scene_map(self, tick_hz: u32) -> SceneMap {
         let rendered = self.rendered.iter().map(|of| of.kind.clone());
         let effects = OF_SURFACES.into_iter().map(str::to_owned).chain(rendered).collect();
-        Above { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
+        SceneMap { surfaces: self.surfaces, effects, moments: self.moments, hz: f64::from(tick_hz) }
     }
+}
+
+/// The gate over a speed, with the speed that opens it \[mm/s\].
+fn speed_gate(schedule: &Schedule) -> Option<(usize, f64)> {
+    let gates = schedule.nodes.iter().enumerate().filter(|(_, node)| node.gate.is_some());
+    gates.filter_map(|(i, gate)| Some((i, gate.params.get_number("speed_mm_s")?))).next()
 }
 
 /// Whether a buffer holds a force or a sound.

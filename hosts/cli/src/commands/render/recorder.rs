@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::Outlet;
-use asperity_node::{Buffer, ParamValue, Shape, time};
+use asperity_live::OutputLimits;
+use asperity_node::{Buffer, ParamValue, Role, Shape, time};
 
 use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
@@ -91,12 +91,12 @@ impl Recorder {
     pub fn for_sink(i: usize, node: &ScheduledNode, open: Open) -> Result<Option<Self>, Failure> {
         let Some(file) = file_of(node) else { return Ok(None) };
         permit(node, file)?;
-        match node.kind.as_str() {
-            "probe" => {
+        match node.role {
+            Some(Role::Probe) => {
                 let Some(port) = &node.inputs[0].port else { return Ok(None) };
                 Self::new(file, open, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
             }
-            "file_out" => {
+            Some(Role::Recorder) => {
                 Self::new(file, open, From::Output(i), node.outputs[0].port.shape, "value").map(Some)
             }
             _ => Ok(None),
@@ -305,7 +305,7 @@ impl Master {
 
     /// Indices of the nodes that are its channels.
     pub fn channels(schedule: &Schedule) -> Vec<usize> {
-        (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].kind == "audio_out").collect()
+        schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
     }
 
     /// Continues with the same nodes in a new graph.
@@ -314,7 +314,7 @@ impl Master {
     }
 
     /// Records the tick that has just run, held to its limits.
-    pub fn take(&mut self, engine: &Engine, outlet: Option<&mut Outlet>) -> Result<(), Failure> {
+    pub fn take(&mut self, engine: &Engine, output_limits: Option<&mut OutputLimits>) -> Result<(), Failure> {
         let channels = self.nodes.len();
         self.scratch.clear();
         for (c, &node) in self.nodes.iter().enumerate() {
@@ -325,8 +325,8 @@ impl Master {
                 }
             }
         }
-        if let Some(outlet) = outlet {
-            outlet.hold(&mut self.scratch, channels);
+        if let Some(output_limits) = output_limits {
+            output_limits.hold(&mut self.scratch, channels);
         }
         self.rows.append(&self.scratch, channels, |_| 0.0)
     }

@@ -7,7 +7,7 @@ use asperity_accuracy::timing::{Recorder as Times, Summary};
 use asperity_dsp::Isa;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
-use asperity_node::{Fact, FactValue};
+use asperity_node::{Fact, FactValue, Role};
 use serde_json::{Map, Value, json};
 
 use super::recorder::Master;
@@ -259,7 +259,7 @@ impl Run<'_> {
             for text in out_of_range(facts) {
                 line("", format!("`{}`: {text}", node.id));
             }
-            if node.kind == "limiter" {
+            if node.role == Some(Role::Limiter) {
                 line("limiter", format!("`{}` {}", node.id, limited(facts)));
             }
         }

@@ -8,7 +8,8 @@ use std::thread::JoinHandle;
 
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::Outlet;
+use asperity_live::OutputLimits;
+use asperity_node::Role;
 use indicatif::ProgressBar;
 
 use super::recorder::{Master, file_of};
@@ -25,7 +26,7 @@ pub struct Extras {
     /// The scene that the plot shows.
     pub scene: Option<OfScene>,
     /// Guards of the file's channels.
-    pub outlet: Outlet,
+    pub output_limits: OutputLimits,
 }
 
 /// Scenes and guards of the graphs that were sent to the engine, in their order.
@@ -138,8 +139,8 @@ impl Watcher {
         // The engine may take it over before `swap` returns.
         let place = |id: &String| compiled.schedule.index_of(id).unwrap_or(usize::MAX);
         let outs: Vec<usize> = self.outs.iter().map(place).collect();
-        let outlet = Outlet::new(&compiled, outs);
-        self.sent.lock().push_back(Extras { scene, outlet });
+        let output_limits = OutputLimits::new(&compiled, outs);
+        self.sent.lock().push_back(Extras { scene, output_limits });
         let swapped = self.controller.swap(compiled, nodes);
         if swapped.is_err() {
             self.sent.lock().pop_back();
@@ -187,7 +188,7 @@ fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
 }
 
 fn is_recorded(node: &ScheduledNode) -> bool {
-    node.kind == "audio_out" || file_of(node).is_some()
+    node.role == Some(Role::AudioOutput) || file_of(node).is_some()
 }
 
 fn shape(node: &ScheduledNode) -> String {

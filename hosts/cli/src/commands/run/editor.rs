@@ -1,7 +1,7 @@
 //! Changes the graph while it plays, when its files change or the user chooses a material.
 //!
 //! Nothing here waits. Another thread prepares the new graph ([`reloader`](super::reloader)), and
-//! [`Editor::tend`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
+//! [`Editor::poll`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
 //! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
 use std::collections::VecDeque;
@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
-use asperity_live::Conductor;
+use asperity_live::GraphController;
 use asperity_node::ParamKind;
 
 use super::Args;
@@ -114,7 +114,7 @@ impl Job {
 
 /// A playing graph, its devices and its recordings.
 pub struct Playing<'p> {
-    pub conductor: &'p mut Conductor,
+    pub graph_controller: &'p mut GraphController,
     pub hands: &'p mut Hands,
     pub recordings: &'p mut Recordings,
 }
@@ -184,10 +184,10 @@ impl Editor {
         node: String,
         param: String,
         value: f64,
-        conductor: &mut Conductor,
+        graph_controller: &mut GraphController,
     ) -> Result<(), Failure> {
-        conductor.set_parameter(&node, &param, value).map_err(|e| Failure::Machine(e.to_string()))?;
-        let schedule = conductor.schedule();
+        graph_controller.set_parameter(&node, &param, value).map_err(|e| Failure::Machine(e.to_string()))?;
+        let schedule = graph_controller.schedule();
         let live =
             schedule.index_of(&node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
         let Some(live) = live else { return Ok(()) };
@@ -208,8 +208,8 @@ impl Editor {
 
     /// Looks at the files, takes over a graph that is ready, and begins the next edit. Call it some tens of
     /// times a second. Answers a message for the user.
-    pub fn tend(&mut self, playing: &mut Playing<'_>) -> Option<String> {
-        self.look(playing.conductor.schedule());
+    pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+        self.look(playing.graph_controller.schedule());
         let said = self.advance(playing);
         if self.job.is_none() {
             self.begin(playing);
@@ -288,7 +288,7 @@ impl Editor {
                 moved: self.moved.iter().map(|m| m.setting.clone()).collect(),
                 chosen: self.chosen.clone(),
             },
-            running: playing.conductor.schedule().clone(),
+            running: playing.graph_controller.schedule().clone(),
             held: playing.hands.holding(),
             again: false,
             begun: playing.recordings.begun(),
@@ -325,7 +325,7 @@ impl Editor {
             }
         }
         match job.stage {
-            Stage::Ready(ready) if playing.conductor.ready() => {
+            Stage::Ready(ready) if playing.graph_controller.ready() => {
                 if ready.opened.in_the_way.is_empty() {
                     return self.take_over(job.edit, job.since, *ready, playing);
                 }
@@ -344,7 +344,7 @@ impl Editor {
     fn allowed(&self, ready: &Ready, playing: &Playing<'_>) -> Result<(), Diagnostic> {
         let Some(ceiling) = &self.ceiling else { return Ok(()) };
         let schedule = &ready.made.compiled.schedule;
-        ceiling.check(&playing.conductor.channels_after(&ready.made.graph, schedule), schedule)
+        ceiling.check(&playing.graph_controller.channels_after(&ready.made.graph, schedule), schedule)
     }
 
     /// Sends a graph to the engine. Answers what that changes.
@@ -357,11 +357,12 @@ impl Editor {
     ) -> Option<String> {
         let Ready { made, mut opened, recorders, refused } = ready;
         let changed = match &edit {
-            Edit::File(edit) => readers(playing.conductor.schedule(), &edit.changed),
+            Edit::File(edit) => readers(playing.graph_controller.schedule(), &edit.changed),
             Edit::Choice(..) => Vec::new(),
         };
-        let ends = std::mem::take(&mut opened.ends);
-        let sent = playing.conductor.swap(made.compiled, &made.graph, &changed, ends, made.materials);
+        let queues = std::mem::take(&mut opened.queues);
+        let sent =
+            playing.graph_controller.swap(made.compiled, &made.graph, &changed, queues, made.materials);
         let report = match sent {
             Ok(report) => report,
             Err(e) => {
@@ -369,11 +370,11 @@ impl Editor {
                 return Some(self.refused(edit, &Failure::Machine(e.to_string()), playing));
             }
         };
-        playing.hands.go_on_with(opened, playing.conductor.schedule());
-        playing.recordings.add(playing.conductor.layout().number, recorders);
+        playing.hands.go_on_with(opened, playing.graph_controller.schedule());
+        playing.recordings.add(playing.graph_controller.layout().number, recorders);
         // Parameters that were moved while the graph was prepared are moved in it too.
         for m in self.moved.iter().filter(|m| m.at > since) {
-            let _ = playing.conductor.set_parameter(&m.node, &m.param, m.value);
+            let _ = playing.graph_controller.set_parameter(&m.node, &m.param, m.value);
         }
         if let Some(failure) = refused {
             return Some(self.refused(edit, &failure, playing));
@@ -382,7 +383,7 @@ impl Editor {
         match edit {
             Edit::File(edit) => {
                 self.moved.retain(|m| m.at > since);
-                self.know(playing.conductor.schedule(), &edit.seen);
+                self.know(playing.graph_controller.schedule(), &edit.seen);
                 let report =
                     if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
                 Some(format!("{} changed: {report}", listed(&edit.changed)))
@@ -399,7 +400,7 @@ impl Editor {
     fn refused(&mut self, edit: Edit, failure: &Failure, playing: &Playing<'_>) -> String {
         match edit {
             Edit::File(edit) => {
-                self.know(playing.conductor.schedule(), &edit.seen);
+                self.know(playing.graph_controller.schedule(), &edit.seen);
                 format!(
                     "{} changed, and cannot be taken over:\n{}the running graph goes on",
                     listed(&edit.changed),

@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -10,9 +9,10 @@ use std::time::Duration;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
-use asperity_hand::{Frame, HandError, Handle, haply, openhaptics, osc, servo_hz};
+use asperity_hand::{HandDevice, HandError, Handle, Open, device_of};
 use asperity_live::view::Layout;
-use asperity_live::{Ends, ForceReader, HANDS, SampleWriter, force_model, samples};
+use asperity_live::{DeviceQueues, ForceReader, SampleWriter, force_model, samples};
+use asperity_node::Role;
 
 use crate::failure::Failure;
 
@@ -90,17 +90,30 @@ impl Hands {
 
     /// New warnings about walls that are stiffer than their device can render passively.
     pub fn warnings(&mut self, schedule: &Schedule, live: &Layout) -> Vec<String> {
-        let walls = schedule.nodes.iter().filter(|n| n.kind.ends_with("_force"));
-        let now: Vec<String> = walls.filter_map(|node| warning(schedule, live, node, self)).collect();
+        let walls = schedule.with_role(Role::Force);
+        let now: Vec<String> = walls.filter_map(|(_, node)| warning(schedule, live, node, self)).collect();
         let news = now.iter().filter(|w| !self.warned.contains(w)).cloned().collect();
         self.warned = now;
         news
     }
 }
 
+/// Nodes that the live page feeds.
+pub fn pointers(schedule: &Schedule) -> impl Iterator<Item = &ScheduledNode> {
+    schedule.with_role(Role::Hand).map(|(_, node)| node).filter(|node| device_of(&node.kind).is_none())
+}
+
+/// Invitations of devices to their users, each with its node.
+pub fn invitations(schedule: &Schedule) -> impl Iterator<Item = String> {
+    schedule.with_role(Role::Hand).filter_map(|(_, node)| {
+        let invitation = device_of(&node.kind)?.invitation(&node.params)?;
+        Some(format!("`{}` {invitation}", node.id))
+    })
+}
+
 /// The input node of the device that a force node pushes back with.
 fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s ScheduledNode, Failure> {
-    let kind = force.kind.replace("_force", "_input");
+    let kind = device_of(&force.kind).map_or("", HandDevice::input);
     let same = |n: &&ScheduledNode| n.kind == kind && n.params.text("device") == force.params.text("device");
     schedule.nodes.iter().find(same).ok_or_else(|| {
         let message =
@@ -110,10 +123,11 @@ fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s Sch
     })
 }
 
-/// The force node that pushes back with an input node's device.
-fn force_of<'s>(schedule: &'s Schedule, input: &ScheduledNode) -> Option<&'s ScheduledNode> {
-    let kind = input.kind.replace("_input", "_force");
-    schedule.nodes.iter().find(|n| n.kind == kind && n.params.text("device") == input.params.text("device"))
+/// Largest force \[N\] of the force node that pushes back with an input node's device; without one, no limit.
+fn max_force_n(schedule: &Schedule, input: &ScheduledNode) -> f64 {
+    let with = |force: &ScheduledNode| input_of(schedule, force).is_ok_and(|node| node.id == input.id);
+    let mut forces = schedule.with_role(Role::Force).map(|(_, force)| force);
+    forces.find(|force| with(force)).map_or(f64::INFINITY, |force| force.params.number("max_force_n"))
 }
 
 /// An error at the place of a node in its file.
@@ -132,8 +146,8 @@ fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
 /// Devices that were opened for a graph that does not play yet.
 #[derive(Default)]
 pub struct Opened {
-    /// Ends of nodes that devices feed.
-    pub ends: Ends,
+    /// Queues of nodes that devices feed.
+    pub queues: DeviceQueues,
     /// Nodes whose devices must be closed before the rest can be opened.
     pub in_the_way: Vec<String>,
     held: Vec<Held>,
@@ -175,32 +189,32 @@ pub fn open(
     Ok(opened)
 }
 
-/// The ends that these nodes of a graph get, and the devices behind them.
+/// The queues that these nodes of a graph get, and the devices behind them.
 fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Failure> {
     let (mut opened, mut sources) = (Opened::default(), Vec::new());
     let mut wanted = ids.to_vec();
     let mut models: HashMap<String, ForceReader> = HashMap::new();
-    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_force")) {
-        // One device reads and pushes the stylus: both ends are made new.
+    for (_, node) in schedule.with_role(Role::Force) {
+        // One device reads and pushes the stylus: both queues are made new.
         let input = input_of(schedule, node)?;
         if ids.contains(&node.id) || ids.contains(&input.id) {
             let (writer, reader) = force_model();
-            opened.ends.forces.insert(node.id.clone(), writer);
+            opened.queues.forces.insert(node.id.clone(), writer);
             models.insert(input.id.clone(), reader);
             wanted.push(input.id.clone());
         }
     }
-    for node in schedule.nodes.iter().filter(|n| n.kind.ends_with("_input") && wanted.contains(&n.id)) {
+    for (_, node) in schedule.with_role(Role::Hand).filter(|(_, n)| wanted.contains(&n.id)) {
         let (writer, reader) = samples();
-        opened.ends.hands.insert(node.id.clone(), reader);
-        if node.kind == "pointer_input" {
+        opened.queues.hands.insert(node.id.clone(), reader);
+        let Some(device) = device_of(&node.kind) else {
             opened.pointer = Some(writer);
             continue;
-        }
-        let most = force_of(schedule, node).map_or(f64::INFINITY, |f| f.params.number("max_force_n"));
+        };
         // Wrong parameters are found before any device is closed.
-        let options = Wanted::of(node, most).map_err(|e| refused(node, &e))?;
-        sources.push(Source { node: node.clone(), options, writer, model: models.remove(&node.id) });
+        let open = device.configure(&node.params, max_force_n(schedule, node));
+        let open = open.map_err(|e| refused(node, &e))?;
+        sources.push(Source { node: node.clone(), device, open, writer, model: models.remove(&node.id) });
     }
     Ok((opened, sources))
 }
@@ -228,15 +242,17 @@ impl Opened {
 
 /// Input nodes of a graph whose devices are not open: they could not be opened again.
 pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
-    let device = |n: &&ScheduledNode| HANDS.contains(&n.kind.as_str()) && n.kind != "pointer_input";
+    let device = |n: &&ScheduledNode| device_of(&n.kind).is_some();
     let nobody = |n: &&ScheduledNode| !held.iter().any(|h| h.node.id == n.id);
-    schedule.nodes.iter().filter(device).filter(nobody).map(|n| n.id.clone()).collect()
+    let hands = schedule.with_role(Role::Hand).map(|(_, n)| n);
+    hands.filter(device).filter(nobody).map(|n| n.id.clone()).collect()
 }
 
 /// A device to be opened.
 struct Source {
     node: ScheduledNode,
-    options: Wanted,
+    device: &'static dyn HandDevice,
+    open: Open,
     writer: SampleWriter,
     model: Option<ForceReader>,
 }
@@ -244,81 +260,20 @@ struct Source {
 impl Source {
     /// Whether an open device must be closed first: it is the same device or port.
     fn excludes(&self, held: &Holding) -> bool {
-        let (ours, theirs) = (&self.node.params, &held.node.params);
-        if self.node.kind != held.node.kind {
-            return false;
-        }
-        match self.node.kind.as_str() {
-            "osc_input" => {
-                let wanted = osc::parse_listen(ours.text("listen"));
-                wanted.is_ok_and(|ours| held.address.is_some_and(|theirs| osc::exclude(ours, theirs)))
-            }
-            // A service may have several devices. One without a name could be any of them.
-            "haply_input" => {
-                let (one, other) = (ours.text("device").trim(), theirs.text("device").trim());
-                haply::same_service(ours.text("service"), theirs.text("service"))
-                    && (one.is_empty() || other.is_empty() || one == other)
-            }
-            // The library has one scheduler.
-            _ => true,
-        }
+        self.node.kind == held.node.kind
+            && self.device.excludes(&self.node.params, &held.node.params, held.address)
     }
 
     /// Opens it.
     fn start(self) -> Result<Held, Failure> {
-        let node = self.node.clone();
-        let handle = match self.options {
-            Wanted::Osc(options) => osc::start(options, self.writer),
-            Wanted::OpenHaptics(options) => openhaptics::start(options, self.writer, self.model),
-            Wanted::Haply(options) => haply::start(options, self.writer, self.model),
-        };
-        Ok(Held { handle: handle.map_err(|e| refused(&node, &e))?, node })
-    }
-}
-
-/// How a device is opened.
-enum Wanted {
-    Osc(osc::OscOptions),
-    OpenHaptics(openhaptics::OpenHapticsOptions),
-    Haply(haply::HaplyOptions),
-}
-
-impl Wanted {
-    /// From a node's parameters, with a largest force \[N\].
-    fn of(node: &ScheduledNode, most: f64) -> Result<Self, HandError> {
-        let p = &node.params;
-        let text = |name: &str| Some(p.text(name).trim().to_owned()).filter(|t| !t.is_empty());
-        Ok(match node.kind.as_str() {
-            "osc_input" => {
-                let mut options =
-                    osc::OscOptions::new(p.text("address"), osc::parse_arguments(p.text("arguments"))?);
-                options.listen = osc::parse_listen(p.text("listen"))?;
-                options.anywhere = p.flag("anywhere");
-                options.check()?;
-                Self::Osc(options)
-            }
-            "openhaptics_input" => {
-                let mut options = openhaptics::OpenHapticsOptions::new();
-                options.device = text("device");
-                options.library = text("library").map(PathBuf::from);
-                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = most;
-                Self::OpenHaptics(options)
-            }
-            _ => {
-                let mut options = haply::HaplyOptions::new();
-                options.device = text("device");
-                options.service = p.text("service").to_owned();
-                options.frame = Frame::new(p.text("axes"), [0.0; 3])?;
-                options.max_force_n = most;
-                Self::Haply(options)
-            }
-        })
+        let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, &e))?;
+        Ok(Held { handle, node: self.node })
     }
 }
 
 /// A warning where a wall breaks Colgate's bound.
 fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
+    let servo_hz = device_of(&node.kind)?.servo_hz();
     let input = input_of(schedule, node).ok()?;
     let handle = hands.open.get(&input.id).map(|held| &held.handle);
     // The figures are known where they come from a node that has them as parameters. A user may have moved
@@ -338,7 +293,7 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         Some(stiffness) => DeviceDamping::Recommended(stiffness),
         None => DeviceDamping::Unknown,
     };
-    let bound = passivity(stiffness, damping, servo_hz(&node.kind), device);
+    let bound = passivity(stiffness, damping, servo_hz, device);
     let known = match device {
         DeviceDamping::Unknown => {
             format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id)

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use asperity_engine::Options;
 use asperity_live::view::{Condition, Layout, Request, View};
-use asperity_live::{DOES_NOT_COME_BACK, FORCES, HANDS, Session, conduct, mic};
-use asperity_node::Fault;
+use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
+use asperity_node::{Fault, Role};
 
 use crate::card::{self, DeviceArgs, Player};
 use crate::failure::{Failure, print, warn};
@@ -93,13 +93,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
     let mut hands = Hands::default();
-    let outside = |kind: &str| HANDS.contains(&kind) || FORCES.contains(&kind);
-    let ids: Vec<String> = schedule.nodes.iter().filter(|n| outside(&n.kind)).map(|n| n.id.clone()).collect();
+    let outside = [Role::Hand, Role::Force].into_iter().flat_map(|role| schedule.with_role(role));
+    let ids: Vec<String> = outside.map(|(_, node)| node.id.clone()).collect();
     let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-    let ends = std::mem::take(&mut opened.ends);
+    let queues = std::mem::take(&mut opened.queues);
     hands.go_on_with(opened, schedule);
     if args.page.is_none() {
-        for node in schedule.nodes.iter().filter(|n| n.kind == "pointer_input") {
+        for node in hands::pointers(schedule) {
             warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
         }
     }
@@ -111,18 +111,16 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let coils = card::coils(&args.device, schedule)?;
     editor.hold_to(coils.ceiling());
     let session_options = card::options(&args.device, request, coils);
-    let mut shows = Shows::open(args, &session_options.reins, &mut hands)?;
-    for node in schedule.nodes.iter().filter(|n| n.kind == "osc_input") {
-        let [address, arguments, listen] = ["address", "arguments", "listen"].map(|p| node.params.text(p));
-        shows.say(&format!("`{}` waits for OSC messages {address} ({arguments}) at {listen}", node.id));
-    }
+    let mut shows = Shows::open(args, &session_options.run_control, &mut hands)?;
+    hands::invitations(schedule).for_each(|invitation| shows.say(&invitation));
     let ticks_ns = LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map_or(ticks_ns.max(LIMIT_NS), |us| us * 1000);
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
     let (mic_writer, mic_reader) =
         (recorded > 0).then(|| mic(recorded, schedule.audio_hz, schedule.tick_hz)).unzip();
-    let (conductor, player) = conduct(compiled, &graph, options, ends, mic_reader, materials);
-    let session = Session::start(conductor, player, mic_writer, session_options).map_err(not_opened)?;
+    let (graph_controller, player) = prepare_live(compiled, &graph, options, queues, mic_reader, materials);
+    let session =
+        Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
     let mut stage = Stage { session, editor, hands, recordings, hangs: None, stuck: Vec::new() };
     let outcome = stage.play(&mut shows, ticks);
@@ -132,7 +130,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut ended = session.stop();
     drop(hands);
     hands::wait_for(LET_GO);
-    recordings.drain(&mut ended.conductor);
+    recordings.drain(&mut ended.graph_controller);
     shows.close();
     // Recordings are kept, whatever ended the run and whatever else cannot be written.
     let AllKept { mut written, said, cut } = recordings.keep();
@@ -147,7 +145,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         print(&run.summary(&written))?;
     }
     let recorded = if cut.is_empty() { Ok(()) } else { Err(Failure::Machine(cut.join("; "))) };
-    let came_back = match (&ended.player, hanging(&ended.view, ended.conductor.layout())) {
+    let came_back = match (&ended.player, hanging(&ended.view, ended.graph_controller.layout())) {
         (None, Some(node)) => {
             Err(Failure::Machine(format!("a tick did not end: {node} {DOES_NOT_COME_BACK}")))
         }
@@ -194,28 +192,28 @@ impl Stage {
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
         loop {
-            for notice in self.session.tend().map_err(not_opened)? {
+            for notice in self.session.poll().map_err(not_opened)? {
                 shows.say(&notice);
             }
             self.hands.problems().iter().for_each(|p| shows.say(p));
             self.serve(shows);
-            if self.session.reins().stopping() {
+            if self.session.run_control().stopping() {
                 return Ok(());
             }
             let Self { session, editor, hands, recordings, .. } = self;
-            let conductor = session.conductor();
-            if let Some(said) = editor.tend(&mut Playing { conductor, hands, recordings }) {
+            let graph_controller = session.graph_controller();
+            if let Some(said) = editor.poll(&mut Playing { graph_controller, hands, recordings }) {
                 shows.say(&said);
             }
-            for warning in hands.warnings(&conductor.schedule().clone(), conductor.layout()) {
+            for warning in hands.warnings(&graph_controller.schedule().clone(), graph_controller.layout()) {
                 shows.say(&format!("warning: {warning}"));
             }
-            recordings.drain(conductor);
+            recordings.drain(graph_controller);
             recordings.complaints().iter().for_each(|said| shows.say(said));
             let view = session.view();
-            let hangs = hanging(&view, session.conductor().layout());
+            let hangs = hanging(&view, session.graph_controller().layout());
             // Where no tick ends, the planned time still ends the run.
-            let tick_hz = f64::from(session.conductor().layout().tick_hz);
+            let tick_hz = f64::from(session.graph_controller().layout().tick_hz);
             let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs.is_some() && late(ticks)));
             if hangs != self.hangs {
@@ -226,13 +224,14 @@ impl Stage {
                 }
                 self.hangs = hangs;
             }
-            let stuck = failed_by(&Fault::Stuck.to_string(), &view, session.conductor().layout());
+            let stuck = failed_by(&Fault::Stuck.to_string(), &view, session.graph_controller().layout());
             for node in stuck.iter().filter(|node| !self.stuck.contains(node)) {
                 shows.say(&format!("warning: {node} {}: the graph goes on without it", Fault::Stuck));
             }
             self.stuck = stuck;
             let (condition, losses) = (view.condition, view.losses);
-            shows.show(view, session.conductor().layout(), hands);
+            let graph_controller = session.graph_controller();
+            shows.show(view, graph_controller.layout(), graph_controller.schedule(), hands);
             if !session.goes_on() {
                 return Err(Failure::Machine(match condition {
                     Condition::Failed => "the engine panicked, and the output was ramped down".into(),
@@ -249,10 +248,11 @@ impl Stage {
 
     /// Begins what the user asked for since the last time.
     fn serve(&mut self, shows: &mut Shows) {
-        for request in self.session.reins().asked() {
+        for request in self.session.run_control().asked() {
             match request {
                 Request::Set { node, param, value } => {
-                    if let Err(failure) = self.editor.set(node, param, value, self.session.conductor()) {
+                    if let Err(failure) = self.editor.set(node, param, value, self.session.graph_controller())
+                    {
                         shows.say(&failure.reason());
                     }
                 }

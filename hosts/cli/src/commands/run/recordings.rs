@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::Conductor;
+use asperity_live::GraphController;
 use asperity_node::PortType;
 
 use crate::commands::render::recorder::{Kept, Recorder, file_of};
@@ -119,10 +119,10 @@ impl Recordings {
     }
 
     /// Writes the rows that sinks recorded since the last call. An error ends only its own file.
-    pub fn drain(&mut self, conductor: &mut Conductor) {
-        let tick_hz = conductor.schedule().tick_hz;
+    pub fn drain(&mut self, graph_controller: &mut GraphController) {
+        let tick_hz = graph_controller.schedule().tick_hz;
         let all = &mut self.all;
-        let lost = conductor.recorded(|r| {
+        let lost = graph_controller.recorded(|r| {
             let of = all.iter_mut().rev().find(|x| x.sink.id == r.sink && x.since <= r.graph);
             if let Some(of) = of {
                 of.recorder.append_while_possible(r.start, r.values, tick_hz);

@@ -9,8 +9,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use asperity_engine::SwapError;
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
-use asperity_live::needs_ends;
+use asperity_live::needs_queues;
 use asperity_live::view::Materials;
+use asperity_node::Role;
 use asperity_texture::Library;
 
 use super::hands::{self, Held, Holding, Opened};
@@ -154,7 +155,7 @@ impl Order {
         self.wanted()?;
         // Files that cannot be written are refused before a device is opened.
         drop(recorders(next, &self.begun)?);
-        let mut ids = needs_ends(&self.running, next);
+        let mut ids = needs_queues(&self.running, next);
         if self.again {
             ids.extend(hands::missing(next, &self.held));
         }
@@ -233,16 +234,15 @@ fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
 
 /// Refuses other channels of the device, which stay as it was opened.
 fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
-    let of = |s: &Schedule, kind: &str| -> BTreeMap<String, Option<i64>> {
-        let nodes = s.nodes.iter().filter(|n| n.kind == kind);
-        nodes.map(|n| (n.id.clone(), n.params.get_integer("channel"))).collect()
+    let of = |s: &Schedule, role| -> BTreeMap<String, Option<i64>> {
+        s.with_role(role).map(|(_, n)| (n.id.clone(), n.params.get_integer("channel"))).collect()
     };
-    let (outs, were) = (of(new, "audio_out"), of(old, "audio_out"));
+    let (outs, were) = (of(new, Role::AudioOutput), of(old, Role::AudioOutput));
     // One renamed node keeps its channel. With several, it is not known which is which.
     let gone = were.keys().filter(|id| !outs.contains_key(*id)).count();
     let kind = if outs.len() != were.len() || gone > 1 {
         "audio_out"
-    } else if of(new, "audio_in") != of(old, "audio_in") {
+    } else if of(new, Role::AudioInput) != of(old, Role::AudioInput) {
         "audio_in"
     } else {
         return Ok(());
@@ -254,7 +254,7 @@ fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
 /// none.
 fn materials(schedule: &Schedule) -> Vec<Materials> {
     let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
-    let networks = schedule.nodes.iter().filter(|n| n.kind == "texture_network" && !told(n));
+    let networks = schedule.with_role(Role::TextureNetwork).map(|(_, n)| n).filter(|n| !told(n));
     let of = |node: &ScheduledNode| {
         let library = Library::shared(node.params.file("library")).ok()?;
         let names = library.materials().iter().map(|m| m.name.clone()).collect();

@@ -35,7 +35,7 @@ impl Run<'_> {
 
     /// The report as JSON.
     pub fn json(&self) -> String {
-        let (view, layout) = (&self.ended.view, self.ended.conductor.layout());
+        let (view, layout) = (&self.ended.view, self.ended.graph_controller.layout());
         let facts = |i: usize| -> Map<String, Value> {
             self.ended.facts.get(i).map_or_else(Map::new, |facts| facts_json(facts))
         };
@@ -90,7 +90,8 @@ impl Run<'_> {
 
     /// The summary as text.
     pub fn summary(&self, written: &[PathBuf]) -> String {
-        let (view, layout, t) = (&self.ended.view, self.ended.conductor.layout(), &self.ended.view.timing);
+        let (view, layout, t) =
+            (&self.ended.view, self.ended.graph_controller.layout(), &self.ended.view.timing);
         let mut out = String::new();
         let mut line = |name: &str, text: String| {
             let _ = writeln!(out, "{name:<10}{text}");

@@ -5,13 +5,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use asperity_live::Reins;
+use asperity_graph::Schedule;
+use asperity_live::RunControl;
 use asperity_live::view::{Layout, View};
 use asperity_page::{Feed, Page, serve};
 use asperity_terminal::Terminal;
 
 use super::Args;
-use super::hands::Hands;
+use super::hands::{Hands, pointers};
 use crate::failure::{Failure, complain};
 
 /// The page, the terminal and the messages of a run.
@@ -26,14 +27,14 @@ pub struct Shows {
 impl Shows {
     /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the
     /// outer one.
-    pub fn open(args: &Args, reins: &Reins, hands: &mut Hands) -> Result<Self, Failure> {
+    pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
         let page = match args.page {
             Some(port) => {
                 let feed = Arc::new(Feed::new());
                 let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(options, feed.clone(), reins.clone(), pointer)
+                let page = serve(options, feed.clone(), run_control.clone(), pointer)
                     .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
                 speaker.say(&format!("the page: {}", page.url()));
                 Some((page, feed))
@@ -42,7 +43,7 @@ impl Shows {
         };
         let terminal = match args.tui {
             true => Some(
-                Terminal::open(reins.clone())
+                Terminal::open(run_control.clone())
                     .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
             ),
             false => None,
@@ -63,7 +64,7 @@ impl Shows {
     }
 
     /// Shows the current figures, and the graph if it changed.
-    pub fn show(&mut self, view: View, layout: &Layout, hands: &mut Hands) {
+    pub fn show(&mut self, view: View, layout: &Layout, schedule: &Schedule, hands: &mut Hands) {
         if let Some(pointer) = hands.take_pointer() {
             match &self.page {
                 Some((page, _)) => page.set_pointer(Some(pointer)),
@@ -74,7 +75,7 @@ impl Shows {
         }
         if self.layout.as_ref() != Some(layout) {
             if let Some((page, feed)) = &self.page {
-                if layout.nodes.iter().all(|node| node.kind != "pointer_input") {
+                if pointers(schedule).next().is_none() {
                     page.set_pointer(None);
                 }
                 feed.publish_layout(layout.clone());

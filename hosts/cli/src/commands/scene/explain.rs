@@ -10,13 +10,13 @@ use std::time::Instant;
 use asperity_accuracy::timing::Recorder;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
-use asperity_node::Buffer;
+use asperity_node::{Buffer, Role};
 use asperity_scene::space::Form;
 use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde_json::{Value, json};
 
 use super::{Explain, load_scene};
-use crate::commands::render::Wall;
+use crate::commands::render::ClockTime;
 use crate::commands::render::plot::Effects;
 use crate::commands::render::report::dropped_json;
 use crate::failure::{Failure, clean, print, wrong};
@@ -33,7 +33,7 @@ const MOST_SURFACES: usize = 40;
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
-    if let Some((node, _)) = compiled.schedule.fed().next() {
+    if let Some((node, _)) = compiled.schedule.host_fed().next() {
         let node = &compiled.schedule.nodes[node];
         let message =
             format!("`{}` ({}) is live, and nothing is measured without a hand", node.id, node.kind);
@@ -353,13 +353,13 @@ impl Account {
             compiled.schedule.nodes.iter().map(|n| (n.id.clone(), n.kind.clone())).collect();
         // Walls and volumes have an output each.
         let contact = ["surface", "volume"].map(|name| {
-            let node = compiled.schedule.nodes.iter().position(|n| n.kind == "contact")?;
-            let output = compiled.schedule.nodes[node].outputs.iter().position(|o| o.name == name)?;
+            let (node, of) = compiled.schedule.with_role(Role::Contact).next()?;
+            let output = of.outputs.iter().position(|o| o.name == name)?;
             Some((node, output))
         });
         let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
         let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
-        let wall = Wall(Instant::now());
+        let clock = ClockTime(Instant::now());
         let (mut spent, mut total) = (vec![0; nodes.len()], vec![0_u64; nodes.len()]);
         let mut calls = vec![0; nodes.len()];
         let mut times = Recorder::new(nodes.len());
@@ -368,7 +368,7 @@ impl Account {
         for _ in 0..ticks {
             spent.fill(0);
             let began = Instant::now();
-            engine.tick_timed(&wall, &mut spent);
+            engine.tick_timed(&clock, &mut spent);
             let tick_ns = began.elapsed().as_nanos() as u64;
             effects.take(&engine);
             let now = contact.map(|port| {
@@ -465,8 +465,8 @@ fn of_network(scene: &Scene, schedule: &Schedule, account: &Account) -> Vec<Mode
             format!("{}: {}{more}", plural(n, "material"), names.join(", "))
         }
     };
-    let networks = schedule.nodes.iter().filter(|node| node.kind == "texture_network");
-    let nodes: Vec<String> = networks.map(|node| node.id.clone()).collect();
+    let networks = schedule.with_role(Role::TextureNetwork);
+    let nodes: Vec<String> = networks.map(|(_, node)| node.id.clone()).collect();
     let runs = cost(account, &nodes);
     // The library is read only when the model is loaded.
     [("model", runs), ("library", runs.map(|_| 0.0))]

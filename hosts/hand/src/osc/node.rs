@@ -1,14 +1,13 @@
 //! `osc_input`: a hand over the network.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Param, Prepared, Processor, Resume, Setup, Status, Tick, Unit,
-};
+use asperity_live::place;
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Prepared, Processor, Setup, Status, Tick, Unit};
 
-use super::{pass_on, place, ports, timing};
+use crate::node::{hand, pass_on};
 
 /// A stylus whose position comes by Open Sound Control over UDP.
-pub struct OscInput {
-    /// Newton of what a message says: of a force itself, or of full pressure.
+pub(super) struct OscInput {
+    /// Force of a message's 1 \[N\]: a force counts as it is, a pressure of 1 is the largest force.
     newton: f64,
 }
 
@@ -19,21 +18,27 @@ impl Node for OscInput {
             .param(Param::flag(
                 "anywhere",
                 false,
-                "Listen at an address that other machines reach, too. Anybody there can then move the actuator.",
+                "Listen at an address that other machines reach, too. Anybody there can then move the \
+                 actuator.",
             ))
             .param(Param::text("address", "/stylus", "OSC address, or an OSC 1.0 pattern of addresses."))
             .param(Param::text(
                 "arguments",
                 "x_mm, y_mm, z_mm",
-                "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; pressure (0 to 1); touch \
-                 (0 or 1); time_ms; `_` for one that means nothing here; a minus turns an axis round.",
+                "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; \
+                 pressure (0 to 1); touch (0 or 1); time_ms; `_` for one that means nothing here; a minus \
+                 turns an axis round.",
             ))
             .param(
-                Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure, where messages say a pressure.")
-                    .unit("N"),
+                Param::number(
+                    "max_force_n",
+                    3.3,
+                    0.0..=100.0,
+                    "Force at full pressure, where messages say a pressure.",
+                )
+                .unit("N"),
             );
-        ports(timing(it), Unit::NEWTON, "how hard it presses, where a message says so")
-            .resumes(Resume::Resume)
+        hand(it, (Unit::NEWTON, "how hard it presses, where a message says so"))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

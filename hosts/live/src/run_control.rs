@@ -15,7 +15,7 @@ const REQUESTS: usize = 256;
 /// Muting and stopping never wait: every driver reads them in its next callback, whatever the control
 /// thread is doing. Requests wait until the control thread takes them.
 #[derive(Clone, Debug, Default)]
-pub struct Reins(Arc<Held>);
+pub struct RunControl(Arc<Held>);
 
 #[derive(Debug, Default)]
 struct Held {
@@ -33,7 +33,7 @@ pub enum Unheard {
     Over,
 }
 
-impl Reins {
+impl RunControl {
     /// Control of a run that is not muted. The flag stops it too; a signal handler may set it.
     pub fn stopped_by(flag: Arc<AtomicBool>) -> Self {
         Self(Arc::new(Held { stopping: flag, ..Held::default() }))
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn newer_request_replaces_an_older_one() {
-        let reins = Reins::default();
+        let run_control = RunControl::default();
         for request in [
             set("gain", 1.0),
             material("a", "felt"),
@@ -110,23 +110,23 @@ mod tests {
             set("gain", 3.0),
             material("a", "cork"),
         ] {
-            assert_eq!(reins.clone().ask(request), Ok(()));
+            assert_eq!(run_control.clone().ask(request), Ok(()));
         }
         let newest = [set("offset", 2.0), material("b", "brick"), set("gain", 3.0), material("a", "cork")];
-        assert_eq!(reins.asked(), newest);
-        assert_eq!(reins.asked(), []);
+        assert_eq!(run_control.asked(), newest);
+        assert_eq!(run_control.asked(), []);
     }
 
     #[test]
     fn requests_are_bounded_and_end_with_the_run() {
         let flag = Arc::new(AtomicBool::new(false));
-        let reins = Reins::stopped_by(flag.clone());
+        let run_control = RunControl::stopped_by(flag.clone());
         let refused =
-            (0..300).filter(|i| reins.ask(set(&format!("p{i}"), 0.0)) == Err(Unheard::Busy)).count();
+            (0..300).filter(|i| run_control.ask(set(&format!("p{i}"), 0.0)) == Err(Unheard::Busy)).count();
         assert_eq!(refused, 300 - 256);
-        assert_eq!(reins.ask(set("p7", 1.0)), Ok(()), "it takes the place of another");
+        assert_eq!(run_control.ask(set("p7", 1.0)), Ok(()), "it takes the place of another");
         flag.store(true, Relaxed);
-        assert!(reins.stopping());
-        assert_eq!(reins.ask(set("p7", 2.0)), Err(Unheard::Over));
+        assert!(run_control.stopping());
+        assert_eq!(run_control.ask(set("p7", 2.0)), Err(Unheard::Over));
     }
 }

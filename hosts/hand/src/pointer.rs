@@ -1,13 +1,12 @@
 //! `pointer_input`: a hand with a mouse, a finger or a pen on the live page.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Param, Prepared, Processor, Resume, Setup, Status, Tick, Unit,
-};
+use asperity_live::place;
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Prepared, Processor, Setup, Status, Tick, Unit};
 
-use super::{place, ports, timing};
+use crate::node::hand;
 
-/// A pointer on a plane: its pressure is how deep the stylus is in the surface, and how hard it presses.
-pub struct PointerInput {
+/// A pointer on a plane. Its pressure sets the depth of the stylus in the surface, and the force.
+pub(crate) struct PointerInput {
     height_mm: f64,
     depth_mm: f64,
     lift_mm: f64,
@@ -38,7 +37,7 @@ impl Node for PointerInput {
                     .unit("mm"),
                 )
                 .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));
-        ports(timing(it), Unit::NONE, "pressure from 0 to 1, 0 off the surface").resumes(Resume::Resume)
+        hand(it, (Unit::NONE, "pressure from 0 to 1, 0 off the surface"))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -1,4 +1,4 @@
-//! The card beside a model.
+//! The report beside a model.
 
 use std::fmt::Write as _;
 
@@ -14,7 +14,7 @@ use crate::evaluation::{
 };
 use crate::loss::{Aim, Target};
 
-/// Sizes of the model's files for the card.
+/// Sizes of the model's files for the report.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     /// Bytes of the encoder's file.
@@ -23,26 +23,27 @@ pub(crate) struct Sizes {
     pub network_bytes: u64,
 }
 
-/// The card, in Markdown.
+/// The report, in Markdown.
 pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: &Evaluation) -> String {
-    let mut card = head(settings, sizes, data);
+    let mut report = head(settings, sizes, data);
     // writing to a String cannot fail
-    let _ = write!(card, "\n## Goals\n\n{}", goals(evaluation));
+    let _ = write!(report, "\n## Goals\n\n{}", goals(evaluation));
     if evaluation.naming.images > 0 {
-        let _ = write!(card, "\n## Names\n\n{}", names(&evaluation.naming));
+        let _ = write!(report, "\n## Names\n\n{}", names(&evaluation.naming));
     }
-    let _ = write!(card, "\n## Vibration\n\n{}", vibration(settings, evaluation));
+    let _ = write!(report, "\n## Vibration\n\n{}", vibration(settings, evaluation));
     if !evaluation.levels.is_empty() {
-        let _ = write!(card, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
+        let _ = write!(report, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
     }
     if evaluation.scatter.iter().any(|(_, scatter)| scatter.is_some()) {
-        let _ = write!(card, "\n## Mean over root mean square\n\n{}", scatter(&evaluation.scatter_by_family));
+        let _ =
+            write!(report, "\n## Mean over root mean square\n\n{}", scatter(&evaluation.scatter_by_family));
     }
     if !evaluation.strangers.surfaces.is_empty() {
-        let _ = write!(card, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
+        let _ = write!(report, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
     }
-    let _ = write!(card, "\n## Every material\n\n{}", table(&evaluation.scores));
-    card
+    let _ = write!(report, "\n## Every material\n\n{}", table(&evaluation.scores));
+    report
 }
 
 fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {

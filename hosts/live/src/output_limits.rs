@@ -1,4 +1,4 @@
-//! Last stage before a device: a guard for every channel, behind all ramps and fades.
+//! Last stage before a device: limits for every channel, behind all ramps and fades.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -8,12 +8,12 @@ use asperity_node::{Coil, Guard, Unit};
 
 use crate::driver::Slot;
 
-opaque_debug!(Outlet, Gate);
+opaque_debug!(OutputLimits, DeviceLimits);
 
-/// Guards of a device's channels. The state of coils and movers belongs to the channel: it continues from
+/// Limits of a device's channels. The state of coils and movers belongs to the channel: it continues from
 /// one graph to the next, over the loss of a device, and from one run to another.
 #[derive(Default)]
-pub struct Outlet {
+pub struct OutputLimits {
     channels: Vec<Option<Channel>>,
     changed: u64,
 }
@@ -38,8 +38,8 @@ pub struct Standing {
     pub cools_in: f64,
 }
 
-impl Outlet {
-    /// Guards for the nodes of a graph that play on channels 0, 1, ..., at rest and cold.
+impl OutputLimits {
+    /// Limits for the nodes of a graph that play on channels 0, 1, ..., at rest and cold.
     pub fn new(compiled: &Compiled, outs: impl IntoIterator<Item = usize>) -> Self {
         let guarded = |out| {
             let guard = compiled.nodes[limiter_of(&compiled.schedule, out)?].guard.as_ref()?();
@@ -48,13 +48,13 @@ impl Outlet {
         Self { channels: outs.into_iter().map(guarded).collect(), changed: 0 }
     }
 
-    /// Given guards, each with the drive at full scale \[A or V\]. They stay whatever graph plays.
+    /// Given limits, each with the drive at full scale \[A or V\]. They stay whatever graph plays.
     pub fn staying(channels: impl IntoIterator<Item = Option<(Box<dyn Guard>, f64)>>) -> Self {
         let stays = |(guard, unit)| Channel { guard, unit, stays: true };
         Self { channels: channels.into_iter().map(|c| c.map(stays)).collect(), changed: 0 }
     }
 
-    /// Continues the coils of another outlet, channel by channel, and takes over its guards that stay. Tick
+    /// Continues the coils of other limits, channel by channel, and takes over its limits that stay. Tick
     /// thread.
     pub fn go_on(&mut self, before: &mut Self) {
         self.changed = before.changed;
@@ -125,21 +125,21 @@ pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
     amplifier * out.params.number("volts_at_full_scale")
 }
 
-/// An outlet on the device's thread, with its link to the control thread.
-pub(crate) struct Gate {
-    outlet: Outlet,
-    /// Guards of the next graph; after the exchange, those of the one before.
-    next: triple_buffer::Output<Outlet>,
+/// The limits on the device's thread, with its link to the control thread.
+pub(crate) struct DeviceLimits {
+    limits: OutputLimits,
+    /// Limits of the next graph; after the exchange, those of the one before.
+    next: triple_buffer::Output<OutputLimits>,
     /// This run's share of each limit: a factor on its output.
     share: f32,
     seen: Arc<Seen>,
 }
 
-/// Guards of a run's channels, which its drivers use one after the other.
+/// Limits of a run's channels, which its drivers use one after the other.
 #[derive(Clone, Debug)]
-pub struct Guards(pub(crate) Arc<Slot<Gate>>);
+pub struct SharedLimits(pub(crate) Arc<Slot<DeviceLimits>>);
 
-/// Figures of an outlet for other threads.
+/// Figures of the limits for other threads.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     /// Bits of each channel's heat.
@@ -147,34 +147,39 @@ pub(crate) struct Seen {
     changed: AtomicU64,
 }
 
-/// Control side: sends guards of the next graph, reads figures of the current ones.
-pub(crate) struct GateControl {
-    next: triple_buffer::Input<Outlet>,
-    pub(crate) gate: Guards,
+/// Control side: sends limits of the next graph, reads figures of the current ones.
+pub(crate) struct LimitsControl {
+    next: triple_buffer::Input<OutputLimits>,
+    pub(crate) shared: SharedLimits,
     pub(crate) seen: Arc<Seen>,
     /// Thermal limits of each channel's actuator in the first graph.
     standing: Vec<Option<Standing>>,
 }
 
-/// The gate of a run and its control.
-pub(crate) fn gate(outlet: Outlet) -> GateControl {
-    let (input, next) = triple_buffer::TripleBuffer::<Outlet>::default().split();
-    let standing = outlet.standing();
+/// Limits of a run and their control.
+pub(crate) fn device_limits(output_limits: OutputLimits) -> LimitsControl {
+    let (input, next) = triple_buffer::TripleBuffer::<OutputLimits>::default().split();
+    let standing = output_limits.standing();
     let heat = standing.iter().map(|_| AtomicU64::new(0)).collect();
     let seen = Arc::new(Seen { heat, changed: AtomicU64::new(0) });
-    let gate = Guards(Arc::new(Slot::new(Gate { outlet, next, share: 1.0, seen: seen.clone() })));
-    GateControl { next: input, gate, seen, standing }
+    let shared = SharedLimits(Arc::new(Slot::new(DeviceLimits {
+        limits: output_limits,
+        next,
+        share: 1.0,
+        seen: seen.clone(),
+    })));
+    LimitsControl { next: input, shared, seen, standing }
 }
 
-impl Gate {
+impl DeviceLimits {
     /// Limits the output. Never allocates, frees, locks or waits.
     pub(crate) fn hold(&mut self, frames: &mut [f32], channels: usize) {
         if self.next.update() {
             let next = self.next.output_buffer_mut();
-            next.go_on(&mut self.outlet);
-            std::mem::swap(next, &mut self.outlet);
+            next.go_on(&mut self.limits);
+            std::mem::swap(next, &mut self.limits);
         }
-        self.outlet.hold(frames, channels);
+        self.limits.hold(frames, channels);
         if self.share != 1.0 {
             frames.iter_mut().for_each(|x| *x *= self.share);
         }
@@ -183,35 +188,35 @@ impl Gate {
 
     /// Notes a time without output.
     pub(crate) fn rest(&mut self, seconds: f64) {
-        self.outlet.rest(seconds);
+        self.limits.rest(seconds);
         self.publish();
     }
 
-    /// Starts with coils of this heat \[A^2\], and a share of each limit. Guards of the machine replace the
+    /// Starts with coils of this heat \[A^2\], and a share of each limit. Limits of the machine replace the
     /// graph's.
-    pub(crate) fn begin(&mut self, heat: &[f64], share: f32, mut machine: Outlet) {
-        for (channel, machine) in self.outlet.channels.iter_mut().zip(&mut machine.channels) {
+    pub(crate) fn begin(&mut self, heat: &[f64], share: f32, mut machine: OutputLimits) {
+        for (channel, machine) in self.limits.channels.iter_mut().zip(&mut machine.channels) {
             if machine.is_some() {
                 std::mem::swap(channel, machine);
             }
         }
-        self.outlet.warm(heat);
+        self.limits.warm(heat);
         self.share = share;
         self.publish();
     }
 
     /// How warm the coil of each channel is \[A^2\].
     pub(crate) fn heat(&self) -> Vec<f64> {
-        self.outlet.standing().iter().map(|s| s.map_or(0.0, |s| s.heat)).collect()
+        self.limits.standing().iter().map(|s| s.map_or(0.0, |s| s.heat)).collect()
     }
 
     fn publish(&self) {
-        for (seen, channel) in self.seen.heat.iter().zip(&self.outlet.channels) {
+        for (seen, channel) in self.seen.heat.iter().zip(&self.limits.channels) {
             if let Some(channel) = channel {
                 seen.store(channel.guard.coil().heat.to_bits(), Relaxed);
             }
         }
-        self.seen.changed.store(self.outlet.changed, Relaxed);
+        self.seen.changed.store(self.limits.changed, Relaxed);
     }
 }
 
@@ -232,10 +237,10 @@ impl Seen {
     }
 }
 
-impl GateControl {
-    /// Sends the guards of another graph, for the device's next block.
-    pub(crate) fn send(&mut self, outlet: Outlet) {
-        self.next.write(outlet);
+impl LimitsControl {
+    /// Sends the limits of another graph, for the device's next block.
+    pub(crate) fn send(&mut self, output_limits: OutputLimits) {
+        self.next.write(output_limits);
     }
 
     /// Thermal limits of each channel's actuator in the first graph.

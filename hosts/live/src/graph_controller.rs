@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
-use asperity_node::Params;
+use asperity_node::{Params, Role};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::layout::{layout, scopes};
-use crate::outlet::{GateControl, Outlet, gate, limiter_of};
+use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{
     ForceSlot, HandSlot, MicReader, NodeMeters, Player, Scope, SourceMeter, TapeReader, Wiring, tape,
 };
@@ -20,13 +20,7 @@ use crate::timeline::{Delay, Timeline};
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
 
-opaque_debug!(Conductor);
-
-/// Kinds of nodes that the host feeds with the position of a hand.
-pub const HANDS: [&str; 4] = ["osc_input", "pointer_input", "openhaptics_input", "haply_input"];
-
-/// Kinds of sinks whose forces a device renders.
-pub const FORCES: [&str; 2] = ["openhaptics_force", "haply_force"];
+opaque_debug!(GraphController);
 
 /// Time that a scope's queue holds [s].
 const SCOPE_S: f64 = 0.25;
@@ -41,7 +35,7 @@ pub const DOES_NOT_COME_BACK: &str = "does not come back";
 
 /// Queues between nodes and devices, by node id.
 #[derive(Debug, Default)]
-pub struct Ends {
+pub struct DeviceQueues {
     /// Samples of hands.
     pub hands: HashMap<String, SampleReader>,
     /// Force models for devices.
@@ -65,9 +59,9 @@ struct Sent {
 }
 
 /// Changes a running graph from a control thread, and reads its figures. The other end of a [`Player`].
-pub struct Conductor {
+pub struct GraphController {
     controller: Controller,
-    gate: GateControl,
+    limits: LimitsControl,
     wirings: HeapProd<Box<Wiring>>,
     retired: HeapCons<Box<Wiring>>,
     /// The newest graph that was sent.
@@ -137,28 +131,29 @@ impl Source {
     }
 }
 
-/// Prepares a graph to run in real time: the player for a driver, and its control side. `ends` holds an end
-/// for every node of [`HANDS`] and [`FORCES`]; a node without one stays silent. `materials`: the textures
-/// that a person may choose.
-pub fn conduct(
+/// Prepares a graph to run in real time: the player for a driver, and its control side. `queues` holds a
+/// queue for every node with the role `Hand` or `Force`; a node without one stays silent. `materials`: the
+/// textures that a person may choose.
+pub fn prepare_live(
     compiled: Compiled,
     graph: &GraphFile,
     options: Options,
-    ends: Ends,
+    queues: DeviceQueues,
     mic: Option<MicReader>,
     materials: Vec<Materials>,
-) -> (Conductor, Player) {
+) -> (GraphController, Player) {
     let schedule = Arc::new(compiled.schedule.clone());
-    let outlet = Outlet::new(&compiled, places(&schedule, &channels(graph, &schedule, "audio_out", None)));
+    let outs = channels(graph, &schedule, Role::AudioOutput, None);
+    let output_limits = OutputLimits::new(&compiled, places(&schedule, &outs));
     let (controller, engine) = Engine::controlled(compiled, options);
-    let (mut sent, wiring) = wire(0, graph, schedule, ends, None, materials);
-    let gate = gate(outlet);
+    let (mut sent, wiring) = wire(0, graph, schedule, queues, None, materials);
+    let limits = device_limits(output_limits);
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
-    let player = Player::new(engine, wiring, mic, gate.seen.clone(), to_player, from_player);
-    let conductor = Conductor {
+    let player = Player::new(engine, wiring, mic, limits.seen.clone(), to_player, from_player);
+    let graph_controller = GraphController {
         controller,
-        gate,
+        limits,
         wirings,
         retired,
         tapes: std::mem::take(&mut sent.tapes),
@@ -167,10 +162,10 @@ pub fn conduct(
         before: Vec::new(),
         inside: None,
     };
-    (conductor, player)
+    (graph_controller, player)
 }
 
-impl Conductor {
+impl GraphController {
     /// The newest graph that was sent.
     pub fn schedule(&self) -> &Arc<Schedule> {
         self.controller.schedule()
@@ -182,7 +177,7 @@ impl Conductor {
         self.controller.ready() && self.wirings.vacant_len() > 0
     }
 
-    /// Sends a changed graph; see [`Controller::swap`]. `ends` holds those that [`needs_ends`] names, and
+    /// Sends a changed graph; see [`Controller::swap`]. `queues` holds those that [`needs_queues`] names, and
     /// any that replace others.
     ///
     /// # Errors
@@ -192,7 +187,7 @@ impl Conductor {
         compiled: Compiled,
         graph: &GraphFile,
         changed: &[String],
-        ends: Ends,
+        queues: DeviceQueues,
         materials: Vec<Materials>,
     ) -> Result<SwapReport, SwapError> {
         if !self.ready() {
@@ -208,14 +203,14 @@ impl Conductor {
         }
         let schedule = Arc::new(compiled.schedule.clone());
         let number = self.sent.swap + 1;
-        let (mut sent, wiring) = wire(number, graph, schedule, ends, Some(&self.sent), materials);
-        let outlet = Outlet::new(&compiled, places(&compiled.schedule, &sent.channels));
+        let (mut sent, wiring) = wire(number, graph, schedule, queues, Some(&self.sent), materials);
+        let output_limits = OutputLimits::new(&compiled, places(&compiled.schedule, &sent.channels));
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
         }
         let report = self.controller.swap(compiled, changed)?;
-        self.gate.send(outlet);
+        self.limits.send(output_limits);
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
         self.before.clear();
@@ -244,12 +239,12 @@ impl Conductor {
 
     /// Nodes that would play, by channel, if `graph` replaced the running one.
     pub fn channels_after(&self, graph: &GraphFile, schedule: &Schedule) -> Vec<String> {
-        channels(graph, schedule, "audio_out", Some(&self.sent.channels))
+        channels(graph, schedule, Role::AudioOutput, Some(&self.sent.channels))
     }
 
-    /// Guards of the device's channels.
-    pub(crate) fn gate(&self) -> &GateControl {
-        &self.gate
+    /// Limits of the device's channels.
+    pub(crate) fn limits(&self) -> &LimitsControl {
+        &self.limits
     }
 
     /// Drops what the tick thread returned, and reports finished swaps.
@@ -301,18 +296,14 @@ impl Conductor {
     }
 }
 
-/// Nodes that need a new end when `next` replaces `running`: their name is new, or their parameters differ.
-pub fn needs_ends(running: &Schedule, next: &Schedule) -> Vec<String> {
-    let outside = |n: &&ScheduledNode| is_among(n, &HANDS) || is_among(n, &FORCES);
+/// Nodes that need a new queue when `next` replaces `running`: their name is new, or their parameters differ.
+pub fn needs_queues(running: &Schedule, next: &Schedule) -> Vec<String> {
+    let outside = |n: &&ScheduledNode| matches!(n.role, Some(Role::Hand | Role::Force));
     let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
     next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
 }
 
-fn is_among(node: &ScheduledNode, kinds: &[&str]) -> bool {
-    kinds.contains(&node.kind.as_str())
-}
-
-/// Node of the graph before that `node` continues, with its end.
+/// Node of the graph before that `node` continues, with its queue.
 fn goes_on<'s>(before: &'s Schedule, node: &ScheduledNode) -> Option<&'s ScheduledNode> {
     let same = |a: &Params, b: &Params| a.iter().eq(b.iter());
     before.nodes.iter().find(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
@@ -323,27 +314,24 @@ fn wire(
     swap: u64,
     graph: &GraphFile,
     schedule: Arc<Schedule>,
-    mut ends: Ends,
+    mut queues: DeviceQueues,
     before: Option<&Sent>,
     materials: Vec<Materials>,
 ) -> (Sent, Box<Wiring>) {
     // The slots of the graph before are in the order of its nodes.
-    let slot = |node: &ScheduledNode, kinds: &[&str]| {
+    let slot = |node: &ScheduledNode, role| {
         let old = &before?.schedule;
         let was = goes_on(old, node)?;
-        old.nodes.iter().filter(|n| is_among(n, kinds)).position(|n| n.id == was.id)
-    };
-    let of = |kinds: &'static [&'static str]| {
-        schedule.nodes.iter().enumerate().filter(move |(_, n)| kinds.contains(&n.kind.as_str()))
+        old.with_role(role).position(|(_, n)| n.id == was.id)
     };
     let mut sources = Vec::new();
     let mut hands = Vec::new();
-    for (at, node) in of(&HANDS) {
-        let timeline = ends.hands.remove(&node.id).map(|reader| {
+    for (at, node) in schedule.with_role(Role::Hand) {
+        let timeline = queues.hands.remove(&node.id).map(|reader| {
             let (delay, timeout_ns) = timing(&node.params);
             Timeline::new(reader, delay, timeout_ns)
         });
-        let from = slot(node, &HANDS).filter(|_| timeline.is_none());
+        let from = slot(node, Role::Hand).filter(|_| timeline.is_none());
         let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
         let source = match (was, from) {
             (Some(was), Some(_)) => was.clone(),
@@ -358,9 +346,9 @@ fn wire(
         hands.push(HandSlot { node: at, from, timeline, meter });
     }
     let mut forces = Vec::new();
-    for (at, node) in of(&FORCES) {
-        let writer = ends.forces.remove(&node.id);
-        let from = slot(node, &FORCES).filter(|_| writer.is_none());
+    for (at, node) in schedule.with_role(Role::Force) {
+        let writer = queues.forces.remove(&node.id);
+        let from = slot(node, Role::Force).filter(|_| writer.is_none());
         forces.push(ForceSlot { node: at, max_force_n: node.params.number("max_force_n"), writer, from });
     }
     let (mut scopes_out, mut scopes_in) = (Vec::new(), Vec::new());
@@ -370,14 +358,17 @@ fn wire(
         scopes_in.push(from);
     }
     let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());
-    for (at, node) in of(&["file_out", "probe"]).filter(|(_, n)| !n.params.text("file").is_empty()) {
+    let recorders = schedule.nodes.iter().enumerate().filter(|(_, node)| {
+        matches!(node.role, Some(Role::Recorder | Role::Probe)) && !node.params.text("file").is_empty()
+    });
+    for (at, node) in recorders {
         if let Some((to, from)) = tape(at, node, schedule.tick_hz) {
             tapes_out.push(to);
             tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader: from });
         }
     }
-    let channels = channels(graph, &schedule, "audio_out", before.map(|b| &b.channels));
-    let recorded = self::channels(graph, &schedule, "audio_in", before.map(|b| &b.recorded));
+    let channels = channels(graph, &schedule, Role::AudioOutput, before.map(|b| &b.channels));
+    let recorded = self::channels(graph, &schedule, Role::AudioInput, before.map(|b| &b.recorded));
     let outs = places(&schedule, &channels);
     let meters = NodeMeters::new(&schedule, before.map(|b| (&*b.schedule, &*b.meters)));
     let meters = Arc::new(meters);
@@ -410,9 +401,9 @@ fn wire(
     )
 }
 
-/// Nodes of a kind by channel of the device: in the file's order at first; later each keeps its channel.
-fn channels(graph: &GraphFile, schedule: &Schedule, kind: &str, was: Option<&Vec<String>>) -> Vec<String> {
-    let there = |id: &str| schedule.nodes.iter().any(|n| n.id == id && n.kind == kind);
+/// Nodes of a role by channel of the device: in the file's order at first; later each keeps its channel.
+fn channels(graph: &GraphFile, schedule: &Schedule, role: Role, was: Option<&Vec<String>>) -> Vec<String> {
+    let there = |id: &str| schedule.with_role(role).any(|(_, n)| n.id == id);
     let declared = graph.nodes.iter().map(|n| n.id.as_str());
     let ids: Vec<String> = declared.filter(|id| there(id)).map(str::to_owned).collect();
     was.map_or(ids.clone(), |was| kept_in_place(was, &ids))
