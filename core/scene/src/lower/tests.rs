@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::Scene;
 use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
-use asperity_node::{Descriptor, Diagnostic, Node, Registry, Role, Setup, Status, Tick};
+use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Registry, Role, Setup, Status, Tick};
 
 use crate::{Lowering, Rendered, lower};
 
@@ -172,10 +172,12 @@ impl Node for Push {
         Descriptor::new("push_force", "Pushes.").role(Role::Force)
     }
 
-    fn prepare(_setup: &Setup<'_>) -> Result<Self, Diagnostic> {
-        Ok(Self)
+    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self))
     }
+}
 
+impl Processor for Push {
     fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
         Status::Continue
     }
