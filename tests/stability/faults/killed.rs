@@ -128,9 +128,9 @@ fn a_run_that_is_killed_leaves_nothing_half() {
     must_endure("run");
 }
 
-/// A long trade-off: finished parts stay, and the same command resumes.
+/// A long trade-off: each file is as it was, or whole.
 #[test]
-fn a_tradeoff_that_is_killed_resumes() {
+fn a_tradeoff_that_is_killed_leaves_nothing_half() {
     must_endure("tradeoff");
 }
 
