@@ -208,9 +208,7 @@ impl Effect {
             }
         }
         if let Some(record) = record {
-            let fields = form.fields.iter().map(|field| field.name.as_ref());
-            let known: Vec<&str> = fields.chain(form.nested.iter().map(AsRef::as_ref)).collect();
-            record.finish(&known)?;
+            record.finish()?;
         }
         let form = form.name.to_string();
         let settings = Settings { form, params, nested, value: value.clone() };
