@@ -1,6 +1,6 @@
 //! AVX2 with FMA and F16C: 8 lanes, 16 registers.
 
-use super::{Codes, Simd, Whole, operations};
+use super::{Codes, Simd, Whole};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx2;

@@ -1,6 +1,6 @@
 //! AVX-512F: 16 lanes, 32 registers.
 
-use super::{Codes, Simd, Whole, operations};
+use super::{Codes, Simd, Whole};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx512;

@@ -22,7 +22,6 @@ macro_rules! operations {
         }
     )*};
 }
-use operations;
 
 /// Calls a function with a constant number of vectors, 1 to 12.
 macro_rules! by_vectors {
@@ -39,7 +38,6 @@ macro_rules! by_vectors {
         }
     };
 }
-use by_vectors;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

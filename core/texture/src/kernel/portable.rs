@@ -1,6 +1,6 @@
 //! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
-use super::{Codes, Simd, Whole, operations};
+use super::{Codes, Simd, Whole};
 
 pub(super) struct Portable;
 

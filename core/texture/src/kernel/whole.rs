@@ -5,7 +5,7 @@
 //! then multiplied by the scales of inputs and column. So only the codes (by half of one) and the
 //! result are rounded.
 
-use super::{Block, Simd, by_vectors};
+use super::{Block, Simd};
 use std::ops::Range;
 
 /// Largest code for this many inputs: sums of products with weights of up to 127 fit 32 bits.
