@@ -173,7 +173,7 @@ fn is_plugin(path: &Path) -> bool {
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
 /// Files of a trade-off: its results, and the file that it resumes from. Only gratings have a pitch.
-static TRADEOFF: [Made; 26] = [
+static TRADEOFF: [Made; 25] = [
     file("pitch_time.svg", is_picture),
     file("pitch_lag.svg", is_picture),
     file("spectrum_time.svg", is_picture),
@@ -345,7 +345,7 @@ pub(super) static WRITERS: [Writer; 12] = [
                 .expect("the shipped results");
         },
         command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
-        makes: TRADEOFF,
+        makes: &TRADEOFF,
         live: false,
     },
 ];
