@@ -92,7 +92,7 @@ pub(super) struct Placement {
 const BEND_ROOM: f64 = 9.0;
 const BOX_ROOM: f64 = 13.0;
 /// Weight of a piece that should be straight, and enough sweeps for it to settle within a pixel.
-const STRAIGHT: f64 = 30.0;
+const STRAIGHT: f64 = 100.0;
 const SWEEPS: usize = 1500;
 /// Most vertices times sweeps. It bounds the time for a huge graph.
 const MOVES: usize = 5_000_000;
