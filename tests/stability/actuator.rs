@@ -16,20 +16,17 @@ fn changed(
     kind: &str,
     change: impl Fn(f32, u64, f32) -> f32 + Clone + Send + Sync + 'static,
 ) -> Arc<NodeKind> {
-    wrap::wrap(
-        subject.kind(kind).expect("the kind"),
-        Arc::new(move |_| {
-            let (change, mut n, mut last) = (change.clone(), 0, 0.0);
-            Box::new(move |node, tick| {
-                node.run(tick)?;
-                for y in tick.outputs.audio(0) {
-                    *y = change(*y, n, last);
-                    (n, last) = (n + 1, *y);
-                }
-                Ok(Status::Continue)
-            })
-        }),
-    )
+    wrap::of(subject, kind, move |_| {
+        let (change, mut n, mut last) = (change.clone(), 0, 0.0);
+        Box::new(move |node, tick| {
+            node.run(tick)?;
+            for y in tick.outputs.audio(0) {
+                *y = change(*y, n, last);
+                (n, last) = (n + 1, *y);
+            }
+            Ok(Status::Continue)
+        })
+    })
 }
 
 /// A limiter that does something else with its input, sample by sample: by the sample, and the output before
@@ -38,20 +35,17 @@ fn in_place(
     subject: &Subject<'_>,
     does: impl Fn(f32, f32) -> f32 + Clone + Send + Sync + 'static,
 ) -> Arc<NodeKind> {
-    wrap::wrap(
-        subject.kind("limiter").expect("the kind"),
-        Arc::new(move |_| {
-            let (does, mut last) = (does.clone(), 0.0);
-            Box::new(move |_, tick| {
-                let asked = tick.inputs.audio(0);
-                for (y, x) in tick.outputs.audio(0).iter_mut().zip(asked) {
-                    last = does(*x, last);
-                    *y = last;
-                }
-                Ok(Status::Continue)
-            })
-        }),
-    )
+    wrap::of(subject, "limiter", move |_| {
+        let (does, mut last) = (does.clone(), 0.0);
+        Box::new(move |_, tick| {
+            let asked = tick.inputs.audio(0);
+            for (y, x) in tick.outputs.audio(0).iter_mut().zip(asked) {
+                last = does(*x, last);
+                *y = last;
+            }
+            Ok(Status::Continue)
+        })
+    })
 }
 
 #[test]
@@ -60,17 +54,14 @@ fn inverse_band() {
     holds("inverse_band", &subject);
     let louder = changed(&subject, "actuator_inverse", |y, _, _| 1.02 * y);
     fails("inverse_band", &subject.clone().with(louder), "and not");
-    let late = wrap::wrap(
-        subject.kind("actuator_inverse").expect("the kind"),
-        Arc::new(|_| {
-            let mut before = 0.0;
-            Box::new(move |node, tick| {
-                node.run(tick)?;
-                tick.outputs.audio(0).iter_mut().for_each(|y| std::mem::swap(y, &mut before));
-                Ok(Status::Continue)
-            })
-        }),
-    );
+    let late = wrap::of(&subject, "actuator_inverse", |_| {
+        let mut before = 0.0;
+        Box::new(move |node, tick| {
+            node.run(tick)?;
+            tick.outputs.audio(0).iter_mut().for_each(|y| std::mem::swap(y, &mut before));
+            Ok(Status::Continue)
+        })
+    });
     fails("inverse_band", &subject.clone().with(late), "and not");
     // As one without a high-pass does, it goes on for ever where a constant is asked for.
     let kind = subject.kind("actuator_inverse").expect("the kind");

@@ -78,56 +78,25 @@ fn reader(name: &str) -> Reader {
     READERS.into_iter().find(|reader| reader.name == name).expect("a reader of this name")
 }
 
-fn must_endure(name: &str, count: u64) {
-    endures(reader(name), &inputs(name, count), PATIENCE).expect(name);
+/// A test for each reader: over its corpus, and over so many files that were made from it.
+macro_rules! readers {
+    ($($test:ident $reader:literal $count:literal),*) => {$(
+        #[test]
+        fn $test() {
+            endures(reader($reader), &inputs($reader, $count), PATIENCE).expect($reader);
+        }
+    )*};
 }
 
-/// Nodes, parameters and wires that are cut, doubled or out of all proportion: compiled or refused.
-#[test]
-fn graphs_are_read_or_refused() {
-    must_endure("graph", 600);
-}
-
-/// Shapes, effects and files that are cut, doubled or out of all proportion: lowered or refused.
-#[test]
-fn scenes_are_read_or_refused() {
-    must_endure("scene", 400);
-}
-
-/// Libraries, textures and actuators that lie about themselves: taken or refused.
-#[test]
-fn materials_are_read_or_refused() {
-    must_endure("material", 800);
-}
-
-/// Tables whose rows are cut, whose clocks jump, whose numbers are none: taken or refused.
-#[test]
-fn tables_are_read_or_refused() {
-    must_endure("csv", 800);
-}
-
-/// Arrays whose header claims what is not there: refused before anything is reserved.
-#[test]
-fn arrays_are_read_or_refused() {
-    must_endure("npy", 2000);
-}
-
-/// Markup that is cut, nested or refers to itself: taken or refused.
-#[test]
-fn markup_is_read_or_refused() {
-    must_endure("xml", 1500);
-}
-
-/// Sounds whose header claims what is not there: refused before anything is reserved.
-#[test]
-fn sounds_are_read_or_refused() {
-    must_endure("wav", 2000);
-}
-
-/// Networks whose bytes were turned over: run by somebody or refused; a panic of tract's reaches nobody.
-#[test]
-fn networks_are_read_or_refused() {
-    must_endure("onnx", 300);
+readers! {
+    graphs_are_read_or_refused "graph" 600,
+    scenes_are_read_or_refused "scene" 400,
+    materials_are_read_or_refused "material" 800,
+    tables_are_read_or_refused "csv" 800,
+    arrays_are_read_or_refused "npy" 2000,
+    markup_is_read_or_refused "xml" 1500,
+    sounds_are_read_or_refused "wav" 2000,
+    networks_are_read_or_refused "onnx" 300
 }
 
 /// A corpus is worth something only where it is understood.
@@ -212,23 +181,16 @@ fn hangs_on_an_open_tag(bytes: &[u8]) -> bool {
 }
 
 #[test]
-fn a_reader_that_reserves_what_is_claimed_is_found_out() {
-    let mutant = Reader { read: reserves_what_is_claimed, ..reader("npy") };
-    let found = endures(mutant, &inputs("npy", 2000), PATIENCE).unwrap_err();
-    assert!(found.contains("bytes of memory"), "{found}");
-}
-
-#[test]
-fn a_reader_that_panics_on_a_short_row_is_found_out() {
-    let mutant = Reader { read: panics_on_a_short_row, ..reader("csv") };
-    let found = endures(mutant, &inputs("csv", 800), PATIENCE).unwrap_err();
-    assert!(found.contains("panic"), "{found}");
-}
-
-#[test]
-fn a_reader_that_hangs_on_an_open_tag_is_found_out() {
-    let mutant = Reader { read: hangs_on_an_open_tag, ..reader("xml") };
-    let found = endures(mutant, &inputs("xml", 1500), Duration::from_secs(2)).unwrap_err();
+fn broken_readers_are_found_out() {
+    type Read = fn(&[u8]) -> bool;
+    let mutants: [(&str, Read, u64, Duration, &str); 3] = [
+        ("npy", reserves_what_is_claimed, 2000, PATIENCE, "bytes of memory"),
+        ("csv", panics_on_a_short_row, 800, PATIENCE, "panic"),
+        ("xml", hangs_on_an_open_tag, 1500, Duration::from_secs(2), "took longer"),
+    ];
+    for (name, read, count, patience, why) in mutants {
+        let found = endures(Reader { read, ..reader(name) }, &inputs(name, count), patience).unwrap_err();
+        assert!(found.contains(why), "{name}: {found}");
+    }
     LET_GO.store(true, Ordering::SeqCst);
-    assert!(found.contains("took longer"), "{found}");
 }

@@ -16,19 +16,16 @@ fn changed(
     kind: &str,
     change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
 ) -> Arc<NodeKind> {
-    wrap::wrap(
-        subject.kind(kind).expect("the kind"),
-        Arc::new(move |_| {
-            let (change, mut calls) = (change.clone(), 0);
-            Box::new(move |node, tick| {
-                node.run(tick)?;
-                let hz = tick.tick_hz;
-                change(tick.outputs.audio(0), calls, hz);
-                calls += 1;
-                Ok(Status::Continue)
-            })
-        }),
-    )
+    wrap::of(subject, kind, move |_| {
+        let (change, mut calls) = (change.clone(), 0);
+        Box::new(move |node, tick| {
+            node.run(tick)?;
+            let hz = tick.tick_hz;
+            change(tick.outputs.audio(0), calls, hz);
+            calls += 1;
+            Ok(Status::Continue)
+        })
+    })
 }
 
 /// A kind that fails in some ticks.
@@ -37,13 +34,10 @@ fn failing(
     kind: &str,
     when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
 ) -> Arc<NodeKind> {
-    wrap::wrap(
-        subject.kind(kind).expect("the kind"),
-        Arc::new(move |_| {
-            let when = when.clone();
-            Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
-        }),
-    )
+    wrap::of(subject, kind, move |_| {
+        let when = when.clone();
+        Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
+    })
 }
 
 #[test]
@@ -152,22 +146,19 @@ fn tail_of_graph() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     // Once it has been heard it is never quite silent.
-    let hums = wrap::wrap(
-        subject.kind("limiter").expect("the kind"),
-        Arc::new(|_| {
-            let mut heard = false;
-            Box::new(move |node, tick| {
-                let status = node.run(tick)?;
-                let y = tick.outputs.audio(0);
-                heard |= y.iter().any(|y| *y != 0.0);
-                if heard {
-                    y.iter_mut().for_each(|y| *y += 1e-9);
-                    return Ok(Status::Continue);
-                }
-                Ok(status)
-            })
-        }),
-    );
+    let hums = wrap::of(&subject, "limiter", |_| {
+        let mut heard = false;
+        Box::new(move |node, tick| {
+            let status = node.run(tick)?;
+            let y = tick.outputs.audio(0);
+            heard |= y.iter().any(|y| *y != 0.0);
+            if heard {
+                y.iter_mut().for_each(|y| *y += 1e-9);
+                return Ok(Status::Continue);
+            }
+            Ok(status)
+        })
+    });
     fails("tail_of_graph", &subject.clone().with(hums), "something is played until");
 }
 

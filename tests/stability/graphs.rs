@@ -16,17 +16,14 @@ fn once(
     kind: &str,
     what: fn(&mut asperity_node::Tick<'_>) -> Result<Status, Fault>,
 ) -> Arc<NodeKind> {
-    wrap::wrap(
-        subject.kind(kind).expect("the kind"),
-        Arc::new(move |_| {
-            let mut calls = 0;
-            Box::new(move |node, tick| {
-                calls += 1;
-                let status = node.run(tick)?;
-                if calls == 30 { what(tick) } else { Ok(status) }
-            })
-        }),
-    )
+    wrap::of(subject, kind, move |_| {
+        let mut calls = 0;
+        Box::new(move |node, tick| {
+            calls += 1;
+            let status = node.run(tick)?;
+            if calls == 30 { what(tick) } else { Ok(status) }
+        })
+    })
 }
 
 #[test]

@@ -2,8 +2,18 @@
 
 use std::sync::Arc;
 
+use asperity_checks::Subject;
 pub(crate) use asperity_checks::wrap::{Process, after, wrap};
 use asperity_node::{NodeKind, Setup, Status, Tick};
+
+/// A subject's kind whose nodes are called by way of something else.
+pub(crate) fn of(
+    subject: &Subject<'_>,
+    kind: &str,
+    make: impl Fn(&Setup<'_>) -> Process + Send + Sync + 'static,
+) -> Arc<dyn NodeKind> {
+    wrap(subject.kind(kind).expect("the kind"), Arc::new(make))
+}
 
 /// A kind whose nodes run as they are, and then have their outputs changed. The change has a memory for each
 /// node, which a reset leaves alone.

@@ -28,28 +28,19 @@ pub struct Score {
 }
 
 /// Why there is no score.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScoreError {
     /// No bins, too many bins for the transform, or magnitudes that are not a multiple of the bins.
+    #[error("the number of bins does not fit the transform or the magnitudes")]
     Shape,
     /// Not more than twice [`EDGE_FRAMES`].
+    #[error("there are not more than 100 frames")]
     TooFewFrames,
     /// The magnitudes are all 0, or one is not finite.
+    #[error("the magnitudes are all 0, or not all finite")]
     Magnitudes,
 }
-
-impl std::fmt::Display for ScoreError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Shape => "the number of bins does not fit the transform or the magnitudes",
-            Self::TooFewFrames => "there are not more than 100 frames",
-            Self::Magnitudes => "the magnitudes are all 0, or not all finite",
-        })
-    }
-}
-
-impl std::error::Error for ScoreError {}
 
 /// The convention's layout at a sample rate: windows of 0.1 s, 500 frames a second.
 pub fn framing(rate_hz: u32, bins: usize) -> Framing {

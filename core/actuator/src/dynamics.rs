@@ -1,10 +1,11 @@
 //! An actuator on a handle.
 
+use asperity_diagnostics::Diagnostic;
 use std::f64::consts::TAU;
 
 use asperity_dsp::filter::Section;
 
-use super::{ActuatorError, ActuatorProfile};
+use super::{ActuatorProfile, check};
 
 /// An actuator fixed to a handle of known mass. All values in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +42,8 @@ impl Dynamics {
     /// # Errors
     /// A mass outside 1 g to 10 kg. A resonance outside 5 to 1000 Hz, or a damping ratio outside 0.002
     /// to 2, of this profile with this mass.
-    pub fn new(profile: &ActuatorProfile, handle_mass_g: f64) -> Result<Self, ActuatorError> {
-        ActuatorError::check("a handle's mass", handle_mass_g, 1.0, 10_000.0, "g")?;
+    pub fn new(profile: &ActuatorProfile, handle_mass_g: f64) -> Result<Self, Diagnostic> {
+        check("a handle's mass", handle_mass_g, 1.0, 10_000.0, "g")?;
         let this = Self {
             moving_mass: profile.moving_mass.value,
             handle_mass: handle_mass_g * 1e-3,
@@ -57,8 +58,8 @@ impl Dynamics {
             peak_current: profile.peak_current.value,
             peak_voltage: profile.peak_voltage.value,
         };
-        ActuatorError::check("a resonance on this handle", this.natural_hz(), 5.0, 1000.0, "Hz")?;
-        ActuatorError::check("a damping ratio on this handle", this.damping_ratio(), 0.002, 2.0, "")?;
+        check("a resonance on this handle", this.natural_hz(), 5.0, 1000.0, "Hz")?;
+        check("a damping ratio on this handle", this.damping_ratio(), 0.002, 2.0, "")?;
         Ok(this)
     }
 

@@ -38,12 +38,13 @@
 //! mass           s^2 / (s^2 + 2 zeta w_n s + w_n^2)    the same times R / Z
 //! ```
 
+use asperity_diagnostics::Diagnostic;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use asperity_dsp::filter::{Biquad, Complex64, Section};
 use asperity_state::State;
 
-use super::{ActuatorError, Drive, Dynamics};
+use super::{Drive, Dynamics, check};
 
 /// Largest acceleration \[m/s^2\]: ten times the most that a texture may ask for. The filters would
 /// remember 1e30 for 0.8 s and hold the limiter at its peak.
@@ -122,23 +123,24 @@ impl Inverse {
         drive: Drive,
         rate_hz: f64,
         settings: InverseSettings,
-    ) -> Result<Self, ActuatorError> {
-        ActuatorError::check("an inverse's corner", settings.corner_hz, 5.0, 60.0, "Hz")?;
-        ActuatorError::check("an inverse's corner damping", settings.corner_damping, 0.3, 2.0, "")?;
+    ) -> Result<Self, Diagnostic> {
+        check("an inverse's corner", settings.corner_hz, 5.0, 60.0, "Hz")?;
+        check("an inverse's corner damping", settings.corner_damping, 0.3, 2.0, "")?;
         let least = (8.0 * dynamics.natural_hz()).max(1000.0);
-        ActuatorError::check("a rate", rate_hz, least, 1e6, "Hz")?;
+        check("a rate", rate_hz, least, 1e6, "Hz")?;
         let (natural, mh) = (dynamics.natural_hz(), dynamics.handle_mass);
         let wc = TAU * settings.corner_hz;
         let corner = [1.0, 2.0 * settings.corner_damping * wc, wc * wc];
         let current =
             Section { num: dynamics.characteristic(), den: corner }.scaled(-mh / dynamics.force_factor);
-        let current = current.bilinear(rate_hz, natural)?;
+        let filter =
+            |section: Section| section.bilinear(rate_hz, natural).map_err(|e| Diagnostic::new(e.to_string()));
         let gain = -dynamics.force_factor * mh / dynamics.reduced_mass();
         let lag = 1.0 / (TAU * (rate_hz / 4.0).min(10_000.0));
-        let first = |num| Section { num, den: [0.0, lag, 1.0] }.bilinear(rate_hz, natural);
+        let first = |num| filter(Section { num, den: [0.0, lag, 1.0] });
         let sections = [
-            current,
-            Section { num: [0.0, gain, 0.0], den: corner }.bilinear(rate_hz, natural)?,
+            filter(current)?,
+            filter(Section { num: [0.0, gain, 0.0], den: corner })?,
             first([0.0, dynamics.inductance, dynamics.resistance])?,
             first([0.0, 0.0, 1.0])?,
         ];

@@ -28,9 +28,7 @@ mod plant;
 mod profile;
 mod shipped;
 
-use std::fmt;
-
-use asperity_dsp::filter::FilterError;
+use asperity_diagnostics::Diagnostic;
 
 pub use dynamics::Dynamics;
 pub use inverse::{Inverse, InverseModel, InverseSettings};
@@ -59,89 +57,13 @@ impl Drive {
     }
 }
 
-/// An actuator or setting that does not fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum ActuatorError {
-    /// A value outside of its range.
-    Range {
-        /// The value's name.
-        what: &'static str,
-        /// The value.
-        found: f64,
-        /// The least that fits.
-        from: f64,
-        /// The most that fits.
-        to: f64,
-        /// Unit of all three.
-        unit: &'static str,
-    },
-    /// The actuator could pass its stroke while its current dies away.
-    TooStrong {
-        /// Part of the stroke's speed that the peak current gives in that time.
-        share: f64,
-        /// The largest part that can be limited.
-        most: f64,
-    },
-    /// The back-EMF acts faster than samples of a voltage can.
-    TooQuick {
-        /// mu R / k_f^2 \[s\].
-        emf_s: f64,
-        /// The least that can be limited \[s\].
-        least_s: f64,
-    },
-    /// A filter could not be made.
-    Filter(FilterError),
-}
-
-impl ActuatorError {
-    /// `Ok(value)` if it is within `from..=to`.
-    pub(crate) fn check(
-        what: &'static str,
-        found: f64,
-        from: f64,
-        to: f64,
-        unit: &'static str,
-    ) -> Result<f64, Self> {
-        if (from..=to).contains(&found) {
-            Ok(found)
-        } else {
-            Err(Self::Range { what, found, from, to, unit })
-        }
+/// Checks that a value is within `from..=to`.
+fn check(what: &str, found: f64, from: f64, to: f64, unit: &str) -> Result<(), Diagnostic> {
+    if (from..=to).contains(&found) {
+        return Ok(());
     }
-}
-
-impl fmt::Display for ActuatorError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Range { what, found, from, to, unit } => {
-                let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-                write!(f, "{what} of {found}{unit} does not fit; from {from} to {to}{unit} does")
-            }
-            Self::TooStrong { share, most } => write!(
-                f,
-                "this actuator gains {share:.2} of the speed that its stroke bears before its peak \
-                 current has \
-                 ended, and at most {most} can be limited: use a higher rate or slew, or a lower peak current"
-            ),
-            Self::TooQuick { emf_s, least_s } => write!(
-                f,
-                "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: use a \
-                 higher rate, or a current drive",
-                emf_s * 1e6,
-                least_s * 1e6
-            ),
-            Self::Filter(e) => e.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for ActuatorError {}
-
-impl From<FilterError> for ActuatorError {
-    fn from(e: FilterError) -> Self {
-        Self::Filter(e)
-    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    Err(Diagnostic::new(format!("{what} of {found}{unit} does not fit; from {from} to {to}{unit} does")))
 }
 
 #[cfg(test)]

@@ -117,8 +117,7 @@ impl ActuatorProfile {
             let value = record.required(field.0)?;
             values.push((quantity(value, field)?, value));
         }
-        let known: Vec<_> = ["version", "name"].into_iter().chain(FIELDS.map(|f| f.0)).collect();
-        record.finish(&known)?;
+        record.finish()?;
         let values: [(Quantity, &Value); 11] =
             values.try_into().map_err(|_| root.error("this profile is not complete"))?;
         check_together(&values)?;
@@ -182,7 +181,7 @@ fn quantity(value: &Value, (field, unit, say, least, most, si): Field) -> Result
         return Err(from.error("a source is not empty").help("a document, or how it was estimated"));
     }
     let estimate = record.optional("estimate").map_or(Ok(false), Value::bool)?;
-    record.finish(&[unit, "source", "estimate"])?;
+    record.finish()?;
     Ok(Quantity { value: x * si, source: from.text()?.to_owned(), estimate })
 }
 

@@ -28,7 +28,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::ron::{self, Value, quoted};
 use asperity_diagnostics::{Diagnostic, Source};
 
 use super::frames::RATES_HZ;
@@ -92,7 +92,7 @@ impl TextureFile {
         let rate_hz = record.required("rate_hz")?.f64_in(RATES_HZ, "Hz")?;
         let list = record.required("models")?;
         let corners = record.optional("triangles");
-        record.finish(&["version", "description", "origin", "rate_hz", "models", "triangles"])?;
+        record.finish()?;
 
         let values = list.list()?;
         if values.is_empty() || values.len() > MAX_MODELS {
@@ -200,7 +200,7 @@ fn model(value: &Value) -> Result<Model, Diagnostic> {
         ar: numbers(ar)?,
         ma: ma.map_or(Ok(Vec::new()), numbers)?,
     };
-    m.finish(&["speed_mm_s", "force_n", "variance", "gain", "ar", "ma"])?;
+    m.finish()?;
     Ok(model)
 }
 
@@ -272,21 +272,6 @@ fn triangles(value: &Value, models: &[Model]) -> Result<Vec<[usize; 3]>, Diagnos
             .help("leave `triangles` out and Delaunay's triangulation is made"));
     }
     Ok(given)
-}
-
-fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' => quoted.push_str("\\\""),
-            '\\' => quoted.push_str("\\\\"),
-            '\n' => quoted.push_str("\\n"),
-            '\r' => quoted.push_str("\\r"),
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
 }
 
 #[cfg(test)]

@@ -19,9 +19,6 @@ const DEFAULT_AUDIO_HZ: u32 = 48_000;
 /// Default seed.
 const DEFAULT_SEED: u64 = 1;
 
-const GRAPH_FIELDS: &[&str] = &["version", "tick_hz", "audio_hz", "seed", "plugins", "nodes", "wires"];
-const NODE_FIELDS: &[&str] = &["kind", "every", "params"];
-
 /// A graph as declared, before names are resolved.
 #[derive(Clone, Debug)]
 pub struct GraphFile {
@@ -139,7 +136,7 @@ impl GraphFile {
         let nodes = graph.required("nodes")?.map()?;
         let nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
         let wires = items(graph.optional("wires"), wire)?;
-        graph.finish(GRAPH_FIELDS)?;
+        graph.finish()?;
         Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, plugins, nodes, wires })
     }
 
@@ -297,7 +294,7 @@ impl NodeDecl {
                 params.push(Setting { name, place, value: value.clone(), typed: None });
             }
         }
-        record.finish(NODE_FIELDS)?;
+        record.finish()?;
         Ok(Self {
             id: key.name.clone(),
             place: place(key.span),

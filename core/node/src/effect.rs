@@ -240,9 +240,7 @@ impl Effect {
             }
         }
         if let Some(record) = record {
-            let fields = form.fields.iter().map(|field| field.name.as_ref());
-            let known: Vec<&str> = fields.chain(form.nested.iter().map(AsRef::as_ref)).collect();
-            record.finish(&known)?;
+            record.finish()?;
         }
         let settings = Settings { form: form.name.to_string(), params, nested };
         self.checked(&settings)?;

@@ -91,12 +91,11 @@ pub(super) struct Placement {
 /// Half the least gap beside a bend, and beside a box.
 const BEND_ROOM: f64 = 9.0;
 const BOX_ROOM: f64 = 13.0;
-/// Weight of a piece that should be straight, and enough sweeps for it to settle.
-const STRAIGHT: f64 = 30.0;
+/// Weight of a piece that should be straight, and enough sweeps for it to settle within a pixel.
+const STRAIGHT: f64 = 100.0;
 const SWEEPS: usize = 1500;
-/// Most vertices times sweeps, and most vertices for straightening. They bound the time for a huge graph.
+/// Most vertices times sweeps. It bounds the time for a huge graph.
 const MOVES: usize = 5_000_000;
-const STRAIGHTENED: usize = 5000;
 
 impl Placement {
     /// Orders the vertices of every layer with few crossings.
@@ -240,47 +239,9 @@ impl Placement {
                 }
             }
         }
-        if self.x.len() <= STRAIGHTENED {
-            self.straighten(&joined, half, room);
-        }
         let left = (0..self.x.len()).map(|v| self.x[v] - half(v)).fold(f64::MAX, f64::min);
         self.x.iter_mut().for_each(|x| *x -= left);
         (0..self.x.len()).map(|v| self.x[v] + half(v)).fold(0.0, f64::max)
-    }
-
-    /// Straightens chains of pieces exactly, where their neighbours leave room.
-    fn straighten(&mut self, joined: &Joined, half: impl Fn(usize) -> f64, room: impl Fn(usize) -> f64) {
-        let next = |v: usize| {
-            joined[v][1].iter().find(|(_, _, w)| *w == STRAIGHT).map(|&(to, shift, _)| (to, shift))
-        };
-        let continues = |v: usize| joined[v][0].iter().any(|(_, _, w)| *w == STRAIGHT);
-        for head in (0..self.x.len()).filter(|v| !continues(*v)) {
-            // Vertices of the chain with their places relative to the head.
-            let (mut chain, mut at) = (vec![(head, 0.0)], head);
-            while let Some((to, shift)) = next(at) {
-                let offset = chain.last().map_or(0.0, |c| c.1) - shift;
-                chain.push((to, offset));
-                at = to;
-            }
-            let wanted = || chain.iter().map(|(v, offset)| self.x[*v] - offset);
-            let middle = wanted().sum::<f64>() / chain.len() as f64;
-            // Where a neighbour has pushed a part of the chain aside, one end of its range is free.
-            let choices = [middle, wanted().fold(f64::MAX, f64::min), wanted().fold(f64::MIN, f64::max)];
-            let before = self.x.clone();
-            for x in choices {
-                for (v, offset) in &chain {
-                    self.x[*v] = x + offset;
-                }
-                let crowded = self.layers.iter().flat_map(|l| l.windows(2)).any(|w| {
-                    let gap = half(w[0]) + half(w[1]) + room(w[0]).max(room(w[1])) * 2.0;
-                    self.x[w[1]] - self.x[w[0]] < gap - 1e-6
-                });
-                if !crowded {
-                    break;
-                }
-                self.x.clone_from(&before);
-            }
-        }
     }
 }
 
@@ -372,7 +333,7 @@ mod tests {
         p.place(&[100.0; 6], &ports);
         for i in [1, 2, 4] {
             let (start, end) = ports[i];
-            assert!((p.x[e[i].from] + start - p.x[e[i].to] - end).abs() < 1e-6, "{:?}", p.x);
+            assert!((p.x[e[i].from] + start - p.x[e[i].to] - end).abs() < 1.0, "{:?}", p.x);
         }
     }
 

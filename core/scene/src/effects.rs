@@ -76,7 +76,7 @@ fn wall(
     let Some(value) = record.optional(name) else { return Ok(None) };
     let mut record = value.record(name)?;
     let of = record.required(field)?.f64_in(range, unit)?;
-    record.finish(&[field])?;
+    record.finish()?;
     Ok(Some(Placed { of, place: place(value) }))
 }
 
@@ -96,7 +96,7 @@ fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
         let name = Place { source: value.source().clone(), span: Span { start, end: start + kind.len() } };
         if kind == NETWORK {
             if let Kind::Record { .. } = value.kind() {
-                value.record(NETWORK)?.finish(&[])?;
+                value.record(NETWORK)?.finish()?;
             }
             if let Some(first) = effects.network.replace(place(value)) {
                 return Err(error(&place(value), "two network textures of one material").related(

@@ -12,28 +12,6 @@ use crate::space::HeightGrid;
 
 use super::{Device, Part, Placed, Scene, Touchable, effects, surface};
 
-const FIELDS: &[&str] = &[
-    "version",
-    "tick_hz",
-    "audio_hz",
-    "seed",
-    "plugins",
-    "input",
-    "motion",
-    "device",
-    "network",
-    "phase",
-    "gate",
-    "gain",
-    "actuator",
-    "output",
-    "hysteresis_mm",
-    "surfaces",
-];
-const DEVICE: &[&str] =
-    &["max_force_n", "damping_ns_per_m", "friction_n", "position_step_mm", "delay_ms", "output"];
-const TOUCHABLE: &[&str] = &["shape", "place_mm", "turn_deg", "material", "effects"];
-
 impl Scene {
     /// Reads a scene file.
     ///
@@ -98,7 +76,7 @@ impl Scene {
             .iter()
             .map(|(key, value)| touchable(key, value, &mut known))
             .collect::<Result<Vec<_>, _>>()?;
-        scene.finish(FIELDS)?;
+        scene.finish()?;
         let networked = surfaces.iter().find_map(|surface| surface.effects.network.as_ref());
         if let (Some(texture), None) = (networked, &network) {
             return Err(error(texture, "a network texture in a scene without a network")
@@ -265,7 +243,7 @@ fn device(value: Option<&Value>, here: Place) -> Result<Device, Diagnostic> {
     device.position_step_mm = number("position_step_mm", 0.0..=10.0, "mm", 0.0)?;
     device.delay_ms = number("delay_ms", 0.0..=100.0, "ms", 0.0)?;
     device.output = record.optional("output").map(part).transpose()?;
-    record.finish(DEVICE)?;
+    record.finish()?;
     Ok(device)
 }
 
@@ -278,7 +256,7 @@ fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchab
     let surface = surface::surface(&mut record, known)?;
     let material = record.optional("material").map(material).transpose()?;
     let effects = effects::effects(record.optional("effects"))?;
-    record.finish(TOUCHABLE)?;
+    record.finish()?;
     if let (Some(texture), None) = (&effects.network, &material) {
         return Err(error(texture, "a network texture of no material")
             .help("material: \"NAME\" of the network's library, beside `effects`"));

@@ -39,26 +39,21 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
             _ => Err(value.error(format!("a {name} of no size")).help(usage(name))),
         };
     };
-    let mut known: &[&str] = &[];
     let shape = match name {
         "plane" => Shape::plane(),
         "sphere" => {
-            known = &["radius_mm"];
             let radius_mm = number(&mut record, "radius_mm", size, "mm", None)?;
             Shape::sphere(radius_mm).map_err(|e| at(value, e))?
         }
         "box" => {
-            known = &["size_mm"];
             Shape::cuboid(numbers(record.required("size_mm")?, &size, "mm")?).map_err(|e| at(value, e))?
         }
         "rectangle" => {
-            known = &["size_mm", "thickness_mm"];
             let sides = numbers(record.required("size_mm")?, &size, "mm")?;
             let thickness_mm = number(&mut record, "thickness_mm", size, "mm", Some(THICKNESS_MM))?;
             Shape::rectangle(sides, thickness_mm).map_err(|e| at(value, e))?
         }
         _ => {
-            known = &["heights", "size_mm", "scale", "thickness_mm"];
             let from = record.required("heights")?;
             let mut picture = None;
             let grid = known_before.grid(from, |from| {
@@ -75,7 +70,7 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
             Shape::relief(grid, sides, scale, thickness_mm).map_err(|e| at(value, e))?
         }
     };
-    record.finish(known)?;
+    record.finish()?;
     Ok(shape)
 }
 
@@ -113,7 +108,7 @@ impl Heights {
             let side = whole("side", 8..=2048, 512)? as usize;
             let piece = whole("piece", 0..=i64::MAX, 1)? as u64;
             let step_mm = number(&mut record, "step_mm", 0.005..=1.0, "mm", Some(0.04))?;
-            record.finish(&["surface", "side", "step_mm", "piece"])?;
+            record.finish()?;
             return Ok(Heights::Made { name: name.to_owned(), side, step_mm, piece });
         } else {
             let file = record.required("file")?.path()?;
@@ -121,7 +116,7 @@ impl Heights {
             let height_mm = number(&mut record, "height_mm", 0.0..=1000.0, "mm", None)?;
             Heights::Picture { file, step_mm, height_mm }
         };
-        record.finish(&["file", "step_mm", "height_mm"])?;
+        record.finish()?;
         Ok(heights)
     }
 

@@ -91,24 +91,9 @@ impl Double {
             match &step.kind {
                 StepKind::Input(Role::Force) => widen(result, force)?,
                 StepKind::Input(Role::Speed) => widen(result, speed)?,
-                StepKind::Input(Role::Texture) => {}
-                StepKind::Elements(elements) => {
-                    for (y, e) in result.iter_mut().zip(elements) {
-                        *y = match e.of {
-                            Some(of) => e.scale * read(of)? + e.offset,
-                            None => e.offset,
-                        };
-                    }
-                }
-                StepKind::Affine(a) => {
-                    result.copy_from_slice(a.bias.get(..result.len())?);
-                    for (row, &of) in a.weights.chunks_exact(a.bias.len().max(1)).zip(&a.inputs) {
-                        let x = read(of)?;
-                        result.iter_mut().zip(row).for_each(|(sum, w)| *sum += w * x);
-                    }
-                }
+                _ => {}
             }
-            result.iter_mut().for_each(|x| *x = step.end.of(*x));
+            step.compute(read, result)?;
         }
         for (out, &step) in out.iter_mut().zip(&self.net.outputs) {
             let start = *self.at.get(step)?;

@@ -182,10 +182,11 @@ pub struct Info {
 }
 
 /// Reasons why a run fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// There is no such material.
+    #[error("material {index} of {count} does not exist")]
     Material {
         /// The index.
         index: usize,
@@ -193,24 +194,12 @@ pub enum RunError {
         count: usize,
     },
     /// An input or output length differs from [`FORCE_LEN`], [`SPEED_LEN`] or [`MAGNITUDES_LEN`].
+    #[error("force, speed or magnitudes have another length than 10, 20 and 100")]
     Length,
     /// The executor failed. Packed kernels never do.
+    #[error("the network's executor failed")]
     Executor,
 }
-
-impl fmt::Display for RunError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            RunError::Material { index, count } => write!(f, "material {index} of {count} does not exist"),
-            RunError::Length => {
-                write!(f, "force, speed or magnitudes have another length than 10, 20 and 100")
-            }
-            RunError::Executor => f.write_str("the network's executor failed"),
-        }
-    }
-}
-
-impl std::error::Error for RunError {}
 
 #[derive(Clone)]
 enum Engine {

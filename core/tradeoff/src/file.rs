@@ -91,19 +91,6 @@ impl Default for Times {
     }
 }
 
-const FIELDS: &[&str] = &[
-    "version",
-    "seed",
-    "graph",
-    "baselines",
-    "strokes",
-    "materials",
-    "strength",
-    "grids",
-    "draws",
-    "steps",
-    "times",
-];
 /// Name of an unchanged graph.
 pub(crate) const DEFAULT: &str = "default";
 /// Most combinations of a grid.
@@ -150,7 +137,7 @@ impl Tradeoff {
         let steps = record.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize;
         let times = record.optional("times").map_or(Ok(Times::default()), times)?;
         let whole = record.value();
-        record.finish(FIELDS)?;
+        record.finish()?;
         if strokes.is_empty() {
             return Err(whole
                 .error("this trade-off has no strokes")
@@ -230,7 +217,7 @@ fn baseline(value: &Value) -> Result<Baseline, Diagnostic> {
     let (name, place) = (name.text()?.to_owned(), name.place());
     let graph = named(record.required("graph")?)?;
     let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
-    record.finish(&["name", "graph", "strength"])?;
+    record.finish()?;
     Ok(Baseline { name, place, graph, strength })
 }
 
@@ -249,7 +236,7 @@ fn grid(value: &Value) -> Result<Grid, Diagnostic> {
         combinations = combinations.saturating_mul(list.len());
         knobs.push((Knob::parse(&key.name, place)?, list.to_vec()));
     }
-    record.finish(&["name", "knobs"])?;
+    record.finish()?;
     if combinations > MOST_COMBINATIONS {
         return Err(entries
             .error(format!("{combinations} combinations"))
@@ -264,7 +251,7 @@ fn times(value: &Value) -> Result<Times, Diagnostic> {
     let turns = record.optional("turns").map_or(Ok(d.turns as i64), |v| v.i64_in(2..=1000, "turns"))?;
     let turn_ms = record.optional("turn_ms").map_or(Ok(d.turn_ms as i64), |v| v.i64_in(8..=60_000, "ms"))?;
     let batch = record.optional("batch").map_or(Ok(d.batch as i64), |v| v.i64_in(1..=1000, "settings"))?;
-    record.finish(&["turns", "turn_ms", "batch"])?;
+    record.finish()?;
     Ok(Times { turns: turns as usize, turn_ms: turn_ms as u64, batch: batch as usize })
 }
 

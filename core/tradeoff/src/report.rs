@@ -60,7 +60,7 @@ impl Results {
         if self.unfinished > 0 {
             let _ = writeln!(
                 out,
-                "**{} not finished.** The same command resumes.\n",
+                "**{} not finished:** the run was stopped.\n",
                 of(self.unfinished, "setting is", "settings are")
             );
         }

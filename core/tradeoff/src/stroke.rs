@@ -72,22 +72,6 @@ impl std::fmt::Debug for Stroke {
     }
 }
 
-const FIELDS: &[&str] = &[
-    "name",
-    "file",
-    "shape",
-    "extent_mm",
-    "speed_mm_s",
-    "force_n",
-    "force_swing",
-    "force_swing_hz",
-    "approach_s",
-    "seconds",
-    "tremor_mm",
-    "quantum_mm",
-    "seed",
-];
-
 /// Longest synthetic stroke \[s\].
 const LONGEST_S: f64 = 600.0;
 
@@ -111,7 +95,7 @@ impl StrokeDecl {
         let name = record.required("name")?.text()?.to_owned();
         if let Some(file) = record.optional("file") {
             let from = From::File(beside(file)?);
-            record.finish(&["name", "file"])?;
+            record.finish()?;
             return Ok(Self { name, place: value.place(), material: None, from });
         }
         if let Some(file) = record.optional("recording") {
@@ -119,7 +103,7 @@ impl StrokeDecl {
             let material = record.optional("material");
             let material =
                 material.map(|m| Ok::<_, Diagnostic>((m.text()?.to_owned(), m.place()))).transpose()?;
-            record.finish(&["name", "recording", "material"])?;
+            record.finish()?;
             return Ok(Self { name, place: value.place(), material, from });
         }
         let d = StrokeParams::default();
@@ -142,7 +126,7 @@ impl StrokeDecl {
             seed: record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64,
             ..d
         };
-        record.finish(FIELDS)?;
+        record.finish()?;
         asperity_motion::Stroke::new(params.clone())
             .map_err(|e| renamed(e).at(value.source(), value.span()))?;
         if params.duration_s > LONGEST_S {

@@ -14,7 +14,6 @@ use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_node::{Registry, random};
-use serde::{Deserialize, Serialize};
 
 use crate::chain::{Chain, over};
 use crate::file::Times;
@@ -49,7 +48,7 @@ pub trait Monitor: Sync {
 }
 
 /// Times of a batch.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 pub(crate) struct Batch {
     /// The idle tick.
     pub idle: Time,

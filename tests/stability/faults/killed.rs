@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::disk::{Fails, JOURNAL, Place, can_fail, is_recognisable};
-use super::writers::{Made, WRITERS, Writer};
+use super::writers::{Made, Writer};
 
 /// Of so many changes some at which the process is killed: the first, the last and some between.
 fn picked(changes: u64, most: u64) -> Vec<u64> {
@@ -61,84 +61,7 @@ fn endures(writer: &Writer) -> Result<(), String> {
     Ok(())
 }
 
-fn must_endure(name: &str) {
-    if can_fail() {
-        endures(WRITERS.iter().find(|writer| writer.name == name).expect("a writer"))
-            .unwrap_or_else(|e| panic!("{e}"));
-    }
-}
-
-/// Five files that grow side by side: all are as they were, or whole.
-#[test]
-fn a_render_that_is_killed_leaves_nothing_half() {
-    must_endure("render");
-}
-
-/// An array whose header is written again at the end: it is as it was, or whole.
-#[test]
-fn an_inversion_that_is_killed_leaves_nothing_half() {
-    must_endure("invert");
-}
-
-/// A picture and a table that are made at the end: each is as it was, or whole.
-#[test]
-fn a_comparison_that_is_killed_leaves_nothing_half() {
-    must_endure("compare");
-}
-
-/// One file that is written at once: it is as it was, or whole.
-#[test]
-fn a_picture_of_a_graph_that_is_killed_leaves_nothing_half() {
-    must_endure("graph");
-}
-
-/// A graph that others may read while it is written: it is as it was, or whole.
-#[test]
-fn an_expansion_that_is_killed_leaves_nothing_half() {
-    must_endure("scene expand");
-}
-
-/// A texture that a scene may be playing: it is as it was, or whole.
-#[test]
-fn a_fit_that_is_killed_leaves_nothing_half() {
-    must_endure("fit-ar");
-}
-
-/// The library that is written is the one that was read: nothing of it is lost.
-#[test]
-fn a_library_that_is_added_to_survives_a_kill() {
-    must_endure("encode");
-}
-
-/// A folder of files: it is not there, or whole.
-#[test]
-fn a_new_plugin_that_is_killed_is_not_there() {
-    must_endure("plugin new");
-}
-
-/// A profile whose limits guard an actuator: it is as it was, or whole.
-#[test]
-fn a_calibration_that_is_killed_leaves_nothing_half() {
-    must_endure("calibrate");
-}
-
-/// Recordings that are written while it plays: each is as it was, or whole.
-#[test]
-fn a_run_that_is_killed_leaves_nothing_half() {
-    must_endure("run");
-}
-
-/// A long trade-off: finished parts stay, and the same command resumes.
-#[test]
-fn a_tradeoff_that_is_killed_resumes() {
-    must_endure("tradeoff");
-}
-
-/// Results of several machines, put together: each file is as it was, or whole.
-#[test]
-fn a_merge_that_is_killed_leaves_nothing_half() {
-    must_endure("tradeoff merge");
-}
+super::each_writer!(endures);
 
 fn is_new(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])

@@ -165,14 +165,6 @@ fn is_report(path: &Path) -> bool {
     text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
 }
 
-/// A digest, then finished parts. The last line of a killed run may be unfinished, and is ignored.
-fn is_progress(path: &Path) -> bool {
-    let text = text(path);
-    let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
-    let json = |line: &str| serde_json::from_str::<serde_json::Value>(line).is_ok();
-    path.is_file() && whole.lines().skip(1).all(json)
-}
-
 /// A crate that has all that cargo wants.
 fn is_plugin(path: &Path) -> bool {
     text(&path.join("Cargo.toml")).ends_with('\n') && !text(&path.join("src/lib.rs")).is_empty()
@@ -181,7 +173,7 @@ fn is_plugin(path: &Path) -> bool {
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
 /// Files of a trade-off: its results, and the file that it resumes from. Only gratings have a pitch.
-static TRADEOFF: [Made; 26] = [
+static TRADEOFF: [Made; 25] = [
     file("pitch_time.svg", is_picture),
     file("pitch_lag.svg", is_picture),
     file("spectrum_time.svg", is_picture),
@@ -207,7 +199,6 @@ static TRADEOFF: [Made; 26] = [
     file("results.csv", is_table),
     file("results.json", is_json),
     file("REPORT.md", is_report),
-    file("progress.jsonl", is_progress),
 ];
 
 /// All of them, but for the training of models, which is another program.
@@ -354,7 +345,7 @@ pub(super) static WRITERS: [Writer; 12] = [
                 .expect("the shipped results");
         },
         command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
-        makes: TRADEOFF.split_at(TRADEOFF.len() - 1).0,
+        makes: &TRADEOFF,
         live: false,
     },
 ];

@@ -52,34 +52,25 @@ pub struct Agreement {
 }
 
 /// Why there is no figure.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AccuracyError {
     /// A rate in Hz that is not 100 to 1e6.
+    #[error("a rate of {0} Hz is not 100 to 1000000")]
     Rate(f64),
     /// A signal without an axis, or no truth.
+    #[error("no signal, or one without an axis")]
     NoAxes,
     /// A sample that is not finite or beyond 1e100, by its number.
+    #[error("sample {0} is not finite")]
     NotFinite(usize),
     /// Fewer than [`MIN_FRAMES`] frames that both signals have: less than 0.5 s.
+    #[error("less than 0.5 s to compare")]
     TooShort,
     /// Two signals of different lengths, where the same samples are compared.
+    #[error("{0} and {1} samples")]
     Lengths(usize, usize),
 }
-
-impl std::fmt::Display for AccuracyError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Rate(hz) => write!(f, "a rate of {hz} Hz is not 100 to 1000000"),
-            Self::NoAxes => f.write_str("no signal, or one without an axis"),
-            Self::NotFinite(at) => write!(f, "sample {at} is not finite"),
-            Self::TooShort => f.write_str("less than 0.5 s to compare"),
-            Self::Lengths(a, b) => write!(f, "{a} and {b} samples"),
-        }
-    }
-}
-
-impl std::error::Error for AccuracyError {}
 
 /// All figures of a rendered acceleration \[m/s^2\] against the truth. The powers of the truth's axes add,
 /// since one signal has to carry the vibration of three (Landin, Romano, McMahan, Kuchenbecker 2010).

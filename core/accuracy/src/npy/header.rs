@@ -1,6 +1,7 @@
 //! The header: a magic string, a version, a length, and a Python dictionary with three entries.
 
-use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::{self, Kind};
+use asperity_diagnostics::{Diagnostic, Source};
 
 /// Longest header that is read \[bytes\]. NumPy itself refuses more than 10000 unless told otherwise.
 pub(super) const MAX_LEN: usize = 1 << 16;
@@ -56,111 +57,57 @@ impl Header {
         let (text, data) = rest.split_at_checked(len as usize).ok_or_else(cut)?;
         let text = std::str::from_utf8(text)
             .map_err(|_| Diagnostic::new("the header of this .npy file is not text"))?;
-        Ok((Self::entries(&mut Dict(text))?, data))
+        Ok((Self::entries(text)?, data))
     }
 
-    fn entries(dict: &mut Dict<'_>) -> Result<Self, Diagnostic> {
-        let (mut descr, mut fortran, mut shape) = (None, None, None);
-        dict.expect('{')?;
-        while !dict.take('}') {
-            let key = dict.string()?;
-            dict.expect(':')?;
-            match key {
-                "descr" => descr = Some(dict.descr()?),
-                "fortran_order" => fortran = Some(dict.boolean()?),
-                "shape" => shape = Some(dict.tuple()?),
-                other => {
-                    let found = format!("the header of this .npy file has an unknown entry {other:?}");
-                    return Err(
-                        Diagnostic::new(found).help("known are \"descr\", \"fortran_order\" and \"shape\"")
-                    );
-                }
-            }
-            if !dict.take(',') {
-                dict.expect('}')?;
-                break;
-            }
+    fn entries(text: &str) -> Result<Self, Diagnostic> {
+        let wrong = |what: &str| {
+            let found = format!("the header of this .npy file {what}");
+            Diagnostic::new(found).help("save it again with np.save")
+        };
+        // A Python dictionary is a map in RON, but for its quotes and the `3L` of Python 2.
+        let text = text.replace('\'', "\"").replace("L,", ",").replace("L)", ")");
+        let dict = ron::parse(&Source::new("header", text));
+        let dict = dict.map_err(|e| wrong(&format!("cannot be read: {}", e.message)))?;
+        let entries = dict.map().map_err(|_| wrong("is no dictionary"))?;
+        let known = ["descr", "fortran_order", "shape"];
+        if let Some((key, _)) = entries.iter().find(|(key, _)| !known.contains(&key.name.as_str())) {
+            return Err(wrong(&format!("has an unknown entry {:?}", key.name))
+                .help("known are \"descr\", \"fortran_order\" and \"shape\""));
         }
-        let missing = |what| Diagnostic::new(format!("the header of this .npy file has no entry {what:?}"));
-        let (wide, big_endian) = descr.ok_or_else(|| missing("descr"))?;
-        let fortran = fortran.ok_or_else(|| missing("fortran_order"))?;
-        Ok(Self { wide, big_endian, fortran, shape: shape.ok_or_else(|| missing("shape"))? })
-    }
-}
-
-/// The unread text of the dictionary.
-struct Dict<'a>(&'a str);
-
-impl<'a> Dict<'a> {
-    /// Skips a word after white space; whether it is there.
-    fn take_word(&mut self, word: &str) -> bool {
-        self.0 = self.0.trim_start();
-        let rest = self.0.strip_prefix(word);
-        self.0 = rest.unwrap_or(self.0);
-        rest.is_some()
-    }
-
-    fn take(&mut self, c: char) -> bool {
-        self.take_word(c.encode_utf8(&mut [0; 4]))
-    }
-
-    fn wrong(&self, wanted: &str) -> Diagnostic {
-        let found: String = self.0.chars().take(20).collect();
-        Diagnostic::new(format!("the header of this .npy file has {found:?} instead of {wanted}"))
-            .help("save it again with np.save")
-    }
-
-    fn expect(&mut self, c: char) -> Result<(), Diagnostic> {
-        if self.take(c) { Ok(()) } else { Err(self.wrong(&format!("{c:?}"))) }
-    }
-
-    fn string(&mut self) -> Result<&'a str, Diagnostic> {
-        let quoted = ['\'', '"'].into_iter().find(|quote| self.take(*quote));
-        let (text, rest) =
-            quoted.and_then(|quote| self.0.split_once(quote)).ok_or_else(|| self.wrong("a string"))?;
-        self.0 = rest;
-        Ok(text)
-    }
-
-    fn descr(&mut self) -> Result<(bool, bool), Diagnostic> {
+        let [descr, fortran, shape] = known.map(|what| {
+            let entry = entries.iter().find(|(key, _)| key.name == what);
+            entry.map(|(_, value)| value).ok_or_else(|| wrong(&format!("has no entry {what:?}")))
+        });
         let help = "float32 or float64 fit: np.save(file, x.astype(np.float32))";
-        if self.take('[') {
-            return Err(Diagnostic::new("this is an array of records").help(help));
-        }
-        match self.string()? {
-            "<f4" => Ok((false, false)),
-            "<f8" => Ok((true, false)),
-            ">f4" => Ok((false, true)),
-            ">f8" => Ok((true, true)),
-            other => Err(Diagnostic::new(format!("this array has numbers of type {other:?}")).help(help)),
-        }
-    }
-
-    fn boolean(&mut self) -> Result<bool, Diagnostic> {
-        if self.take_word("False") {
-            Ok(false)
-        } else if self.take_word("True") {
-            Ok(true)
-        } else {
-            Err(self.wrong("True or False"))
-        }
-    }
-
-    fn tuple(&mut self) -> Result<Vec<usize>, Diagnostic> {
-        self.expect('(')?;
-        let mut all = Vec::new();
-        while !self.take(')') {
-            self.0 = self.0.trim_start();
-            let digits = self.0.find(|c: char| !c.is_ascii_digit()).unwrap_or(self.0.len());
-            let (number, rest) = self.0.split_at(digits);
-            all.push(number.parse().map_err(|_| self.wrong("a length"))?);
-            // NumPy of Python 2 wrote `3L`.
-            self.0 = rest.strip_prefix('L').unwrap_or(rest);
-            if !self.take(',') {
-                self.expect(')')?;
-                break;
-            }
-        }
-        Ok(all)
+        let (wide, big_endian) = match descr?.kind() {
+            Kind::List(_) => return Err(Diagnostic::new("this is an array of records").help(help)),
+            Kind::Text(text) => match text.as_str() {
+                "<f4" => (false, false),
+                "<f8" => (true, false),
+                ">f4" => (false, true),
+                ">f8" => (true, true),
+                other => {
+                    let found = format!("this array has numbers of type {other:?}");
+                    return Err(Diagnostic::new(found).help(help));
+                }
+            },
+            _ => return Err(wrong("does not name a type")),
+        };
+        let fortran = match fortran?.kind() {
+            Kind::Word(word) if word == "True" => true,
+            Kind::Word(word) if word == "False" => false,
+            _ => return Err(wrong("does not say True or False for \"fortran_order\"")),
+        };
+        let length = |value: &ron::Value| {
+            let length = value.i64().ok().and_then(|length| usize::try_from(length).ok());
+            length.ok_or_else(|| wrong("has a shape with something else than a length"))
+        };
+        let shape = match shape?.kind() {
+            Kind::Unit => Vec::new(),
+            Kind::List(all) => all.iter().map(length).collect::<Result<_, _>>()?,
+            _ => return Err(wrong("has a shape with something else than a length")),
+        };
+        Ok(Self { wide, big_endian, fortran, shape })
     }
 }

@@ -58,8 +58,8 @@ fn unreadable_file_is_refused_with_a_remedy() {
     assert!(message(&numpy("<f4", "False", "(1, 2, 3)", &f4)).contains("(1, 2, 3)"));
     assert!(message(&numpy("<f4", "False", "(2, 4)", &f4)).contains("24 bytes"));
     assert!(message(&numpy("<f4", "False", "(5,)", &f4)).contains("needs 20"));
-    assert!(message(&numpy("<f4", "False", "(18446744073709551615, 9)", &f4)).contains("at most"));
-    assert!(message(&numpy("<f4", "False", "(99999999999999999999999,)", &f4)).contains("a length"));
+    assert!(message(&numpy("<f4", "False", "(9223372036854775807, 9)", &f4)).contains("at most"));
+    assert!(message(&numpy("<f4", "False", "(99999999999999999999999,)", &f4)).contains("the header"));
     assert!(message(&numpy("<f4", "Maybe", "(6,)", &f4)).contains("True or False"));
     assert!(message(&numpy("<f4", "False", "(-6,)", &f4)).contains("a length"));
     let named = read("no/such.npy").unwrap_err().to_string();

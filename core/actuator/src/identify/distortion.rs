@@ -35,9 +35,7 @@ pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f6
     if let Some(last) = response.last_mut() {
         *last = Complex64::default();
     }
-    let inverse = plans::inverse::<f64>(len);
-    let mut impulse = inverse.make_output_vec();
-    inverse.process(&mut response, &mut impulse).ok()?;
+    let impulse = plans::signal(response, len);
     let lead = |k: u32| constant * f64::from(k).log_e();
     let length = (lead(HARMONICS + 1) - lead(HARMONICS)).min(0.2);
     let energy = |from: f64| {

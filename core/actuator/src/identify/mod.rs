@@ -40,8 +40,8 @@ mod profile;
 mod spectra;
 mod sweep;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
-use std::fmt;
 
 use super::{ActuatorProfile, Drive};
 use fit::{Belief, Fitted, Run};
@@ -99,65 +99,6 @@ impl Default for IdentifySettings {
     }
 }
 
-/// Reasons why nothing can be computed.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum IdentifyError {
-    /// No recording.
-    Nothing,
-    /// A rate, mass, band or uncertainty out of range.
-    Setting {
-        /// The setting's name.
-        what: &'static str,
-        /// The value.
-        found: f64,
-    },
-    /// Less than half a second.
-    Short {
-        /// Length \[s\].
-        seconds: f64,
-    },
-    /// A sample that is not finite.
-    NotFinite,
-    /// The drive is silent.
-    NoDrive,
-    /// The acceleration is silent.
-    NoAcceleration,
-    /// The drive excites too few frequencies.
-    Narrow {
-        /// Lowest excited frequency \[Hz\].
-        from_hz: f64,
-        /// Highest excited frequency \[Hz\].
-        to_hz: f64,
-    },
-}
-
-impl fmt::Display for IdentifyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Nothing => f.write_str("there is no recording to identify an actuator from"),
-            Self::Setting { what, found } => write!(f, "{what} of {found} does not fit"),
-            Self::Short { seconds } => {
-                write!(
-                    f,
-                    "a recording of {seconds:.2} s is too short to identify an actuator; 0.5 s is the least"
-                )
-            }
-            Self::NotFinite => f.write_str("a recording holds samples that are not finite"),
-            Self::NoDrive => f.write_str("the drive is silent: nothing was sent to the actuator"),
-            Self::NoAcceleration => {
-                f.write_str("the accelerometer is silent: is it connected, and is this its channel?")
-            }
-            Self::Narrow { from_hz, to_hz } => write!(
-                f,
-                "the drive excites only {from_hz:.1} to {to_hz:.1} Hz; a sweep over the resonance is needed"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for IdentifyError {}
-
 /// Finds the actuator that turns every recording's drive into its acceleration.
 ///
 /// `base` gives the coil's resistance and inductance if the drive is a voltage. It also gives the
@@ -171,9 +112,9 @@ pub fn identify(
     recordings: &[Recording<'_>],
     base: &ActuatorProfile,
     settings: IdentifySettings,
-) -> Result<Findings, IdentifyError> {
+) -> Result<Findings, Diagnostic> {
     if recordings.is_empty() {
-        return Err(IdentifyError::Nothing);
+        return Err(Diagnostic::new("there is no recording to identify an actuator from"));
     }
     check_settings(&settings)?;
     let believed = Belief {
@@ -248,13 +189,17 @@ fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) ->
     fitted
 }
 
-/// The first value that is out of range.
-fn refuse(values: &[(&'static str, f64, bool)]) -> Result<(), IdentifyError> {
-    let bad = values.iter().find(|(.., fits)| !fits);
-    bad.map_or(Ok(()), |&(what, found, _)| Err(IdentifyError::Setting { what, found }))
+fn no_drive() -> Diagnostic {
+    Diagnostic::new("the drive is silent: nothing was sent to the actuator")
 }
 
-fn check_settings(s: &IdentifySettings) -> Result<(), IdentifyError> {
+/// The first value that is out of range.
+fn refuse(values: &[(&'static str, f64, bool)]) -> Result<(), Diagnostic> {
+    let bad = values.iter().find(|(.., fits)| !fits);
+    bad.map_or(Ok(()), |&(what, found, _)| Err(Diagnostic::new(format!("{what} of {found} does not fit"))))
+}
+
+fn check_settings(s: &IdentifySettings) -> Result<(), Diagnostic> {
     let (low, high) = s.band_hz;
     let part = |x: f64| (1e-4..=0.5).contains(&x);
     refuse(&[
@@ -265,7 +210,7 @@ fn check_settings(s: &IdentifySettings) -> Result<(), IdentifyError> {
     ])
 }
 
-fn check(r: &Recording<'_>, rate_hz: f64) -> Result<(), IdentifyError> {
+fn check(r: &Recording<'_>, rate_hz: f64) -> Result<(), Diagnostic> {
     let constant = r.sweep_time_constant_s.unwrap_or(1.0);
     refuse(&[
         ("a rate", r.rate_hz, (1000.0..=1e6).contains(&r.rate_hz) && r.rate_hz == rate_hz),
@@ -274,16 +219,20 @@ fn check(r: &Recording<'_>, rate_hz: f64) -> Result<(), IdentifyError> {
     ])?;
     let seconds = r.drive.len().min(r.acceleration.len()) as f64 / r.rate_hz;
     if seconds < 0.5 {
-        return Err(IdentifyError::Short { seconds });
+        return Err(Diagnostic::new(format!(
+            "a recording of {seconds:.2} s is too short to identify an actuator; 0.5 s is the least"
+        )));
     }
     if !r.drive.iter().chain(r.acceleration).all(|x| x.is_finite()) {
-        return Err(IdentifyError::NotFinite);
+        return Err(Diagnostic::new("a recording holds samples that are not finite"));
     }
     if r.drive.iter().all(|x| *x == 0.0) {
-        return Err(IdentifyError::NoDrive);
+        return Err(no_drive());
     }
     if r.acceleration.windows(2).all(|w| w[0] == w[1]) {
-        return Err(IdentifyError::NoAcceleration);
+        return Err(Diagnostic::new(
+            "the accelerometer is silent: is it connected, and is this its channel?",
+        ));
     }
     Ok(())
 }

@@ -1,12 +1,13 @@
 //! Frequency response with coherence, noise and latency from two signals.
 
+use asperity_diagnostics::Diagnostic;
 use asperity_dsp::plans;
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex64;
 
-use super::{IdentifyError, Recording};
+use super::{Recording, no_drive};
 
 /// Bands per octave.
 const BANDS: f64 = 24.0;
@@ -46,7 +47,7 @@ pub(super) struct Spectra {
 
 impl Spectra {
     /// Transforms a recording. [`Spectra::settle`] makes the bands.
-    pub(super) fn new(recording: &Recording<'_>, band_hz: (f64, f64)) -> Result<Self, IdentifyError> {
+    pub(super) fn new(recording: &Recording<'_>, band_hz: (f64, f64)) -> Result<Self, Diagnostic> {
         let count = recording.drive.len().min(recording.acceleration.len());
         let rate = recording.rate_hz;
         let len = fast_len(count);
@@ -65,14 +66,15 @@ impl Spectra {
         let strongest = bands.iter().map(per_bin).fold(0.0, f64::max);
         let excited = |b: &&(usize, usize)| per_bin(b) > EXCITED * strongest;
         let (Some(from), Some(to)) = (bands.iter().find(excited), bands.iter().rev().find(excited)) else {
-            return Err(IdentifyError::NoDrive);
+            return Err(no_drive());
         };
         let (first, last) = (from.0, to.1);
         if last - first < 20 * LEAST_BINS {
-            return Err(IdentifyError::Narrow {
-                from_hz: first as f64 * bin_hz,
-                to_hz: last as f64 * bin_hz,
-            });
+            return Err(Diagnostic::new(format!(
+                "the drive excites only {:.1} to {:.1} Hz; a sweep over the resonance is needed",
+                first as f64 * bin_hz,
+                last as f64 * bin_hz
+            )));
         }
         Ok(Self {
             drive: drive[first..last].to_vec(),
@@ -104,11 +106,7 @@ impl Spectra {
         for (n, (x, y)) in self.drive.iter().zip(&self.acceleration).enumerate() {
             spectrum[self.first + n] = y * (x * shape(self.hz(n))).conj() * weight[n];
         }
-        let inverse = plans::inverse::<f64>(self.len);
-        let mut signal = inverse.make_output_vec();
-        // The spectrum has the plan's length and no DC, so it cannot fail.
-        let done = inverse.process(&mut spectrum, &mut signal);
-        debug_assert!(done.is_ok());
+        let signal = plans::signal(spectrum, self.len);
         let rate = self.bin_hz * self.len as f64;
         let lags = (LATENCY.0 * rate) as i64..=((LATENCY.1 * rate) as i64).min(self.len as i64 / 2);
         let at = |lag: i64| signal[lag.rem_euclid(self.len as i64) as usize];
@@ -198,14 +196,9 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
 
 /// Spectrum of `samples` minus `offset`, zero-padded to `len`.
 pub(super) fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
-    let forward = plans::forward::<f64>(len);
-    let mut padded = forward.make_input_vec();
+    let mut padded = vec![0.0; len];
     padded.iter_mut().zip(samples).for_each(|(to, x)| *to = f64::from(*x) - offset);
-    let mut spectrum = forward.make_output_vec();
-    // Both have the plan's lengths.
-    let done = forward.process(&mut padded, &mut spectrum);
-    debug_assert!(done.is_ok());
-    spectrum
+    plans::spectrum(padded)
 }
 
 /// The least even 2^a 3^b 5^c that is at least `count`.

@@ -1,9 +1,10 @@
 //! The measuring signal: an exponential sine sweep.
 
+use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
 use std::f64::consts::{PI, TAU};
 
-use super::super::ActuatorError;
+use super::super::check;
 
 /// Amplitude of a [`Sweep`] over frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,9 +78,8 @@ impl Sweep {
     ///
     /// # Errors
     /// A setting out of its range; a rate below 1 kHz or above 1 MHz.
-    pub fn new(settings: SweepSettings, rate_hz: f64) -> Result<Self, ActuatorError> {
+    pub fn new(settings: SweepSettings, rate_hz: f64) -> Result<Self, Diagnostic> {
         let s = settings;
-        let check = ActuatorError::check;
         check("a rate", rate_hz, 1000.0, 1e6, "Hz")?;
         check("a sweep's first frequency", s.from_hz, 0.5, 5000.0, "Hz")?;
         check("a sweep's last frequency", s.to_hz, 1.5 * s.from_hz, 0.45 * rate_hz, "Hz")?;

@@ -27,6 +27,7 @@
 //! sample. Under a voltage r is also bounded by the heat that the coil could bear beside e if it were
 //! shorted now: e + (w_n r)^2 mu k_f^2 / (2 R tau (R c + k_f^2)) goes little over I_r^2.
 
+use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -36,7 +37,7 @@ use asperity_state::State;
 mod guard;
 mod run;
 
-use super::{ActuatorError, Drive, Dynamics, Plant};
+use super::{Drive, Dynamics, Plant, check};
 pub use guard::ChannelGuard;
 use run::{Fixed, Given, Run};
 
@@ -200,17 +201,17 @@ impl Limiter {
         drive: Drive,
         rate_hz: f64,
         settings: LimiterSettings,
-    ) -> Result<Self, ActuatorError> {
+    ) -> Result<Self, Diagnostic> {
         let s = settings;
         let (least, most) = DC_CORNER_HZ.into_inner();
-        ActuatorError::check("a DC removal's corner", s.dc_corner_hz, least, most, "Hz")?;
-        ActuatorError::check("a slew frequency", s.slew_hz, 500.0, 20_000.0, "Hz")?;
+        check("a DC removal's corner", s.dc_corner_hz, least, most, "Hz")?;
+        check("a slew frequency", s.slew_hz, 500.0, 20_000.0, "Hz")?;
         let (least, most) = RELEASE_S.into_inner();
-        ActuatorError::check("a release time", s.release_s, least, most, "s")?;
-        ActuatorError::check("a muting time", s.mute_s, 0.001, 0.02, "s")?;
-        ActuatorError::check("an unmuting time", s.unmute_s, 0.001, 2.0, "s")?;
+        check("a release time", s.release_s, least, most, "s")?;
+        check("a muting time", s.mute_s, 0.001, 0.02, "s")?;
+        check("an unmuting time", s.unmute_s, 0.001, 2.0, "s")?;
         let least = (16.0 * dynamics.natural_hz()).max(4000.0);
-        ActuatorError::check("a rate", rate_hz, least, 1e6, "Hz")?;
+        check("a rate", rate_hz, least, 1e6, "Hz")?;
 
         let exact_peak = match drive {
             Drive::Current => dynamics.peak_current,
@@ -433,16 +434,24 @@ fn warmth_of_swing(d: &Dynamics, drive: Drive) -> f64 {
 /// Refuses actuators that no limiter without foresight keeps within their stroke: the current still
 /// pushes too far while it ends, or the back-EMF acts within a sample. Well beyond these bounds random
 /// search finds inputs that pass the stroke.
-fn guard(d: &Dynamics, drive: Drive, lag: f64, end: f64) -> Result<(), ActuatorError> {
+fn guard(d: &Dynamics, drive: Drive, lag: f64, end: f64) -> Result<(), Diagnostic> {
     let push = d.force_factor * d.peak_current / d.reduced_mass();
     let share = push * end / (d.natural_rad_s() * d.stroke);
     let most = if drive == Drive::Current { 0.2 } else { 0.1 };
     if share.is_nan() || share > most {
-        return Err(ActuatorError::TooStrong { share, most });
+        return Err(Diagnostic::new(format!(
+            "this actuator gains {share:.2} of the speed that its stroke bears before its peak current has \
+             ended, and at most {most} can be limited: use a higher rate or slew, or a lower peak current"
+        )));
     }
     let emf = d.reduced_mass() * d.resistance / d.force_factor.powi(2);
     if drive == Drive::Voltage && emf < 4.0 * lag {
-        return Err(ActuatorError::TooQuick { emf_s: emf, least_s: 4.0 * lag });
+        return Err(Diagnostic::new(format!(
+            "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: use a higher \
+             rate, or a current drive",
+            emf * 1e6,
+            4.0 * lag * 1e6
+        )));
     }
     Ok(())
 }

@@ -238,12 +238,12 @@ fn actuator_that_cannot_be_guarded_is_refused() {
     let mut strong = hapcoil(100.0);
     strong.stroke = 2e-5;
     let made = Limiter::new(&strong, Drive::Current, RATE, LimiterSettings::default());
-    assert!(matches!(made, Err(ActuatorError::TooStrong { .. })), "{made:?}");
+    assert!(made.unwrap_err().message.contains("gains"));
     let mut quick = hapcoil(100.0);
     quick.force_factor = 15.0;
     (quick.stroke, quick.peak_current) = (50e-3, 0.1);
     let made = Limiter::new(&quick, Drive::Voltage, RATE, LimiterSettings::default());
-    assert!(matches!(made, Err(ActuatorError::TooQuick { .. })), "{made:?}");
+    assert!(made.unwrap_err().message.contains("back-EMF acts within"));
     for grams in [10.0, 100.0, 1000.0] {
         for drive in [Drive::Current, Drive::Voltage] {
             let mut stronger = hapcoil(grams);

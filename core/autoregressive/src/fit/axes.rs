@@ -1,10 +1,8 @@
 //! Joins several axes of acceleration into one signal.
 
-use asperity_dsp::plans;
+use asperity_dsp::plans::Transform;
 use asperity_numbers::Elementary as _;
 use std::f64::consts::PI;
-
-use asperity_diagnostics::Diagnostic;
 
 /// Frames a second, not counting their overlap by half.
 const FRAMES_HZ: f64 = 10.0;
@@ -13,33 +11,32 @@ const NOTHING: f64 = 1e-200;
 
 /// One signal. In each frame its spectrum has the power of all axes together and the phases of the axis
 /// that is loudest overall. A single axis stays as it is. Axes have one length.
-pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, Diagnostic> {
+pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Vec<f64> {
     let power = |axis: &[f64]| axis.iter().map(|x| x * x).sum::<f64>();
     let loudest = (0..axes.len()).max_by(|a, b| power(&axes[*a]).total_cmp(&power(&axes[*b])));
-    let Some(loudest) = loudest else { return Ok(Vec::new()) };
+    let Some(loudest) = loudest else { return Vec::new() };
     axes.swap(0, loudest);
     if axes.len() == 1 {
-        return Ok(axes.swap_remove(0));
+        return axes.swap_remove(0);
     }
     let hop = ((0.5 * rate_hz / FRAMES_HZ).round() as usize).max(1);
     let len = 2 * hop;
     // Applied twice, it sums to 1 over frames that overlap by half.
     let window: Vec<f64> =
         (0..len).map(|i| (PI * i as f64 / len as f64).sine() / (len as f64).sqrt()).collect();
-    let (forward, inverse) = (plans::forward::<f64>(len), plans::inverse::<f64>(len));
-    let fail = |e: realfft::FftError| Diagnostic::new(e.to_string());
+    let mut transform = Transform::<f64>::new(len);
     let samples = axes.iter().map(Vec::len).min().unwrap_or(0);
     let mut out = vec![0.0; samples];
-    let mut frame = vec![0.0; len];
-    let mut spectra = vec![forward.make_output_vec(); axes.len()];
+    let mut spectra = vec![transform.bins.clone(); axes.len()];
     // The first frame begins half a frame before the first sample.
     for start in (0..samples + hop).step_by(hop) {
         for (axis, spectrum) in axes.iter().zip(&mut spectra) {
-            for (i, (to, w)) in frame.iter_mut().zip(&window).enumerate() {
+            for (i, (to, w)) in transform.time.iter_mut().zip(&window).enumerate() {
                 let at = (start + i).checked_sub(hop).and_then(|n| axis.get(n));
                 *to = at.map_or(0.0, |x| w * x);
             }
-            forward.process(&mut frame, spectrum).map_err(fail)?;
+            transform.forward();
+            spectrum.copy_from_slice(&transform.bins);
         }
         let Some((first, others)) = spectra.split_first_mut() else { break };
         for (bin, x) in first.iter_mut().enumerate() {
@@ -47,14 +44,15 @@ pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Result<Vec<f64>, 
             // Without a phase any will do.
             if own > NOTHING { *x *= (1.0 + more / own).sqrt() } else { *x = more.sqrt().into() }
         }
-        inverse.process(first, &mut frame).map_err(fail)?;
-        for (i, (x, w)) in frame.iter().zip(&window).enumerate() {
+        transform.bins.copy_from_slice(first);
+        transform.inverse();
+        for (i, (x, w)) in transform.time.iter().zip(&window).enumerate() {
             if let Some(to) = (start + i).checked_sub(hop).and_then(|n| out.get_mut(n)) {
                 *to += w * x;
             }
         }
     }
-    Ok(out)
+    out
 }
 
 #[cfg(test)]
@@ -78,7 +76,7 @@ mod tests {
             let along = |by: f64| one.iter().map(|x| by * x).collect::<Vec<f64>>();
             // 2-3-6-7. Axes of opposite sign do not cancel.
             for factors in [[2.0, 3.0, 6.0], [6.0, -3.0, 2.0], [-6.0, 2.0, 3.0]] {
-                let found = joined(factors.map(along).to_vec(), rate_hz).unwrap();
+                let found = joined(factors.map(along).to_vec(), rate_hz);
                 let loudest = if factors[0].abs() > 5.0 { factors[0] } else { factors[2] };
                 let want = 7.0 * loudest.signum();
                 let off = found.iter().zip(&one).map(|(x, y)| (x - want * y).abs()).fold(0.0, f64::max);
@@ -86,12 +84,12 @@ mod tests {
             }
         }
         let one = noise(3, 700, 1.0);
-        assert_eq!(joined(vec![one.clone()], 1000.0).unwrap(), one);
-        let silent = joined(vec![one.clone(), vec![0.0; 700], vec![0.0; 700]], 1000.0).unwrap();
+        assert_eq!(joined(vec![one.clone()], 1000.0), one);
+        let silent = joined(vec![one.clone(), vec![0.0; 700], vec![0.0; 700]], 1000.0);
         assert!(silent.iter().zip(&one).all(|(x, y)| (x - y).abs() < 1e-12));
-        assert!(joined(vec![], 1000.0).unwrap().is_empty());
-        assert_eq!(joined(vec![vec![], vec![]], 1000.0).unwrap(), []);
-        assert_eq!(joined(vec![vec![0.0; 99], vec![0.0; 99]], 1000.0).unwrap(), vec![0.0; 99]);
+        assert!(joined(vec![], 1000.0).is_empty());
+        assert_eq!(joined(vec![vec![], vec![]], 1000.0), []);
+        assert_eq!(joined(vec![vec![0.0; 99], vec![0.0; 99]], 1000.0), vec![0.0; 99]);
     }
 
     /// Each axis has its own noise. A tenth of the power falls out of step between frames, which takes
@@ -103,7 +101,7 @@ mod tests {
         for axis in &mut axes {
             axis[20_000..].iter_mut().for_each(|x| *x *= 1e-2);
         }
-        let found = joined(axes, 1000.0).unwrap();
+        let found = joined(axes, 1000.0);
         // 1 + 4 + 9; 40 dB less in the second half, except for a frame after the step.
         for (part, want) in [(100..19_900, 14.0), (20_100..39_900, 14e-4)] {
             let db = 10.0 * (power(&found[part]) / want).log10();

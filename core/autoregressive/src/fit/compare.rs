@@ -174,11 +174,8 @@ impl Meter {
     fn squares(&mut self, signal: &[f64]) -> (Vec<f64>, f64) {
         let len = signal.len();
         let window = hann::<f64>(len);
-        let mut windowed: Vec<f64> = signal.iter().zip(&window).map(|(x, w)| x * w).collect();
-        let transform = plans::forward::<f64>(len);
-        let mut spectrum = transform.make_output_vec();
-        // The lengths fit, so it cannot fail.
-        let _ = transform.process(&mut windowed, &mut spectrum);
+        let windowed = signal.iter().zip(&window).map(|(x, w)| x * w);
+        let spectrum = plans::spectrum(windowed.collect::<Vec<f64>>());
         let scale = 2.0 / (len as f64 * window.iter().map(|w| w * w).sum::<f64>());
         (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
     }

@@ -376,7 +376,7 @@ fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Resul
 /// The acceleration as one signal at the models' rate without slow motion. `rate` is a whole number.
 fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
-    let mut signal = axes::joined(axes, rate)?;
+    let mut signal = axes::joined(axes, rate);
     // In range: checked before.
     let in_hz = rate as u32;
     let out_hz = settings.model_hz;

@@ -95,13 +95,13 @@ fn names_of(source: &Arc<Source>) -> Result<Vec<(Option<usize>, f64)>, Diagnosti
     let whole = ron::parse(source)?;
     let mut record = whole.record("Recording")?;
     let list = record.required("channels")?;
-    record.finish(&["channels"])?;
+    record.finish()?;
     let mut named: Vec<(Option<usize>, f64)> = Vec::new();
     for entry in list.list()? {
         let mut channel = entry.record("Channel")?;
         let value = channel.required("quantity")?;
         let full_scale = channel.optional("full_scale");
-        channel.finish(&["quantity", "full_scale"])?;
+        channel.finish()?;
         let name = value.text()?;
         let quantity = channels::number(name)
             .map_err(|help| value.error(format!("unknown quantity `{name}`")).help(help))?;

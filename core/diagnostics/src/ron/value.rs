@@ -223,9 +223,9 @@ impl Value {
                 Some(found) if found != name => {
                     Err(self.error(format!("expected `{name}(...)`, found `{found}(...)`")))
                 }
-                _ => Ok(Record { value: self, fields, taken: vec![false; fields.len()] }),
+                _ => Ok(Record { value: self, fields, taken: vec![false; fields.len()], known: Vec::new() }),
             },
-            Kind::Unit => Ok(Record { value: self, fields: &[], taken: Vec::new() }),
+            Kind::Unit => Ok(Record { value: self, fields: &[], taken: Vec::new(), known: Vec::new() }),
             _ => Err(self.mismatch(&format!("`{name}(...)`"))),
         }
     }
@@ -237,11 +237,14 @@ pub struct Record<'v> {
     value: &'v Value,
     fields: &'v [(Key, Value)],
     taken: Vec<bool>,
+    /// Names of all fields that were asked for.
+    known: Vec<String>,
 }
 
 impl<'v> Record<'v> {
     /// A field that may be missing.
     pub fn optional(&mut self, name: &str) -> Option<&'v Value> {
+        self.known.push(name.to_owned());
         let i = self.fields.iter().position(|(k, _)| k.name == name)?;
         self.taken[i] = true;
         Some(&self.fields[i].1)
@@ -272,17 +275,17 @@ impl<'v> Record<'v> {
         self.value
     }
 
-    /// Refuses unread fields; `known` are the names to suggest.
+    /// Refuses fields that were not asked for.
     ///
     /// # Errors
     /// An unknown field, with the nearest known one.
-    pub fn finish(self, known: &[&str]) -> Result<(), Diagnostic> {
+    pub fn finish(self) -> Result<(), Diagnostic> {
         match self.fields.iter().zip(&self.taken).find(|(_, taken)| !**taken) {
             None => Ok(()),
             Some(((key, _), _)) => Err(Diagnostic::new(format!("unknown field `{}`", key.name))
                 .at(&self.value.source, key.span)
                 .label("not known here")
-                .help(one_of(&key.name, known.iter().copied()))),
+                .help(one_of(&key.name, self.known.iter().map(String::as_str)))),
         }
     }
 }

@@ -13,9 +13,9 @@ use asperity_scene::space::Surface;
 use super::axis::{Axis, FRAME, Panel};
 use super::lines::Pen;
 use super::svg::{Svg, num};
-use names::{Cover, Label, Name, place};
+use names::{Label, Name, place};
 use outline::{Bounds, Outline, Point, bounds, clipped, left_of, meet};
-use way::{LANE, Piece, Stop, cover, lanes, line, pieces};
+use way::{LANE, Piece, Stop, lanes, line, pieces};
 
 /// A scene from above.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -254,7 +254,6 @@ impl Laid<'_> {
         let names = self.draw_surfaces(svg, &surfaces);
         self.draw_path(svg);
         let (labels, nameless) = self.labels(names);
-        labels.iter().for_each(|label| label.draw_leader(svg));
         labels.iter().for_each(|label| label.draw(svg));
         svg.raw("</g>\n");
         svg.path(&frame, FRAME);
@@ -325,17 +324,7 @@ impl Laid<'_> {
         }
         let left_out = all - names.len();
         let names: Vec<Name> = names.into_iter().map(|(_, name)| name).collect();
-        let mut covered = Cover::default();
-        if !names.is_empty() {
-            cover(&self.pieces, COLOURS.len(), &mut covered);
-            let ends = [self.pieces.first().map(|p| p.from), self.pieces.last().map(|p| p.to)];
-            for [x, y] in ends.into_iter().flatten() {
-                (0..9).for_each(|i| {
-                    covered.add([x + 4.0 * f64::from(i % 3 - 1), y + 4.0 * f64::from(i / 3 - 1)])
-                });
-            }
-        }
-        let (labels, nameless) = place(&names, self.frame(), &covered);
+        let (labels, nameless) = place(&names, self.frame());
         (labels, left_out + nameless)
     }
 

@@ -1,6 +1,5 @@
 //! The path of a stylus in pixels, thinned to what can be seen, and lanes beside it.
 
-use super::names::Cover;
 use super::outline::{Point, left_of};
 use crate::lines::Pen;
 
@@ -104,22 +103,6 @@ pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
         }
     }
     paths
-}
-
-/// Adds the cells under the path and its lanes.
-pub(super) fn cover(pieces: &[Piece], effects: usize, cells: &mut Cover) {
-    let all = u16::MAX >> u16::BITS.saturating_sub(effects as u32).min(15);
-    let steps = |length: f64| (length / Cover::CELL).ceil().clamp(1.0, 4096.0);
-    for piece in pieces {
-        let way = direction(piece.from, piece.to);
-        let width = CLEAR + LANE * f64::from((piece.effects & all).count_ones());
-        let (count, rows) = (steps(distance(piece.from, piece.to)), steps(width));
-        for i in 0..=count as usize {
-            let part = i as f64 / count;
-            let at: Point = [0, 1].map(|k| piece.from[k] + part * (piece.to[k] - piece.from[k]));
-            (0..=rows as usize).for_each(|row| cells.add(beside(at, way, row as f64 / rows * width)));
-        }
-    }
 }
 
 /// The corners of joined pieces.

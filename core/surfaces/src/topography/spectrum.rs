@@ -1,6 +1,6 @@
 //! Patches by their spectrum, and filters over patches.
 
-use asperity_dsp::plans::{self, Plans};
+use asperity_dsp::plans::{self, Plans, Transform};
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
 
@@ -72,16 +72,14 @@ pub fn blur(field: &HeightField, sigma_mm: f64) -> HeightField {
 }
 
 /// The two-dimensional transform, transposed: `side / 2 + 1` lines of `side` bins.
-fn forward<T: Plans>(rows: &mut [T], side: usize) -> Vec<Complex<T>> {
+fn forward<T: Plans>(rows: &[T], side: usize) -> Vec<Complex<T>> {
     let bins = side / 2 + 1;
-    let real = plans::forward::<T>(side);
-    let mut line = real.make_output_vec();
-    let mut scratch = real.make_scratch_vec();
+    let mut real = Transform::<T>::new(side);
     let mut out = vec![Complex::new(T::zero(), T::zero()); bins * side];
-    for (row, values) in rows.chunks_exact_mut(side).enumerate() {
-        // Lengths are those of the plan.
-        let _ = real.process_with_scratch(values, &mut line, &mut scratch);
-        for (bin, value) in line.iter().enumerate() {
+    for (row, values) in rows.chunks_exact(side).enumerate() {
+        real.time.copy_from_slice(values);
+        real.forward();
+        for (bin, value) in real.bins.iter().enumerate() {
             out[bin * side + row] = *value;
         }
     }
@@ -91,20 +89,13 @@ fn forward<T: Plans>(rows: &mut [T], side: usize) -> Vec<Complex<T>> {
 
 fn backward<T: Plans>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize) {
     columns(spectrum, side, false);
-    let bins = side / 2 + 1;
-    let real = plans::inverse::<T>(side);
-    let mut line = real.make_input_vec();
-    let mut scratch = real.make_scratch_vec();
+    let mut real = Transform::<T>::new(side);
     for (row, values) in rows.chunks_exact_mut(side).enumerate() {
-        for (bin, value) in line.iter_mut().enumerate() {
+        for (bin, value) in real.bins.iter_mut().enumerate() {
             *value = spectrum[bin * side + row];
         }
-        // A real signal's spectrum is real at both ends.
-        line[0].im = T::zero();
-        if side.is_multiple_of(2) {
-            line[bins - 1].im = T::zero();
-        }
-        let _ = real.process_with_scratch(&mut line, values, &mut scratch);
+        real.inverse();
+        values.copy_from_slice(&real.time);
     }
 }
 

@@ -10,6 +10,35 @@
 //! inputs, and a product is rounded before it is added: not every CPU has an instruction that rounds
 //! once.
 
+/// Functions of one expression for each operation of an instruction set.
+macro_rules! operations {
+    ($($name:ident($($x:ident: $t:ty),*) -> $r:ty $body:block)*) => {$(
+        #[inline(always)]
+        #[allow(unused_unsafe, reason = "plain code needs none")]
+        unsafe fn $name($($x: $t),*) -> $r {
+            // SAFETY: the caller has the instruction set, and the elements at its pointers. No load or
+            // store needs more alignment than an element's.
+            unsafe { $body }
+        }
+    )*};
+}
+
+/// Calls a function with a constant number of vectors, 1 to 12.
+macro_rules! by_vectors {
+    ($vectors:expr, $most:expr, $v:ident => $call:expr) => {
+        by_vectors!($vectors, $most, $v => $call; 1 2 3 4 5 6 7 8 9 10 11 12)
+    };
+    ($vectors:expr, $most:expr, $v:ident => $call:expr; $($n:literal)*) => {
+        match $vectors {
+            $($n if $n <= $most => {
+                const $v: usize = $n;
+                $call
+            })*
+            _ => None,
+        }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -226,23 +255,7 @@ unsafe fn any_block<S: Simd, W: Float>(
     arena: &mut [f32],
 ) -> Option<()> {
     // SAFETY: passed on to the caller.
-    unsafe {
-        match b.vectors {
-            1 => block::<S, W, 1>(b, runs, bias, unscale, weights, arena),
-            2 => block::<S, W, 2>(b, runs, bias, unscale, weights, arena),
-            3 => block::<S, W, 3>(b, runs, bias, unscale, weights, arena),
-            4 => block::<S, W, 4>(b, runs, bias, unscale, weights, arena),
-            5 => block::<S, W, 5>(b, runs, bias, unscale, weights, arena),
-            6 => block::<S, W, 6>(b, runs, bias, unscale, weights, arena),
-            7 => block::<S, W, 7>(b, runs, bias, unscale, weights, arena),
-            8 => block::<S, W, 8>(b, runs, bias, unscale, weights, arena),
-            9 if S::MOST >= 9 => block::<S, W, 9>(b, runs, bias, unscale, weights, arena),
-            10 if S::MOST >= 10 => block::<S, W, 10>(b, runs, bias, unscale, weights, arena),
-            11 if S::MOST >= 11 => block::<S, W, 11>(b, runs, bias, unscale, weights, arena),
-            12 if S::MOST >= 12 => block::<S, W, 12>(b, runs, bias, unscale, weights, arena),
-            _ => None,
-        }
-    }
+    unsafe { by_vectors!(b.vectors, S::MOST, V => block::<S, W, V>(b, runs, bias, unscale, weights, arena)) }
 }
 
 /// # Safety
@@ -321,6 +334,22 @@ pub(crate) struct Entry<W> {
     read: unsafe fn(Data<'_, W>) -> u32,
 }
 
+/// The entry of an instruction set, compiled with CPU features.
+macro_rules! entry {
+    ($simd:ty, $weight:ident $(, $features:literal)?) => {{
+        $(#[target_feature(enable = $features)])?
+        unsafe fn run<W: Weight>(p: &Program, d: Data<'_, W>, c: &mut Codes, a: &mut [f32]) -> Option<()> {
+            // SAFETY: passed on to the caller.
+            unsafe { execute::<$simd, W>(p, d, c, a) }
+        }
+        $(#[target_feature(enable = $features)])?
+        unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
+            checksum(data)
+        }
+        Self { run: run::<$weight>, read: read::<$weight> }
+    }};
+}
+
 impl<W: Weight> Entry<W> {
     /// `None` if this machine cannot run it.
     pub(crate) fn new(isa: Isa) -> Option<Self> {
@@ -329,12 +358,12 @@ impl<W: Weight> Entry<W> {
         }
         Some(match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 if W::WHOLE => Self { run: avx512::run_whole::<W>, read: avx512::read::<W> },
+            Isa::Avx512 if W::WHOLE => entry!(avx512::Avx512, W, "avx512f,avx512bw,avx512vnni"),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => Self { run: avx512::run::<W>, read: avx512::read::<W> },
+            Isa::Avx512 => entry!(avx512::Avx512, W, "avx512f"),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => Self { run: avx2::run::<W>, read: avx2::read::<W> },
-            _ => Self { run: portable::run::<W>, read: portable::read::<W> },
+            Isa::Avx2 => entry!(avx2::Avx2, W, "avx2,fma,f16c"),
+            _ => entry!(portable::Portable, W),
         })
     }
 

@@ -1,6 +1,6 @@
 //! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
-use super::{Codes, Data, Program, Simd, Weight, Whole, checksum, execute};
+use super::{Codes, Simd, Whole};
 
 pub(super) struct Portable;
 
@@ -26,45 +26,18 @@ impl Simd for Portable {
     const MOST: usize = 8;
     type Vector = [f32; 4];
 
-    #[inline(always)]
-    unsafe fn splat(x: f32) -> [f32; 4] {
-        [x; 4]
-    }
-
-    #[inline(always)]
-    unsafe fn load(from: *const f32) -> [f32; 4] {
-        // SAFETY: the caller gives 4 floats.
-        unsafe { from.cast::<[f32; 4]>().read() }
-    }
-
-    #[inline(always)]
-    unsafe fn load_f16(from: *const u16) -> [f32; 4] {
-        // SAFETY: the caller gives 4 halves; arrays are aligned as their elements.
-        let bits = unsafe { from.cast::<[u16; 4]>().read() };
-        each(|i| finite_f16(bits[i]))
-    }
-
-    #[inline(always)]
-    unsafe fn store(v: [f32; 4], to: *mut f32) {
-        // SAFETY: the caller gives room for 4 floats.
-        unsafe { to.cast::<[f32; 4]>().write(v) }
-    }
-
-    #[inline(always)]
-    unsafe fn add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        each(|i| a[i] + b[i])
-    }
-
-    #[inline(always)]
-    unsafe fn mul(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        each(|i| a[i] * b[i])
-    }
-
-    #[inline(always)]
-    unsafe fn clamp(x: [f32; 4], low: [f32; 4], high: [f32; 4]) -> [f32; 4] {
-        // Comparisons with NaN are false, so NaN is passed on.
-        let x = each(|i| if x[i] < low[i] { low[i] } else { x[i] });
-        each(|i| if x[i] > high[i] { high[i] } else { x[i] })
+    operations! {
+        splat(x: f32) -> [f32; 4] { [x; 4] }
+        load(from: *const f32) -> [f32; 4] { from.cast::<[f32; 4]>().read() }
+        load_f16(from: *const u16) -> [f32; 4] { from.cast::<[u16; 4]>().read().map(finite_f16) }
+        store(v: [f32; 4], to: *mut f32) -> () { to.cast::<[f32; 4]>().write(v) }
+        add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] { each(|i| a[i] + b[i]) }
+        mul(a: [f32; 4], b: [f32; 4]) -> [f32; 4] { each(|i| a[i] * b[i]) }
+        clamp(x: [f32; 4], low: [f32; 4], high: [f32; 4]) -> [f32; 4] {
+            // Comparisons with NaN are false, so NaN is passed on.
+            let x = each(|i| if x[i] < low[i] { low[i] } else { x[i] });
+            each(|i| if x[i] > high[i] { high[i] } else { x[i] })
+        }
     }
 }
 
@@ -75,46 +48,21 @@ impl Whole for Portable {
     type Sums = [i32; 4];
 
     #[inline(always)]
-    unsafe fn nothing() -> [i32; 4] {
-        [0; 4]
-    }
-
-    #[inline(always)]
     fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
         codes.codes().iter().map(|code| i32::from(*code))
     }
 
-    #[inline(always)]
-    unsafe fn gather(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
-        // SAFETY: the caller gives 4 bytes.
-        let weights = unsafe { weights.cast::<[i8; 4]>().read() };
-        std::array::from_fn(|i| sums[i].wrapping_add(code * i32::from(weights[i])))
+    operations! {
+        nothing() -> [i32; 4] { [0; 4] }
+        gather(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
+            let weights = weights.cast::<[i8; 4]>().read();
+            std::array::from_fn(|i| sums[i].wrapping_add(code * i32::from(weights[i])))
+        }
+        total(sums: [i32; 4], start: *const i32) -> [f32; 4] {
+            let start = start.cast::<[i32; 4]>().read();
+            each(|i| sums[i].wrapping_add(start[i]) as f32)
+        }
     }
-
-    #[inline(always)]
-    unsafe fn total(sums: [i32; 4], start: *const i32) -> [f32; 4] {
-        // SAFETY: the caller gives 4 numbers.
-        let start = unsafe { start.cast::<[i32; 4]>().read() };
-        each(|i| sums[i].wrapping_add(start[i]) as f32)
-    }
-}
-
-/// # Safety
-/// None needed: the signature is that of the other instruction sets.
-pub(super) unsafe fn run<W: Weight>(
-    program: &Program,
-    data: Data<'_, W>,
-    codes: &mut Codes,
-    arena: &mut [f32],
-) -> Option<()> {
-    // SAFETY: portable code runs on every CPU.
-    unsafe { execute::<Portable, W>(program, data, codes, arena) }
-}
-
-/// # Safety
-/// None needed, as for [`run`].
-pub(super) unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
-    checksum(data)
 }
 
 #[cfg(test)]

@@ -129,23 +129,7 @@ pub(super) unsafe fn any_block<S: Whole>(
     arena: &mut [f32],
 ) -> Option<()> {
     // SAFETY: passed on to the caller.
-    unsafe {
-        match b.vectors {
-            1 => block::<S, 1>(b, columns, codes, arena),
-            2 => block::<S, 2>(b, columns, codes, arena),
-            3 => block::<S, 3>(b, columns, codes, arena),
-            4 => block::<S, 4>(b, columns, codes, arena),
-            5 => block::<S, 5>(b, columns, codes, arena),
-            6 => block::<S, 6>(b, columns, codes, arena),
-            7 => block::<S, 7>(b, columns, codes, arena),
-            8 => block::<S, 8>(b, columns, codes, arena),
-            9 if S::MOST >= 9 => block::<S, 9>(b, columns, codes, arena),
-            10 if S::MOST >= 10 => block::<S, 10>(b, columns, codes, arena),
-            11 if S::MOST >= 11 => block::<S, 11>(b, columns, codes, arena),
-            12 if S::MOST >= 12 => block::<S, 12>(b, columns, codes, arena),
-            _ => None,
-        }
-    }
+    unsafe { by_vectors!(b.vectors, S::MOST, V => block::<S, V>(b, columns, codes, arena)) }
 }
 
 /// # Safety

@@ -31,7 +31,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::ron::{self, Value, quoted};
 use asperity_diagnostics::{Diagnostic, Recent, Source, fingerprint, one_of};
 
 pub use assign::{Assignment, BLENDED, Neighbour};
@@ -110,11 +110,7 @@ impl Library {
         let later = version > 1;
         let encoder = if later { record.optional("encoder").map(named).transpose()? } else { None };
         let list = record.required("materials")?;
-        record.finish(if later {
-            &["version", "encoder", "materials"]
-        } else {
-            &["version", "materials"]
-        })?;
+        record.finish()?;
         let entries = list.map()?;
         if entries.is_empty() {
             return Err(list
@@ -218,23 +214,17 @@ fn material(name: &str, value: &Value, version: i64) -> Result<LibraryMaterial, 
     let mut m = value.record("Material")?;
     let description = m.required("description")?.text()?.to_owned();
     let vector = vector(m.required("vector")?)?;
-    let (mut family, mut images) = (None, Vec::new());
-    let mut pattern = Pattern::default();
+    let (mut family, mut images, mut pattern) = (None, Vec::new(), Pattern::default());
     if version > 1 {
         family = m.optional("family").map(named).transpose()?;
         if let Some(list) = m.optional("images") {
             images = list.list()?.iter().map(named).collect::<Result<_, _>>()?;
         }
-        let fields: &[&str] = &["description", "family", "images", "vector", "waves", "events"];
-        if version > 2 {
-            pattern = Pattern::read(m.optional("waves"), m.optional("events"))?;
-            m.finish(fields)?;
-        } else {
-            m.finish(&fields[..4])?;
-        }
-    } else {
-        m.finish(&["description", "vector"])?;
     }
+    if version > 2 {
+        pattern = Pattern::read(m.optional("waves"), m.optional("events"))?;
+    }
+    m.finish()?;
     Ok(LibraryMaterial { name: name.to_owned(), description, family, images, pattern, vector })
 }
 
@@ -259,20 +249,6 @@ fn vector(value: &Value) -> Result<Box<[f32; VECTOR_LEN]>, Diagnostic> {
         *x = number.f64_in(-LARGEST..=LARGEST, "")? as f32;
     }
     Ok(vector)
-}
-
-fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' => quoted.push_str("\\\""),
-            '\\' => quoted.push_str("\\\\"),
-            '\n' => quoted.push_str("\\n"),
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
 }
 
 #[cfg(test)]

@@ -165,7 +165,7 @@ fn wave(value: &Value) -> Result<Wave, Diagnostic> {
         })
     };
     let harmonics = told.iter().map(harmonic).collect::<Result<_, Diagnostic>>()?;
-    record.finish(&["per_mm", "harmonics"])?;
+    record.finish()?;
     Ok(Wave { per_mm, harmonics })
 }
 
@@ -192,7 +192,7 @@ fn bumps(value: &Value) -> Result<Events, Diagnostic> {
         interval_cv: record.required("interval_cv")?.f64_in(0.0..=4.0, "")?,
         height_cv: record.required("height_cv")?.f64_in(0.0..=10.0, "")?,
     };
-    record.finish(&["spacing_mm", "spacing_exponent", "anisotropy", "interval_cv", "height_cv"])?;
+    record.finish()?;
     Ok(events)
 }
 

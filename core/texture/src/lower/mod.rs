@@ -68,6 +68,30 @@ impl Step {
         }
     }
 
+    /// Computes its result in f64 from earlier ones. An input's result is given already.
+    pub(crate) fn compute(&self, read: impl Fn(Ref) -> Option<f64>, result: &mut [f64]) -> Option<()> {
+        match &self.kind {
+            StepKind::Input(_) => {}
+            StepKind::Elements(elements) => {
+                for (y, e) in result.iter_mut().zip(elements) {
+                    *y = match e.of {
+                        Some(of) => e.scale * read(of)? + e.offset,
+                        None => e.offset,
+                    };
+                }
+            }
+            StepKind::Affine(a) => {
+                result.copy_from_slice(a.bias.get(..result.len())?);
+                for (row, &of) in a.weights.chunks_exact(a.bias.len().max(1)).zip(&a.inputs) {
+                    let x = read(of)?;
+                    result.iter_mut().zip(row).for_each(|(sum, w)| *sum += w * x);
+                }
+            }
+        }
+        result.iter_mut().for_each(|x| *x = self.end.of(*x));
+        Some(())
+    }
+
     /// The results it reads.
     pub(crate) fn reads(&self) -> Box<dyn Iterator<Item = Ref> + '_> {
         match &self.kind {
@@ -167,23 +191,12 @@ impl Lowered {
                 results.push(Vec::new());
                 continue;
             }
-            let read = |r: Ref| results[r.step][r.index];
-            let mut result: Vec<f64> = match &step.kind {
-                StepKind::Input(role) => input(*role),
-                StepKind::Elements(e) => {
-                    e.iter().map(|e| e.of.map_or(e.offset, |of| e.scale * read(of) + e.offset)).collect()
-                }
-                StepKind::Affine(a) => {
-                    let n = a.bias.len();
-                    let mut sums = a.bias.clone();
-                    for (k, &of) in a.inputs.iter().enumerate() {
-                        let x = read(of);
-                        sums.iter_mut().zip(&a.weights[k * n..]).for_each(|(s, w)| *s += w * x);
-                    }
-                    sums
-                }
+            let mut result = match step.kind {
+                StepKind::Input(role) => input(role),
+                _ => vec![0.0; step.len()],
             };
-            result.iter_mut().for_each(|x| *x = step.end.of(*x));
+            // Steps read only earlier results.
+            let _ = step.compute(|r| results.get(r.step)?.get(r.index).copied(), &mut result);
             results.push(result);
         }
         results

@@ -71,7 +71,7 @@ impl Machine {
             return Err(version.error("this version is not known").help("write `version: 1`"));
         }
         let list = record.required("outputs")?;
-        record.finish(&["version", "outputs"])?;
+        record.finish()?;
         let base = source.path().parent().unwrap_or(Path::new(""));
         let outputs: Vec<Output> =
             list.list()?.iter().map(|value| output(value, base)).collect::<Result<_, _>>()?;
@@ -264,16 +264,7 @@ fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {
         }
     };
     let most_volts = most.map_or(Ok(volts_at_full_scale), |v| v.f64_in(1e-3..=100.0, "V"))?;
-    record.finish(&[
-        "device",
-        "channel",
-        "profile",
-        "handle_mass_g",
-        "volts_at_full_scale",
-        "amps_per_volt",
-        "volts_per_volt",
-        "most_volts",
-    ])?;
+    record.finish()?;
     let found = ActuatorProfile::find(profile.text()?, base).map_err(|d| {
         if d.path().is_some() { d } else { profile.error(d.message).help(d.help.unwrap_or_default()) }
     })?;

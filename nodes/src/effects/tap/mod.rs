@@ -177,7 +177,7 @@ fn sinusoid(item: &Value) -> Result<DecayingSinusoid, Diagnostic> {
         decay_ms: one.required("decay_ms")?.f64_in(0.1..=1e5, "ms")?,
         gain: one.required("gain")?.f64_in(-1e5..=1e5, "(m/s^2)/(m/s)")?,
     };
-    one.finish(&["frequency_hz", "decay_ms", "gain"])?;
+    one.finish()?;
     Ok(sinusoid)
 }
 
@@ -187,7 +187,7 @@ fn recording(value: &Value) -> Result<Sound, Diagnostic> {
     let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
     let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
     let gain = record.optional("gain").map_or(Ok(1.0), |gain| gain.f64_in(0.0..=100.0, ""))?;
-    record.finish(&["file", "speed_mm_s", "full_scale_m_s2", "gain"])?;
+    record.finish()?;
     Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
 }
 

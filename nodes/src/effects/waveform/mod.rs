@@ -166,7 +166,7 @@ fn recording(value: &Value) -> Result<Values, Diagnostic> {
     let file = record.required("file")?.path()?;
     let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=5000.0, "mm/s")?;
     let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
-    record.finish(&["file", "speed_mm_s", "full_scale_m_s2"])?;
+    record.finish()?;
     Ok(Values::Recorded { file, speed_mm_s, full_scale_m_s2 })
 }
 

@@ -157,13 +157,10 @@ impl WaveformTable {
         self.quantity
     }
 
-    fn of_loop(mut looped: Vec<f64>, spacing_mm: f64, quantity: WaveformQuantity) -> Self {
+    fn of_loop(looped: Vec<f64>, spacing_mm: f64, quantity: WaveformQuantity) -> Self {
         let count = looped.len();
         let length_mm = count as f64 * spacing_mm;
-        let forward = plans::forward::<f64>(count);
-        let mut spectrum = forward.make_output_vec();
-        // Lengths are the plan's.
-        let _ = forward.process(&mut looped, &mut spectrum);
+        let mut spectrum = plans::spectrum(looped);
         let band = count as f64 / 2.0;
         for (k, bin) in spectrum.iter_mut().enumerate() {
             *bin /= count as f64;
@@ -182,14 +179,11 @@ impl WaveformTable {
         let mut edge = band;
         while edge >= 1.0 {
             let size = 4 * edge.ceil() as usize;
-            let inverse = plans::inverse::<f64>(size);
-            let mut bins = inverse.make_input_vec();
             let finest = levels.is_empty();
-            for (k, (to, from)) in bins.iter_mut().zip(&spectrum).enumerate() {
-                *to = if finest { *from } else { *from * taper(k as f64 / edge) };
-            }
-            let mut values = inverse.make_output_vec();
-            let _ = inverse.process(&mut bins, &mut values);
+            let tapered = |(k, bin): (usize, &Complex<f64>)| {
+                if finest { *bin } else { *bin * taper(k as f64 / edge) }
+            };
+            let values = plans::signal(spectrum.iter().enumerate().map(tapered), size);
             let around = (0..size + TAPS).map(|i| values[(i + size - BEFORE % size) % size] as f32);
             levels.push(Level { values: around.collect(), per_mm: size as f64 / length_mm });
             edge *= 0.5;

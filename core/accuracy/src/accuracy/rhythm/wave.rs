@@ -13,25 +13,13 @@ const SQUARINGS: usize = 40;
 
 /// From samples to half a spectrum, unscaled.
 fn forward(samples: &[f64]) -> Vec<Complex<f64>> {
-    let plan = plans::forward::<f64>(samples.len());
-    let (mut input, mut bins) = (samples.to_vec(), plan.make_output_vec());
-    // The buffers are the plan's own, so there is nothing it can refuse.
-    let done = plan.process(&mut input, &mut bins);
-    debug_assert!(done.is_ok());
-    bins
+    plans::spectrum(samples.to_vec())
 }
 
 /// From the first bins of half a spectrum, each times a factor, to `length` samples. Bins that are missing
 /// are 0.
 fn inverse(bins: &[Complex<f64>], factor: Complex<f64>, length: usize) -> Vec<f64> {
-    let plan = plans::inverse::<f64>(length);
-    let (mut input, mut samples) = (plan.make_input_vec(), plan.make_output_vec());
-    for (to, bin) in input.iter_mut().zip(bins) {
-        *to = factor * bin;
-    }
-    let done = plan.process(&mut input, &mut samples);
-    debug_assert!(done.is_ok());
-    samples
+    plans::signal(bins.iter().map(|bin| factor * bin), length)
 }
 
 /// The first bin of a signal of some seconds that lies at or above a frequency.
