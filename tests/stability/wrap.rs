@@ -11,7 +11,7 @@ pub(crate) fn of(
     subject: &Subject<'_>,
     kind: &str,
     make: impl Fn(&Setup<'_>) -> Process + Send + Sync + 'static,
-) -> Arc<dyn NodeKind> {
+) -> Arc<NodeKind> {
     wrap(subject.kind(kind).expect("the kind"), Arc::new(make))
 }
 
