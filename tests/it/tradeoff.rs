@@ -46,7 +46,7 @@ fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
 
 /// It reports the cost and the accuracy of each setting.
 #[test]
-fn tradeoff_measures_each_setting() {
+fn tradeoff_measures_each_setting_and_resumes() {
     let dir = tempfile::tempdir().expect("a folder");
     tradeoff(dir.path(), TWO);
     let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--jobs", "2", "--no-cases"];
@@ -93,7 +93,11 @@ fn tradeoff_measures_each_setting() {
     }
     let csv = std::fs::read_to_string(dir.path().join("out/results.csv")).expect("a table");
     assert_eq!(csv.lines().count(), 1 + found.len());
-    assert!(ran.out.contains("6 settings"), "{}", ran.out);
+
+    // Once more: everything is known, and equal to the last digit, times too.
+    let again = run(dir.path(), &args).ok();
+    assert!(again.out.contains("6 settings"), "{}", again.out);
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
 }
 
 #[test]
@@ -371,39 +375,119 @@ fn scene_is_measured_on_its_first_surface() {
 
 #[cfg(unix)]
 #[test]
-fn interrupted_tradeoff_keeps_finished_settings() {
+fn interrupted_tradeoff_resumes() {
     let dir = tempfile::tempdir().expect("a folder");
     tradeoff(
         dir.path(),
         r#"(name: "g", knobs: {"phase.frames": [1, 2, 3, 4, 6, 7, 8, 9], "phase.passes": [1, 2]})"#,
     );
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases"];
-    assert_eq!(interrupted(dir.path(), &args, "accuracy: 20 %"), Some(130));
-    let file = dir.path().join("out/results.json");
-    let results = json(&file);
-    let some = names(&results).len();
-    assert!((1..17).contains(&some) && results["unfinished"].as_u64() > Some(0), "{some}");
-    run(dir.path(), &args).ok();
-    let results = json(&file);
-    assert_eq!((names(&results).len(), &results["unfinished"]), (17, &Value::from(0)));
-    assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
-    // Results stay where another run has finished nothing.
-    assert_eq!(
-        interrupted(dir.path(), &[&args[..], &["--set", "strength.gain=0.34"]].concat(), "accuracy: 10 %"),
-        Some(130)
-    );
-    assert_eq!(json(&file), results);
-}
-
-/// Exit code of a run that is interrupted at the first line of its progress with this text.
-#[cfg(unix)]
-fn interrupted(dir: &Path, args: &[&str], at: &str) -> Option<i32> {
-    use std::io::BufRead as _;
-    let mut child = asperity(dir).args(args).stderr(std::process::Stdio::piped()).spawn().expect("it starts");
-    let mut lines = std::io::BufReader::new(child.stderr.take().expect("its errors")).lines();
-    assert!(lines.any(|line| line.expect("text").contains(at)));
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
+    // As soon as two parts are finished.
+    while parts(dir.path()).len() < 2 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(killed.expect("kill").success());
-    lines.for_each(drop);
+    let ended = child.wait_with_output().expect("it ends");
+    assert_eq!(ended.status.code(), Some(130));
+    let results = json(&dir.path().join("out/results.json"));
+    let some = names(&results).len();
+    assert!((1..17).contains(&some), "{some}");
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    assert_eq!(names(&results).len(), 17);
+    assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
+    assert_eq!(results["unfinished"], 0);
+    // Results stay where the same command is stopped at once, and where another one has finished nothing.
+    let code = interrupted(dir.path(), &args);
+    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+    let code = interrupted(dir.path(), &[&args[..], &["--set", "strength.gain=0.34"]].concat());
+    assert_eq!(code, Some(130));
+    assert_eq!(json(&dir.path().join("out/results.json")), results);
+}
+
+/// Exit code of a run that is interrupted as soon as it opens its folder; none of one that was killed.
+#[cfg(unix)]
+fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
+    let opened = || std::fs::metadata(dir.join("out/progress.jsonl")).and_then(|m| m.modified()).ok();
+    let before = opened();
+    let mut child = asperity(dir).args(args).spawn().expect("it starts");
+    // It may be over before that is seen.
+    while opened() == before && child.try_wait().expect("it runs").is_none() {
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.is_ok());
     child.wait().expect("it ends").code()
+}
+
+/// Finished parts of `out`.
+fn parts(dir: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(dir.join("out/progress.jsonl")).unwrap_or_default();
+    text.lines().skip(1).map(str::to_owned).collect()
+}
+
+#[test]
+fn changed_input_is_measured_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let profile = graphs("actuators/hapcoil_one.ron");
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    let grid = |frames: &str| {
+        format!(
+            r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}),
+            (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
+        )
+    };
+    tradeoff(dir.path(), &grid("1"));
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    run(dir.path(), &args).ok();
+    let first = parts(dir.path());
+    // Four settings, and two batches of at most three.
+    assert_eq!(first.len(), 6);
+    // A comment changes nothing.
+    let text = std::fs::read_to_string(dir.path().join("tradeoff.ron")).expect("the file");
+    std::fs::write(dir.path().join("tradeoff.ron"), format!("// Mine.\n{text}")).expect("a file");
+    run(dir.path(), &args).ok();
+    assert_eq!(parts(dir.path()), first);
+    tradeoff(dir.path(), &grid("1, 3"));
+    run(dir.path(), &args).ok();
+    let more = parts(dir.path());
+    assert_eq!(more.len(), 7);
+    // A file that one setting reads.
+    let heavier = std::fs::read_to_string(&profile).expect("a profile").replace("g: 4.4,", "g: 5.4,");
+    std::fs::write(dir.path().join("mine.ron"), heavier).expect("a profile");
+    run(dir.path(), &args).ok();
+    let now = parts(dir.path());
+    let settings = |parts: &[String]| parts.iter().filter(|p| p.contains("\"Setting\"")).cloned().collect();
+    let (before, after): (Vec<String>, Vec<String>) = (settings(&more), settings(&now));
+    // All are measured again; the accuracy of one differs.
+    assert_eq!((after.len(), after.iter().filter(|part| !before.contains(part)).count()), (5, 1));
+    let mine = || {
+        run(dir.path(), &args).ok();
+        row(&json(&dir.path().join("out/results.json")), "inverse.profile=mine.ron")["error"].clone()
+    };
+    std::fs::write(dir.path().join("mine.ron"), "nothing").expect("a profile");
+    assert!(mine().is_string());
+    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    assert!(mine().is_null());
+}
+
+#[test]
+fn damaged_part_is_measured_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    tradeoff(dir.path(), "");
+    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+    run(dir.path(), &args).ok();
+    let results = json(&dir.path().join("out/results.json"));
+    let path = dir.path().join("out/progress.jsonl");
+    let text = std::fs::read_to_string(&path).expect("parts");
+    std::fs::write(&path, &text[..text.len() - 20]).expect("parts");
+    run(dir.path(), &args).ok();
+    let now = json(&dir.path().join("out/results.json"));
+    for name in names(&results) {
+        assert_eq!(row(&now, &name)["figures"], row(&results, &name)["figures"]);
+    }
+    assert_eq!(parts(dir.path()).len(), text.lines().count() - 1);
 }

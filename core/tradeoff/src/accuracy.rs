@@ -72,7 +72,7 @@ impl Plan<'_> {
 }
 
 /// Accuracy, lag and hard cases of a setting.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Measured {
     /// Figures of each draw.
     pub draws: Vec<Figures>,

@@ -1,13 +1,15 @@
 //! The digest of a trade-off: everything that its results depend on, but for the machine.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{file, fnv};
-use asperity_graph::compile;
-use asperity_node::ParamValue;
+use asperity_graph::{GraphFile, compile};
+use asperity_node::{ParamKind, ParamValue, Registry};
 
 use crate::chain::over;
+use crate::file::beside;
+use crate::knob::has;
 use crate::prepare::Job;
 use crate::setting::Setting;
 use crate::stroke::StrokeDecl;
@@ -19,7 +21,7 @@ pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>
     let strokes: Vec<String> = t.strokes.iter().map(stroke).collect();
     let materials: Vec<&String> = t.materials.iter().map(|(name, _)| name).collect();
     let keys: Vec<&String> = settings.iter().map(|s| &s.key).collect();
-    let files = files(job, material);
+    let files = files(job, settings, material);
     let ways = (t.seed, t.draws, t.steps, t.times, job.cases, &job.machine.build);
     of_bytes(format!("{ways:?} {strokes:?} {materials:?} {keys:?} {files:?}").as_bytes())
 }
@@ -34,21 +36,28 @@ fn stroke(decl: &StrokeDecl) -> String {
 const MAX_BYTES: u64 = 5 << 30;
 
 /// Digest of a file's content; `none` where it cannot be read.
-fn content(path: &Path) -> String {
+pub fn content(path: &Path) -> String {
     file::read(path, MAX_BYTES).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
 }
 
 /// Digest of bytes, in hexadecimal digits.
-fn of_bytes(bytes: &[u8]) -> String {
+pub(crate) fn of_bytes(bytes: &[u8]) -> String {
     format!("{:016x}", fnv(bytes))
 }
 
 /// Names and contents of all files that graphs read, sorted.
-fn files(job: &Job<'_>, material: Option<&str>) -> BTreeSet<String> {
-    let mut paths = BTreeSet::new();
-    for base in job.graphs() {
+fn files(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> BTreeSet<String> {
+    let (mut seen, mut paths) = (HashSet::new(), BTreeSet::new());
+    for setting in settings {
+        let Some(base) = job.base(setting) else { continue };
         paths.extend(base.plugins.iter().cloned());
-        let graph = over(&base.graph, &base.registry, material, base.graph.seed);
+        let (named, files) = named(&setting.graph, &base.registry);
+        // Compiled once for the same named files: it finds the files that these name.
+        if !seen.insert(named) {
+            continue;
+        }
+        paths.extend(files);
+        let graph = over(&setting.graph, &base.registry, material, setting.graph.seed);
         let Ok(compiled) = compile(&graph, &base.registry, Default::default()) else { continue };
         for node in &compiled.schedule.nodes {
             paths.extend(node.params.iter().filter_map(|(_, value)| match value {
@@ -62,6 +71,21 @@ fn files(job: &Job<'_>, material: Option<&str>) -> BTreeSet<String> {
     paths.iter().map(|path| format!("{} {}", name(path), content(path))).collect()
 }
 
+/// Parameters that may name files, as text, and the files that exist.
+fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
+    let (mut text, mut files) = (String::new(), Vec::new());
+    for node in &graph.nodes {
+        for param in &node.params {
+            if matches!(has(registry, &node.kind, &param.name), Some(ParamKind::File | ParamKind::Text)) {
+                let from = param.value.place();
+                text += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
+                files.extend(beside(&param.value).ok().filter(|path| path.is_file()));
+            }
+        }
+    }
+    (text, files)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,7 +94,7 @@ mod tests {
     use crate::{LoadedGraph, Settings};
 
     /// The digest in a folder, on a machine, of a graph that reads a trajectory.
-    fn digest(folder: &Path, cpu: &str, build: &str) -> String {
+    fn digest(folder: &Path, (cpu, build, program): (&str, &str, &str)) -> String {
         let nodes = r#""s": (kind: "trajectory", params: (file: "t.csv")), "o": (kind: "probe")"#;
         let path = |name: &str| folder.join(name).display().to_string();
         let graph = graph_of(&path("g.ron"), nodes, r#"("s.position", "o")"#);
@@ -83,7 +107,9 @@ mod tests {
             baselines: &[],
             jobs: 1,
             shard: (0, 2),
+            folder,
             machine: Machine { cpu: cpu.into(), cores: 2, system: "any".into(), build: build.into() },
+            program,
             cases: true,
         };
         let settings = Settings::new(&tradeoff, job.bases, &[]).unwrap().all;
@@ -99,15 +125,15 @@ mod tests {
         std::fs::write(dirs[0].path().join("mine.so"), "plugin").unwrap();
         write("t.csv", csv);
         write("mine.so", "plugin");
-        let here = |dir: usize| digest(dirs[dir].path(), "cpu", "asperity 1");
-        let one = here(0);
-        assert_eq!(digest(dirs[1].path(), "other", "asperity 1"), one);
-        assert_ne!(digest(dirs[0].path(), "cpu", "asperity 2"), one);
+        let here = ("cpu", "asperity 1", "p");
+        let one = digest(dirs[0].path(), here);
+        assert_eq!(digest(dirs[1].path(), ("other", "asperity 1", "q")), one);
+        assert_ne!(digest(dirs[0].path(), ("cpu", "asperity 2", "p")), one);
         write("mine.so", "another");
-        assert_ne!(here(1), one);
+        assert_ne!(digest(dirs[1].path(), here), one);
         write("mine.so", "plugin");
-        assert_eq!(here(1), one);
+        assert_eq!(digest(dirs[1].path(), here), one);
         write("t.csv", &csv.replace("100", "90"));
-        assert_ne!(here(1), one);
+        assert_ne!(digest(dirs[1].path(), here), one);
     }
 }

@@ -19,6 +19,7 @@ mod noise;
 mod patch;
 mod pictures;
 mod prepare;
+mod progress;
 mod report;
 mod results;
 mod run;
@@ -31,6 +32,7 @@ mod time;
 
 pub use chain::{Chain, Path3, Rendered};
 pub use choose::{Budget, Choice, Misfit};
+pub use digest::content;
 pub use figure::{Figure, Figures};
 pub use file::{Baseline, Tradeoff};
 pub use lag::Response;

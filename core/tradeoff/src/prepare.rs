@@ -1,5 +1,7 @@
 //! A trade-off with its graphs, checked before anything is measured.
 
+use std::path::Path;
+
 use asperity_checks::Case;
 use asperity_diagnostics::Diagnostic;
 
@@ -25,14 +27,18 @@ pub struct Job<'a> {
     /// Number of this shard, from 0, and count of shards. Settings are dealt out in turn; the first default
     /// is in every shard.
     pub shard: (usize, usize),
+    /// Folder of finished parts.
+    pub folder: &'a Path,
     /// The machine.
     pub machine: Machine,
+    /// Digest of this program: parts of another build are measured again.
+    pub program: &'a str,
     /// Whether settings are put to the hard cases.
     pub cases: bool,
 }
 
 impl Job<'_> {
-    pub(crate) fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
+    fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
         self.bases.iter().chain(self.baselines)
     }
 

@@ -11,11 +11,14 @@ use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{Registry, Role, random};
 use asperity_surfaces::topography::made_surfaces;
+use serde::{Deserialize, Serialize};
 
 use crate::accuracy::{Measured, Plan, Truth, Truths, measure};
+use crate::digest;
 use crate::figure::mean;
 use crate::noise;
 use crate::prepare::{Job, Prepared};
+use crate::progress::Progress;
 use crate::results::{Fragment, Results, Row, VERSION};
 use crate::setting::{LoadedGraph, Setting};
 use crate::stroke::Known;
@@ -25,18 +28,37 @@ use crate::time::{Batch, Monitor, batch};
 const PIECES: u64 = 2;
 const PLACES: usize = 2;
 
-/// Accuracy of a setting, or why it does not run; by its key.
-type Outcomes = HashMap<String, Result<Measured, String>>;
+/// A finished part.
+#[derive(Serialize, Deserialize)]
+enum Part {
+    /// Key of a setting, and what was measured.
+    Setting(String, Box<Measured>),
+    Batch(Batch),
+}
+
+/// Accuracy of a setting, or why it does not run.
+type Outcome = Result<Box<Measured>, String>;
 
 impl Prepared<'_> {
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
     ///
     /// # Errors
-    /// A default that does not compile. Another setting that does not run is a row with its error.
+    /// A file that cannot be written, another run in the same folder. A setting that does not run is a row
+    /// with its error.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<Results, Diagnostic> {
         let (job, tradeoff) = (self.job, self.job.tradeoff);
-        let outcomes = self.measure_all(monitor);
-        let batches = self.time_all(&outcomes, monitor)?;
+        let depends_on = format!("{} {} {:?} {:?}", self.digest, job.program, job.machine, job.shard);
+        let (progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
+        let (mut outcomes, mut batches) = (HashMap::new(), Vec::new());
+        for part in parts {
+            match part {
+                Part::Setting(key, measured) => drop(outcomes.insert(key, Ok(measured))),
+                Part::Batch(batch) => batches.push(batch),
+            }
+        }
+        let progress = Mutex::new(progress);
+        self.measure_all(&mut outcomes, &progress, monitor)?;
+        self.time_all(&outcomes, &mut batches, &progress, monitor)?;
         let known = |s: &Setting| Some(row(job, s, outcomes.get(&s.key)?));
         let mut rows: Vec<Row> = self.settings.iter().filter_map(known).collect();
         noise::put_times(&mut rows, &batches);
@@ -68,10 +90,20 @@ impl Prepared<'_> {
         base.ok_or_else(|| Diagnostic::new("no graph is given"))
     }
 
-    /// Measures accuracy and hard cases of the settings, until the run is to stop.
-    fn measure_all(&self, monitor: &dyn Monitor) -> Outcomes {
-        monitor.doing("physics");
-        let truths = self.truths(monitor);
+    /// Measures accuracy and hard cases of the settings without an outcome, until the run is to stop.
+    fn measure_all(
+        &self,
+        outcomes: &mut HashMap<String, Outcome>,
+        progress: &Mutex<Progress>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Diagnostic> {
+        let left: Vec<&Setting> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.key)).collect();
+        let truths = if left.is_empty() {
+            Truths::new()
+        } else {
+            monitor.doing("physics");
+            self.truths(monitor)?
+        };
         let tradeoff = self.job.tradeoff;
         let plan = Plan {
             strokes: &self.strokes,
@@ -82,16 +114,28 @@ impl Prepared<'_> {
             truths: &truths,
         };
         monitor.doing("accuracy");
-        let all = Mutex::new(HashMap::new());
-        on_threads(&self.settings, self.job.jobs, monitor, |setting| {
+        monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
+        let all = Mutex::new(outcomes);
+        on_threads(&left, self.job.jobs, monitor, |setting| {
             // A node may panic during preparation, where the engine does not contain it.
             let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &plan, monitor)))
                 .unwrap_or_else(|_| Err(Diagnostic::new("it panicked while it was prepared")));
-            if let (Some(outcome), Ok(mut all)) = (measured.transpose(), all.lock()) {
-                all.insert(setting.key.clone(), outcome.map_err(|e| e.to_string()));
+            let outcome = match measured {
+                Ok(None) => return Ok(()),
+                // An error is not kept, since its cause may be repaired.
+                Err(e) => Err(e.to_string()),
+                Ok(Some(measured)) => {
+                    let part = Part::Setting(setting.key.clone(), Box::new(measured));
+                    let Ok(mut progress) = progress.lock() else { return Ok(()) };
+                    let Part::Setting(_, measured) = progress.put(&part)? else { return Ok(()) };
+                    Ok(measured)
+                }
+            };
+            if let Ok(mut all) = all.lock() {
+                all.insert(setting.key.clone(), outcome);
             }
-        });
-        all.into_inner().unwrap_or_default()
+            Ok(())
+        })
     }
 
     /// Measures a setting; none where the run is to stop.
@@ -121,27 +165,36 @@ impl Prepared<'_> {
         Ok(Some(measured))
     }
 
-    /// Times the settings that run, until the run is to stop.
-    fn time_all(&self, outcomes: &Outcomes, monitor: &dyn Monitor) -> Result<Vec<Batch>, Diagnostic> {
+    /// Times the settings that run and are in no batch yet, until the run is to stop.
+    fn time_all(
+        &self,
+        outcomes: &HashMap<String, Outcome>,
+        batches: &mut Vec<Batch>,
+        progress: &Mutex<Progress>,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Diagnostic> {
         monitor.doing("times");
-        let mut batches = Vec::new();
-        let Some(anchor) = self.settings.first() else { return Ok(batches) };
-        let anchor = (anchor, &self.base(anchor)?.registry);
-        let runs = |s: &&Setting| outcomes.get(&s.key).is_some_and(|o| o.is_ok());
-        let left: Vec<&Setting> = self.settings.iter().filter(runs).collect();
+        let Some(anchor) = self.settings.first() else { return Ok(()) };
+        let timed = |key: &String| batches.iter().any(|b| b.rows.iter().any(|(timed, _)| timed == key));
+        let runs = |key: &String| outcomes.get(key).is_some_and(|o| o.is_ok());
+        let left: Vec<&Setting> = self.settings.iter().filter(|s| runs(&s.key) && !timed(&s.key)).collect();
         let material = self.materials.first().and_then(|m| m.as_deref());
         let times = self.job.tradeoff.times;
         for some in left.chunks(times.batch.max(1)) {
             let with = some.iter().map(|s| Ok((*s, &self.base(s)?.registry)));
             let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
+            let anchor = (anchor, &self.base(anchor)?.registry);
             let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
-            batches.push(batch);
+            let Ok(mut progress) = progress.lock() else { break };
+            if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
+                batches.push(batch);
+            }
         }
-        Ok(batches)
+        Ok(())
     }
 
     /// Ground truths of all strokes over the materials that are made surfaces.
-    fn truths(&self, monitor: &dyn Monitor) -> Truths {
+    fn truths(&self, monitor: &dyn Monitor) -> Result<Truths, Diagnostic> {
         let tradeoff = self.job.tradeoff;
         let all = made_surfaces();
         let surface = |name: &String| all.iter().find(|s| s.name == *name);
@@ -164,17 +217,32 @@ impl Prepared<'_> {
                     truths.insert((s, surface.name.clone(), draw), truth);
                 }
             }
-        });
-        truths.into_inner().unwrap_or_default()
+            Ok(())
+        })?;
+        Ok(truths.into_inner().unwrap_or_default())
     }
 }
 
-/// Calls a function for each item, on so many threads, until the run is to stop.
-fn on_threads<T: Sync>(all: &[T], threads: usize, monitor: &dyn Monitor, each: impl Fn(&T) + Sync) {
+/// Calls a function for each item, on so many threads, until the first error or until the run is to stop.
+fn on_threads<T: Sync>(
+    all: &[T],
+    threads: usize,
+    monitor: &dyn Monitor,
+    each: impl Fn(&T) -> Result<(), Diagnostic> + Sync,
+) -> Result<(), Diagnostic> {
     let next = AtomicUsize::new(0);
+    let wrong: Mutex<Option<Diagnostic>> = Mutex::new(None);
     let work = || {
-        while let Some(it) = all.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| !monitor.stopped()) {
-            each(it);
+        while let Some(it) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if monitor.stopped() {
+                return;
+            }
+            if let Err(e) = each(it) {
+                next.store(all.len(), Ordering::Relaxed);
+                if let Ok(mut wrong) = wrong.lock() {
+                    wrong.get_or_insert(e);
+                }
+            }
         }
     };
     std::thread::scope(|scope| {
@@ -183,12 +251,13 @@ fn on_threads<T: Sync>(all: &[T], threads: usize, monitor: &dyn Monitor, each: i
         }
         work();
     });
+    wrong.into_inner().unwrap_or_default().map_or(Ok(()), Err)
 }
 
-fn row(job: &Job<'_>, s: &Setting, outcome: &Result<Measured, String>) -> Row {
+fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
     let base = job.bases.get(s.base);
     let (measured, error) = match outcome {
-        Ok(measured) => (measured.clone(), None),
+        Ok(measured) => ((**measured).clone(), None),
         Err(why) => (Measured::default(), Some(why.clone())),
     };
     let mut fails = measured.fails;

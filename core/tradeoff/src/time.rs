@@ -14,6 +14,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_node::{Registry, random};
+use serde::{Deserialize, Serialize};
 
 use crate::chain::{Chain, over};
 use crate::file::Times;
@@ -48,7 +49,7 @@ pub trait Monitor: Sync {
 }
 
 /// Times of a batch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Batch {
     /// The idle tick.
     pub idle: Time,

@@ -165,6 +165,14 @@ fn is_report(path: &Path) -> bool {
     text.ends_with("\n") && text.lines().last().is_some_and(|line| line.starts_with("- noise floor"))
 }
 
+/// A digest, then finished parts. The last line of a killed run may be unfinished, and is ignored.
+fn is_progress(path: &Path) -> bool {
+    let text = text(path);
+    let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
+    let json = |line: &str| serde_json::from_str::<serde_json::Value>(line).is_ok();
+    path.is_file() && whole.lines().skip(1).all(json)
+}
+
 /// A crate that has all that cargo wants.
 fn is_plugin(path: &Path) -> bool {
     text(&path.join("Cargo.toml")).ends_with('\n') && !text(&path.join("src/lib.rs")).is_empty()
@@ -199,6 +207,7 @@ static TRADEOFF: [Made; 25] = [
     file("results.csv", is_table),
     file("results.json", is_json),
     file("REPORT.md", is_report),
+    file("progress.jsonl", is_progress),
 ];
 
 /// All of them, but for the training of models, which is another program.
@@ -345,7 +354,7 @@ pub(super) static WRITERS: [Writer; 12] = [
                 .expect("the shipped results");
         },
         command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
-        makes: &TRADEOFF,
+        makes: TRADEOFF.split_at(TRADEOFF.len() - 1).0,
         live: false,
     },
 ];

@@ -16,7 +16,8 @@ pub struct Tradeoff {
     /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
     #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE")]
     pub files: Vec<PathBuf>,
-    /// Output folder: results.csv, results.json, REPORT.md and pictures
+    /// Output folder: results.csv, results.json, REPORT.md, pictures, and progress.jsonl, which a stopped run
+    /// resumes from
     #[arg(long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
     /// Threads for everything but times, which are always measured alone

@@ -45,7 +45,7 @@ impl Monitor for Bars {
     fn stopped(&self) -> bool {
         let stop = self.stop.load(Ordering::Relaxed);
         if stop && !self.told.swap(true, Ordering::Relaxed) {
-            complain("stopping after the current part; finished settings are kept\n");
+            complain("stopping after the current part; finished parts are kept\n");
         }
         stop
     }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Options, compile};
-use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Row, Tradeoff};
+use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Row, Tradeoff, content};
 
 use crate::args::{self, Merge, PluginArgs, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
@@ -51,7 +51,10 @@ pub fn run(args: &args::Tradeoff) -> Result<ExitCode, Failure> {
         baselines: &baselines,
         jobs: args.jobs,
         shard: args.shard.unwrap_or((0, 1)),
+        folder: out,
         machine: machine(),
+        // Another build of this program may measure other times.
+        program: &std::env::current_exe().map_or_else(|_| String::new(), |file| content(&file)),
         cases: !args.no_cases,
     };
     if cfg!(debug_assertions) {
@@ -71,7 +74,7 @@ pub fn run(args: &args::Tradeoff) -> Result<ExitCode, Failure> {
     // Earlier results stay where this run has finished nothing.
     let finished = results.rows.iter().any(Row::is_finished);
     if stopped && !finished && (results.rows.is_empty() || folder::has_results(out)) {
-        warn("no setting is finished, and no results are written");
+        warn("no setting is finished, and no results are written; the same command resumes");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let written = folder::write(out, &results)?;
@@ -79,7 +82,7 @@ pub fn run(args: &args::Tradeoff) -> Result<ExitCode, Failure> {
         print(&summary(&results, &written))?;
     }
     if stopped {
-        warn(&format!("{} settings are not finished", results.unfinished));
+        warn(&format!("{} settings are not finished; the same command resumes", results.unfinished));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     if results.rows.iter().all(|row| row.error.is_some()) {
