@@ -54,7 +54,7 @@ pub fn asperity(dir: &Path) -> Command {
     // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be
     // loaded.
     command.current_dir(dir).env("ASPERITY_STATE", "").env("ASPERITY_TRUST", trusted());
-    command.env("XDG_STATE_HOME", scratch().join("state"));
+    command.env("XDG_STATE_HOME", scratch().join("state")).env("XDG_DATA_HOME", scratch().join("data"));
     command
 }
 
