@@ -17,9 +17,10 @@ setup-tests:
 setup-fuzz: setup
 	@sh scripts/setup.sh fuzz
 
-# Renders the default stroke over the default material: WAV, plot and report.
+# Renders the default stroke over the default material: WAV, plot and report. The program is one without tract, which
+# would take as long to build as all the rest: it refuses networks that are no plain multilayer perceptron, and pictures.
 demo: setup
-	$(CARGO) build --release -p asperity
+	$(CARGO) build --release -p asperity --no-default-features
 	mkdir -p $(OUT)
 	target/release/asperity render graphs/heravi2024.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
 	@echo

@@ -5,6 +5,8 @@
 
 #[path = "../src/tests/networks.rs"]
 mod networks;
+#[path = "../src/onnx.rs"]
+mod onnx;
 
 use asperity_texture::{Choice, Isa, Model, Precision, Runner};
 use networks::{Net, Spelling, bytes, model, motions, textures};
