@@ -22,7 +22,7 @@ impl Plan {
         _most_bytes: u64,
         _help: &str,
     ) -> Result<Self, Diagnostic> {
-        Err(Diagnostic::new("only tract can run this model, and this program is built without it")
+        Err(Diagnostic::new("tract would run this model, and this program is built without it")
             .in_file(path)
             .help(INSTALL))
     }
