@@ -5,10 +5,8 @@
 
 #[path = "../src/tests/networks.rs"]
 mod networks;
-#[path = "../src/onnx.rs"]
-mod onnx;
 
-use asperity_texture::{Choice, Isa, Model, Precision, Runner};
+use asperity_texture::{Choice, Isa, Model, Precision, Runner, onnx};
 use networks::{Net, Spelling, bytes, model, motions, textures};
 use std::hint::black_box;
 use std::time::{Duration, Instant};

@@ -23,7 +23,7 @@ mod kernel;
 mod library;
 mod lower;
 mod model;
-mod onnx;
+pub mod onnx;
 mod packed;
 pub mod picture;
 #[cfg_attr(not(feature = "tract"), path = "no_plan.rs")]

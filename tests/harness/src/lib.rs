@@ -18,6 +18,7 @@ pub mod servers;
 pub mod stage;
 pub mod survival;
 
+pub use asperity_texture::onnx;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
