@@ -3,7 +3,10 @@
 CARGO ?= cargo
 OUT ?= out
 
-.PHONY: setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
+# Where cargo puts programs that are not optimised for release.
+BUILT := $(or $(CARGO_TARGET_DIR),target)/debug
+
+.PHONY: test-demo setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -17,11 +20,12 @@ setup-tests:
 setup-fuzz: setup
 	@sh scripts/setup.sh fuzz
 
-# Renders the default stroke over the default material: WAV, plot and report.
+# Renders the default stroke over the default material: WAV, plot and report. The program is one without tract, which
+# would take as long to build as all the rest: it refuses networks that are no plain multilayer perceptron, and pictures.
 demo: setup
-	$(CARGO) build --release -p asperity
+	$(CARGO) build --profile demo -p asperity --no-default-features
 	mkdir -p $(OUT)
-	target/release/asperity render graphs/heravi2024.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
+	target/demo/asperity render graphs/heravi2024.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
 	@echo
 	@echo "listen to  $(OUT)/demo.wav   what the sound card plays: 1 is 1 V, and 1 A behind the amplifier"
 	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
@@ -30,6 +34,19 @@ demo: setup
 # Every test but the long ones and those of the training, which need a minute of building: `cargo test -p asperity-train`.
 test: setup-tests
 	$(CARGO) test --workspace --exclude asperity-train --no-fail-fast
+
+# The program as `make demo` builds it renders the same bytes as the whole one, and says what it refuses.
+test-demo: setup
+	mkdir -p $(OUT)
+	$(CARGO) build -p asperity
+	cp $(BUILT)/asperity $(OUT)/whole
+	$(CARGO) build -p asperity --no-default-features
+	cp $(BUILT)/asperity $(OUT)/plain
+	for program in whole plain; do \
+	    $(OUT)/$$program render graphs/heravi2024.ron --seconds 2 --out $(OUT)/$$program.wav || exit 1; done
+	cmp $(OUT)/whole.wav $(OUT)/plain.wav
+	! $(OUT)/plain check graphs/heravi2024.ron --set texture.executor=tract 2> $(OUT)/plain.txt
+	grep 'cargo install' $(OUT)/plain.txt
 
 # The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
 # swaps of the shipped graph, a million ticks live, ten million ticks of nodes that fail, sixty times as many hostile

@@ -1,9 +1,10 @@
 //! `asperity compare` as a user runs it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
 
 use asperity_accuracy::{npy, phase};
+use harness::retrieval::file;
 use harness::{files, root, run};
 use serde_json::Value;
 
@@ -95,10 +96,6 @@ fn rhythm_stands_beside_that_of_gaussian_noise() {
     assert!(of("repetition") > 0.9, "{}", of("repetition"));
 }
 
-fn data(name: &str) -> PathBuf {
-    root().join("tests/data/phase").join(name)
-}
-
 /// Numbers of a line of the CSV, by the names in its header.
 fn figure(csv: &str, method: &str, vector: &str, column: &str) -> f64 {
     let mut lines = csv.lines();
@@ -112,7 +109,7 @@ fn figure(csv: &str, method: &str, vector: &str, column: &str) -> f64 {
 fn figures_are_those_of_the_signal_that_invert_writes() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["texture_2500", "nnsmooth_2500"] {
-        let mags = data(&format!("{name}.mag.npy"));
+        let mags = file(&format!("{name}.mag.npy"));
         let args = ["invert", "--phase", "spsi", "--rate", "2500", "--out", "y.npy", "--magnitudes"];
         run(dir.path(), &[&args[..], &[mags.to_str().unwrap()]].concat()).ok();
         let signal = npy::read(dir.path().join("y.npy")).unwrap().values.into_f64();
@@ -159,7 +156,7 @@ fn folder_of_vectors_is_compared_with_published_scores() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("mine");
     std::fs::create_dir(&folder).unwrap();
-    std::fs::copy(data("taps_2500.sig.npy"), folder.join("taps_2500.sig.npy")).unwrap();
+    std::fs::copy(file("taps_2500.sig.npy"), folder.join("taps_2500.sig.npy")).unwrap();
     write_signal(&folder.join("two.sig.npy"), 4000);
     std::fs::write(folder.join("index.json"), r#"{"two": {"fs": 4000}, "gone": {"fs": 1}}"#).unwrap();
     let scores = r#"{"sc": {"two": {"theirs": {"SC_dB": -12.5, "gain_dB": 0.25, "LTAS_rms_dB": 1.5}},

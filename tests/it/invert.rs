@@ -1,22 +1,19 @@
 //! `asperity invert` against published scores, over the shipped vectors.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use asperity_accuracy::{npy, phase};
-use harness::{files, root, run, wav};
-
-fn data(name: &str) -> PathBuf {
-    root().join("tests/data/phase").join(name)
-}
+use harness::retrieval::file;
+use harness::{files, run, wav};
 
 /// Magnitudes of a vector as the files have them: unscaled DFTs.
 fn magnitudes(name: &str, rate: u32) -> (Vec<f32>, usize) {
-    let mags = data(&format!("{name}.mag.npy"));
+    let mags = file(&format!("{name}.mag.npy"));
     if mags.exists() {
         let array = npy::read(mags).unwrap();
         return (array.values.into_f32(), array.shape[1]);
     }
-    let signal = npy::read(data(&format!("{name}.sig.npy"))).unwrap().values.into_f64();
+    let signal = npy::read(file(&format!("{name}.sig.npy"))).unwrap().values.into_f64();
     let bins = 101;
     let framing = phase::framing(rate, bins);
     let length = framing.fft_len;
@@ -56,7 +53,7 @@ fn figures(name: &str, rate: u32, kind: &str) -> phase::Score {
 
 #[test]
 fn spsi_reaches_the_published_scores() {
-    let published = harness::json(&data("sc.json"));
+    let published = harness::json(&file("sc.json"));
     for (name, rate) in [
         ("texture_2500", 2500),
         ("sine_off_2500", 2500),
@@ -109,7 +106,7 @@ fn default_keeps_level_and_spectrum_where_spsi_collapses() {
 
 #[test]
 fn the_plain_methods_reach_their_published_scores() {
-    let published = harness::json(&data("sc.json"));
+    let published = harness::json(&file("sc.json"));
     for (kind, key) in [
         ("phase_vocoder:start=quadratic", "pv_quad"),
         ("phase_vocoder:start=random", "pv_rand"),

@@ -28,6 +28,7 @@ mod scene;
 mod scene_mended;
 mod scene_plot;
 mod selftest;
+mod shipped;
 mod simple_phase;
 mod state;
 mod texture;

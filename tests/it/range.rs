@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use harness::networks::{Layer, Net, Random, Spelling, Writer};
+use harness::onnx::{ModelProto, StringStringEntryProto};
 use harness::{json, networks, run};
 use serde_json::Value;
-use tract_onnx::pb::{ModelProto, StringStringEntryProto};
 
 fn folder(mut network: ModelProto, trained: &[(&str, &str)]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("a folder");

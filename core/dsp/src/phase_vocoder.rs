@@ -18,7 +18,7 @@
 //! the squares 1/4, 1, 1/4. That holds for any start phases, and [`Level::Keep`] compensates it.
 //!
 //! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
-//! `tests/data/phase` ("published" is `pv_quad` of `sc.json` there):
+//! `tests/data/phase` ("published" is `pv_quad` of `graphs/phase/sc.json`):
 //!
 //! | vector | `Plain` | `Keep` | published |
 //! |---|---|---|---|

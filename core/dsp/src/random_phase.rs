@@ -11,7 +11,7 @@
 //! more. The output is then Gaussian noise whose spectrum the window smears once more.
 //!
 //! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
-//! `tests/data/phase` ("published" is `random_iid` of `sc.json` there):
+//! `tests/data/phase` ("published" is `random_iid` of `graphs/phase/sc.json`):
 //!
 //! | vector | `Plain` | `Keep` | published |
 //! |---|---|---|---|

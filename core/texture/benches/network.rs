@@ -6,7 +6,7 @@
 #[path = "../src/tests/networks.rs"]
 mod networks;
 
-use asperity_texture::{Choice, Isa, Model, Precision, Runner};
+use asperity_texture::{Choice, Isa, Model, Precision, Runner, onnx};
 use networks::{Net, Spelling, bytes, model, motions, textures};
 use std::hint::black_box;
 use std::time::{Duration, Instant};

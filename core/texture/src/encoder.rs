@@ -1,15 +1,13 @@
 //! The image encoder: from a tactile image to a material's vector.
 
+use crate::onnx::{GraphProto, ModelProto, ValueInfoProto};
 use crate::picture::{IMAGE, Image};
-use crate::plan::{Plan, Wanted};
+use crate::plan::Plan;
 use crate::proto::{self, MAX_ENCODER_BYTES};
 use crate::signature::{TEXTURE_LEN, describe, fed_inputs, is_float, shape};
 use asperity_diagnostics::{Diagnostic, file};
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use tract_onnx::pb::{GraphProto, ModelProto, ValueInfoProto};
-use tract_onnx::prelude::*;
 
 const WANTED: &str =
     "an encoder has the float input image [1,3,192,256] and the float output texture [1,256]";
@@ -50,8 +48,8 @@ impl Encoder {
         graph.output.retain(|v| v.name == output);
         let [rows, columns] = IMAGE;
         let inputs = [vec![1, 3, rows, columns]];
-        let wanted = Wanted { path, inputs: &inputs, most_bytes: MAX_ENCODER_BYTES, help: WANTED };
-        let plan = wanted.compile(&ModelProto { graph: Some(graph), ..model })?;
+        let model = ModelProto { graph: Some(graph), ..model };
+        let plan = Plan::compile(&model, path, &inputs, MAX_ENCODER_BYTES, WANTED)?;
         let encoder = Self { path: path.to_owned(), plan };
         // A graph may compile and still fail, or return something unexpected.
         match encoder.run(&vec![0; 3 * rows * columns]) {
@@ -91,9 +89,7 @@ impl Encoder {
             .flat_map(|channel| pixels.iter().skip(channel).step_by(3))
             .map(|x| f32::from(*x) / 255.0)
             .collect();
-        let image = Tensor::from_shape(&[1, 3, rows, columns], &planes).ok()?;
-        let results = catch_unwind(AssertUnwindSafe(|| self.plan.run(tvec!(image.into_tvalue())))).ok()?;
-        Some(results.ok()?.first()?.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?.to_vec())
+        self.plan.run(&[(&[1, 3, rows, columns], &planes)])?.into_iter().next()
     }
 }
 

@@ -19,7 +19,8 @@ use std::sync::Arc;
 /// magnitudes, see [`Answer`](crate::Answer).
 pub struct Model {
     pub(crate) path: PathBuf,
-    pub(crate) reference: Reference,
+    /// An error only in a program without tract.
+    pub(crate) reference: Result<Reference, Diagnostic>,
     /// The steps, or why there are none.
     pub(crate) lowered: Result<Lowered, String>,
     trained: Trained,
@@ -41,7 +42,7 @@ impl Model {
     /// # Errors
     /// A file that cannot be read or is not an ONNX model; weights stored elsewhere; a signature that does
     /// not fit (with the shapes found); an invalid trained range or target; a graph that tract cannot run
-    /// or with tensors that are too large.
+    /// or with tensors that are too large. Without the feature `tract`: no multilayer perceptron.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)
@@ -66,10 +67,13 @@ impl Model {
         let (model, graph) = proto::decode(bytes, path)?;
         let signature = match_signature(&graph, path)?;
         proto::check(&graph, path)?;
-        let reference = Reference::new(&model, &graph, &signature, path)?;
         let own = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
         let opset = own.map_or(0, |set| set.version);
         let lowered = Lowered::new(&graph, opset, &signature);
+        let reference = match Reference::new(&model, &graph, &signature, path) {
+            Err(e) if cfg!(feature = "tract") || lowered.is_err() => return Err(e),
+            reference => reference,
+        };
         Ok(Self {
             path: path.to_owned(),
             reference,

@@ -1,41 +1,71 @@
-//! Compiles a graph by tract, once the sizes of all its tensors are known.
+//! Runs any graph by tract, once the sizes of all its tensors are known.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::onnx::ModelProto;
 use asperity_diagnostics::{Diagnostic, budget};
-use tract_onnx::pb::ModelProto;
+use prost::Message;
 use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::internal::*;
 use tract_onnx::tract_hir::tract_core::model::order::eval_order_for_nodes;
 
-/// A compiled graph.
-pub(crate) type Plan = Arc<TypedRunnableModel>;
+/// A compiled graph. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Plan(Arc<TypedRunnableModel>);
 
-/// Assigns compiled parts to their users.
-pub(crate) struct Wanted<'a> {
-    /// The model's file.
-    pub(crate) path: &'a Path,
-    /// Shapes of its inputs, all of f32.
-    pub(crate) inputs: &'a [Vec<usize>],
-    /// Largest file of this kind of model, in bytes. Its tensors have at most twice as many numbers.
-    pub(crate) most_bytes: u64,
-    /// Description of such a model, for people.
-    pub(crate) help: &'a str,
-}
-
-impl Wanted<'_> {
-    /// Compiles a graph.
+impl Plan {
+    /// Compiles the graph of the file `path` for f32 `inputs` of these shapes.
+    ///
+    /// `most_bytes` is the largest file of this kind of model. Its tensors have at most twice as many numbers.
+    /// `help` describes such a model.
     ///
     /// # Errors
     /// A graph that tract cannot run; tensors that are too large, all together.
-    pub(crate) fn compile(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
+    pub(crate) fn compile(
+        model: &ModelProto,
+        path: &Path,
+        inputs: &[Vec<usize>],
+        most_bytes: u64,
+        help: &str,
+    ) -> Result<Self, Diagnostic> {
+        let wanted = Wanted { path, inputs, most_bytes, help };
         // tract panics on some malformed graphs that pass all earlier checks.
-        catch_unwind(AssertUnwindSafe(|| self.plan(model)))
-            .unwrap_or_else(|_| Err(self.refuse("tract panicked over this model".into())))
+        catch_unwind(AssertUnwindSafe(|| wanted.plan(model)))
+            .unwrap_or_else(|_| Err(wanted.refuse("tract panicked over this model".into())))
     }
 
+    /// Whether output `i` is of f32 and has this shape.
+    ///
+    /// # Errors
+    /// The shape and type that it has.
+    pub(crate) fn answers(&self, i: usize, shape: &[usize]) -> Result<(), String> {
+        let fact = self.0.model().output_fact(i).map_err(|e| e.to_string())?;
+        let fits = fact.datum_type == f32::datum_type()
+            && fact.shape.as_concrete().is_some_and(|dims| dims == shape);
+        if fits { Ok(()) } else { Err(format!("{:?} {:?}", fact.shape, fact.datum_type)) }
+    }
+
+    /// The outputs for inputs, each with its shape; `None` where tract fails. Allocates.
+    pub(crate) fn run(&self, inputs: &[(&[usize], &[f32])]) -> Option<Vec<Vec<f32>>> {
+        let tensor = |(shape, data): &(&[usize], &[f32])| Tensor::from_shape(shape, data).ok();
+        let inputs: Option<TVec<TValue>> = inputs.iter().map(|i| Some(tensor(i)?.into_tvalue())).collect();
+        let inputs = inputs?;
+        let results = catch_unwind(AssertUnwindSafe(|| self.0.run(inputs))).ok()?.ok()?;
+        results.iter().map(|r| Some(r.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?.to_vec())).collect()
+    }
+}
+
+/// A model to compile, as [`Plan::compile`] takes it.
+struct Wanted<'a> {
+    path: &'a Path,
+    inputs: &'a [Vec<usize>],
+    most_bytes: u64,
+    help: &'a str,
+}
+
+impl Wanted<'_> {
     fn plan(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
         let told = |e: TractError| {
             let cause: String = format!("{e:#}").chars().take(400).collect();
@@ -43,7 +73,7 @@ impl Wanted<'_> {
         };
         let mut model = self.parse(model).map_err(told)?;
         self.count(&mut model).map_err(told)??;
-        model.into_optimized().and_then(|model| model.into_runnable()).map_err(told)
+        model.into_optimized().and_then(|model| model.into_runnable()).map(Plan).map_err(told)
     }
 
     fn refuse(&self, what: String) -> Diagnostic {
@@ -51,8 +81,10 @@ impl Wanted<'_> {
     }
 
     fn parse(&self, model: &ModelProto) -> TractResult<InferenceModel> {
+        // Only the checked parts of the file reach tract, in its own types.
+        let model = tract_onnx::pb::ModelProto::decode(model.encode_to_vec().as_slice())?;
         // Shapes inside the graph are computed anew: those in the file may be for another batch size.
-        let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(model, None)?;
+        let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&model, None)?;
         if let Some(name) = parsed.unresolved_inputs.first() {
             return Err(TractError::msg(format!("nothing gives \"{name}\"")));
         }

@@ -1,12 +1,11 @@
 //! Reads an ONNX file and refuses dangerous content: sizes that do not add up, references to other
 //! files, graphs that are not in order. The rest is still only data; an executor may refuse it.
 
+use crate::onnx::{AttributeProto, DataType, GraphProto, ModelProto, NodeProto, TensorProto};
 use asperity_diagnostics::Diagnostic;
 use prost::Message;
 use std::collections::HashSet;
 use std::path::Path;
-use tract_onnx::pb::tensor_proto::{DataLocation, DataType};
-use tract_onnx::pb::{AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto};
 
 /// Largest model file in bytes: thirty times a texture network.
 pub const MAX_MODEL_BYTES: u64 = 64 << 20;
@@ -14,6 +13,8 @@ pub const MAX_MODEL_BYTES: u64 = 64 << 20;
 pub const MAX_ENCODER_BYTES: u64 = 256 << 20;
 /// Largest number of nodes in a graph.
 const MAX_NODES: usize = 10_000;
+/// `data_location` of a tensor whose numbers are in another file.
+const EXTERNAL: i32 = 1;
 
 /// Decodes a model. Its graph is unchecked.
 pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<(ModelProto, GraphProto), Diagnostic> {
@@ -88,7 +89,7 @@ fn check_graph(graph: &GraphProto) -> Result<(), String> {
 /// Refuses a tensor with data elsewhere, or with a size that does not match its shape.
 fn check_tensor(t: &TensorProto) -> Result<(), String> {
     let name = brief(&t.name);
-    if t.data_location == Some(DataLocation::External as i32) {
+    if t.data_location == Some(EXTERNAL) {
         return Err(format!("the weights \"{name}\" are in another file; store them inside this one"));
     }
     if t.dims.len() > 8 {

@@ -7,7 +7,7 @@ use crate::lower::Lowered;
 use crate::model::Model;
 use crate::packed::Packed;
 use crate::range::Range;
-use crate::reference::{Reference, TextureTensor, texture};
+use crate::reference::Reference;
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
 use crate::stored::Stored;
 use asperity_diagnostics::Diagnostic;
@@ -207,7 +207,21 @@ enum Engine {
     F16(Box<Packed<u16>>),
     Int8(Box<Packed<i8>>),
     F64(Box<Double>),
-    Tract(Reference, Vec<TextureTensor>),
+    Tract(Reference, Vec<Vec<f32>>),
+}
+
+impl Engine {
+    /// One run into the first outputs; `None` where tract fails or there is no such material.
+    #[inline]
+    fn run(&mut self, material: usize, force: &[f32], speed: &[f32], out: &mut [&mut [f32]]) -> Option<()> {
+        match self {
+            Engine::F32(packed) => packed.run(material, force, speed, out),
+            Engine::F16(packed) => packed.run(material, force, speed, out),
+            Engine::Int8(packed) => packed.run(material, force, speed, out),
+            Engine::F64(double) => double.run(material, force, speed, out),
+            Engine::Tract(reference, textures) => reference.run(textures.get(material)?, force, speed, out),
+        }
+    }
 }
 
 /// A network with its materials preloaded.
@@ -259,28 +273,28 @@ impl Model {
     /// Makes a runner for valid materials.
     fn make(&self, &(ref materials, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
         let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
-        let textures: Vec<TextureTensor> = materials.iter().map(|m| texture(m)).collect();
         let job = Job {
-            reference: &self.reference,
-            outputs: self.outputs,
+            model: self,
             range: Range::new(self.trained()),
-            textures: &textures,
+            textures: materials,
             materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
         };
-        let tract = |report: String| Runner {
-            engine: Engine::Tract(self.reference.clone(), textures.clone()),
-            materials: textures.len(),
-            outputs: self.outputs,
-            info: Info {
-                executor: Executor::Tract,
-                weights_bytes: 0,
-                multiply_adds: 0,
-                max_error_vs_tract: None,
-                report,
-            },
+        let tract = |report: String| {
+            Ok(Runner {
+                engine: Engine::Tract(self.reference.clone()?, materials.clone()),
+                materials: materials.len(),
+                outputs: self.outputs,
+                info: Info {
+                    executor: Executor::Tract,
+                    weights_bytes: 0,
+                    multiply_adds: 0,
+                    max_error_vs_tract: None,
+                    report,
+                },
+            })
         };
         let forced = match choice {
-            Choice::Tract => return Ok(tract("tract, as asked for".into())),
+            Choice::Tract => return tract("tract, as asked for".into()),
             Choice::Auto => None,
             Choice::Packed(isa) => Some(isa),
         };
@@ -289,7 +303,7 @@ impl Model {
             Err(why) if forced.is_some() => {
                 return Err(refuse(format!("this network cannot be packed: {why}")));
             }
-            Err(why) => return Ok(tract(format!("tract: not packed, for {why}"))),
+            Err(why) => return tract(format!("tract: not packed, for {why}")),
         };
         if forced.is_some() && precision == Precision::F64 {
             return Err(refuse("f64 has no packed kernels".into()));
@@ -316,7 +330,7 @@ impl Model {
         if forced.is_some() {
             return Err(refuse(format!("this network cannot be packed{refused}")));
         }
-        Ok(tract(format!("tract{refused}")))
+        tract(format!("tract{refused}"))
     }
 }
 
@@ -325,11 +339,10 @@ pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 
 /// Inputs of packing beside the network.
 struct Job<'a> {
-    reference: &'a Reference,
-    outputs: usize,
+    model: &'a Model,
     /// Range to which inputs are clamped.
     range: Range,
-    textures: &'a [TextureTensor],
+    textures: &'a [Vec<f32>],
     materials: Vec<Vec<f64>>,
 }
 
@@ -345,7 +358,7 @@ impl Job<'_> {
         let packed = Packed::<W>::new(net, &self.materials, isa)?;
         let (bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
         let executor = Executor::Packed { isa, precision };
-        self.checked(engine(packed), executor, precision.tolerance(), bytes, multiply_adds)
+        self.checked(net, engine(packed), executor, precision.tolerance(), bytes, multiply_adds)
     }
 
     /// The network in f64, checked, or says why not.
@@ -353,51 +366,55 @@ impl Job<'_> {
         let double = Double::new(net, &self.materials);
         let (bytes, multiply_adds) = (double.weights_bytes(), double.multiply_adds());
         let tolerance = Precision::F64.tolerance();
-        self.checked(Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
+        self.checked(net, Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
     }
 
-    /// A runner, if it is near enough to tract.
+    /// A runner, if it is near enough to tract; without tract, to the network in f64.
     fn checked(
         &self,
-        engine: Engine,
+        net: &Lowered,
+        mut engine: Engine,
         executor: Executor,
         tolerance: f64,
         weights_bytes: usize,
         multiply_adds: usize,
     ) -> Result<Runner, String> {
-        let info =
-            Info { executor, weights_bytes, multiply_adds, max_error_vs_tract: None, report: String::new() };
-        let mut runner = Runner { engine, materials: self.textures.len(), outputs: self.outputs, info };
-        let error = self.error(&mut runner)?;
+        let (mut exact, name) = match &self.model.reference {
+            Ok(reference) => (Engine::Tract(reference.clone(), self.textures.to_vec()), "tract"),
+            Err(_) => (Engine::F64(Box::new(Double::new(net, &self.materials))), "f64"),
+        };
+        let error = self.error(&mut exact, &mut engine)?;
         if error.is_nan() || error > tolerance {
             return Err(format!(
-                "differs from tract by {error:.1e} of full scale, more than {tolerance:.0e}"
+                "differs from {name} by {error:.1e} of full scale, more than {tolerance:.0e}"
             ));
         }
-        runner.info.max_error_vs_tract = Some(error);
-        runner.info.report = format!("{executor}, within {error:.1e} of full scale of tract");
-        Ok(runner)
+        let info = Info {
+            executor,
+            weights_bytes,
+            multiply_adds,
+            max_error_vs_tract: self.model.reference.is_ok().then_some(error),
+            report: format!("{executor}, within {error:.1e} of full scale of {name}"),
+        };
+        Ok(Runner { engine, materials: self.textures.len(), outputs: self.model.outputs, info })
     }
 
-    /// Largest difference from tract. Each output has its own full scale in each group of probes.
-    fn error(&self, runner: &mut Runner) -> Result<f64, String> {
+    /// Largest difference between two. Each output has its own full scale in each group of probes.
+    fn error(&self, exact: &mut Engine, other: &mut Engine) -> Result<f64, String> {
         let mut worst = 0f64;
         for probes in [check::ordinary(), check::large()] {
             let probes: Vec<Probe> = probes.iter().map(|probe| probe.held(&self.range)).collect();
             let mut reference: [Vec<f32>; 3] = Default::default();
             let mut found = reference.clone();
-            for (material, texture) in self.textures.iter().enumerate().take(CHECKED_MATERIALS) {
+            for material in 0..self.textures.len().min(CHECKED_MATERIALS) {
                 for Probe { force, speed } in &probes {
                     let mut answer = Answer::default();
                     let mut out = outputs(&mut answer);
-                    self.reference
-                        .run(texture, force, speed, &mut out[..self.outputs])
-                        .ok_or("tract fails on the check's inputs")?;
-                    reference.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
-                    runner
-                        .run_into(material, force, speed, &mut out[..self.outputs])
-                        .map_err(|e| e.to_string())?;
-                    found.iter_mut().zip(&out).for_each(|(all, out)| all.extend_from_slice(out));
+                    let out = &mut out[..self.model.outputs];
+                    for (engine, all) in [(&mut *exact, &mut reference), (&mut *other, &mut found)] {
+                        engine.run(material, force, speed, out).ok_or("it fails on the check's inputs")?;
+                        all.iter_mut().zip(&*out).for_each(|(all, out)| all.extend_from_slice(out));
+                    }
                 }
             }
             let errors = reference.iter().zip(&found).map(|(r, f)| error_of_full_scale(r, f));
@@ -480,16 +497,7 @@ impl Runner {
         if force.len() != FORCE_LEN || speed.len() != SPEED_LEN {
             return Err(RunError::Length);
         }
-        let done = match &mut self.engine {
-            Engine::F32(packed) => packed.run(material, force, speed, out),
-            Engine::F16(packed) => packed.run(material, force, speed, out),
-            Engine::Int8(packed) => packed.run(material, force, speed, out),
-            Engine::F64(double) => double.run(material, force, speed, out),
-            Engine::Tract(reference, textures) => {
-                textures.get(material).and_then(|texture| reference.run(texture, force, speed, out))
-            }
-        };
-        done.ok_or(RunError::Executor)
+        self.engine.run(material, force, speed, out).ok_or(RunError::Executor)
     }
 
     /// The executor, and why it was chosen.

@@ -1,11 +1,8 @@
 //! Inputs and outputs of a texture network, and how they are found in a file.
 
+use crate::onnx::{DataType, DimensionValue, GraphProto, TensorTypeProto, ValueInfoProto};
 use asperity_diagnostics::Diagnostic;
 use std::path::Path;
-use tract_onnx::pb::tensor_proto::DataType;
-use tract_onnx::pb::tensor_shape_proto::dimension::Value as Dim;
-use tract_onnx::pb::type_proto::Value as TypeValue;
-use tract_onnx::pb::{GraphProto, ValueInfoProto};
 
 /// Length of the force history: normal forces in N, oldest first.
 pub const FORCE_LEN: usize = 10;
@@ -170,12 +167,11 @@ pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signatu
 }
 
 pub(crate) fn shape(v: &ValueInfoProto) -> Option<Vec<Option<i64>>> {
-    let TypeValue::TensorType(tensor) = v.r#type.as_ref()?.value.as_ref()?;
-    let dims = &tensor.shape.as_ref()?.dim;
+    let dims = &tensor(v)?.shape.as_ref()?.dim;
     Some(
         dims.iter()
             .map(|d| match d.value {
-                Some(Dim::DimValue(n)) => Some(n),
+                Some(DimensionValue::Size(n)) => Some(n),
                 _ => None,
             })
             .collect(),
@@ -195,10 +191,11 @@ fn has_open_row(v: &ValueInfoProto) -> bool {
 }
 
 pub(crate) fn is_float(v: &ValueInfoProto) -> bool {
-    match v.r#type.as_ref().and_then(|t| t.value.as_ref()) {
-        Some(TypeValue::TensorType(t)) => t.elem_type == DataType::Float as i32,
-        None => false,
-    }
+    tensor(v).is_some_and(|t| t.elem_type == DataType::Float as i32)
+}
+
+fn tensor(v: &ValueInfoProto) -> Option<&TensorTypeProto> {
+    v.r#type.as_ref()?.tensor_type.as_ref()
 }
 
 /// `name [1,10]`, with `?` for a free dimension. A very long name is cut.

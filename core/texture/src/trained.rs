@@ -1,8 +1,8 @@
 //! Facts of a network's training, as its file tells them.
 
+use crate::onnx::StringStringEntryProto;
 use asperity_diagnostics::Diagnostic;
 use std::path::Path;
-use tract_onnx::pb::StringStringEntryProto;
 
 /// Kind of magnitudes that a texture network answers, where a texture is random.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

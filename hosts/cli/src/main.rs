@@ -18,6 +18,7 @@ mod machine;
 mod number;
 mod output;
 mod phase;
+mod shipped;
 mod simulated;
 
 use std::process::ExitCode;

@@ -18,7 +18,7 @@
 //!   bins, also at 48 kHz.
 //!
 //! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase`, by look-ahead in
-//! frames and iterations; published scores, from `sc.json` there, in brackets:
+//! frames and iterations; published scores, from `graphs/phase/sc.json`, in brackets:
 //!
 //! | vector | 0, 5 | 1, 5 | 4, 4 | 10, 4 |
 //! |---|---|---|---|---|

@@ -11,7 +11,7 @@
 //! main lobe. Slopes use the true number of samples between frames.
 //!
 //! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase` ("published" from
-//! `sc.json` there), at `look_ahead` 0 and 1:
+//! `graphs/phase/sc.json`), at `look_ahead` 0 and 1:
 //!
 //! | vector | published 0 | here 0 | published 1 | here 1 |
 //! |---|---|---|---|---|

@@ -18,6 +18,7 @@ pub mod servers;
 pub mod stage;
 pub mod survival;
 
+pub use asperity_texture::onnx;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -59,7 +60,7 @@ pub fn asperity(dir: &Path) -> Command {
     // Coils are remembered only where a test asks for it. What is made is, and plugins of the tests may be
     // loaded.
     command.current_dir(dir).env("ASPERITY_STATE", "").env("ASPERITY_TRUST", trusted());
-    command.env("XDG_STATE_HOME", scratch().join("state"));
+    command.env("XDG_STATE_HOME", scratch().join("state")).env("XDG_DATA_HOME", scratch().join("data"));
     command
 }
 

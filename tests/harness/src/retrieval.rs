@@ -157,8 +157,10 @@ pub const VECTORS: [(&str, u32); 9] = [
     ("amchirp_48000", 48_000),
 ];
 
-fn file(name: &str) -> PathBuf {
-    crate::root().join("tests/data/phase").join(name)
+/// A file of a vector: one that ships with the program, or one of the tests alone.
+pub fn file(name: &str) -> PathBuf {
+    let shipped = crate::graphs("phase").join(name);
+    if shipped.exists() { shipped } else { crate::root().join("tests/data/phase").join(name) }
 }
 
 /// The values of a file, by its name without `.npy`.

@@ -1,6 +1,7 @@
 //! Small networks for the corpus, made here.
 
 use harness::networks::{Layer, Random, Spelling, Writer, bytes, float, int};
+use harness::onnx::AttributeProto;
 
 fn layer(r: &mut Random, from: usize, to: usize) -> Layer {
     Layer { weights: r.vector(from * to, 0.5), bias: r.vector(to, 0.1) }
@@ -42,8 +43,8 @@ pub(super) fn all() -> [(&'static str, Vec<u8>); 2] {
     [("layers.onnx", layers), ("operators.onnx", operators)]
 }
 
-fn network_ints(name: &str, ints: &[i64]) -> tract_onnx::pb::AttributeProto {
-    tract_onnx::pb::AttributeProto { name: name.into(), ints: ints.to_vec(), r#type: 7, ..Default::default() }
+fn network_ints(name: &str, ints: &[i64]) -> AttributeProto {
+    AttributeProto { name: name.into(), ints: ints.to_vec(), r#type: 7, ..Default::default() }
 }
 
 /// An encoder whose answer is the mean brightness of a picture, in steps.

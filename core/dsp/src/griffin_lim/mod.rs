@@ -9,7 +9,7 @@
 //! t_(n-1))`, where `P2` imposes the magnitudes and `P1` consistency. `alpha = 0` is the original.
 //!
 //! Spectral convergence in dB after 100 iterations, on the vectors in `tests/data/phase` ("published"
-//! are `gla100` and `fgla100` of `sc.json` there, one run each). The result depends on the start;
+//! are `gla100` and `fgla100` of `graphs/phase/sc.json`, one run each). The result depends on the start;
 //! ranges are of zero and four or six random starts.
 //!
 //! | vector | original | published | fast | published |

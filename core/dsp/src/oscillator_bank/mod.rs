@@ -27,7 +27,7 @@
 //! number.
 //!
 //! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
-//! `tests/data/phase` ("published" is `ob_tracked` and `ob_bins` of `sc.json` there):
+//! `tests/data/phase` ("published" is `ob_tracked` and `ob_bins` of `graphs/phase/sc.json`):
 //!
 //! | vector | `Tracked` | published | `Noise` | published |
 //! |---|---|---|---|---|

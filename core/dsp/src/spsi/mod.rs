@@ -19,8 +19,8 @@
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
 //! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase` ("published" is
-//! the best of three published or textbook variants for each vector; all figures are in `sc.json`
-//! there):
+//! the best of three published or textbook variants for each vector; all figures are in
+//! `graphs/phase/sc.json`):
 //!
 //! | vector | published | this |
 //! |---|---|---|

@@ -10,11 +10,11 @@ mod value;
 
 pub(crate) use value::{Affine, Element, Ref, diagonal};
 
+use crate::onnx::{DataType, GraphProto, TensorProto};
 use crate::proto;
 use crate::signature::{Role, Signature};
 use asperity_numbers::Elementary as _;
 use std::collections::HashMap;
-use tract_onnx::pb::GraphProto;
 use value::{Content, Value, elements_of};
 
 /// Most numbers held while lowering: a dozen texture networks, 64 MiB.
@@ -229,8 +229,7 @@ impl Builder {
         Ok(self.steps.len() - 1)
     }
 
-    fn constant(&mut self, tensor: &tract_onnx::pb::TensorProto) -> Result<Value, String> {
-        use tract_onnx::pb::tensor_proto::DataType;
+    fn constant(&mut self, tensor: &TensorProto) -> Result<Value, String> {
         let data = proto::numbers(tensor)?;
         self.charge(data.len())?;
         let shape = tensor.dims.iter().map(|&d| usize::try_from(d).unwrap_or(0)).collect();

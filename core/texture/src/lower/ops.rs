@@ -3,9 +3,8 @@
 
 use super::value::{self, Affine, Content, Element, Value};
 use super::{Builder, End, elements_of};
+use crate::onnx::{DataType, NodeProto};
 use crate::proto::attribute;
-use tract_onnx::pb::NodeProto;
-use tract_onnx::pb::tensor_proto::DataType;
 
 pub(super) fn lower(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
     if !matches!(node.domain.as_str(), "" | "ai.onnx") {

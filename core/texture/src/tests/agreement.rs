@@ -1,8 +1,8 @@
 //! Packed kernels against tract and against a plain f64 evaluation, for every spelling and instruction set.
 
 use super::networks::{Layer, Net, Product, Spelling, bytes, heads, model, motions, scattering, textures};
+use crate::onnx::StringStringEntryProto;
 use crate::{Answer, Choice, Executor, Isa, Model, NOISE_RATIO, Precision};
-use tract_onnx::pb::StringStringEntryProto;
 
 fn load(net: &Net, spelling: Spelling) -> Model {
     Model::from_bytes(&bytes(&model(net, spelling)), "made.onnx").unwrap()

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use super::networks::{
     Net, Random, Spelling, bytes, heads, int, model, scattering, tensor, textures, value_info,
 };
+use crate::onnx::{AttributeProto, ModelProto, NodeProto, TensorProto};
 use crate::{
     Choice, FORCE_LEN, Isa, MAGNITUDES_LEN, Model, Precision, RunError, Runner, SPEED_LEN, TEXTURE_LEN,
 };
-use tract_onnx::pb::{AttributeProto, ModelProto, NodeProto, StringStringEntryProto, TensorProto};
+use prost::Message;
 
 fn made() -> ModelProto {
     model(&Net::random(1), Spelling::default())
@@ -100,10 +101,8 @@ fn wrong_signature_tells_what_was_found_and_what_would_fit() {
     let e = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("magnitudes", &[Some(1), Some(101)]));
     assert!(e.contains("magnitudes [1,101]"), "{e}");
     let e = error(|m| {
-        use tract_onnx::pb::type_proto::Value::TensorType;
         let input = &mut m.graph.as_mut().unwrap().input[0];
-        let TensorType(t) = input.r#type.as_mut().unwrap().value.as_mut().unwrap();
-        t.elem_type = 11;
+        input.r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 11;
     });
     assert!(e.contains("not 32-bit float"), "{e}");
 }
@@ -177,7 +176,6 @@ fn weights_that_lie_about_themselves_are_errors() {
     let e = weights(|t| {
         t.raw_data.clear();
         t.data_location = Some(1);
-        t.external_data = vec![StringStringEntryProto { key: "location".into(), value: "/dev/zero".into() }];
     });
     assert!(e.contains("in another file"), "{e}");
 }
@@ -233,7 +231,8 @@ fn outer_products_are_refused_before_they_are_made() {
 fn graph_in_a_node_is_refused() {
     let e = error(|m| {
         let g = m.graph.as_mut().unwrap();
-        let branch = AttributeProto { name: "then_branch".into(), g: Some(g.clone()), ..Default::default() };
+        let branch =
+            AttributeProto { name: "then_branch".into(), g: Some(g.encode_to_vec()), ..Default::default() };
         g.node[0].attribute.push(branch);
     });
     assert!(e.contains("holds a graph of its own"), "{e}");

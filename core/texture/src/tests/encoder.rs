@@ -1,9 +1,9 @@
 //! Encoders from ONNX files: what they answer, and files that are none.
 
 use super::networks::{Net, Random, Spelling, bytes, encoder, model, value_info};
+use crate::onnx::{ModelProto, NodeProto, StringStringEntryProto};
 use crate::picture::{IMAGE, Image};
 use crate::{Encoder, Model, Target};
-use tract_onnx::pb::{ModelProto, NodeProto, StringStringEntryProto};
 
 fn image(seed: u64) -> Image {
     let mut r = Random(seed);
@@ -77,13 +77,8 @@ fn non_encoder_files_are_refused_with_their_contents() {
     });
     assert!(turned.contains("the input does not fit; found inputs: image [1,3,256,192]"), "{turned}");
     let ints = error(|m| {
-        use tract_onnx::pb::type_proto::Value;
-        let Some(Value::TensorType(t)) =
-            m.graph.as_mut().unwrap().input[0].r#type.as_mut().unwrap().value.as_mut()
-        else {
-            panic!("a tensor")
-        };
-        t.elem_type = 2;
+        let input = &mut m.graph.as_mut().unwrap().input[0];
+        input.r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 2;
     });
     assert!(ints.contains("the input does not fit"), "{ints}");
     let short = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("texture", &[None, Some(255)]));

@@ -1,8 +1,8 @@
 //! Networks that are not plain, or not exact enough, run all the same, and the report says how.
 
 use super::networks::{Layer, Net, Random, Spelling, Writer, bytes, model, textures};
+use crate::onnx::ModelProto;
 use crate::{Choice, Executor, Isa, Model, Precision, Runner};
-use tract_onnx::pb::ModelProto;
 
 fn load(model: &ModelProto) -> Model {
     Model::from_bytes(&bytes(model), "made.onnx").unwrap()

@@ -2,13 +2,11 @@
 //! evaluation.
 #![allow(dead_code, missing_docs, unreachable_pub, clippy::unwrap_used)]
 
-use prost::Message;
-use tract_onnx::pb::tensor_proto::DataType;
-use tract_onnx::pb::tensor_shape_proto::{Dimension, dimension};
-use tract_onnx::pb::{
-    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, TensorShapeProto,
-    TypeProto, ValueInfoProto, type_proto,
+use crate::onnx::{
+    AttributeProto, DataType, Dimension, DimensionValue, GraphProto, ModelProto, NodeProto,
+    OperatorSetIdProto, TensorProto, TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
+use prost::Message;
 
 /// Uniform numbers from a linear congruential generator (Knuth's MMIX constants), upper bits.
 pub struct Random(pub u64);
@@ -161,19 +159,13 @@ pub fn value_info(name: &str, dims: &[Option<i64>]) -> ValueInfoProto {
         .iter()
         .map(|d| Dimension {
             value: Some(match d {
-                Some(n) => dimension::Value::DimValue(*n),
-                None => dimension::Value::DimParam("batch".into()),
+                Some(n) => DimensionValue::Size(*n),
+                None => DimensionValue::Name("batch".into()),
             }),
-            ..Default::default()
         })
         .collect();
-    let tensor =
-        type_proto::Tensor { elem_type: DataType::Float as i32, shape: Some(TensorShapeProto { dim }) };
-    ValueInfoProto {
-        name: name.into(),
-        r#type: Some(TypeProto { value: Some(type_proto::Value::TensorType(tensor)), ..Default::default() }),
-        ..Default::default()
-    }
+    let tensor = TensorTypeProto { elem_type: DataType::Float as i32, shape: Some(TensorShapeProto { dim }) };
+    ValueInfoProto { name: name.into(), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
 }
 
 pub fn tensor(name: &str, dims: &[usize], data: &[f32]) -> TensorProto {

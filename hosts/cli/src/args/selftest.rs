@@ -21,6 +21,7 @@ pub enum EffortArg {
 #[derive(Clone, Debug, clap::Args)]
 pub struct SelfTest {
     /// A graph or scene file; without one, only kinds of nodes are checked
+    #[arg(value_parser = crate::shipped::path())]
     pub graph: Option<PathBuf>,
     /// Set a parameter of the graph: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE", requires = "graph")]

@@ -14,7 +14,7 @@ pub struct Tradeoff {
     #[command(subcommand)]
     pub command: Option<TradeoffCommand>,
     /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
-    #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE")]
+    #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE", value_parser = crate::shipped::path())]
     pub files: Vec<PathBuf>,
     /// Output folder: results.csv, results.json, REPORT.md, pictures, and progress.jsonl, which a stopped run
     /// resumes from
@@ -64,7 +64,7 @@ pub struct Merge {
 #[derive(Clone, Debug, clap::Args)]
 pub struct Choose {
     /// Results of `asperity tradeoff`: the folder, or its results.json; the shipped results, unless given
-    #[arg(value_name = "RESULTS")]
+    #[arg(value_name = "RESULTS", value_parser = crate::shipped::path())]
     pub results: Option<PathBuf>,
     /// Longest tick in microseconds: of its median, and of its 99.9th percentile without the machine's stalls
     #[arg(long, value_name = "US", value_parser = number(1e-3, 1e9, "us"))]

@@ -35,13 +35,13 @@ pub enum As {
 #[command(mut_args = crate::number::may_be_negative)]
 pub struct Args {
     /// Tactile images of one material: PNG, JPEG or BMP. Several images give their mean vector
-    #[arg(required = true, value_name = "IMAGE")]
+    #[arg(required = true, value_name = "IMAGE", value_parser = crate::shipped::path())]
     pub images: Vec<PathBuf>,
     /// Library to search, which gets the material
-    #[arg(long, value_name = "L.ron")]
+    #[arg(long, value_name = "L.ron", value_parser = crate::shipped::path())]
     pub library: PathBuf,
     /// Encoder; by default the one that the library names
-    #[arg(long, value_name = "FILE.onnx")]
+    #[arg(long, value_name = "FILE.onnx", value_parser = crate::shipped::path())]
     pub encoder: Option<PathBuf>,
     /// Name of the material; by default that of the first image's file
     #[arg(long)]

@@ -13,7 +13,8 @@ use crate::failure::{Failure, clean, print};
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
     /// The library
-    #[arg(long, value_name = "L.ron", default_value = "graphs/models/surfaces/materials.ron")]
+    #[arg(long, value_name = "L.ron", value_parser = crate::shipped::path(),
+        default_value = "graphs/models/surfaces/materials.ron")]
     pub library: PathBuf,
     /// Print JSON
     #[arg(long)]

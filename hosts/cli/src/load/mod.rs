@@ -19,12 +19,13 @@ use crate::kinds::{self, Kinds};
 #[derive(Clone, Debug, clap::Args)]
 pub struct GraphArgs {
     /// Graph file or scene file
+    #[arg(value_parser = crate::shipped::path())]
     pub graph: PathBuf,
     /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
     /// Play this CSV in place of the graph's trajectory, stroke or hand
-    #[arg(long, value_name = "TRAJ.csv")]
+    #[arg(long, value_name = "TRAJ.csv", value_parser = crate::shipped::path())]
     pub input: Option<PathBuf>,
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,

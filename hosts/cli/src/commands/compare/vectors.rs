@@ -310,17 +310,17 @@ const RATE_HZ: u32 = 2500;
 /// Samples of their window.
 const N: usize = RATE_HZ as usize / 10;
 
-const TEXTURE: &[u8] = include_bytes!("../../../../../tests/data/phase/texture_2500.sig.npy");
-const CONTACT: &[u8] = include_bytes!("../../../../../tests/data/phase/contact_2500.sig.npy");
-const TAPS: &[u8] = include_bytes!("../../../../../tests/data/phase/taps_2500.sig.npy");
-const SCORES: &str = include_str!("../../../../../tests/data/phase/sc.json");
+const TEXTURE: &[u8] = include_bytes!("../../../../../graphs/phase/texture_2500.sig.npy");
+const CONTACT: &[u8] = include_bytes!("../../../../../graphs/phase/contact_2500.sig.npy");
+const TAPS: &[u8] = include_bytes!("../../../../../graphs/phase/taps_2500.sig.npy");
+const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
 
 /// The built-in vectors, all at 2500 Hz, with their published scores.
 ///
 /// `sine_off`: a sine between two bins. `two25`: two sines 25 Hz apart, which share a window's main lobe.
 /// `chirp`. `texture`: a noise through three resonances. `contact`: the same, switched on and off. `taps`:
 /// decaying sines. `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared
-/// errors; no signal has them. Noise and taps are files of the tests. The rest is made by the formulas of
+/// errors; no signal has them. Noise and taps are files of `graphs/phase`. The rest is made by the formulas of
 /// the published files, so that their scores hold.
 ///
 /// # Errors

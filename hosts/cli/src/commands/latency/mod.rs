@@ -28,6 +28,7 @@ use loopback::Loopback;
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
 pub struct Args {
     /// Graphs whose response lag to a step of speed is reported
+    #[arg(value_parser = crate::shipped::path())]
     pub graphs: Vec<PathBuf>,
     #[command(flatten)]
     pub output: OutputArgs,

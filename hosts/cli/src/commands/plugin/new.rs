@@ -13,6 +13,7 @@ use include_dir::{Dir, include_dir};
 use crate::failure::{Failure, print, wrong};
 use crate::kinds;
 use crate::phase::OFFLINE;
+use crate::shipped::files;
 
 /// Languages of a plugin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -231,12 +232,6 @@ fn sdk(to: &Path) -> io::Result<()> {
         }
     }
     Ok(())
-}
-
-fn files<'a>(dir: &'a Dir<'a>) -> Vec<&'a include_dir::File<'a>> {
-    let mut all: Vec<_> = dir.files().collect();
-    all.extend(dir.dirs().flat_map(files));
-    all
 }
 
 fn put(path: &Path, text: &str) -> io::Result<()> {
