@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
-use asperity_checks::{Effort, Not, Piece, Place, Sound, Subject, limited};
+use asperity_checks::{Effort, Piece, Place, Sound, Stop, Subject, limited};
 use asperity_node::{NodeKind, Param, Status};
 use proptest::prelude::*;
 
@@ -168,7 +168,7 @@ fn the_mean_and_the_stroke_are_held() {
         let stood = limited(&subject, place, 1, &pieces);
         assert!(matches!(stood, Ok(Some(_))), "{stood:?}");
         let broken = limited(&subject.clone().with(mutant), place, 1, &pieces);
-        assert!(matches!(&broken, Err(Not::Held(found)) if found.contains(why)), "{why}: {broken:?}");
+        assert!(matches!(&broken, Err(Stop::Failed(found)) if found.contains(why)), "{why}: {broken:?}");
     }
 }
 

@@ -7,7 +7,7 @@ use asperity_autoregressive::{Filter, Model, Texture, TextureFile, is_stable, li
 use asperity_checks::textures::{
     Bench, Voice, Way, across, decibels, draw, radius, silent_after, square, stay,
 };
-use asperity_checks::{Found, Not, Subject, Verdict, holds as hold};
+use asperity_checks::{Found, Stop, Subject, Verdict, holds as hold};
 use asperity_graph::GraphFile;
 use asperity_node::{Fault, Setup, Status, random};
 
@@ -80,7 +80,7 @@ const RATE_HZ: f64 = 1000.0;
 const AUDIO_HZ: u32 = 8000;
 
 /// A bench of the built-in kind with models, and the folder of their file.
-fn made<'s>(subject: &'s Subject<'s>, models: Vec<Model>) -> Result<(Bench<'s>, TempDir), Not> {
+fn made<'s>(subject: &'s Subject<'s>, models: Vec<Model>) -> Result<(Bench<'s>, TempDir), Stop> {
     subject.kind(KIND)?;
     let texture = Texture::new(RATE_HZ, models, None)?;
     let (description, origin) = ("Made for a test.".to_owned(), "Made from poles.".to_owned());
@@ -136,7 +136,7 @@ fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
     hold(unstable > 0, || "the models of this case are not hard".to_owned())?;
     let lines = |ar: &[f64]| {
         line_spectrum::from_polynomial(ar)
-            .ok_or_else(|| Not::Held("a model of this case is unstable".to_owned()))
+            .ok_or_else(|| Stop::Failed("a model of this case is unstable".to_owned()))
     };
     let (from, to) = (lines(&one)?, lines(&other)?);
     let models = vec![model(one, 1.0, [50.0, 1.0]), model(other, 1.0, [250.0, 1.0])];

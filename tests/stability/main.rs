@@ -20,7 +20,7 @@ mod wrap;
 
 use std::sync::Arc;
 
-use asperity_checks::{Case, Effort, Found, Not, Outcome, Subject, Verdict, cases};
+use asperity_checks::{Case, Effort, Found, Outcome, Stop, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
 use asperity_node::{Descriptor, NodeKind};
 use harness::graph::lowered;
@@ -112,7 +112,7 @@ fn passes(name: &str, case: Own, subject: &Subject<'_>) {
 fn breaks(name: &str, case: Own, mutant: &Subject<'_>, why: &str) {
     let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
     match case(&brief) {
-        Err(Not::Held(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
+        Err(Stop::Failed(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
         other => panic!("{name} does not see the mutant: {other:?}"),
     }
 }

@@ -24,50 +24,50 @@ pub struct Outcome {
 
 /// Why a case does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Not {
+pub enum Stop {
     /// It failed, for this reason.
-    Held(String),
+    Failed(String),
     /// It says nothing here, for this reason.
-    Applicable(String),
+    NotApplicable(String),
 }
 
-impl Not {
+impl Stop {
     /// Puts a subject before the reason of a failure.
     #[must_use]
     pub fn after(self, about: &str) -> Self {
         match self {
-            Self::Held(why) => Self::Held(format!("{about}: {why}")),
-            Self::Applicable(why) => Self::Applicable(why),
+            Self::Failed(why) => Self::Failed(format!("{about}: {why}")),
+            Self::NotApplicable(why) => Self::NotApplicable(why),
         }
     }
 }
 
-impl From<String> for Not {
+impl From<String> for Stop {
     fn from(wrong: String) -> Self {
-        Self::Held(wrong)
+        Self::Failed(wrong)
     }
 }
 
-impl From<asperity_diagnostics::Diagnostic> for Not {
+impl From<asperity_diagnostics::Diagnostic> for Stop {
     fn from(wrong: asperity_diagnostics::Diagnostic) -> Self {
-        Self::Held(wrong.to_string())
+        Self::Failed(wrong.to_string())
     }
 }
 
 /// Figures of a case that holds, or why it does not.
-pub type Found = Result<String, Not>;
+pub type Found = Result<String, Stop>;
 
 /// Ends a case that says nothing here.
 ///
 /// # Errors
 /// Always, with the reason.
-pub fn not_applicable<T>(why: impl Into<String>) -> Result<T, Not> {
-    Err(Not::Applicable(why.into()))
+pub fn not_applicable<T>(why: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::NotApplicable(why.into()))
 }
 
 /// Ends a case that fails.
-pub(crate) fn fails<T>(why: impl Into<String>) -> Result<T, Not> {
-    Err(Not::Held(why.into()))
+pub(crate) fn fails<T>(why: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Failed(why.into()))
 }
 
 /// Results of those items to which a case applies. `none` is the reason where there is no item at all.
@@ -75,14 +75,14 @@ pub(crate) fn fails<T>(why: impl Into<String>) -> Result<T, Not> {
 /// # Errors
 /// The first failure. Where the case applies to no item, the first reason for that.
 pub(crate) fn applicable<T>(
-    all: impl IntoIterator<Item = Result<T, Not>>,
+    all: impl IntoIterator<Item = Result<T, Stop>>,
     none: &str,
-) -> Result<Vec<T>, Not> {
+) -> Result<Vec<T>, Stop> {
     let (mut found, mut why_not) = (Vec::new(), None);
     for one in all {
         match one {
             Ok(one) => found.push(one),
-            Err(Not::Applicable(why)) => {
+            Err(Stop::NotApplicable(why)) => {
                 why_not.get_or_insert(why);
             }
             Err(wrong) => return Err(wrong),
@@ -95,8 +95,8 @@ pub(crate) fn applicable<T>(
 ///
 /// # Errors
 /// The text of `else_say`, where it does not hold.
-pub fn holds(it: bool, else_say: impl FnOnce() -> String) -> Result<(), Not> {
-    if it { Ok(()) } else { Err(Not::Held(else_say())) }
+pub fn holds(it: bool, else_say: impl FnOnce() -> String) -> Result<(), Stop> {
+    if it { Ok(()) } else { Err(Stop::Failed(else_say())) }
 }
 
 /// Something hard, and what must hold in it.
@@ -148,8 +148,8 @@ impl Case {
     pub fn run(&self, subject: &Subject<'_>) -> Outcome {
         let (verdict, found) = match (self.run)(subject) {
             Ok(found) => (Verdict::Holds, found),
-            Err(Not::Held(found)) => (Verdict::Fails, found),
-            Err(Not::Applicable(found)) => (Verdict::NotApplicable, found),
+            Err(Stop::Failed(found)) => (Verdict::Fails, found),
+            Err(Stop::NotApplicable(found)) => (Verdict::NotApplicable, found),
         };
         Outcome { verdict, found }
     }
@@ -163,9 +163,9 @@ mod tests {
     fn items_without_the_case_leave_it_to_the_others() {
         let no = |why: &str| not_applicable::<i32>(why);
         assert_eq!(applicable([no("a"), Ok(1), no("b"), Ok(2)], "c"), Ok(vec![1, 2]));
-        assert_eq!(applicable([no("a"), no("b")], "c"), Err(Not::Applicable("a".into())));
+        assert_eq!(applicable([no("a"), no("b")], "c"), Err(Stop::NotApplicable("a".into())));
         assert_eq!(applicable([], "c"), no("c").map(|_| vec![0]));
-        let wrong = Not::Held("it falls".into());
+        let wrong = Stop::Failed("it falls".into());
         assert_eq!(applicable([Ok(1), no("a"), Err(wrong.clone()), Ok(2)], "c"), Err(wrong));
     }
 }

@@ -22,7 +22,7 @@ mod subject;
 mod wall;
 pub mod wrap;
 
-pub use case::{Case, Found, Not, Outcome, Verdict, holds, not_applicable};
+pub use case::{Case, Found, Outcome, Stop, Verdict, holds, not_applicable};
 pub use families::autoregressive as textures;
 pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, drawn, limited, node_cases};
 pub use node::{TickTime, tick_time};

@@ -6,7 +6,7 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Role, Shape, ShapeSpec, Unit};
 
-use crate::case::{Not, not_applicable};
+use crate::case::{Stop, not_applicable};
 use crate::played::{Motion, Played};
 use crate::subject::Subject;
 
@@ -37,7 +37,7 @@ impl CaseGraph {
     ///
     /// # Errors
     /// A text that is no value; an id that is taken.
-    pub(crate) fn node(mut self, id: &str, kind: &str, params: &[(&str, &str)]) -> Result<Self, Not> {
+    pub(crate) fn node(mut self, id: &str, kind: &str, params: &[(&str, &str)]) -> Result<Self, Stop> {
         self.graph.add_node(id, kind, params, ORIGIN)?;
         Ok(self)
     }
@@ -46,7 +46,7 @@ impl CaseGraph {
     ///
     /// # Errors
     /// An id that is taken.
-    pub(crate) fn plays(mut self, id: &str, kind: Arc<NodeKind>) -> Result<Self, Not> {
+    pub(crate) fn plays(mut self, id: &str, kind: Arc<NodeKind>) -> Result<Self, Stop> {
         self.graph.add_node(id, &kind.descriptor().kind, &[], ORIGIN)?;
         self.kinds.push(kind);
         Ok(self)
@@ -67,7 +67,7 @@ impl CaseGraph {
     ///
     /// # Errors
     /// Those of the compiler.
-    pub(crate) fn rig(&self, subject: &Subject<'_>) -> Result<Rig, Not> {
+    pub(crate) fn rig(&self, subject: &Subject<'_>) -> Result<Rig, Stop> {
         Rig::of(subject, &self.graph, &self.kinds)
     }
 }
@@ -101,7 +101,7 @@ impl Rig {
     ///
     /// # Errors
     /// No graph; no stylus in it; a change that it refuses.
-    pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Not> {
+    pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Stop> {
         let (mut graph, kinds) =
             Self::with_stylus(subject.its_graph()?, subject.registry(), &motion).or_else(not_applicable)?;
         for change in changes {
@@ -111,9 +111,9 @@ impl Rig {
     }
 
     /// The subject's graph with the motion of `new`, or as it is where nothing in it moves a stylus.
-    pub(crate) fn moved_if_possible(subject: &Subject<'_>, motion: Motion) -> Result<Self, Not> {
+    pub(crate) fn moved_if_possible(subject: &Subject<'_>, motion: Motion) -> Result<Self, Stop> {
         match Self::new(subject, motion, &[]) {
-            Err(Not::Applicable(_)) => Self::of(subject, subject.its_graph()?, &[]),
+            Err(Stop::NotApplicable(_)) => Self::of(subject, subject.its_graph()?, &[]),
             rig => rig,
         }
     }
@@ -135,7 +135,7 @@ impl Rig {
     ///
     /// # Errors
     /// Nothing in it moves a stylus.
-    pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Not> {
+    pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
         let (graph, kinds) = Self::with_fed_stylus(graph, subject.registry())?;
         Self::of(subject, &graph, &kinds)
     }
@@ -144,7 +144,7 @@ impl Rig {
     pub(crate) fn with_fed_stylus(
         graph: &GraphFile,
         registry: &Registry,
-    ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), Not> {
+    ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), Stop> {
         with_stylus_of(graph, registry, Played::fed_stylus).or_else(not_applicable)
     }
 
@@ -159,7 +159,7 @@ impl Rig {
     ///
     /// # Errors
     /// Those of the compiler.
-    pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<Self, Not> {
+    pub fn of(subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<Self, Stop> {
         let mut rig = Self::from(subject.compiled(graph, kinds)?);
         let fed = |name: &str| {
             let kind = kinds.iter().map(|k| k.descriptor()).find(|d| d.kind == name);
@@ -176,8 +176,8 @@ impl Rig {
     pub fn run(
         &mut self,
         ticks: u64,
-        mut each: impl FnMut(&mut Self, u64) -> Result<(), Not>,
-    ) -> Result<(), Not> {
+        mut each: impl FnMut(&mut Self, u64) -> Result<(), Stop>,
+    ) -> Result<(), Stop> {
         for _ in 0..ticks {
             let tick = self.engine.next_tick();
             self.engine.tick();
@@ -195,7 +195,7 @@ impl Rig {
     ///
     /// # Errors
     /// The number of faults.
-    pub(crate) fn sound(&self) -> Result<(), Not> {
+    pub(crate) fn sound(&self) -> Result<(), Stop> {
         let faults = self.engine.faults();
         crate::case::holds(faults == 0, || format!("{faults} faults"))
     }

@@ -7,7 +7,7 @@ use asperity_diagnostics::{Diagnostic, Source, ron};
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{Descriptor, NodeKind, Registry};
 
-use crate::case::{Not, not_applicable};
+use crate::case::{Stop, not_applicable};
 use crate::node::Place;
 
 /// How long a case may take.
@@ -164,15 +164,18 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// There is no such kind.
-    pub fn kind(&self, name: &str) -> Result<Arc<NodeKind>, Not> {
-        self.registry.get(name).cloned().ok_or_else(|| Not::Applicable(format!("there is no kind `{name}`")))
+    pub fn kind(&self, name: &str) -> Result<Arc<NodeKind>, Stop> {
+        self.registry
+            .get(name)
+            .cloned()
+            .ok_or_else(|| Stop::NotApplicable(format!("there is no kind `{name}`")))
     }
 
     /// The one kind.
     ///
     /// # Errors
     /// None was given.
-    pub(crate) fn its_kind(&self) -> Result<&Arc<NodeKind>, Not> {
+    pub(crate) fn its_kind(&self) -> Result<&Arc<NodeKind>, Stop> {
         self.one.as_ref().map_or_else(|| not_applicable("no kind was given"), Ok)
     }
 
@@ -180,7 +183,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// None was given.
-    pub fn its_graph(&self) -> Result<&'a GraphFile, Not> {
+    pub fn its_graph(&self) -> Result<&'a GraphFile, Stop> {
         self.graph.map_or_else(|| not_applicable("no graph was given"), Ok)
     }
 

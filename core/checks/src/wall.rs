@@ -8,7 +8,7 @@ use asperity_graph::{GraphFile, WireDecl};
 use asperity_node::{Descriptor, Law, NodeKind, Output, ShapeSpec, Unit, UnitSpec};
 use asperity_scene::bound::{Passivity, Sampling};
 
-use crate::case::{Not, not_applicable};
+use crate::case::{Stop, not_applicable};
 use crate::rig::Rig;
 use crate::subject::Subject;
 
@@ -68,7 +68,7 @@ impl Wall {
     ///
     /// # Errors
     /// Nothing in it moves a stylus, or no force follows from where that is.
-    pub(crate) fn of_graph(subject: &Subject<'_>) -> Result<Self, Not> {
+    pub(crate) fn of_graph(subject: &Subject<'_>) -> Result<Self, Stop> {
         Self::new(subject, subject.its_graph()?.clone())
     }
 
@@ -81,7 +81,7 @@ impl Wall {
         kind: &str,
         params: &[(&str, &str)],
         tick_hz: u32,
-    ) -> Result<Self, Not> {
+    ) -> Result<Self, Stop> {
         let mut graph = GraphFile::empty("a floor");
         graph.tick_hz = tick_hz;
         let stylus = subject.registry().iter().find(|k| {
@@ -95,7 +95,7 @@ impl Wall {
         Self::new(subject, graph)
     }
 
-    fn new(subject: &Subject<'_>, graph: GraphFile) -> Result<Self, Not> {
+    fn new(subject: &Subject<'_>, graph: GraphFile) -> Result<Self, Stop> {
         let registry = subject.registry();
         let (mut graph, kinds) = Rig::with_fed_stylus(&graph, registry)?;
         let sinks: Vec<String> = graph
@@ -190,7 +190,7 @@ impl Wall {
     }
 
     /// Checks that no node has failed so far.
-    pub(crate) fn sound(&self) -> Result<(), Not> {
+    pub(crate) fn sound(&self) -> Result<(), Stop> {
         self.rig.sound()
     }
 
@@ -457,7 +457,7 @@ impl Wall {
     ///
     /// # Errors
     /// The wall does not push out.
-    pub(crate) fn near(&mut self, spot: Spot) -> Result<Near, Not> {
+    pub(crate) fn near(&mut self, spot: Spot) -> Result<Near, Stop> {
         self.reset();
         self.at_rest(&spot, FAR_MM);
         let start = 1e-3;

@@ -181,7 +181,7 @@ fn is_plugin(path: &Path) -> bool {
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
 /// Files of a trade-off: its results, and the file that it resumes from. Only gratings have a pitch.
-static TRADEOFF: [Made; 25] = [
+static TRADEOFF: [Made; 26] = [
     file("pitch_time.svg", is_picture),
     file("pitch_lag.svg", is_picture),
     file("spectrum_time.svg", is_picture),

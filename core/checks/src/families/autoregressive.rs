@@ -6,7 +6,7 @@ use asperity_autoregressive::{Filter, Texture};
 use asperity_graph::NodeDecl;
 use asperity_node::{Settings, Unit, random};
 
-use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
 use crate::played::{Played, Values};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::{Effort, Subject};
@@ -67,7 +67,7 @@ fn at_vertex(
     voices: &[Voice],
     at: [f64; 2],
     seconds: f64,
-) -> Result<f64, Not> {
+) -> Result<f64, Stop> {
     let wanted = closed_form(voices, at);
     let mut heard = bench.begin(slot, stay(at))?;
     heard.square(1.0)?;
@@ -90,7 +90,7 @@ fn at_vertex(
 }
 
 /// Checks that the texture dies away.
-fn let_go(bench: &Bench<'_>, slot: usize, voices: &[Voice], at: &[[f64; 2]]) -> Result<(), Not> {
+fn let_go(bench: &Bench<'_>, slot: usize, voices: &[Voice], at: &[[f64; 2]]) -> Result<(), Stop> {
     let loudest = at.iter().max_by(|a, b| closed_form(voices, **a).total_cmp(&closed_form(voices, **b)));
     let Some(&loud) = loudest else { return Ok(()) };
     // At speed 0 the nearest point of the hull counts.
@@ -126,7 +126,7 @@ pub fn across(
     seconds: f64,
     most: f64,
     farthest: f64,
-) -> Result<(f64, f64), Not> {
+) -> Result<(f64, f64), Stop> {
     let Some(voices) = bench.slots.get(slot) else { return not_applicable("no such slot") };
     let ticks = (seconds * f64::from(bench.tick_hz())) as u64;
     // The loudest of the first 3000 places has to do for an endless walk.
@@ -183,14 +183,14 @@ impl<'s> Bench<'s> {
     ///
     /// # Errors
     /// No graph; a texture that cannot be read.
-    pub fn of_graph(subject: &'s Subject<'s>) -> Result<Vec<Self>, Not> {
+    pub fn of_graph(subject: &'s Subject<'s>) -> Result<Vec<Self>, Stop> {
         let graph = subject.its_graph()?;
         let schedule = subject.compiled(graph, &[])?.schedule;
         let mut all = Vec::new();
         for node in graph.nodes.iter().filter(|n| n.kind == KIND) {
             let Some(made) = schedule.nodes.iter().find(|n| n.id == node.id) else { continue };
             let slots = made.params.slots().iter();
-            let slots = slots.map(|slot| slot.iter().map(voice).collect()).collect::<Result<_, Not>>()?;
+            let slots = slots.map(|slot| slot.iter().map(voice).collect()).collect::<Result<_, Stop>>()?;
             all.push(Self::new(subject, node.clone(), [graph.tick_hz, graph.audio_hz], slots));
         }
         Ok(all)
@@ -216,7 +216,7 @@ impl<'s> Bench<'s> {
         &self,
         slot: usize,
         at: impl Fn(u64) -> [f64; 2] + Send + Sync + Clone + 'static,
-    ) -> Result<Heard, Not> {
+    ) -> Result<Heard, Stop> {
         let number = slot as f64;
         let (speed, force) = (at.clone(), at);
         let mut graph = CaseGraph::new(self.hz[0], self.hz[1]);
@@ -235,7 +235,7 @@ impl<'s> Bench<'s> {
 }
 
 /// A texture of a slot.
-fn voice(settings: &Settings) -> Result<Voice, Not> {
+fn voice(settings: &Settings) -> Result<Voice, Stop> {
     Ok(Voice { texture: Texture::read(settings.file("model"))?, gain: settings.number("gain") })
 }
 
@@ -253,7 +253,7 @@ impl Heard {
     ///
     /// # Errors
     /// A sample that is not finite, a node that fails.
-    pub fn square(&mut self, seconds: f64) -> Result<f64, Not> {
+    pub fn square(&mut self, seconds: f64) -> Result<f64, Stop> {
         let (mut sum, mut count) = (0.0, 0_u64);
         let ticks = self.rig.ticks(seconds);
         for _ in 0..ticks {

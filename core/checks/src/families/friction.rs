@@ -11,7 +11,7 @@ use asperity_diagnostics::ron;
 use asperity_node::{Descriptor, Effect, Law, Output, ShapeSpec, Source, Unit, UnitSpec, random};
 use asperity_scene::bound::{Passivity, Sampling};
 
-use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, applicable, holds, not_applicable};
 use crate::handle::{Device, Handle, Loop};
 use crate::played::Played;
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
@@ -65,7 +65,7 @@ pub(super) const CASES: &[Case] = &[
 ];
 
 /// A check of a law under a normal force. It answers a figure.
-type About = fn(&mut Rubbed, &Rub, f64, &Subject<'_>) -> Result<f64, Not>;
+type About = fn(&mut Rubbed, &Rub, f64, &Subject<'_>) -> Result<f64, Stop>;
 
 /// Checks all laws at all rates and normal forces. The largest figure is told.
 fn each(subject: &Subject<'_>, normals_n: &[f64], limit_n: Option<f64>, about: About) -> Found {
@@ -119,7 +119,7 @@ const WAYS: [Way; 6] = [
 ];
 
 /// Answers the largest energy that the force has given by any time, as a part of what went to and fro.
-fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Not> {
+fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Stop> {
     let ticks = (subject.by_effort(0.3, 1.0, 20.0) * f64::from(it.tick_hz)) as u64;
     let mut worst = f64::MIN;
     for way in WAYS {
@@ -146,7 +146,7 @@ fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> R
 }
 
 /// Answers the largest force as a part of what stiffness and damping at rest give.
-fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Not> {
+fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Stop> {
     let law = it.law(rub, normal_n)?;
     let size = 1e-9 * normal_n;
     let most = (law.stiffness_n_per_mm + 1e-3 * law.damping_ns_per_m / it.tick_s()) * size;
@@ -213,7 +213,7 @@ fn needed(law: Law, tick_hz: f64) -> f64 {
 }
 
 /// Answers the changes of sign as a part of those allowed.
-fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Not> {
+fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Stop> {
     let law = it.law(rub, normal_n)?;
     let (tick_hz, bound) = (f64::from(it.tick_hz), needed(law, f64::from(it.tick_hz)));
     let mut figure = 0.0;
@@ -252,7 +252,7 @@ fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> 
 const LIMIT_N: f64 = 3.3;
 
 /// Answers the speed that is left, as a part of its bound.
-fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Not> {
+fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Stop> {
     let tick_hz = f64::from(it.tick_hz);
     let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 0.1, friction_n: 0.0 };
     let (mass, damping) = (device.mass_kg, device.damping_ns_per_m);
@@ -366,7 +366,7 @@ impl Rubbed {
     ///
     /// # Errors
     /// Those of the compiler.
-    fn new(subject: &Subject<'_>, rub: &Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Not> {
+    fn new(subject: &Subject<'_>, rub: &Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Stop> {
         let like = Descriptor::new("stylus", "").output(Output::new(
             "position",
             ShapeSpec::Control(3),
@@ -428,7 +428,7 @@ impl Rubbed {
     ///
     /// # Errors
     /// It is not the known law.
-    fn law(&mut self, rub: &Rub, normal_n: f64) -> Result<Law, Not> {
+    fn law(&mut self, rub: &Rub, normal_n: f64) -> Result<Law, Stop> {
         let step = 1e-7 * normal_n;
         self.begin(normal_n);
         let moved = -self.at([step, 0.0], normal_n)[0];

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use asperity_dsp::low_pass::opened_hz;
 use asperity_node::{Role, random};
 
-use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
 use crate::rig::{Rig, values};
 use crate::subject::Subject;
 use crate::wall::Wall;
@@ -128,11 +128,11 @@ impl Heard {
 impl Stage {
     /// # Errors
     /// No graph, or nothing in it that moves a stylus.
-    fn new(subject: &Subject<'_>) -> Result<Self, Not> {
+    fn new(subject: &Subject<'_>) -> Result<Self, Stop> {
         let rig = Rig::fed(subject, subject.its_graph()?)?;
         let spot_mm = match spot(subject) {
             Ok(at) => at,
-            Err(Not::Applicable(_)) => [0.0, 0.0, -DEPTH_MM],
+            Err(Stop::NotApplicable(_)) => [0.0, 0.0, -DEPTH_MM],
             Err(other) => return Err(other),
         };
         let gate = rig.schedule.nodes.iter().enumerate().find_map(|(node, n)| {
@@ -154,7 +154,7 @@ impl Stage {
     ///
     /// # Errors
     /// There is no gate over a speed, or it is always open.
-    fn opens_mm_s(&self) -> Result<f64, Not> {
+    fn opens_mm_s(&self) -> Result<f64, Stop> {
         let Some(gate) = self.gate else { return not_applicable("there is no gate over a speed") };
         match gate.opens_mm_s {
             Some(speed) if speed > 0.0 => Ok(speed),
@@ -190,7 +190,7 @@ impl Stage {
         &mut self,
         times_s: [(f64, f64); N],
         mut next: impl FnMut(u64) -> Option<Next>,
-    ) -> Result<[Heard; N], Not> {
+    ) -> Result<[Heard; N], Stop> {
         self.rig.engine.reset();
         let faults = self.rig.engine.faults();
         let hz = self.tick_hz();
@@ -247,7 +247,7 @@ impl Stage {
 }
 
 /// A place in the middle of a level wall, at the depth of a pressed stylus.
-fn spot(subject: &Subject<'_>) -> Result<[f64; 3], Not> {
+fn spot(subject: &Subject<'_>) -> Result<[f64; 3], Stop> {
     let mut wall = Wall::of_graph(subject)?;
     let spots = wall.walls(subject.by_effort(20.0, 10.0, 10.0));
     let Some(spot) = spots.into_iter().find(|s| s.normal[2] > 1.0 - 1e-9) else {
@@ -288,7 +288,7 @@ fn teleport(subject: &Subject<'_>) -> Found {
             Ok(())
         })?;
         rig.sound()?;
-        Ok::<_, Not>((last, most))
+        Ok::<_, Stop>((last, most))
     };
     let ((with, peak), (without, usual)) = (play(200.0)?, play(0.0)?);
     let rms = |x: &[f32]| (x.iter().map(|x| f64::from(x * x)).sum::<f64>() / x.len().max(1) as f64).sqrt();
@@ -335,7 +335,7 @@ fn one_count(subject: &Subject<'_>) -> Found {
         if speed > fastest.0 {
             fastest = (speed, how);
         }
-        Ok::<_, Not>(())
+        Ok::<_, Stop>(())
     };
     hold("once".into(), &|tick| [tick >= 20; 2])?;
     for period in (1..=PERIODS).step_by(subject.by_effort(5, 1, 1)) {
@@ -372,7 +372,7 @@ fn around(subject: &Subject<'_>) -> Found {
                 (t < seconds).then_some(Next::At(at, true))
             })?;
             let [heard] = all;
-            Ok::<_, Not>(heard)
+            Ok::<_, Stop>(heard)
         };
     let slow = straight(&mut stage, 2.0, IDEAL, &|_| 0.98 * opens)?;
     holds(slow.open == 0, || format!("at {:.2} mm/s the gate of {opens} opens", 0.98 * opens))?;
@@ -443,7 +443,7 @@ fn circles(
     stage: &mut Stage,
     wrong_s: f64,
     mut wrong: Option<&mut dyn FnMut(u64) -> Next>,
-) -> Result<[Heard; 2], Not> {
+) -> Result<[Heard; 2], Stop> {
     let hz = stage.tick_hz();
     let [begins, ends] = [BEGINS_S, BEGINS_S + wrong_s].map(|s| (s * hz).round() as u64);
     let later = BEGINS_S + wrong_s + 1.0;
@@ -458,7 +458,7 @@ fn circles(
 }
 
 /// Compares the level a second later; see [`teleport`] for the bound.
-fn as_before(usual: &Heard, other: &Heard) -> Result<String, Not> {
+fn as_before(usual: &Heard, other: &Heard) -> Result<String, Stop> {
     let [a, b] = [usual, other].map(Heard::rms);
     let apart = (10.0_f64.powf(1.0 / 20.0) - 1.0) * a;
     holds((a - b).abs() <= apart.max(0.02 * f64::from(usual.peak)), || {
@@ -467,7 +467,7 @@ fn as_before(usual: &Heard, other: &Heard) -> Result<String, Not> {
     Ok(format!("rms 1 s later {b:.4}, without {a:.4}"))
 }
 
-fn speeds(it: &Heard, what: &str, least: f64, most: f64) -> Result<String, Not> {
+fn speeds(it: &Heard, what: &str, least: f64, most: f64) -> Result<String, Stop> {
     let Some((slow, fast)) = it.speed else { return Ok("no gate tells of a speed".to_owned()) };
     holds(slow >= least && fast <= most, || {
         format!("{what} the speed goes from {slow:.1} to {fast:.1} mm/s; {least:.1} to {most:.1} are allowed")

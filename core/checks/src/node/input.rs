@@ -7,7 +7,7 @@ use super::place::{Conditions, Place};
 use super::signal::Signal;
 use super::stand::{Stand, Trace, UNWRITTEN, contained, described, is_well};
 use crate::buffers::words;
-use crate::case::{Found, Not, fails, not_applicable};
+use crate::case::{Found, Stop, fails, not_applicable};
 use crate::subject::Subject;
 
 /// Ticks of a run on one signal.
@@ -27,7 +27,7 @@ const LONG: Conditions = Conditions {
 };
 
 /// The main place, and the one with long frames where the kind takes it.
-fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Not> {
+fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Stop> {
     Ok((main(subject)?, Place::settle(subject, &LONG).ok()))
 }
 
@@ -45,7 +45,7 @@ pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
 
 /// Plays noise, then values that are not finite, then noise. Answers the ticks from their end to the last
 /// wrong output, with or without the resets of the engine.
-fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
+fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
     let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
     let mut last = good;
     let mut trace = Trace::new(stand.outputs.len(), 0);
@@ -60,7 +60,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Not> {
             return fails(format!("panicked at tick {tick}"));
         }
         if wrong && tick < bad {
-            return Err(Not::Applicable("it fails on noise already".into()));
+            return Err(Stop::NotApplicable("it fails on noise already".into()));
         }
         if wrong && tick >= good {
             last = tick + 1;

@@ -6,14 +6,14 @@ use super::input::somewhere;
 use super::main;
 use super::signal::Signal;
 use super::stand::{Stand, Trace, contained, described};
-use crate::case::{Found, Not, fails, not_applicable};
+use crate::case::{Found, Stop, fails, not_applicable};
 use crate::subject::Subject;
 
 /// Ticks that are compared.
 const TICKS: u64 = 200;
 
 /// Fails where two runs differ.
-fn same(subject: &Subject<'_>, a: &Trace, b: &Trace, when: &str) -> Result<(), Not> {
+fn same(subject: &Subject<'_>, a: &Trace, b: &Trace, when: &str) -> Result<(), Stop> {
     match a.first_difference(b, |o| subject.output_name(o)) {
         Some(what) => fails(format!("{when}: {what}")),
         None => Ok(()),
@@ -134,7 +134,7 @@ const AFTER: u64 = 150;
 const GUARD: [u8; 16] = [0xa5; 16];
 
 /// Saves the state of an instance.
-fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Not> {
+fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Stop> {
     let now = stand.node.processor.state_size();
     if now != size {
         return fails(format!("state_size answers {size} at first and {now} later"));
@@ -145,7 +145,7 @@ fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Not> {
     if bytes[size..] != GUARD {
         return fails("save wrote past the memory it was given");
     }
-    let len = saved.ok_or_else(|| Not::Held(format!("save fails with the {size} bytes it asks for")))?;
+    let len = saved.ok_or_else(|| Stop::Failed(format!("save fails with the {size} bytes it asks for")))?;
     bytes.truncate(len);
     Ok(bytes)
 }
@@ -269,10 +269,10 @@ fn written(p: &Param, value: f64) -> String {
     }
 }
 
-fn set(stand: &mut Stand<'_>, p: &Param, index: usize, value: f64) -> Result<(), Not> {
+fn set(stand: &mut Stand<'_>, p: &Param, index: usize, value: f64) -> Result<(), Stop> {
     let processor = &mut stand.node.processor;
     contained(|| processor.ask(|p| p.set_parameter(index, value)))
-        .map_err(|f| Not::Held(format!("set to {}, `{}` {}", written(p, value), p.name, described(f))))
+        .map_err(|f| Stop::Failed(format!("set to {}, `{}` {}", written(p, value), p.name, described(f))))
 }
 
 pub(super) fn live_parameters(subject: &Subject<'_>) -> Found {

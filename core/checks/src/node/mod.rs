@@ -19,13 +19,13 @@ pub use cost::{TickTime, tick_time};
 pub(crate) use place::Place;
 pub(crate) use signal::{Feed, Signal};
 
-use crate::case::{Case, Family, Found, Not, fails};
+use crate::case::{Case, Family, Found, Stop, fails};
 use crate::subject::Subject;
 
 /// The place in which most cases put the kind. Only `prepare` fails where there is none.
-fn main<'a>(subject: &'a Subject<'_>) -> Result<&'a Place, Not> {
+fn main<'a>(subject: &'a Subject<'_>) -> Result<&'a Place, Stop> {
     subject.its_kind()?;
-    subject.main().map_err(|_| Not::Applicable("it cannot be prepared".into()))
+    subject.main().map_err(|_| Stop::NotApplicable("it cannot be prepared".into()))
 }
 
 const NODE: Family = Family("node");
@@ -105,7 +105,7 @@ pub(super) const CASES: &[Case] = &[
 
 fn descriptor(subject: &Subject<'_>) -> Found {
     let d = subject.its_kind()?.descriptor();
-    d.check().map_err(|e| Not::Held(e.message))?;
+    d.check().map_err(|e| Stop::Failed(e.message))?;
     if !d.sink && d.outputs.is_empty() {
         return fails("it has no outputs and is no sink, so no graph would build it");
     }

@@ -11,7 +11,7 @@ use asperity_node::{
     Status, Tick, Unit, UnitSpec, Wiring, random,
 };
 
-use crate::case::Not;
+use crate::case::Stop;
 use crate::node::signal::Signal;
 use crate::node::stand::Stand;
 use crate::played::Played;
@@ -158,8 +158,8 @@ fn compiled(
     probes: usize,
 ) -> Result<Compiled, String> {
     subject.alive();
-    let plain = |e: Not| match e {
-        Not::Held(why) | Not::Applicable(why) => why,
+    let plain = |e: Stop| match e {
+        Stop::Failed(why) | Stop::NotApplicable(why) => why,
     };
     let kind = subject.its_kind().map_err(plain)?;
     // The ports to which its parameters led.

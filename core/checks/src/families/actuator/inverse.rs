@@ -8,7 +8,7 @@ use asperity_dsp::filter::{Complex64, Section};
 use asperity_node::{Role, Unit};
 
 use super::{ACTUATORS, inverses, shipped};
-use crate::case::{Found, Not, holds};
+use crate::case::{Found, Stop, holds};
 use crate::played::Played;
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
@@ -27,7 +27,7 @@ fn driven(
     (profile, grams): (&str, f64),
     drive: Drive,
     tones: &[u32],
-) -> Result<Vec<f32>, Not> {
+) -> Result<Vec<f32>, Stop> {
     let list: Vec<u32> = tones.to_vec();
     let wanted = Arc::new(move |first: u64, out: &mut [f32]| {
         for (x, n) in out.iter_mut().zip(first..) {

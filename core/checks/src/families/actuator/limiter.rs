@@ -9,7 +9,7 @@ use asperity_node::random::{bits, uniform};
 use asperity_node::{Buffer, NodeKind, Role, ShapeSpec};
 
 use super::{ACTUATORS, limiters, named, shipped, unit};
-use crate::case::{Found, Not, fails, holds, not_applicable};
+use crate::case::{Found, Stop, fails, holds, not_applicable};
 use crate::played::{Motion, Played, Samples};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::Subject;
@@ -203,7 +203,7 @@ pub fn limited(
     place: Place<'_>,
     seed: u64,
     pieces: &[Piece],
-) -> Result<Option<Stood>, Not> {
+) -> Result<Option<Stood>, Stop> {
     let Place { kind, actuator, drive, rate_hz, settings: (slew_hz, dc_hz) } = place;
     // The actuator may not take such a handle.
     let Ok(d) = shipped(actuator.0, actuator.1) else { return Ok(None) };
@@ -483,7 +483,7 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
 }
 
 /// A judge for each sound card, by the limiter before it.
-fn judges(rig: &Rig) -> Result<Vec<Judge>, Not> {
+fn judges(rig: &Rig) -> Result<Vec<Judge>, Stop> {
     let mut all = Vec::new();
     for (_, out) in rig.schedule.with_role(Role::AudioOutput) {
         let Some(input) = out.inputs.first() else { continue };

@@ -8,7 +8,7 @@ pub use limiter::{Piece, Place, Sound, Stood, limited};
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
 use asperity_node::{Descriptor, Params, ShapeSpec, Unit, UnitSpec};
 
-use crate::case::{Case, Family, Not, not_applicable};
+use crate::case::{Case, Family, Stop, not_applicable};
 use crate::rig::has_to_be_set;
 use crate::subject::Subject;
 
@@ -66,7 +66,7 @@ const ACTUATORS: [(&str, f64); 3] =
     [("hapcoil_one", 100.0), ("haptuator_mark_ii", 100.0), ("hapcoil_one", 25.0)];
 
 /// A shipped actuator on a handle.
-fn shipped(profile: &str, grams: f64) -> Result<Dynamics, Not> {
+fn shipped(profile: &str, grams: f64) -> Result<Dynamics, Stop> {
     let profile = match ActuatorProfile::shipped(profile) {
         Some(shipped) => shipped?,
         None => return not_applicable(format!("there is no profile `{profile}`")),
@@ -74,12 +74,12 @@ fn shipped(profile: &str, grams: f64) -> Result<Dynamics, Not> {
     on(&profile, grams)
 }
 
-fn on(profile: &ActuatorProfile, grams: f64) -> Result<Dynamics, Not> {
-    Dynamics::new(profile, grams).map_err(|e| Not::Held(e.to_string()))
+fn on(profile: &ActuatorProfile, grams: f64) -> Result<Dynamics, Stop> {
+    Dynamics::new(profile, grams).map_err(|e| Stop::Failed(e.to_string()))
 }
 
 /// The actuator of a node's parameters `profile` and `handle_mass_g`, if it has them.
-fn named(params: &Params) -> Option<Result<Dynamics, Not>> {
+fn named(params: &Params) -> Option<Result<Dynamics, Stop>> {
     let (name, grams) = (params.text("profile"), params.get_number("handle_mass_g")?);
     if name.is_empty() {
         return None;
@@ -89,7 +89,7 @@ fn named(params: &Params) -> Option<Result<Dynamics, Not>> {
     }
     let base = params.place("profile").or(params.node_place()).and_then(|p| p.source.path().parent());
     let path = base.map(|dir| dir.join(name)).unwrap_or_default();
-    Some(ActuatorProfile::read(path).map_err(Not::from).and_then(|profile| on(&profile, grams)))
+    Some(ActuatorProfile::read(path).map_err(Stop::from).and_then(|profile| on(&profile, grams)))
 }
 
 /// The unit of a drive.
@@ -111,7 +111,7 @@ fn one_audio_each_way(d: &Descriptor) -> bool {
 ///
 /// # Errors
 /// There is none.
-fn inverses(subject: &Subject<'_>) -> Result<Vec<String>, Not> {
+fn inverses(subject: &Subject<'_>) -> Result<Vec<String>, Stop> {
     let fits = |d: &&Descriptor| {
         one_audio_each_way(d)
             && d.inputs[0].unit == UnitSpec::Is(Unit::METRE_PER_SECOND_SQUARED)
@@ -125,7 +125,11 @@ fn inverses(subject: &Subject<'_>) -> Result<Vec<String>, Not> {
 ///
 /// # Errors
 /// `none`, where none does.
-fn kinds(subject: &Subject<'_>, fits: impl Fn(&&Descriptor) -> bool, none: &str) -> Result<Vec<String>, Not> {
+fn kinds(
+    subject: &Subject<'_>,
+    fits: impl Fn(&&Descriptor) -> bool,
+    none: &str,
+) -> Result<Vec<String>, Stop> {
     let all = subject.registry().iter().map(|k| k.descriptor());
     let all: Vec<String> = all.filter(fits).map(|d| d.kind.to_string()).collect();
     if all.is_empty() { not_applicable(none) } else { Ok(all) }
@@ -135,7 +139,7 @@ fn kinds(subject: &Subject<'_>, fits: impl Fn(&&Descriptor) -> bool, none: &str)
 ///
 /// # Errors
 /// There is none.
-fn limiters(subject: &Subject<'_>) -> Result<Vec<String>, Not> {
+fn limiters(subject: &Subject<'_>) -> Result<Vec<String>, Stop> {
     let fits = |d: &&Descriptor| {
         one_audio_each_way(d)
             && d.outputs[0].limited

@@ -7,7 +7,7 @@ use asperity_engine::{CROSSFADE_S, Controller, Engine, Options};
 use asperity_node::{Buffer, Descriptor, ParamKind, PortType};
 
 use super::filters;
-use crate::case::{Found, Not, fails, holds, not_applicable};
+use crate::case::{Found, Stop, fails, holds, not_applicable};
 use crate::played::{Played, Samples};
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
@@ -33,7 +33,7 @@ struct Running {
 }
 
 impl Running {
-    fn new(subject: &Subject<'_>, graph: &CaseGraph) -> Result<Self, Not> {
+    fn new(subject: &Subject<'_>, graph: &CaseGraph) -> Result<Self, Stop> {
         let compiled = subject.compiled(&graph.graph, &graph.kinds)?;
         let (controller, engine) = Engine::controlled(compiled, Options::default());
         Ok(Self { controller, engine, heard: Vec::new() })
@@ -45,7 +45,7 @@ impl Running {
         schedule.nodes.get(schedule.index_of("out")?)?.inputs.first()?.port.clone()
     }
 
-    fn run(&mut self, ticks: usize) -> Result<(), Not> {
+    fn run(&mut self, ticks: usize) -> Result<(), Stop> {
         for _ in 0..ticks {
             self.engine.tick();
             // Read at the sink, behind a crossfade.
@@ -102,7 +102,7 @@ fn change(
     graph: &CaseGraph,
     (param, values): (&str, &[String]),
     steepest: f64,
-) -> Result<Option<f64>, Not> {
+) -> Result<Option<f64>, Stop> {
     let mut worst = None;
     for value in values {
         let mut other = graph.clone();

@@ -11,7 +11,7 @@ use asperity_node::{
 
 use super::phase::{Method, methods};
 use crate::buffers::denormals;
-use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
 use crate::played::{Frames, Motion, Played, Samples};
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
@@ -99,7 +99,7 @@ impl Filter {
         rate_hz: Option<u32>,
         samples: Samples,
         params: &[(&str, &str)],
-    ) -> Result<CaseGraph, Not> {
+    ) -> Result<CaseGraph, Stop> {
         let graph = CaseGraph::new(tick_hz, audio_hz)
             .plays("source", self.source(rate_hz, samples))?
             .node("it", &self.kind, params)?
@@ -144,7 +144,7 @@ fn chain(
     (tick_hz, audio_hz): (u32, u32),
     (layout, every): (FrameLayout, u32),
     frames: Frames,
-) -> Result<CaseGraph, Not> {
+) -> Result<CaseGraph, Stop> {
     let mut graph = CaseGraph::new(tick_hz, audio_hz)
         .plays("magnitudes", Played::magnitudes("magnitudes from memory", layout, frames))?
         .node("phase", method.kind(), &[])?
@@ -170,7 +170,7 @@ fn noise(seed: u64, n: u64) -> f32 {
 const TICKS_HZ: [u32; 6] = [500, 100, 4000, 2500, 333, 997];
 
 /// The first samples of a filter.
-fn heard(rig: &mut Rig, samples: usize) -> Result<Vec<f32>, Not> {
+fn heard(rig: &mut Rig, samples: usize) -> Result<Vec<f32>, Stop> {
     let mut out = Vec::with_capacity(samples + 2000);
     while out.len() < samples {
         let before = rig.engine.next_tick();
@@ -257,7 +257,7 @@ fn level(
     kind: &Method,
     (rate_hz, tick_hz, audio_hz): (u32, u32, u32),
     seconds: f64,
-) -> Result<f64, Not> {
+) -> Result<f64, Stop> {
     let Some(windows) = windows(rate_hz, tick_hz) else { return not_applicable("no windows are whole") };
     // A periodic Hann window's transform of a sine on a bin.
     let tone: Frames = Arc::new(|_, bins| {
@@ -364,7 +364,7 @@ fn tails_of_kinds(subject: &Subject<'_>) -> Found {
 }
 
 /// Time of the last sound \[s\].
-fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, Not> {
+fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, Stop> {
     let (mut last, mut wrong) = (0, None);
     let ticks = rig.ticks(seconds);
     let ran = rig.run(ticks, |rig, tick| {

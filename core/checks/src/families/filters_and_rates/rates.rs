@@ -8,7 +8,7 @@ use asperity_node::random::bits;
 use asperity_node::{NodeKind, time};
 
 use super::{chain, noise, windows};
-use crate::case::{Found, Not, holds};
+use crate::case::{Found, Stop, holds};
 use crate::families::phase::methods;
 use crate::played::{Frames, Motion};
 use crate::rig::Rig;
@@ -51,7 +51,7 @@ struct Tally {
 
 impl Tally {
     /// Runs a graph, or counts its refusal.
-    fn run(&mut self, subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<(), Not> {
+    fn run(&mut self, subject: &Subject<'_>, graph: &GraphFile, kinds: &[Arc<NodeKind>]) -> Result<(), Stop> {
         let at = format!("{} ticks/s, {} Hz", graph.tick_hz, graph.audio_hz);
         let compiled = match subject.compile(graph, kinds) {
             Ok(compiled) => compiled,

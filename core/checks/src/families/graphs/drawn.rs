@@ -13,7 +13,7 @@ use asperity_node::{
 };
 
 use crate::buffers::finite;
-use crate::case::{Found, Not, fails, holds};
+use crate::case::{Found, Stop, fails, holds};
 use crate::played::Played;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -208,13 +208,13 @@ impl Drawn {
     ///
     /// # Errors
     /// Something that must hold does not.
-    pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Not> {
+    pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Stop> {
         let source = Source::new(NAME, self.text.as_str());
         let told = |e: &Diagnostic| {
             holds(!e.message.trim().is_empty() && e.place.is_some(), || {
                 format!("refused without a place: {e}")
             })?;
-            Ok::<_, Not>(e.message.clone())
+            Ok::<_, Stop>(e.message.clone())
         };
         let graph = match GraphFile::parse(&source) {
             Ok(graph) => graph,
@@ -224,7 +224,7 @@ impl Drawn {
             Ok(compiled) => compiled,
             Err(errors) => {
                 let first = errors.iter().map(told).collect::<Result<Vec<_>, _>>()?.into_iter().next();
-                let why = first.ok_or_else(|| Not::Held("refused without a word".into()))?;
+                let why = first.ok_or_else(|| Stop::Failed("refused without a word".into()))?;
                 return Ok(Became::Refused(why));
             }
         };
@@ -282,7 +282,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
         };
         let graph = drawn(subject, &mut choose);
         match graph.run(subject).map_err(|e| match e {
-            Not::Held(wrong) => Not::Held(format!("graph {seed}: {wrong}:\n{}", graph.text)),
+            Stop::Failed(wrong) => Stop::Failed(format!("graph {seed}: {wrong}:\n{}", graph.text)),
             other => other,
         })? {
             Became::Ran { nodes: n, looped, contained } => {

@@ -15,7 +15,7 @@ use asperity_graph::Schedule;
 use asperity_node::{Buffer, FactValue, NodeKind, Setup, Shape, Unit};
 
 use crate::buffers::{denormals, same};
-use crate::case::{Case, Family, Found, Not, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
 use crate::played::Motion;
 use crate::rig::{DriveLimits, Rig};
 use crate::subject::{Effort, Subject};
@@ -84,7 +84,7 @@ pub(super) const CASES: &[Case] = &[
 type Culprits = (Vec<Arc<NodeKind>>, Vec<usize>);
 
 /// All kinds with an output of magnitudes in the subject's graph, and their nodes.
-fn culprits(subject: &Subject<'_>) -> Result<Culprits, Not> {
+fn culprits(subject: &Subject<'_>) -> Result<Culprits, Stop> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let nodes = networks(&schedule);
     let mut names: Vec<&str> = nodes.iter().map(|&i| schedule.nodes[i].kind.as_str()).collect();
@@ -95,7 +95,7 @@ fn culprits(subject: &Subject<'_>) -> Result<Culprits, Not> {
 }
 
 /// Runs troubles one after the other.
-fn spoil(subject: &Subject<'_>, wrongs: &[Wrong]) -> Result<(Beside, String), Not> {
+fn spoil(subject: &Subject<'_>, wrongs: &[Wrong]) -> Result<(Beside, String), Stop> {
     let motion = motion(subject)?;
     let troubles: Vec<_> = wrongs.iter().map(|w| (w.what, w.seconds)).collect();
     let (windows, ticks) = windows(&troubles, subject.its_graph()?.tick_hz);
@@ -239,7 +239,7 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
 
 /// The inputs of the networks, with the factors that make them ten times the largest values of training, or
 /// ten times as large where a network does not state those.
-fn told(rig: &mut Rig) -> Result<Told, Not> {
+fn told(rig: &mut Rig) -> Result<Told, Stop> {
     let schedule = rig.schedule.clone();
     let mut told: Vec<(usize, usize, Option<f64>)> = Vec::new();
     for i in networks(&schedule) {
@@ -433,7 +433,7 @@ impl Beside {
         motion: &Motion,
         others: Vec<Arc<NodeKind>>,
         culprits: Vec<usize>,
-    ) -> Result<Self, Not> {
+    ) -> Result<Self, Stop> {
         let plain = Rig::new(subject, motion.clone(), &[])?;
         let mut mutant = subject.clone();
         for kind in others {
@@ -461,7 +461,7 @@ impl Beside {
     ///
     /// # Errors
     /// A requirement that does not hold.
-    fn run(&mut self, windows: &[Window], ticks: u64) -> Result<Vec<(&'static str, f64)>, Not> {
+    fn run(&mut self, windows: &[Window], ticks: u64) -> Result<Vec<(&'static str, f64)>, Stop> {
         let mut sums = vec![[0.0; 2]; windows.len()];
         for tick in 0..ticks {
             self.plain.engine.tick();
@@ -498,7 +498,7 @@ impl Beside {
     }
 
     /// Checks that every sample of the drive is finite and within the bounds of its limiter.
-    fn look_at_drive(&mut self, tick: u64, now: &str) -> Result<(), Not> {
+    fn look_at_drive(&mut self, tick: u64, now: &str) -> Result<(), Stop> {
         for ((samples, limits), last) in self.wrong.drive().zip(&self.limits).zip(&mut self.last) {
             for &x in samples {
                 let x = f64::from(x);
@@ -527,7 +527,7 @@ impl Beside {
     }
 
     /// Checks that independent nodes go on to the bit, and that the drive is as valid as before.
-    fn look_at_others(&mut self, tick: u64, now: &str) -> Result<(), Not> {
+    fn look_at_others(&mut self, tick: u64, now: &str) -> Result<(), Stop> {
         for (i, output) in self.plain.outputs() {
             let (a, b) = (self.plain.engine.output(i, output), self.wrong.engine.output(i, output));
             let (Some(a), Some(b)) = (a, b) else { continue };
@@ -598,7 +598,7 @@ fn loudest(buffer: &Buffer) -> f64 {
 ///
 /// # Errors
 /// No graph; no network in it; no place at which one sounds.
-fn motion(subject: &Subject<'_>) -> Result<Motion, Not> {
+fn motion(subject: &Subject<'_>) -> Result<Motion, Stop> {
     let hz = f64::from(subject.its_graph()?.tick_hz);
     let around = |at: [f64; 3]| -> Motion {
         Arc::new(move |tick| {
@@ -645,7 +645,7 @@ fn came(rig: &Rig, networks: &[usize]) -> bool {
 }
 
 /// Whether frames come and something sounds in each tenth of a second from the sixth to the tenth.
-fn sounds(rig: &mut Rig) -> Result<bool, Not> {
+fn sounds(rig: &mut Rig) -> Result<bool, Stop> {
     let all = networks(&rig.schedule);
     if all.is_empty() {
         return not_applicable("no node of this graph puts out magnitudes");

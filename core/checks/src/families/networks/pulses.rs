@@ -7,7 +7,7 @@ use asperity_accuracy::accuracy::rhythm::{Rhythm, envelope_likeness};
 use asperity_texture::{Library, LibraryMaterial};
 
 use super::{motion, networks, sounds};
-use crate::case::{Found, Not, holds};
+use crate::case::{Found, Stop, holds};
 use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -89,7 +89,7 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
         }
     }
     if count == 0 {
-        return Err(Not::Applicable("no stroke sounds".into()));
+        return Err(Stop::NotApplicable("no stroke sounds".into()));
     }
     Ok(format!(
         "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, \
@@ -105,7 +105,7 @@ fn same_at_all_speeds(
     subject: &Subject<'_>,
     changes: &[String],
     seconds: f64,
-) -> Result<Option<(f64, f64)>, Not> {
+) -> Result<Option<(f64, f64)>, Stop> {
     let mut least: Vec<(f64, f64)> = Vec::new();
     for speed in SPEEDS_MM_S {
         let (signal, rate_hz) = signal(subject, &circle(subject, speed)?, changes, seconds)?;
@@ -124,8 +124,8 @@ fn same_at_all_speeds(
     Ok(least.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)))
 }
 
-fn wrong(e: AccuracyError) -> Not {
-    Not::Held(e.to_string())
+fn wrong(e: AccuracyError) -> Stop {
+    Stop::Failed(e.to_string())
 }
 
 /// Rhythm of a signal, and of noise of its spectrum.
@@ -139,7 +139,7 @@ fn signal(
     motion: &Motion,
     changes: &[String],
     seconds: f64,
-) -> Result<(Vec<f64>, f64), Not> {
+) -> Result<(Vec<f64>, f64), Stop> {
     let changes: Vec<&str> = changes.iter().map(String::as_str).collect();
     let mut rig = Rig::new(subject, motion.clone(), &changes)?;
     let (settle, ticks) = (rig.ticks(SETTLE_S), rig.ticks(seconds));
@@ -154,7 +154,7 @@ fn signal(
 }
 
 /// Strokes of constant speed \[mm/s\]: wide circles on a floor, else a circle at which the network sounds.
-fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
+fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Stop> {
     if sounds(&mut Rig::new(subject, circle(subject, 80.0)?, &[])?)? {
         let speeds: &[f64] = subject.by_effort(&[80.0], &[60.0, 160.0], &[40.0, 80.0, 160.0, 280.0]);
         return speeds.iter().map(|speed| Ok((*speed, circle(subject, *speed)?))).collect();
@@ -163,7 +163,7 @@ fn strokes(subject: &Subject<'_>) -> Result<Vec<(f64, Motion)>, Not> {
 }
 
 /// A wide circle on a floor at a speed \[mm/s\].
-fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Not> {
+fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Stop> {
     let hz = f64::from(subject.its_graph()?.tick_hz);
     Ok(Arc::new(move |tick| {
         let (sin, cos) = (speed * tick as f64 / hz / RADIUS_MM).sin_cos();
@@ -173,7 +173,7 @@ fn circle(subject: &Subject<'_>, speed: f64) -> Result<Motion, Not> {
 
 /// The first material of each family in the library, both of those that repeat with place and of the others.
 /// The graph as it is where it has no library.
-fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Not> {
+fn settings(subject: &Subject<'_>) -> Result<Vec<Setting>, Stop> {
     let schedule = subject.compiled(subject.its_graph()?, &[])?.schedule;
     let most = subject.by_effort(2, 4, 100);
     let mut all: Vec<Setting> = Vec::new();

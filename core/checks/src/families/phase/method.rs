@@ -7,7 +7,7 @@ use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::Framing;
 use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue};
 
-use crate::case::{Not, holds, not_applicable};
+use crate::case::{Stop, holds, not_applicable};
 use crate::played::{Frames, Played};
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
@@ -35,7 +35,7 @@ pub(crate) struct Method {
 ///
 /// # Errors
 /// There is none.
-pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Not> {
+pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Stop> {
     let mut all = Vec::new();
     for kind in subject.registry().iter() {
         let d = kind.descriptor();
@@ -112,7 +112,7 @@ impl Method {
         subject: &Subject<'_>,
         layout: FrameLayout,
         frames: Frames,
-    ) -> Result<Heard, Not> {
+    ) -> Result<Heard, Stop> {
         let params: Vec<(&str, &str)> = self.set.iter().map(|(p, v)| (p.as_str(), v.as_str())).collect();
         let mut graph = CaseGraph::new(layout.frame_rate.num(), 48_000)
             .plays("frames", Played::magnitudes("frames of the case", layout, frames))?
@@ -151,7 +151,7 @@ impl Heard {
     ///
     /// # Errors
     /// A sample that is not finite, a node that fails.
-    pub(crate) fn hear(&mut self, ticks: u64, to: &mut Vec<f64>) -> Result<(), Not> {
+    pub(crate) fn hear(&mut self, ticks: u64, to: &mut Vec<f64>) -> Result<(), Stop> {
         for _ in 0..ticks {
             let tick = self.rig.engine.next_tick();
             self.rig.engine.tick();
@@ -169,7 +169,7 @@ impl Heard {
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(crate) fn next(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
+    pub(crate) fn next(&mut self, ticks: u64) -> Result<Vec<f64>, Stop> {
         let mut heard = Vec::new();
         self.hear(ticks, &mut heard)?;
         Ok(heard)
@@ -179,7 +179,7 @@ impl Heard {
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(crate) fn pass(&mut self, ticks: u64) -> Result<(), Not> {
+    pub(crate) fn pass(&mut self, ticks: u64) -> Result<(), Stop> {
         let mut heard = Vec::new();
         for _ in 0..ticks {
             heard.clear();
@@ -198,7 +198,7 @@ impl Heard {
     ///
     /// # Errors
     /// As [`hear`](Self::hear).
-    pub(crate) fn aligned(&mut self, ticks: u64) -> Result<Vec<f64>, Not> {
+    pub(crate) fn aligned(&mut self, ticks: u64) -> Result<Vec<f64>, Stop> {
         let mut heard = vec![0.0; usize::try_from(-self.late).unwrap_or(0)];
         self.hear(ticks, &mut heard)?;
         Ok(heard.split_off(usize::try_from(self.late).unwrap_or(0).min(heard.len())))
@@ -247,14 +247,14 @@ pub(crate) fn frames(of: impl Fn(u64, usize) -> f64 + Send + Sync + 'static) -> 
 ///
 /// # Errors
 /// Magnitudes without a score.
-pub(crate) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Not> {
+pub(crate) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Stop> {
     let framing = framing(layout);
     // The last window's worth is still to come.
     let frames_hz = u64::from(layout.frame_rate.num());
     let frames = (heard.len() as u64 * frames_hz / u64::from(layout.rate_hz)).saturating_sub(frames_hz / 10);
     let frame: Vec<f32> = (0..framing.bins).map(|k| (bins(k) * framing.bin_scale()) as f32).collect();
     let all = frame.repeat(usize::try_from(frames).unwrap_or(0));
-    phase::score(&all, &framing, heard).map_err(|e| Not::Held(e.to_string()))
+    phase::score(&all, &framing, heard).map_err(|e| Stop::Failed(e.to_string()))
 }
 
 /// The layout as the figures take it.

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use asperity_accuracy::phase;
 use asperity_node::{Buffer, FrameLayout, InputRef, Inputs, NodeKind, Outputs, Setup, Tick};
 
-use crate::case::{Case, Family, Found, Not, fails, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, fails, holds, not_applicable};
 use crate::played::Frames;
 use crate::subject::Subject;
 use crate::wrap::{Process, wrap};
@@ -128,8 +128,8 @@ fn asked(bins: impl Fn(usize) -> f64) -> f64 {
 fn each(
     subject: &Subject<'_>,
     settings: bool,
-    mut run: impl FnMut(&Method) -> Result<f64, Not>,
-) -> Result<(usize, f64, String), Not> {
+    mut run: impl FnMut(&Method) -> Result<f64, Stop>,
+) -> Result<(usize, f64, String), Stop> {
     let methods = methods(subject, settings)?;
     let mut worst = (f64::NEG_INFINITY, String::new());
     let mut wrong = Vec::new();
@@ -137,8 +137,8 @@ fn each(
         match run(method) {
             Ok(figure) if figure > worst.0 => worst = (figure, method.name()),
             Ok(_) => {}
-            Err(Not::Held(why)) => wrong.push(format!("{}: {why}", method.name())),
-            Err(other @ Not::Applicable(_)) => return Err(other),
+            Err(Stop::Failed(why)) => wrong.push(format!("{}: {why}", method.name())),
+            Err(other @ Stop::NotApplicable(_)) => return Err(other),
         }
     }
     holds(wrong.is_empty(), || wrong.join("; "))?;
@@ -226,7 +226,7 @@ fn spectra(subject: &Subject<'_>) -> Found {
 }
 
 /// The samples of a tone that has settled.
-fn steady(subject: &Subject<'_>, method: &Method, scale: f64) -> Result<Vec<f64>, Not> {
+fn steady(subject: &Subject<'_>, method: &Method, scale: f64) -> Result<Vec<f64>, Stop> {
     let layout = layout(2500, BINS);
     let mut heard = method.begin(subject, layout, frames(move |_, k| scale * lobe(TONE, k)))?;
     heard.pass(heard.settles(&layout))?;
@@ -255,7 +255,7 @@ fn hop(subject: &Subject<'_>) -> Found {
             let layout = layout(rate_hz, 101);
             let mut heard: Heard = method.begin(subject, layout, Arc::clone(&tone))?;
             let all = heard.aligned(240)?;
-            Ok::<f64, Not>(score(&layout, |k| lobe(TONE, k), &all)?.convergence_db)
+            Ok::<f64, Stop>(score(&layout, |k| lobe(TONE, k), &all)?.convergence_db)
         };
         let (even, odd) = (of(44_000)?, of(44_100)?);
         holds(odd < (even + 1.5).max(-60.0), || format!("{odd:.1} dB at 44.1 kHz, {even:.1} dB at 44 kHz"))?;
@@ -279,7 +279,7 @@ fn comes_back(
     troubled: &Subject<'_>,
     frames_of: &Frames,
     trouble: Range<u64>,
-) -> Result<(f64, f64), Not> {
+) -> Result<(f64, f64), Stop> {
     let layout = layout(2500, BINS);
     let tone: Frames = frames(|_, k| lobe(TONE, k));
     let mut plain = method.begin(subject, layout, tone)?;
@@ -455,7 +455,7 @@ const LOOK: u64 = 1250;
 const LOW_TONE: f64 = 5.37;
 
 /// Spectral convergence of a tone \[dB\], and the error of its frequency \[Hz\] where it has one.
-fn look(heard: &mut Heard, layout: &FrameLayout, tone: f64) -> Result<(f64, Option<f64>), Not> {
+fn look(heard: &mut Heard, layout: &FrameLayout, tone: f64) -> Result<(f64, Option<f64>), Stop> {
     let all = heard.aligned(LOOK)?;
     let found = score(layout, |k| lobe(tone, k), &all)?;
     let middle = all.get(layout.length as usize..).unwrap_or(&all);
@@ -464,7 +464,7 @@ fn look(heard: &mut Heard, layout: &FrameLayout, tone: f64) -> Result<(f64, Opti
 }
 
 /// Compares a tone after a long time with the tone at the start.
-fn as_before(before: (f64, Option<f64>), after: (f64, Option<f64>)) -> Result<f64, Not> {
+fn as_before(before: (f64, Option<f64>), after: (f64, Option<f64>)) -> Result<f64, Stop> {
     holds(after.0 < (before.0 + 1.5).max(-40.0), || {
         format!("spectral convergence is {:.1} dB, and was {:.1} dB at the start", after.0, before.0)
     })?;
@@ -536,7 +536,7 @@ fn against_f64(subject: &Subject<'_>) -> Found {
 }
 
 /// Difference of the magnitudes of two methods at the start and at the end \[dB\].
-fn apart(subject: &Subject<'_>, [single, double]: &[Method; 2], total: u64) -> Result<(f64, f64), Not> {
+fn apart(subject: &Subject<'_>, [single, double]: &[Method; 2], total: u64) -> Result<(f64, f64), Stop> {
     let bench = layout(500, FEW_BINS);
     let tones = |_: u64, k: usize| lobe(LOW_TONE, k) + 0.5 * lobe(14.8, k);
     let mut pair =
@@ -547,8 +547,8 @@ fn apart(subject: &Subject<'_>, [single, double]: &[Method; 2], total: u64) -> R
         let layout = framing(&bench);
         let frames = a.len() - layout.fft_len;
         let wanted: Vec<f32> = phase::magnitudes(&b, &layout, frames).iter().map(|m| *m as f32).collect();
-        let found = phase::score(&wanted, &layout, &a).map_err(|e| Not::Held(e.to_string()))?;
-        Ok::<f64, Not>(found.convergence_db)
+        let found = phase::score(&wanted, &layout, &a).map_err(|e| Stop::Failed(e.to_string()))?;
+        Ok::<f64, Stop>(found.convergence_db)
     };
     for heard in &mut pair {
         heard.pass(heard.settles(&bench))?;

@@ -29,7 +29,7 @@ use std::f64::consts::TAU;
 use asperity_node::random;
 use asperity_scene::bound::Passivity;
 
-use crate::case::{Case, Family, Found, Not, applicable, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, applicable, holds, not_applicable};
 use crate::handle::{Device, Hand, Handle, Loop};
 use crate::subject::{Effort, Subject};
 use crate::wall::{Curve, Near, Wall, floors, pitch_mm};
@@ -185,8 +185,8 @@ fn thrown(
     near: &Near,
     (damping_ns_per_m, late): (f64, (usize, usize)),
     radians: &[f64],
-    mut each: impl FnMut(Fallen, &Fall<'_>) -> Result<(), Not>,
-) -> Result<(), Not> {
+    mut each: impl FnMut(Fallen, &Fall<'_>) -> Result<(), Stop>,
+) -> Result<(), Stop> {
     let curve = wall.curve(near);
     for &radians in radians {
         let mass_kg = near.mass_kg(radians);
@@ -264,7 +264,7 @@ fn inside(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
 }
 
 /// Least gain of energy of devices that swing slowly in a wall, as a part of it.
-fn gained(wall: &mut Wall, near: &Near, damping_ns_per_m: f64, late: (usize, usize)) -> Result<f64, Not> {
+fn gained(wall: &mut Wall, near: &Near, damping_ns_per_m: f64, late: (usize, usize)) -> Result<f64, Stop> {
     let mut least = f64::MAX;
     thrown(wall, near, (damping_ns_per_m, late), &[0.05], |done, _| {
         least = least.min(done.back_mj / done.first_mj - 1.0);
@@ -436,7 +436,7 @@ struct Fallen {
 ///
 /// # Errors
 /// The motion is not finite.
-fn fall(wall: &mut Wall, it: &Fall<'_>, ticks: u64) -> Result<Fallen, Not> {
+fn fall(wall: &mut Wall, it: &Fall<'_>, ticks: u64) -> Result<Fallen, Stop> {
     wall.reset();
     let (late, of) = it.late;
     let steps = of.max(1) * if it.device.friction_n > 0.0 { 40 } else { 1 };

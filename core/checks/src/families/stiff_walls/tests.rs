@@ -53,7 +53,7 @@ fn wall_outside_its_bound_makes_energy() {
     // only.
     for (from_mm, why) in [(0.0, "to Hooke's force"), (0.01, "off the closed form")] {
         match floor(&by_way(&subject, from_mm, -0.25), "virtual_floor", outside) {
-            Err(Not::Held(found)) => assert!(found.contains(why), "another reason: {found}"),
+            Err(Stop::Failed(found)) => assert!(found.contains(why), "another reason: {found}"),
             other => panic!("the mutant passes: {other:?}"),
         }
     }
