@@ -11,7 +11,7 @@ use asperity_diagnostics::{Diagnostic, Place};
 use asperity_dsp::Framing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{Buffer, Latency, NodeKind, Registry, Role, Shape, Unit};
+use asperity_node::{Buffer, Latency, Registry, Role, Shape, Unit};
 use asperity_texture::Library;
 
 use crate::knob::{has, set};
@@ -301,7 +301,7 @@ impl Places {
         let mut it = Self { felt, drive, ..Self::default() };
         it.plant = it.drive.map(|at| plant(schedule, at)).transpose()?.flatten();
         for (i, node) in schedule.nodes.iter().enumerate() {
-            let kind = registry.get(&node.kind).map(|k| NodeKind::descriptor(&**k));
+            let kind = registry.get(&node.kind).map(|k| k.descriptor());
             let Some(retrieval) = kind.and_then(|d| d.retrieval()) else { continue };
             let input = node.inputs.iter().find(|input| input.name == retrieval.input);
             it.frames = input.and_then(|input| input.from);

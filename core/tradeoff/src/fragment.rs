@@ -37,7 +37,7 @@ impl Fragment {
             .collect();
         let mut plugins: Vec<(String, String)> = Vec::new();
         for (node, _) in &new {
-            let Some(from) = base.registry.get(&node.kind).and_then(|kind| plugin(&**kind)) else { continue };
+            let Some(from) = base.registry.get(&node.kind).and_then(|kind| plugin(kind)) else { continue };
             let named = file.plugins.iter().any(|decl| is_file_of(&decl.name, &from));
             let of = (node.kind.clone(), name_of(&from));
             if !named && !plugins.contains(&of) {

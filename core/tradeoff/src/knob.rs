@@ -5,7 +5,7 @@ use std::fmt;
 use asperity_diagnostics::ron::{Key, Kind, Value};
 use asperity_diagnostics::{Diagnostic, Place, one_of};
 use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting};
-use asperity_node::{NodeKind, ParamKind, Registry, Role, ShapeSpec};
+use asperity_node::{ParamKind, Registry, Role, ShapeSpec};
 
 /// The part of a graph that a knob sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -220,7 +220,7 @@ fn replace(graph: &mut GraphFile, id: &str, value: &Value, registry: &Registry) 
     }
     let place = value.place();
     let new = NodeDecl::read(&Key { name: id.to_owned(), span: place.span }, value)?;
-    let descriptor = |kind: &str| registry.get(kind).map(|k| NodeKind::descriptor(&**k).clone());
+    let descriptor = |kind: &str| registry.get(kind).map(|k| k.descriptor().clone());
     let Some(new_kind) = descriptor(&new.kind) else {
         let help = one_of(&new.kind, registry.names());
         return Err(value.error(format!("there is no kind `{}`", new.kind)).help(help));

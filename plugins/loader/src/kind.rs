@@ -90,7 +90,7 @@ impl PluginKind {
         let lent = Lent::setup(setup, &self.descriptor)?;
         let mut said = Said::new();
         // SAFETY: the setup lives through the call.
-        let made = unsafe { PluginProcessor::new(self.functions, &lent.abi, setup, &mut said.abi) };
+        let made = unsafe { PluginProcessor::prepare(self.functions, &lent.abi, setup, &mut said.abi) };
         match made {
             Ok(prepared) => Ok(prepared),
             Err(lie) if lie.is_empty() => Err(self.error(&setup.config, &said)),

@@ -46,7 +46,7 @@ impl PluginProcessor {
     ///
     /// # Safety
     /// `lent` and `error` are valid, and so is everything they point to.
-    pub(crate) unsafe fn new(
+    pub(crate) unsafe fn prepare(
         functions: Functions,
         lent: &AsperitySetup,
         setup: &Setup<'_>,

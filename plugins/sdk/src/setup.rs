@@ -36,6 +36,12 @@ impl SlotSettings {
         let sources = unsafe { values(abi.values, fields, &mut params) }?;
         Some(Self { settings: Settings::new(form.name.to_string(), params), sources })
     }
+
+    /// Where its errors point: itself, and its fields.
+    fn places(&self) -> Vec<Arc<Source>> {
+        let itself = self.settings.node_place().map(|place| place.source.clone());
+        itself.into_iter().chain(self.sources.iter().map(|(source, _)| source.clone())).collect()
+    }
 }
 
 /// A setup that owns a copy of the host's data.
@@ -69,10 +75,14 @@ impl HostSetup {
         if let Some(effect) = &d.effect {
             let list = d.params.iter().position(|param| param.name == effect.list);
             // SAFETY: there are `slot_count` slots.
-            let (slots, theirs) = unsafe { slots(setup.slots, setup.slot_count, &effect.forms) }?;
-            params.set_slots(slots);
+            let slots = unsafe { slots(setup.slots, setup.slot_count, &effect.forms) }?;
             // An error in a slot is one of the list.
-            sources.extend(theirs.into_iter().filter_map(|source| Some((source, list?))));
+            for place in slots.iter().flatten().flat_map(SlotSettings::places) {
+                sources.extend(list.map(|list| (place, list)));
+            }
+            params.set_slots(
+                slots.into_iter().map(|slot| slot.into_iter().map(|it| it.settings).collect()).collect(),
+            );
         }
         // SAFETY: as above, for wires.
         let (inputs, outputs) =
@@ -199,30 +209,20 @@ unsafe fn values(first: *const AsperityValue, of: &[Param], params: &mut Params)
     Some(sources)
 }
 
-/// Reads the slots of an effect, and the sources by which errors find them.
+/// Reads the slots of an effect.
 ///
 /// # Safety
 /// There are `count` slots, each as far from the next as the first one's size.
-unsafe fn slots(
-    first: *const AsperitySlot,
-    count: u32,
-    forms: &[Form],
-) -> Option<(Vec<Vec<Settings>>, Vec<Arc<Source>>)> {
-    let (mut slots, mut sources) = (Vec::new(), Vec::new());
-    for i in 0..count as usize {
+unsafe fn slots(first: *const AsperitySlot, count: u32, forms: &[Form]) -> Option<Vec<Vec<SlotSettings>>> {
+    let slot = |i| {
         // SAFETY: the caller's promise.
         let slot = unsafe { element(first, i) }?;
-        let mut all = Vec::new();
-        for k in 0..slot.count as usize {
-            // SAFETY: the host lists as many settings, each with as many values as its form has fields.
-            let read = unsafe { SlotSettings::read(stride(slot.settings, k)?, forms) }?;
-            sources.extend(read.settings.node_place().map(|place| place.source.clone()));
-            sources.extend(read.sources.into_iter().map(|(source, _)| source));
-            all.push(read.settings);
-        }
-        slots.push(all);
-    }
-    Some((slots, sources))
+        // SAFETY: the host lists as many settings, each with as many values as its form has fields.
+        (0..slot.count as usize)
+            .map(|k| unsafe { SlotSettings::read(stride(slot.settings, k)?, forms) })
+            .collect()
+    };
+    (0..count as usize).map(slot).collect()
 }
 
 unsafe fn wires(first: *const AsperityWire, count: u32) -> Option<Vec<Wiring>> {

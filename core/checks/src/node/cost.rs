@@ -75,13 +75,13 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
         let it = &mut stand.node.processor;
         for (i, p) in params.iter().enumerate() {
             if let Some(value) = somewhere(p, 0.3) {
-                let _ = set.watch(tick, || it.set_parameter(i, value));
+                set.watch(tick, || it.set_parameter(i, value));
             }
         }
         let len = save.watch(tick, || it.save(&mut bytes)).unwrap_or(0);
         let _ = restore.watch(tick, || it.restore(&bytes[..len]));
-        let _ = elapsed.watch(tick, || it.elapsed(10));
-        let _ = reset.watch(tick, || it.reset());
+        elapsed.watch(tick, || it.elapsed(10));
+        reset.watch(tick, || it.reset());
     }
     let allowed = !stand.node.allocation_free;
     let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();

@@ -18,7 +18,7 @@ pub(super) const ID: &str = "phase";
 
 /// Kinds of a registry that retrieve phase, by name.
 pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
-    registry.iter().map(|k| NodeKind::descriptor(&**k)).filter(|d| d.retrieval().is_some()).collect()
+    registry.iter().map(|k| NodeKind::descriptor(k)).filter(|d| d.retrieval().is_some()).collect()
 }
 
 /// A way to retrieve phase, with its settings.

@@ -1,7 +1,7 @@
 //! `level`.
 
 use asperity_node::{
-    Buffer, Config, InputRef, Inputs, NodeKind, Outputs, Params, PortType, Processor, Setup, Shape, Status,
+    Buffer, Config, InputRef, Inputs, Outputs, Params, PortType, Processor, Setup, Shape, Status,
     Tick, Unit, Wiring,
 };
 
@@ -15,7 +15,7 @@ fn level(rate_hz: u32, tick_hz: u32) -> Box<dyn Processor> {
     let audio = PortType { shape: Shape::Audio { rate_hz }, unit: Unit::NEWTON, limited: false };
     let wired = [Wiring { port: Some(audio), connected: true }];
     let setup = Setup { config, inputs: &wired, outputs: &wired, closes_cycle: false };
-    NodeKind::prepare(&*kind, &setup).unwrap().processor
+    kind.prepare(&setup).unwrap().processor
 }
 
 /// One tick: whether the input was wanted, the answer, and what came out.

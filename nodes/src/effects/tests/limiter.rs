@@ -1,7 +1,7 @@
 //! `force_limiter`.
 
 use asperity_node::{
-    Buffer, Config, InputRef, Inputs, NodeKind, Outputs, ParamValue, Params, Processor, Setup, Tick,
+    Buffer, Config, InputRef, Inputs, Outputs, ParamValue, Params, Processor, Setup, Tick,
 };
 
 /// A limiter that runs every `every`-th tick.
@@ -11,7 +11,7 @@ fn limiter(tick_hz: u32, every: u32, slew: f64) -> Box<dyn Processor> {
     params.insert("max_force_n", Some(ParamValue::Number(3.0)), None);
     params.insert("slew_n_per_s", Some(ParamValue::Number(slew)), None);
     let config = Config { id: "it", params: &params, tick_hz, every, audio_hz: 48_000, seed: 1 };
-    NodeKind::prepare(&*kind, &Setup { config, inputs: &[], outputs: &[], closes_cycle: false })
+    kind.prepare(&Setup { config, inputs: &[], outputs: &[], closes_cycle: false })
         .unwrap()
         .processor
 }

@@ -86,7 +86,7 @@ pub(crate) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2])
             spectrum,
         }))
     };
-    subject.registry().iter().filter(|k| has(&***k)).filter_map(|k| of(k.descriptor())).collect()
+    subject.registry().iter().filter(|k| has(k)).filter_map(|k| of(k.descriptor())).collect()
 }
 
 impl Method {

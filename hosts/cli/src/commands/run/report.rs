@@ -37,7 +37,7 @@ impl Run<'_> {
     pub fn json(&self) -> String {
         let (view, layout) = (&self.ended.view, self.ended.graph_controller.layout());
         let facts = |i: usize| -> Map<String, Value> {
-            self.ended.facts.get(i).map_or_else(Map::new, |facts| facts_json(facts))
+            self.ended.facts.get(i).map_or_else(Map::new, facts_json)
         };
         let nodes = layout.nodes.iter().zip(&view.nodes).enumerate().map(|(i, (node, v))| {
             json!({
