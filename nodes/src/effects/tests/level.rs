@@ -1,8 +1,8 @@
 //! `level`.
 
 use asperity_node::{
-    Buffer, Config, InputRef, Inputs, Outputs, Params, PortType, Processor, Setup, Shape, Status,
-    Tick, Unit, Wiring,
+    Buffer, Config, InputRef, Inputs, Outputs, Params, PortType, Processor, Setup, Shape, Status, Tick, Unit,
+    Wiring,
 };
 
 use super::bench::{Bench, Run, Script, largest_step, run, spans};

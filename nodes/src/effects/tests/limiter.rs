@@ -1,8 +1,6 @@
 //! `force_limiter`.
 
-use asperity_node::{
-    Buffer, Config, InputRef, Inputs, Outputs, ParamValue, Params, Processor, Setup, Tick,
-};
+use asperity_node::{Buffer, Config, InputRef, Inputs, Outputs, ParamValue, Params, Processor, Setup, Tick};
 
 /// A limiter that runs every `every`-th tick.
 fn limiter(tick_hz: u32, every: u32, slew: f64) -> Box<dyn Processor> {
@@ -11,9 +9,7 @@ fn limiter(tick_hz: u32, every: u32, slew: f64) -> Box<dyn Processor> {
     params.insert("max_force_n", Some(ParamValue::Number(3.0)), None);
     params.insert("slew_n_per_s", Some(ParamValue::Number(slew)), None);
     let config = Config { id: "it", params: &params, tick_hz, every, audio_hz: 48_000, seed: 1 };
-    kind.prepare(&Setup { config, inputs: &[], outputs: &[], closes_cycle: false })
-        .unwrap()
-        .processor
+    kind.prepare(&Setup { config, inputs: &[], outputs: &[], closes_cycle: false }).unwrap().processor
 }
 
 fn step(it: &mut dyn Processor, force: [f64; 3], valid: bool) -> [f64; 3] {

@@ -36,9 +36,8 @@ impl Run<'_> {
     /// The report as JSON.
     pub fn json(&self) -> String {
         let (view, layout) = (&self.ended.view, self.ended.graph_controller.layout());
-        let facts = |i: usize| -> Map<String, Value> {
-            self.ended.facts.get(i).map_or_else(Map::new, facts_json)
-        };
+        let facts =
+            |i: usize| -> Map<String, Value> { self.ended.facts.get(i).map_or_else(Map::new, facts_json) };
         let nodes = layout.nodes.iter().zip(&view.nodes).enumerate().map(|(i, (node, v))| {
             json!({
                 "id": node.id, "kind": node.kind, "calls": v.calls, "slept": v.slept, "us_max": v.max_us,
