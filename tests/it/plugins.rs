@@ -77,7 +77,7 @@ fn a_plugin_that_lies_is_refused_and_says_where() {
         (60, "no symbol `asperity_entry`"),
         (61, "does not begin with Asperity's magic number"),
         (62, "its entry says it has 4 bytes"),
-        (63, "version 2.0 of the plugin interface; this program has 1.0"),
+        (63, "version 2.1 of the plugin interface; this program has 1.1"),
         (64, "its entry has no `open`"),
     ] {
         let path = lie(dir.path(), number);
