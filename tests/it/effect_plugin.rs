@@ -77,8 +77,9 @@ fn explain_counts_calls_of_a_plugin_effect() {
     starts(&["my_effect", "my_effect", "702"]);
 }
 
+// The scene loads with a warning. With `--strict` it is an error.
 #[test]
-fn plugin_effect_beyond_passivity_is_a_warning_and_an_error_if_strict() {
+fn plugin_effect_beyond_passivity_is_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     for library in libraries(dir.path()) {
         // K = 2 pi 5 / 0.5 N/mm needs b > K T / 2 = 31 N s/m at 1 kHz.

@@ -641,8 +641,8 @@ typedef struct AsperityFacts {
     void (*facts)(const struct AsperityKind *kind, void *instance, const struct AsperityFactSink *sink);
 } AsperityFacts;
 
-// One way to write the settings of an effect: `name(field: value, ...)`. Arrays of these advance by the first one's
-// `size`.
+// One way to write the settings of an effect: `name(field: value, ...)`. Arrays of these advance by the
+// first one's `size`.
 typedef struct AsperityForm {
     // `sizeof(AsperityForm)`.
     uint32_t size;
@@ -656,7 +656,8 @@ typedef struct AsperityForm {
     const char *example;
 } AsperityForm;
 
-// A quantity of the contact that a scene connects to an input. Arrays of these advance by the first one's `size`.
+// A quantity of the contact that a scene connects to an input. Arrays of these advance by the first
+// one's `size`.
 typedef struct AsperityNeed {
     // `sizeof(AsperityNeed)`.
     uint32_t size;
@@ -680,8 +681,8 @@ typedef struct AsperityLaw {
     double damping_ns_per_m;
 } AsperityLaw;
 
-// An effect. The node renders it for many surfaces. Surfaces with the same settings share a slot. The input `slot`
-// picks one: 0 the first; none where it is below 0, beyond the last, or not a number.
+// An effect. The node renders it for many surfaces. Surfaces with the same settings share a slot. The
+// input `slot` picks one; 0 is the first. A value below 0, beyond the last or not a number picks none.
 typedef struct AsperityEffect {
     // `sizeof(AsperityEffect)`.
     uint32_t size;
@@ -701,14 +702,14 @@ typedef struct AsperityEffect {
     uint32_t direction;
     // 0.
     uint32_t reserved;
-    // Law of the force for some settings and a normal force in N. A scene finds out from it whether the device bears
-    // the effect. NULL for an effect without a force. Control thread.
+    // Law of the force for some settings and a normal force in N. It tells a scene whether the device
+    // bears the effect. NULL for an effect without a force. Control thread.
     int32_t (*law)(const struct AsperityKind *kind,
                    const struct AsperitySettings *settings,
                    double normal_force_n,
                    struct AsperityLaw *law);
-    // Checks settings beyond the ranges of their fields. The index in `error` is that of a field. Optional. Control
-    // thread.
+    // Checks settings beyond the ranges of their fields. The index in `error` is that of a field.
+    // Optional. Control thread.
     int32_t (*check)(const struct AsperityKind *kind,
                      const struct AsperitySettings *settings,
                      struct AsperityError *error);
@@ -720,8 +721,8 @@ typedef struct AsperityEffects {
     uint32_t size;
     // 0.
     uint32_t reserved;
-    // The effect of a kind (the pointer from the plugin); NULL for a kind that is none. It stays valid for the life
-    // of the process. Control thread.
+    // The effect of a kind (the pointer from the plugin); NULL for a kind that is no effect. It stays valid
+    // for the life of the process. Control thread.
     const struct AsperityEffect *(*effect)(const struct AsperityKind *kind);
 } AsperityEffects;
 

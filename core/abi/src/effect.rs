@@ -31,13 +31,13 @@ pub struct AsperityEffects {
     pub size: u32,
     /// 0.
     pub reserved: u32,
-    /// The effect of a kind (the pointer from the plugin); NULL for a kind that is none. It stays valid for the life
-    /// of the process. Control thread.
+    /// The effect of a kind (the pointer from the plugin); NULL for a kind that is no effect. It stays valid
+    /// for the life of the process. Control thread.
     pub effect: Option<unsafe extern "C" fn(kind: *const AsperityKind) -> *const AsperityEffect>,
 }
 
-/// An effect. The node renders it for many surfaces. Surfaces with the same settings share a slot. The input `slot`
-/// picks one: 0 the first; none where it is below 0, beyond the last, or not a number.
+/// An effect. The node renders it for many surfaces. Surfaces with the same settings share a slot. The
+/// input `slot` picks one; 0 is the first. A value below 0, beyond the last or not a number picks none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityEffect {
@@ -59,8 +59,8 @@ pub struct AsperityEffect {
     pub direction: u32,
     /// 0.
     pub reserved: u32,
-    /// Law of the force for some settings and a normal force in N. A scene finds out from it whether the device bears
-    /// the effect. NULL for an effect without a force. Control thread.
+    /// Law of the force for some settings and a normal force in N. It tells a scene whether the device
+    /// bears the effect. NULL for an effect without a force. Control thread.
     pub law: Option<
         unsafe extern "C" fn(
             kind: *const AsperityKind,
@@ -69,8 +69,8 @@ pub struct AsperityEffect {
             law: *mut AsperityLaw,
         ) -> i32,
     >,
-    /// Checks settings beyond the ranges of their fields. The index in `error` is that of a field. Optional. Control
-    /// thread.
+    /// Checks settings beyond the ranges of their fields. The index in `error` is that of a field.
+    /// Optional. Control thread.
     pub check: Option<
         unsafe extern "C" fn(
             kind: *const AsperityKind,
@@ -80,8 +80,8 @@ pub struct AsperityEffect {
     >,
 }
 
-/// One way to write the settings of an effect: `name(field: value, ...)`. Arrays of these advance by the first one's
-/// `size`.
+/// One way to write the settings of an effect: `name(field: value, ...)`. Arrays of these advance by the
+/// first one's `size`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityForm {
@@ -97,7 +97,8 @@ pub struct AsperityForm {
     pub example: *const c_char,
 }
 
-/// A quantity of the contact that a scene connects to an input. Arrays of these advance by the first one's `size`.
+/// A quantity of the contact that a scene connects to an input. Arrays of these advance by the first
+/// one's `size`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct AsperityNeed {

@@ -61,7 +61,8 @@ macro_rules! grows {
 
 const PTR: usize = size_of::<usize>();
 
-/// The size in the first version that had the struct, with pointers of 64 bits; with others, that of this build.
+/// The size in the first version that had the struct, with pointers of 64 bits. With other pointers, the
+/// size in this build.
 const fn size_1_0<T>(bytes: usize) -> usize {
     if PTR == 8 { bytes } else { size_of::<T>() }
 }

@@ -96,8 +96,8 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults. An effect has
-    /// a slot for each example of its forms that names no file.
+    /// One kind, for the cases of [`node_cases`](crate::node_cases). Its parameters have their defaults.
+    /// An effect has a slot for each form whose example names no file.
     pub fn one(kind: Arc<NodeKind>) -> Self {
         let settings = examples(kind.descriptor());
         Self { one: Some(kind), settings, ..Self::new(Registry::new()) }

@@ -6,7 +6,7 @@ use asperity_node::{Descriptor, Effect, Settings};
 
 use crate::Setting;
 
-/// Reads the slots of a node. Every value has the place at which it stands in the file, so that errors point there.
+/// Reads the slots of a node. Every value keeps its place in the file, so that errors point there.
 ///
 /// # Errors
 /// A text that is no RON, settings that [`Effect::read`] refuses.
@@ -36,8 +36,8 @@ fn slot(item: &Value, kind: &str, effect: &Effect) -> Result<Vec<Settings>, Diag
     }
 }
 
-/// Where a part of an item's text stands in the file. The whole item, where its text is not written there letter by
-/// letter.
+/// Place of a part of an item's text in the file. It is the place of the whole item if the file does not
+/// have its text letter by letter.
 fn within(item: &Value, text: &str, part: Span) -> Place {
     let Place { source, span } = item.place();
     let written = source.text().get(span.start..span.end).unwrap_or_default();
@@ -47,8 +47,8 @@ fn within(item: &Value, text: &str, part: Span) -> Place {
     Place { source, span }
 }
 
-/// The place in a quoted text of a byte of what it means; `None` behind an escape that is not one character, and in
-/// what is not quoted.
+/// Place in a quoted text at which a byte of its meaning is written. `None` behind an escape that is not
+/// one character, and if the text is not quoted.
 fn written_at(written: &str, meant: usize) -> Option<usize> {
     let open = written.find('"')? + 1;
     if written.starts_with('r') {

@@ -58,7 +58,7 @@ pub struct Descriptor {
     /// The parameter with the node's delay, for a node that can close a cycle: its output in a tick
     /// does not need its input in that tick.
     pub feedback: Option<Cow<'static, str>>,
-    /// What a scene has to know, for a kind that renders an effect of surfaces.
+    /// The effect that this kind renders on surfaces, as scenes need to know it.
     pub effect: Option<Effect>,
     /// Notes on latency and tail; empty if both are zero.
     pub timing: Cow<'static, str>,

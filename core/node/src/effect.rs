@@ -1,8 +1,8 @@
 //! Effects: kinds of node that a surface of a scene can have.
 //!
-//! A scene names an effect by its kind, as in `friction: dahl(coefficient: 0.4)`. The kind's [`Effect`] says all that
-//! a scene, a check or a page of the docs has to know of it. Nothing else lists effects, so that a plugin's effect
-//! works like a built-in one.
+//! A scene names an effect by its kind, as in `friction: dahl(coefficient: 0.4)`. Scenes, checks and pages
+//! of the docs take all that they need from the kind's [`Effect`]. Nothing else lists effects, so that a
+//! plugin's effect works like a built-in one.
 
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
@@ -24,8 +24,8 @@ pub enum Acts {
     Inside,
     /// From both sides of a surface, as far as the field `reach_mm` of its settings says.
     Near,
-    /// While a stylus glides over a wall: a texture. A scene names it behind `texture`, crossfades it from one surface
-    /// to the next, and gates it by speed.
+    /// While a stylus glides over a wall: a texture. A scene names it behind `texture`, crossfades it from
+    /// one surface to the next, and gates it by speed.
     Gliding,
 }
 
@@ -76,13 +76,13 @@ impl Add for Law {
 /// One way to write the settings of an effect: `name(field: value, ...)`.
 #[derive(Clone, Debug)]
 pub struct Form {
-    /// The word before the parenthesis. Empty for an effect with a single form, which is written without a word, or,
-    /// as a texture, with the kind's name.
+    /// The word before the parenthesis. Empty for an effect with a single form, which is written without
+    /// a word. As a texture it is written with the kind's name.
     pub name: Cow<'static, str>,
     /// Fields with one value.
     pub fields: Vec<Param>,
-    /// Fields with a structure of their own, which the node reads. Each may be left out. Built-in kinds only: the
-    /// plugin interface has no such fields.
+    /// Fields with a structure of their own, which the node reads. Each may be left out. Built-in kinds
+    /// only: the plugin interface has no such fields.
     pub nested: Vec<Cow<'static, str>>,
     /// A text of this form.
     pub example: Cow<'static, str>,
@@ -114,8 +114,9 @@ type Check = dyn Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync;
 
 /// All that a scene has to know of an effect.
 ///
-/// The node renders an effect for many surfaces. Those with the same settings share a *slot*, an entry in the node's
-/// list. The input `slot` picks one: 0 the first; none where it is below 0, beyond the list, or not a number.
+/// The node renders an effect for many surfaces. Surfaces with the same settings share a *slot*, an entry
+/// in the node's list. The input `slot` picks one; 0 is the first. A value below 0, beyond the list or not
+/// a number picks none.
 #[derive(Clone)]
 pub struct Effect {
     /// The node's parameter with the list, a text a slot.
@@ -162,7 +163,7 @@ impl Effect {
         self
     }
 
-    /// Gives the law of its force for some settings and a normal force \[N\]. From it a scene finds out whether the
+    /// Gives the law of its force for some settings and a normal force \[N\]. It tells a scene whether the
     /// device bears the effect.
     #[must_use]
     pub fn law(
@@ -184,8 +185,8 @@ impl Effect {
         self
     }
 
-    /// The direction of its force and the law for some settings and a normal force \[N\]; `None` for an effect that
-    /// gives no law.
+    /// The direction of its force, and the law for some settings and a normal force \[N\]. `None` for an
+    /// effect that gives no law.
     pub fn law_of(&self, settings: &Settings, normal_force_n: f64) -> Option<(Direction, Law)> {
         let (direction, law) = self.law.as_ref()?;
         Some((*direction, law(settings, normal_force_n)))
@@ -213,8 +214,8 @@ impl Effect {
     /// Reads settings of the effect of a kind.
     ///
     /// # Errors
-    /// An unknown form or field, a value of the wrong type or out of its range, what the effect's check refuses. Files
-    /// are not looked for.
+    /// An unknown form or field, a value of the wrong type or out of its range, settings that the effect's
+    /// check refuses. Files are not looked for.
     pub fn read(&self, kind: &str, value: &Value) -> Result<Settings, Diagnostic> {
         let form = self.form_of(kind, value)?;
         let name = if form.name.is_empty() { kind } else { form.name.as_ref() };
@@ -366,8 +367,8 @@ fn named_files(value: &Value, files: &mut Vec<PathBuf>) {
 }
 
 impl Param {
-    /// The value of a parameter as a file writes it. A file's path is relative to the text that names it; whether the
-    /// file exists is not looked at.
+    /// Reads the value of a parameter as a file writes it. A file's path is relative to the text that names
+    /// it. Whether that file exists is not checked.
     ///
     /// # Errors
     /// A value of the wrong type or out of the range.

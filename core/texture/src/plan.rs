@@ -18,8 +18,8 @@ pub(crate) struct Plan(Arc<TypedRunnableModel>);
 impl Plan {
     /// Compiles the graph of the file `path` for f32 `inputs` of these shapes.
     ///
-    /// `most_bytes` is the largest file of this kind of model. Its tensors have at most twice as many numbers.
-    /// `help` describes such a model.
+    /// `most_bytes` is the largest file of this kind of model. Its tensors have at most twice as many
+    /// numbers. `help` describes such a model.
     ///
     /// # Errors
     /// A graph that tract cannot run; tensors that are too large, all together.

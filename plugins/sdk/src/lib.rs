@@ -1,7 +1,7 @@
 //! Write a node for Asperity, and export it as a plugin with one line.
 //!
-//! A node is written like a built-in one: its kind implements [`Node`], what runs [`Processor`]. In a crate of
-//! type `cdylib`:
+//! A node is written like a built-in one. Its kind implements [`Node`]; its instance, which runs,
+//! implements [`Processor`]. In a crate of type `cdylib`:
 //!
 //! ```
 //! use asperity_sdk::*;

@@ -191,7 +191,8 @@ unsafe fn stride<T: Grows>(first: *const T, index: usize) -> Option<*const T> {
 /// Reads values of parameters into `params`.
 ///
 /// # Safety
-/// There are as many values, each as far from the next as the first one's size, filled as the parameter's kind asks.
+/// There are as many values as parameters. Each is as far from the next as the first one's size, and
+/// filled as the parameter's kind requires.
 unsafe fn values(first: *const AsperityValue, of: &[Param], params: &mut Params) -> Option<Sources> {
     let mut sources = Vec::new();
     for (i, param) in of.iter().enumerate() {

@@ -447,8 +447,8 @@ fn guard(d: &Dynamics, drive: Drive, lag: f64, end: f64) -> Result<(), Diagnosti
     let emf = d.reduced_mass() * d.resistance / d.force_factor.powi(2);
     if drive == Drive::Voltage && emf < 4.0 * lag {
         return Err(Diagnostic::new(format!(
-            "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: use a higher \
-             rate, or a current drive",
+            "this actuator's back-EMF acts within {:.0} us, and at least {:.0} us can be limited: use a \
+             higher rate, or a current drive",
             emf * 1e6,
             4.0 * lag * 1e6
         )));

@@ -106,7 +106,7 @@ impl Method {
     /// Begins a run at the first frame.
     ///
     /// # Errors
-    /// What the compiler says.
+    /// Errors of the compiler.
     pub(crate) fn begin(
         &self,
         subject: &Subject<'_>,

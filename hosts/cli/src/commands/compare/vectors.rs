@@ -317,11 +317,17 @@ const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
 
 /// The built-in vectors, all at 2500 Hz, with their published scores.
 ///
-/// `sine_off`: a sine between two bins. `two25`: two sines 25 Hz apart, which share a window's main lobe.
-/// `chirp`. `texture`: a noise through three resonances. `contact`: the same, switched on and off. `taps`:
-/// decaying sines. `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared
-/// errors; no signal has them. Noise and taps are files of `graphs/phase`. The rest is made by the formulas of
-/// the published files, so that their scores hold.
+/// - `sine_off`: a sine between two bins.
+/// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
+/// - `chirp`.
+/// - `texture`: a noise through three resonances.
+/// - `contact`: the same, switched on and off.
+/// - `taps`: decaying sines.
+/// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
+///   has them.
+///
+/// Noise and taps are files of `graphs/phase`. The rest is made by the formulas of the published files, so
+/// that their scores hold.
 ///
 /// # Errors
 /// None, unless the program was built from broken files.
