@@ -62,7 +62,8 @@ impl Node for VirtualFloor {
                 "damping_ns_per_m",
                 0.0,
                 0.0..=100.0,
-                "Damping that a device adds in its own loop; `force`, which the texture follows, is Hooke's alone.",
+                "Damping that a device adds in its own loop; `force`, which the texture follows, is Hooke's \
+                 alone.",
             )
             .unit("N s/m")
             .live(),

@@ -112,32 +112,38 @@ fn band(bands: &mut Vec<Band>, texture_hz: f64, setup: &Setup<'_>) -> Result<usi
 
 impl Node for Autoregressive {
     fn descriptor() -> Descriptor {
-        Descriptor::new("autoregressive", "Textures of autoregressive models, by speed and force: noise through the filter of the moment.")
-            .input(slot("which of `models`, from 0; below 0 none sounds"))
-            .input(
-                Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                    .doc("along the surface; at 0 what sounds dies away"),
-            )
-            .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force; at 0 what sounds dies away"))
-            .output(acceleration().doc("the vibration of gliding"))
-            .param(Param::texts(
-                "models",
-                "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's XML; or a \
-                 list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. Quotes within a text \
-                 are written r#\"..\"#.",
-            ))
-            .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
-            .resumes(Resume::Restart)
-            .effect(
-                Effect::new("models", Acts::Gliding)
-                    .form(
-                        Form::new("", "autoregressive(model: \"FILE.ron\")")
-                            .field(Param::file("model", "RON or the toolkit's XML"))
-                            .field(gain()),
-                    )
-                    .needs("speed", "speed")
-                    .needs("force", "force"),
-            )
+        Descriptor::new(
+            "autoregressive",
+            "Textures of autoregressive models, by speed and force: noise through the filter of the moment.",
+        )
+        .input(slot("which of `models`, from 0; below 0 none sounds"))
+        .input(
+            Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                .doc("along the surface; at 0 what sounds dies away"),
+        )
+        .input(
+            Input::new("force", ShapeSpec::Control(1), Unit::NEWTON)
+                .doc("normal force; at 0 what sounds dies away"),
+        )
+        .output(acceleration().doc("the vibration of gliding"))
+        .param(Param::texts(
+            "models",
+            "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's \
+             XML; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. \
+             Quotes within a text are written r#\"..\"#.",
+        ))
+        .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
+        .resumes(Resume::Restart)
+        .effect(
+            Effect::new("models", Acts::Gliding)
+                .form(
+                    Form::new("", "autoregressive(model: \"FILE.ron\")")
+                        .field(Param::file("model", "RON or the toolkit's XML"))
+                        .field(gain()),
+                )
+                .needs("speed", "speed")
+                .needs("force", "force"),
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

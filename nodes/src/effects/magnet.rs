@@ -132,7 +132,8 @@ impl Node for Magnet {
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
                 "magnets",
-                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)\"].",
+                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, \
+                 max_force_n: 0.5, reach_mm: 4)\"].",
             ))
             .effect(
                 Effect::new("magnets", Acts::Near)
@@ -236,7 +237,11 @@ mod tests {
             let work: f64 = (0..n)
                 .map(|i| -m.force_n(d * part(i).powi(3)) * 3.0 * d * part(i).powi(2) / f64::from(n))
                 .sum();
-            prop_assert!((m.energy_mj(d) - work).abs() < 1e-5 * m.energy_mj(reach), "{} {work}", m.energy_mj(d));
+            prop_assert!(
+                (m.energy_mj(d) - work).abs() < 1e-5 * m.energy_mj(reach),
+                "{} {work}",
+                m.energy_mj(d)
+            );
         }
     }
 

@@ -92,7 +92,8 @@ impl Node for Vibration {
         .output(acceleration().doc("the sine"))
         .param(Param::texts(
             "sources",
-            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: 2)\"].",
+            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: \
+             2)\"].",
         ))
         .param(
             Param::number(

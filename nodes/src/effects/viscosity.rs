@@ -65,7 +65,8 @@ impl Node for Viscosity {
         .output(super::force("force on the stylus, x, y, z"))
         .param(Param::texts(
             "drags",
-            "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: 1.5)\"].",
+            "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: \
+             1.5)\"].",
         ))
         .effect(
             Effect::new("drags", Acts::Inside)

@@ -32,7 +32,8 @@ impl Node for Delay {
                     "delay_ms",
                     10.0,
                     0.0..=10_000.0,
-                    "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least a tick.",
+                    "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least \
+                     a tick.",
                 )
                 .unit("ms"),
             )

@@ -94,11 +94,14 @@ impl Node for Relief {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "reliefs",
-                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), relief(..)]`, \
-                 whose sum is one entry. Quotes within a text are written r#\"..\"#.",
+                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), \
+                 relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
             ))
             .param(waveform::smooth_hz())
-            .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
+            .timing(
+                "a tick and a half less a sample; silent in the first tick after it wakes, which has no \
+                 speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
+            )
             .resumes(Resume::Restart)
             .effect(effect())
     }

@@ -211,25 +211,32 @@ fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
 
 impl Node for Tap {
     fn descriptor() -> Descriptor {
-        Descriptor::new("tap", "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or recorded.")
-            .input(slot("which of `taps` is struck, from 0; below 0 none"))
-            .input(
-                Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                    .wakes()
-                    .doc("speed of approach in the tick of a contact, 0 in others"),
-            )
-            .input(
-                Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
-                    .or(0.0)
-                    .doc("the part of the tick at which the contact was, 0 to 1"),
-            )
-            .output(acceleration().doc("the transients"))
-            .param(Param::texts(
-                "taps",
-                "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
-            ))
-            .effect(effect())
-            .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
+        Descriptor::new(
+            "tap",
+            "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or \
+             recorded.",
+        )
+        .input(slot("which of `taps` is struck, from 0; below 0 none"))
+        .input(
+            Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                .wakes()
+                .doc("speed of approach in the tick of a contact, 0 in others"),
+        )
+        .input(
+            Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
+                .or(0.0)
+                .doc("the part of the tick at which the contact was, 0 to 1"),
+        )
+        .output(acceleration().doc("the transients"))
+        .param(Param::texts(
+            "taps",
+            "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
+        ))
+        .effect(effect())
+        .timing(
+            "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
+             while nothing sounds",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -347,7 +354,8 @@ mod tests {
         writer.finalize().unwrap();
         let settings = |file: &str| {
             let text = format!(
-                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: 30)"
+                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: \
+                 30)"
             );
             let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
             effect().read("tap", &value).unwrap()

@@ -254,8 +254,8 @@ fn the_spectrum_at_the_audio_rate_is_the_models_within_half_a_decibel() {
 #[test]
 fn the_toolkits_files_are_read_as_well_and_bad_ones_are_told() {
     let dir = tempfile::tempdir().unwrap();
-    let xml = "<modelSet><SampleRate>1000</SampleRate><model><ARcoeff>-1.2 0.81</ARcoeff><var>0.04</var><gain>1.5</gain>\
-               <speedMod>50</speedMod><forceMod>1</forceMod></model></modelSet>";
+    let xml = "<modelSet><SampleRate>1000</SampleRate><model><ARcoeff>-1.2 0.81</ARcoeff>\
+               <var>0.04</var><gain>1.5</gain><speedMod>50</speedMod><forceMod>1</forceMod></model></modelSet>";
     std::fs::write(dir.path().join("m.XML"), xml).unwrap();
     let graph = dir.path().join("g.ron");
     let models = ("models", "[\"autoregressive(model: \\\"m.XML\\\")\"]");

@@ -78,7 +78,8 @@ impl Bench {
     ) -> Self {
         let params: Vec<String> = settings.iter().map(|(name, value)| format!("{name}: {value}")).collect();
         let text = format!(
-            "Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\"it\": (kind: \"{kind}\", params: ({}))}}, wires: [])",
+            "Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\"it\": (kind: \"{kind}\", \
+             params: ({}))}}, wires: [])",
             params.join(", ")
         );
         let mut graph = GraphFile::parse(&Source::new(file, text)).unwrap();

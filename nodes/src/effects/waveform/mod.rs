@@ -71,7 +71,8 @@ pub(super) fn smooth_hz() -> Param {
         "smooth_hz",
         0.0,
         0.0..=1000.0,
-        "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse steps; 0 for none.",
+        "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse \
+         steps; 0 for none.",
     )
     .unit("Hz")
 }
@@ -213,11 +214,14 @@ impl Node for Waveform {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "loops",
-                "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), waveform(..)]`, \
-                 whose sum is one entry.",
+                "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), \
+                 waveform(..)]`, whose sum is one entry.",
             ))
             .param(smooth_hz())
-            .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
+            .timing(
+                "a tick and a half less a sample; silent in the first tick after it wakes, which has no \
+                 speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
+            )
             .resumes(Resume::Restart)
             .effect(effect())
     }
