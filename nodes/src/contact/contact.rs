@@ -291,7 +291,7 @@ impl Processor for Contact {
         self.contacts.reset();
     }
 
-    /// What is held. Of another scene, surfaces are others: it begins anew.
+    /// Contacts that are held. Another scene has other surfaces: it starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         let mut surfaces = self.surfaces;
         state.keep(&mut surfaces);

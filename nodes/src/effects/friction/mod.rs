@@ -31,7 +31,8 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// A force along the surface against the velocity there, by the law of the surface that is touched.
 ///
-/// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on, and stay as they stand in space where tangents change.
+/// It is called in contact and once more to let go. When another law comes on, its bristles begin unbent.
+/// Where tangents change, bristles stay as they stand in space.
 pub struct Friction {
     laws: Voices<Law>,
     /// Those of the tick before, along which bristles are bent.

@@ -26,7 +26,8 @@ const STROKE: usize = 2;
 
 /// The acceleration of a tip that rises and falls with the heights under it.
 ///
-/// The path between ticks goes through the middles of places, along parabolas. Heights that several slots want are there once.
+/// The path between ticks goes through the middles of positions, along parabolas. Slots with the same heights
+/// share one copy of them.
 pub struct Relief {
     reliefs: Voices<Field>,
     track: Track,

@@ -22,13 +22,14 @@ const MOMENT: usize = 2;
 const MOST: usize = 6;
 /// Slots that are remembered: those, those that fade, and others that were struck lately.
 const ROOM: usize = 12;
-/// After so long without a sound a slot is as if it had never been struck: no tap holds the next off for longer \[s\].
+/// Time without a sound after which a slot counts as never struck \[s\]. No tap holds the next off for
+/// longer.
 const FORGOTTEN_S: u64 = 1;
 
-/// Vibration of coming into contact: of each contact a transient, scaled by the speed of approach.
+/// Vibration of coming into contact: a transient for each contact, scaled by the speed of approach.
 ///
-/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time: at a seventh the one that was struck
-/// first fades out in a millisecond.
+/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time. At a
+/// seventh, the one that was struck first fades out in a millisecond.
 pub struct Tap {
     kernels: Vec<Taps>,
     /// In place of kernels that the state has room for and that are not there.
@@ -295,7 +296,7 @@ impl Processor for Tap {
         }
     }
 
-    /// What sounds, and what was struck lately. A slot that is no longer there falls silent.
+    /// Taps that sound, and recent strikes. A slot that is no longer there falls silent.
     fn state(&mut self, state: &mut State<'_>) {
         if state.restores() {
             self.reset();

@@ -1,4 +1,4 @@
-//! What a tick of each node costs.
+//! Time of a tick of each node.
 
 use std::time::Instant;
 

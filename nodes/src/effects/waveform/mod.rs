@@ -28,7 +28,8 @@ const STROKE: usize = 2;
 
 /// A loop, drawn or recorded, that is read by distance: faster motion reads faster.
 ///
-/// The path between ticks goes through the middles of places, along parabolas. A slot that comes on begins at its loop's beginning; the path goes on.
+/// The path between ticks goes through the middles of positions, along parabolas. A slot that comes on begins
+/// at its loop's beginning; the path goes on.
 pub struct Waveform {
     loops: Voices<Loop>,
     track: Track,
@@ -124,8 +125,8 @@ fn effect() -> Effect {
         })
 }
 
-/// Where the values of a loop come from: pairs of a distance in mm and a value, or a recording at a constant speed whose
-/// file was not read yet.
+/// Source of a loop's values: pairs of a distance in mm and a value, or a recording at a constant speed whose
+/// file is not read yet.
 enum Values {
     Segments(Vec<(f64, f64)>),
     Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64 },
