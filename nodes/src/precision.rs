@@ -1,5 +1,5 @@
-//! The parameter `precision` of nodes whose kernel runs in single or in double precision. What comes in and goes
-//! out is in single precision either way.
+//! The parameter `precision` of nodes whose kernel runs in single or in double precision. Inputs and outputs
+//! are in single precision either way.
 
 use asperity_node::{Diagnostic, Param, Prepared, Setup};
 
@@ -12,8 +12,8 @@ pub(crate) fn precision() -> Param {
     )
 }
 
-/// Prepares a node in the precision that its parameter says. One precision continues from the state of the other
-/// where both write it alike; other states are refused.
+/// Prepares a node in the precision that its parameter says. One precision continues from the state of the
+/// other where both write it alike; other states are refused.
 pub(crate) fn in_precision(
     setup: &Setup<'_>,
     single: impl FnOnce(&Setup<'_>) -> Result<Prepared, Diagnostic>,

@@ -57,7 +57,7 @@ impl Processor for Given {
     fn reset(&mut self) {}
 }
 
-/// What the node `it` puts out over all ticks, where `before` stands between it and the frames.
+/// Output of the node `it` over all ticks, where `before` stands between it and the frames.
 fn run(before: &[&str], kind: &str, settings: &str, precision: &str) -> Vec<Complex<f64>> {
     let mut nodes = String::from("\"given\": (kind: \"given\")");
     let mut wires = String::new();
@@ -104,8 +104,9 @@ fn peak(values: &[Complex<f64>]) -> f64 {
     values.iter().map(|y| y.norm()).fold(0.0, f64::max)
 }
 
-/// What stands before a node, the node, its parameters, and how far apart the precisions may be, in roundings of the largest value: two to four
-/// times what they are, and up to nine times where a method works on what it put out before: there a rounding more or less early on grows.
+/// Nodes before a node, the node, its parameters, and the largest difference between the precisions, in
+/// roundings of the largest value. This limit is two to four times the difference found. It is up to nine
+/// times where a method works on its own earlier output: there an early rounding grows.
 const NODES: [(&[&str], &str, &str, f64); 10] = [
     (&[], "phase_vocoder", "", 4.0),
     (&[], "random_phase", "", 4.0),

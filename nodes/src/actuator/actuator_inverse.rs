@@ -50,8 +50,10 @@ impl Node for ActuatorInverse {
         .param(Param::choice(
             "model",
             &["full", "no_inductance", "no_emf", "mass"],
-            "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. `no_emf`: the coil as its resistance alone. \
-             `mass`: a constant, right above resonance, with no corner: `corner_hz` and `corner_damping` are not used. The first three are one under a current.",
+            "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. \
+             `no_emf`: the coil as its resistance alone. `mass`: a constant, right above resonance, with no \
+             corner: `corner_hz` and `corner_damping` are not used. The first three are one under a \
+             current.",
         ))
     }
 

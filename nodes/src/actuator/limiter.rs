@@ -8,9 +8,10 @@ use asperity_node::{
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
 ///
-/// While its input is not to be trusted it fades to zero.
+/// While its input is invalid, it fades to zero.
 ///
-/// What holds the coil's limits does not change while it runs: only how DC is followed and how the gain comes back do.
+/// The settings that protect the coil do not change while it runs. Only the DC corner and the release of the
+/// gain do.
 pub struct Limiter {
     limiter: asperity_actuator::Limiter,
 }
@@ -112,8 +113,8 @@ impl Processor for Limiter {
         }
     }
 
-    /// The signal so far, the gain, and where the coil is and how warm. Other settings, or another actuator, go on from
-    /// it within their own limits.
+    /// Signal so far, gain, and the coil's position and temperature. A limiter with other settings, or for
+    /// another actuator, continues from this state within its own limits.
     fn state(&mut self, state: &mut State<'_>) {
         self.limiter.state(state);
     }

@@ -95,13 +95,14 @@ const PORTS: &[Port] = &[
 const LISTS: [(&str, &str); 4] = [
     (
         "touching",
-        "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for all slots.",
+        "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for \
+         all slots.",
     ),
     ("inside", "Effects that act inside of volumes too: for each NAME an output `NAME_slot`."),
     (
         "near",
-        "Effects that act from both sides of a surface within a reach: for each NAME the outputs `NAME_slot`, \
-         `NAME_distance` (below 0 inside) and `NAME_normal`.",
+        "Effects that act from both sides of a surface within a reach: for each NAME the outputs \
+         `NAME_slot`, `NAME_distance` (below 0 inside) and `NAME_normal`.",
     ),
     (
         "textures",
@@ -156,18 +157,20 @@ impl Node for Contact {
             })
             .param(Param::file(
                 "scene",
-                "RON: a scene, of which the surfaces count, and which of them share settings of an effect (slots).",
+                "RON: a scene, of which the surfaces count, and which of them share settings of an effect \
+                 (slots).",
             ))
             .param(Param::texts(LISTS[0].0, LISTS[0].1))
             .param(Param::texts(LISTS[1].0, LISTS[1].1))
             .param(Param::texts(LISTS[2].0, LISTS[2].1))
             .param(Param::texts(LISTS[3].0, LISTS[3].1))
-            .param(
-                Param::text("slots", "", "What the lists of the effects' nodes were made of: with another scene, whose slots differ, the graph is refused; left out, anything goes.")
-            )
-            .param(
-                Param::number("max_force_n", 3.3, 0.0..=100.0, "The most a surface pushes.").unit("N"),
-            )
+            .param(Param::text(
+                "slots",
+                "",
+                "What the lists of the effects' nodes were made of: with another scene, whose slots differ, \
+                 the graph is refused; left out, anything goes.",
+            ))
+            .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "The most a surface pushes.").unit("N"))
             .param(
                 Param::number(
                     "crossfade_ms",
@@ -191,7 +194,8 @@ impl Node for Contact {
                     "anticipate_mm",
                     0.0,
                     0.0..=100.0,
-                    "From how far the plane of a surface is told of that is not yet touched, for a device with a loop of its own.",
+                    "From how far the plane of a surface is told of that is not yet touched, for a device \
+                     with a loop of its own.",
                 )
                 .unit("mm"),
             )
@@ -200,7 +204,8 @@ impl Node for Contact {
                     "put_down_mm_s",
                     100.0,
                     0.0..=10_000.0,
-                    "Speed at which a wall counts as reached by a stylus that was put down on it from elsewhere; 0 for no tap.",
+                    "Speed at which a wall counts as reached by a stylus that was put down on it from \
+                     elsewhere; 0 for no tap.",
                 )
                 .unit("mm/s"),
             )
@@ -226,7 +231,10 @@ impl Node for Contact {
         if !slots.is_empty() && slots != now {
             return Err(p
                 .error("scene", "the effects of this scene have changed since the graph was made of it")
-                .help(format!("expand it again; or, where the lists in the graph are as they should be, slots: \"{now}\"")));
+                .help(format!(
+                    "expand it again; or, where the lists in the graph are as they should be, slots: \
+                     \"{now}\""
+                )));
         }
         let settings = ContactSettings {
             max_force_n: p.number("max_force_n"),
@@ -283,7 +291,7 @@ impl Processor for Contact {
         self.contacts.reset();
     }
 
-    /// What is held. Of another scene, surfaces are others: it begins anew.
+    /// Contacts that are held. Another scene has other surfaces: it starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         let mut surfaces = self.surfaces;
         state.keep(&mut surfaces);

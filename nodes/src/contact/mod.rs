@@ -1,4 +1,5 @@
-//! What the stylus meets: `virtual_floor`, or the surfaces of a scene, `contact`; and the gate over what it feels there: `speed_gate`.
+//! Contact of the stylus with a plane (`virtual_floor`) or with the surfaces of a scene (`contact`), and the
+//! gate for the vibration felt there (`speed_gate`).
 
 #[allow(clippy::module_inception)]
 mod contact;

@@ -12,13 +12,15 @@ const HYSTERESIS: usize = 2;
 
 /// Lets audio through while the stylus moves on a surface; fades in and out.
 ///
-/// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. What serves nothing but its
-/// audio input sleeps while it is closed and has faded out. While speed or force is not to be trusted, it closes.
+/// It opens at `open_mm_s` and `contact_n` and closes at `hysteresis` times these. While it is closed and has
+/// faded out, the nodes that serve only its audio input sleep. While speed or force is invalid, it closes.
 ///
-/// The usual hysteresis, 5 mm/s to open and 2 to close, is what places in steps ask for: those of 0.055 mm ripple by up to 3 mm/s from
-/// crest to crest behind a low-pass of 20 Hz, at every tick rate.
+/// The usual hysteresis opens at 5 mm/s and closes at 2 mm/s. Devices that report positions in steps need it:
+/// behind a low-pass of 20 Hz, steps of 0.055 mm make the speed ripple by up to 3 mm/s from crest to crest,
+/// at every tick rate.
 ///
-/// New thresholds and a new hysteresis count from the next tick on; what then opens or closes fades as ever.
+/// New thresholds and a new hysteresis count from the next tick on. If they open or close the gate, it fades
+/// as usual.
 pub struct SpeedGate {
     open_mm_s: f64,
     touch_n: f64,

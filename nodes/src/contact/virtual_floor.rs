@@ -7,7 +7,8 @@ use asperity_node::{
 
 /// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
 ///
-/// A parameter that changes while it runs counts from the next tick on: the force of a stylus in the plane then jumps.
+/// A parameter that changes while it runs counts from the next tick on. The force on a stylus in the plane
+/// then jumps.
 pub struct VirtualFloor {
     height_mm: f64,
     stiffness_n_per_mm: f64,
@@ -62,7 +63,8 @@ impl Node for VirtualFloor {
                 "damping_ns_per_m",
                 0.0,
                 0.0..=100.0,
-                "Damping that a device adds in its own loop; `force`, which the texture follows, is Hooke's alone.",
+                "Damping that a device adds in its own loop; `force`, which the texture follows, is Hooke's \
+                 alone.",
             )
             .unit("N s/m")
             .live(),

@@ -14,13 +14,16 @@ use super::{acceleration, each, files, gain, slot};
 const SLOT: usize = 0;
 const SPEED: usize = 1;
 const FORCE: usize = 2;
-/// Up to here a signal is flat where its model's rate allows it \[Hz\]: the upper edge of the third of an octave at 400 Hz.
+/// Upper edge of the flat range \[Hz\], where the model's rate allows it: that of the third of an octave at
+/// 400 Hz.
 const FLAT_HZ: f64 = 450.0;
 
-/// The vibration of a texture whose models were fitted to recordings: noise through the filter of the moment's speed and force.
+/// The vibration of a texture whose models were fitted to recordings: noise through the filter of the
+/// moment's speed and force.
 ///
-/// Noise is counted by the sample's number from the node's seed, and so is the place of every sample between those of the model: what follows a wake does
-/// not depend on what was before. A slot that comes on begins in silence.
+/// The noise depends only on the node's seed and the sample's number. So does the position of every sample
+/// between those of the model. So the output after a wake does not depend on what was before. A slot that
+/// comes on begins in silence.
 pub struct Autoregressive {
     models: Voices<Model>,
     bands: Vec<Band>,
@@ -112,32 +115,38 @@ fn band(bands: &mut Vec<Band>, texture_hz: f64, setup: &Setup<'_>) -> Result<usi
 
 impl Node for Autoregressive {
     fn descriptor() -> Descriptor {
-        Descriptor::new("autoregressive", "Textures of autoregressive models, by speed and force: noise through the filter of the moment.")
-            .input(slot("which of `models`, from 0; below 0 none sounds"))
-            .input(
-                Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                    .doc("along the surface; at 0 what sounds dies away"),
-            )
-            .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force; at 0 what sounds dies away"))
-            .output(acceleration().doc("the vibration of gliding"))
-            .param(Param::texts(
-                "models",
-                "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's XML; or a \
-                 list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. Quotes within a text \
-                 are written r#\"..\"#.",
-            ))
-            .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
-            .resumes(Resume::Restart)
-            .effect(
-                Effect::new("models", Acts::Gliding)
-                    .form(
-                        Form::new("", "autoregressive(model: \"FILE.ron\")")
-                            .field(Param::file("model", "RON or the toolkit's XML"))
-                            .field(gain()),
-                    )
-                    .needs("speed", "speed")
-                    .needs("force", "force"),
-            )
+        Descriptor::new(
+            "autoregressive",
+            "Textures of autoregressive models, by speed and force: noise through the filter of the moment.",
+        )
+        .input(slot("which of `models`, from 0; below 0 none sounds"))
+        .input(
+            Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                .doc("along the surface; at 0 what sounds dies away"),
+        )
+        .input(
+            Input::new("force", ShapeSpec::Control(1), Unit::NEWTON)
+                .doc("normal force; at 0 what sounds dies away"),
+        )
+        .output(acceleration().doc("the vibration of gliding"))
+        .param(Param::texts(
+            "models",
+            "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's \
+             XML; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. \
+             Quotes within a text are written r#\"..\"#.",
+        ))
+        .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
+        .resumes(Resume::Restart)
+        .effect(
+            Effect::new("models", Acts::Gliding)
+                .form(
+                    Form::new("", "autoregressive(model: \"FILE.ron\")")
+                        .field(Param::file("model", "RON or the toolkit's XML"))
+                        .field(gain()),
+                )
+                .needs("speed", "speed")
+                .needs("force", "force"),
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -208,7 +217,8 @@ impl Processor for Autoregressive {
         self.models.reset();
     }
 
-    /// What sounded, at the models' rate and on its way to the audio rate. Other models go on from it; those of another rate begin anew.
+    /// Samples so far, at the models' rate and on their way to the audio rate. Other models of the same rate
+    /// continue from them; models of another rate start anew.
     fn state(&mut self, state: &mut State<'_>) {
         self.models.state(state);
         for band in &mut self.bands {

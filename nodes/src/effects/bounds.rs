@@ -1,18 +1,19 @@
 //! Errors of effects' laws, and how numbers count that are too large or not finite.
 //!
-//! Constructors check and may allocate. What runs per tick does neither, keeps f64 state, and is finite for any input.
+//! Constructors check and may allocate. Functions that run per tick do neither, keep f64 state, and are
+//! finite for any input.
 
 use std::fmt;
 
-/// What cannot be made into an effect.
+/// Settings that cannot be made into an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EffectError {
     /// A value outside of its range, or not a number.
     Range {
-        /// What the value is.
+        /// Name of the value.
         what: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
         /// The least that fits.
         from: f64,
@@ -23,7 +24,7 @@ pub enum EffectError {
     },
     /// A list that is too short or too long.
     Count {
-        /// What is counted.
+        /// Name of the counted things.
         what: &'static str,
         /// How many there are.
         found: usize,
@@ -34,7 +35,7 @@ pub enum EffectError {
     },
     /// A value in a list that is not finite.
     NotFinite {
-        /// What the list holds.
+        /// Name of the list's values.
         what: &'static str,
         /// Its place, from 0.
         index: usize,

@@ -11,9 +11,9 @@ const SLEW_N_PER_S: usize = 1;
 /// How long a force takes to go when it is no longer to be trusted, and to come back \[s\].
 const FADE_S: f64 = 0.02;
 
-/// Holds a force to a greatest length, keeping its direction, and its change to a greatest rate.
+/// Limits a force to a largest length, keeping its direction, and limits its rate of change.
 ///
-/// While its input is not to be trusted the force goes from where it was to 0 within 20 ms, and comes back as slowly.
+/// While its input is invalid, the force fades to 0 within 20 ms. It comes back as slowly.
 pub struct ForceLimiter {
     max_force_n: f64,
     /// 0 for none.

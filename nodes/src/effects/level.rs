@@ -11,10 +11,11 @@ const IN: usize = 0;
 const LEVEL: usize = 1;
 const SLOT: usize = 2;
 
-/// Multiplies audio by a level, which goes in a straight line through the samples of a tick from the last tick's level to this one's.
+/// Multiplies audio by a level. Through the samples of a tick, it goes in a straight line from the last
+/// tick's level to this one's.
 ///
-/// What serves nothing but its audio input sleeps while the level is 0 and was, or no slot is on. A level or slot that is not to be
-/// trusted counts as a level of 0.
+/// Nodes that serve only its audio input sleep while no slot is on, or while the level is 0 and was 0 in the
+/// last tick. An invalid level or slot counts as a level of 0.
 pub struct Level {
     rate_hz: u32,
     /// The last tick's level; none at the beginning, which has no ramp.

@@ -8,19 +8,20 @@ use asperity_node::{
 use super::bounds::EffectError;
 use super::{let_go, made, one_each, pick, put, slot, vector};
 
-/// Snaps a stylus to a surface: a force toward it within a reach, of the distance alone, so that none is gained or lost on any closed way.
+/// Snaps a stylus to a surface: a force toward it within a reach. The force depends on the distance alone, so
+/// no closed path gains or loses energy.
 ///
 /// With the spring `k`, the peak `P` and `a = P / k`, at the distance `d` from the surface, toward it:
 ///
 /// ```text
-/// f = k d                                        d <= a/2             a spring
-/// f = P (1 - (3/2 - d/a)^2 / 2)                  a/2 .. 3a/2          up to the peak
-/// f = P (1 - 3 s^2 + 2 s^3)                      3a/2 .. reach        s = (d - 3a/2) / (reach - 3a/2): down to 0
+/// f = k d                         d <= a/2        a spring
+/// f = P (1 - (3/2 - d/a)^2 / 2)   a/2 .. 3a/2     up to the peak
+/// f = P (1 - 3 s^2 + 2 s^3)       3a/2 .. reach   s = (d - 3a/2) / (reach - 3a/2): down to 0
 /// ```
 ///
-/// so force and slope are continuous everywhere, and no slope is steeper than `k`, which is what counts for
-/// passivity. Behind the surface it is the same, the other way round, and adds to the wall's own stiffness. The peak is `max_force_n`, or
-/// `k reach / 3` where that is less: the force of a spring that has no room for more.
+/// Force and slope are continuous everywhere, and no slope is steeper than `k`; this slope decides passivity.
+/// Behind the surface the force is mirrored, and adds to the wall's own stiffness. The peak is `max_force_n`,
+/// or `k reach / 3` where that is less: the force of a spring that has no room for more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pull {
     stiffness_n_per_mm: f64,
@@ -34,7 +35,8 @@ impl Pull {
     /// A magnet.
     ///
     /// # Errors
-    /// A stiffness that is not from 0 to 100 N/mm, a force not from 0 to 1000 N, a reach not from 0.001 to 1000 mm.
+    /// A stiffness that is not from 0 to 100 N/mm, a force not from 0 to 1000 N, a reach not from 0.001 to
+    /// 1000 mm.
     pub fn new(stiffness_n_per_mm: f64, max_force_n: f64, reach_mm: f64) -> Result<Self, EffectError> {
         let stiffness_n_per_mm =
             EffectError::check("a magnet's stiffness", stiffness_n_per_mm, (0.0, 100.0), "N/mm")?;
@@ -56,8 +58,8 @@ impl Pull {
         self.reach_mm
     }
 
-    /// The force along the outward normal \[N\] at a distance above the surface, below 0 inside it: toward the surface from both sides. A distance that
-    /// is not a number is out of reach.
+    /// The force along the outward normal \[N\] at a distance above the surface (below 0 inside it). From
+    /// both sides it points toward the surface. A distance that is not a number is out of reach.
     pub fn force_n(&self, distance_mm: f64) -> f64 {
         let (d, a) = (distance_mm.abs(), self.knee_mm);
         // Also where there is no number.
@@ -132,7 +134,8 @@ impl Node for Magnet {
             .output(super::force("force on the stylus, x, y, z"))
             .param(Param::texts(
                 "magnets",
-                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)\"].",
+                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, \
+                 max_force_n: 0.5, reach_mm: 4)\"].",
             ))
             .effect(
                 Effect::new("magnets", Acts::Near)
@@ -218,7 +221,8 @@ mod tests {
             let force: Vec<f64> = (0..=n).map(|i| m.force_n(f64::from(i) * step - span)).collect();
             let slope: Vec<f64> = force.windows(2).map(|w| (w[1] - w[0]) / step).collect();
             prop_assert!(slope.iter().all(|s| s.abs() <= stiffness * (1.0 + 1e-6)));
-            // The steepest curve is that of the arch, k / a, or of the fall, 6 P / way^2 <= 6 k a / (3 a / 2)^2.
+            // The steepest curve is that of the arch, k / a, or of the fall, 6 P / way^2 <= 6 k a / (3 a /
+            // 2)^2.
             let curve = 2.7 * stiffness * stiffness / m.peak_n();
             for w in slope.windows(2) {
                 prop_assert!((w[1] - w[0]).abs() <= curve * step * 1.01 + 1e-6 * stiffness);
@@ -236,7 +240,11 @@ mod tests {
             let work: f64 = (0..n)
                 .map(|i| -m.force_n(d * part(i).powi(3)) * 3.0 * d * part(i).powi(2) / f64::from(n))
                 .sum();
-            prop_assert!((m.energy_mj(d) - work).abs() < 1e-5 * m.energy_mj(reach), "{} {work}", m.energy_mj(d));
+            prop_assert!(
+                (m.energy_mj(d) - work).abs() < 1e-5 * m.energy_mj(reach),
+                "{} {work}",
+                m.energy_mj(d)
+            );
         }
     }
 

@@ -1,13 +1,15 @@
-//! What surfaces do to a stylus: forces by the tick (`friction`, `viscosity`, `magnet`, and `force_limiter` behind them) and vibration by the
-//! sample (`tap`, `vibration`, `autoregressive`, `waveform`, `relief`, and `level` behind these).
+//! Effects of surfaces on a stylus. Forces by the tick: `friction`, `viscosity`, `magnet`, and
+//! `force_limiter` behind them. Vibration by the sample: `tap`, `vibration`, `autoregressive`, `waveform`,
+//! `relief`, and `level` behind these.
 //!
-//! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the effect's field in a
-//! [scene](asperity_scene). The number in its input `slot` picks one, 0 the first; none where it is below 0, beyond
-//! the list or not a number.
-//! Unconnected it picks the first: a graph of one surface needs nothing that picks.
+//! A node that renders an effect holds it for many surfaces: a list of texts, each as it stands behind the
+//! effect's field in a [scene](asperity_scene). The number in its input `slot` picks one; 0 is the first. A
+//! number below 0, beyond the list or not a number picks none. Unconnected, `slot` picks the first, so a
+//! graph of one surface needs no node that picks.
 //!
-//! What a tick takes at 500 Hz and 48 kHz in an engine, in us, medians on a virtual AMD EPYC core (`tests/cost.rs`, with the tests' optimisation; 0.05 us
-//! of each is the clock's). A thousand slots take what one takes.
+//! Median times of a tick at 500 Hz and 48 kHz in an engine, in us, on a virtual AMD EPYC core
+//! (`tests/cost.rs`, with the tests' optimisation). 0.05 us of each is the clock's. A thousand slots take as
+//! long as one.
 //!
 //! | | on | no slot on |
 //! |---|---|---|
@@ -137,7 +139,7 @@ fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
     files
 }
 
-/// What a law's constructor answers, with an error that points at the settings.
+/// Takes the result of a law's constructor. Its error points at the settings.
 fn made<T>(settings: &Settings, made: Result<T, EffectError>) -> Result<T, Diagnostic> {
     made.map_err(|e| settings.node_error(e.to_string()))
 }

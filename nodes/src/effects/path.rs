@@ -7,13 +7,15 @@ use super::bounds::{counted, counted_vector};
 /// How a path is laid through what is told once a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Smoothing {
-    /// Through every position, with the velocity told there: a cubic of Hermite's from one tick to the next. Exact for motion of constant acceleration whose
-    /// velocities are exact. It shows, one tick less one sample late, where the stylus was.
+    /// Through every position, with the velocity reported there: a cubic Hermite curve from one tick to the
+    /// next. It is exact for motion of constant acceleration with exact velocities. It shows where the stylus
+    /// was one tick less one sample ago.
     #[default]
     Hermite,
-    /// Between the positions: from the middle of the last two to the middle of the newest two, along a parabola (a spline of second degree), so that the
-    /// velocity changes in straight lines between the differences of the positions. The velocity that is told does not count. It takes
-    /// half a tick more, and is the smoothest that positions alone give: for devices that tell places in coarse steps.
+    /// Between the positions: along a parabola (a spline of second degree), from the middle of the last two
+    /// to the middle of the newest two. So the velocity goes in straight lines between the differences of the
+    /// positions. The reported velocity does not count. It takes half a tick more, and is the smoothest path
+    /// that positions alone give. Made for devices that report positions in coarse steps.
     Parabola,
 }
 
@@ -45,8 +47,10 @@ impl Path {
         Self { smoothing, tick_hz: f64::from(tick_hz.max(1)), last: None, cubic: [[0.0; 4]; 2] }
     }
 
-    /// Where the stylus is now, once a tick; the path goes from where it was at the tick before to here. A path that begins is one of
-    /// constant velocity. A position that is not finite counts as the last one, at rest; a velocity that is not finite as the difference of the positions.
+    /// Goes on to the position of the stylus now. Call it once a tick; the path goes from the position at the
+    /// tick before to this one. A path that begins has a constant velocity. A position that is not finite
+    /// counts as the last one, at rest. A velocity that is not finite counts as the difference of the
+    /// positions.
     pub fn advance(&mut self, position_mm: [f64; 2], velocity_mm_s: [f64; 2]) {
         let told = position_mm.iter().all(|x| x.is_finite());
         let velocity = if told && velocity_mm_s.iter().all(|v| v.is_finite()) {
@@ -128,8 +132,9 @@ impl Path {
     }
 }
 
-/// Where the samples of one tick lie in it: sample `n` of a rate stands at the time `(n + 1) / rate` after the start, so that whatever their number (96, 88 or 89, 0),
-/// all stand above 0 and at most at 1, a sample apart. Counted in integers, so that no tick is shorter for having fewer.
+/// Times of the samples within one tick. Sample `n` of a rate stands at the time `(n + 1) / rate` after the
+/// start. So whatever their number (96, 88 or 89, 0), all stand above 0 and at most at 1, a sample apart.
+/// They are counted in integers, so that no tick is shorter because it has fewer samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
     /// Of the first sample, and from one to the next: numerators over the rate.
@@ -139,7 +144,8 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The samples from number `first` on of tick number `tick`; sample floor(tick rate / tick rate) is its first.
+    /// The samples from number `first` on of tick number `tick`; sample floor(tick rate / tick rate) is its
+    /// first.
     pub fn new(tick: u64, first: u64, rate_hz: u32, tick_hz: u32) -> Self {
         let (rate, hz) = (i128::from(rate_hz.max(1)), i128::from(tick_hz.max(1)));
         let ahead = (i128::from(first) + 1) * hz - i128::from(tick) * rate;

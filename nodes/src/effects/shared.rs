@@ -1,4 +1,4 @@
-//! What takes time or memory to make, made once for all slots that want the same.
+//! Things that take time or memory to make, made once for all slots with the same settings.
 
 use std::collections::HashMap;
 use std::sync::Arc;

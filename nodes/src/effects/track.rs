@@ -4,9 +4,10 @@ use super::path::{Path, Smoothing};
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{Diagnostic, Latency, Setup, State};
 
-/// A path through the places that are told once a tick.
+/// A path through the positions that are reported once a tick.
 ///
-/// Where the stylus was put down is known after one tick and how fast it goes after two, so that a path begins in the second, with that velocity.
+/// The first position of a stroke is known after one tick, and the speed after two. So a path begins in the
+/// second tick, with that velocity.
 pub(super) struct Track {
     path: Path,
     tick_hz: f64,
@@ -36,8 +37,9 @@ impl Track {
         Ok(Self { path, tick_hz, stroke: 0.0, before: None, begun: false, begins: false, smooth })
     }
 
-    /// Goes on to where the stylus is in this tick; `stroke` is another number where it was put down anew. Answers the path of the tick, once it is known.
-    /// A place that is not finite counts as the one before.
+    /// Goes on to the position of the stylus in this tick. `stroke` changes where the stylus was put down
+    /// anew. Returns the path of the tick, once it is known. A position that is not finite counts as the one
+    /// before.
     pub(super) fn advance(&mut self, place_mm: [f64; 2], stroke: f64) -> Option<&Path> {
         // Of one that is no number nobody says that it is another.
         if stroke != self.stroke && !stroke.is_nan() {

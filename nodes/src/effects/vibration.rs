@@ -18,8 +18,9 @@ const PARTS: f64 = 4_294_967_296.0;
 /// The highest rate.
 const MAX_RATE_HZ: f64 = 1e9;
 
-/// A sine from a fixed source. Its phase is a function of the sample's number alone: counted in integers, so that it is as exact after a year as
-/// at the start, and what is skipped changes nothing of what follows. It remembers nothing; whoever starts and stops it fades it.
+/// A sine from a fixed source. Its phase depends on the sample's number alone. It is counted in integers, so
+/// it is as exact after a year as at the start, and skipped samples do not change later ones. It remembers
+/// nothing; the caller that starts and stops it fades it.
 ///
 /// 96 samples take 0.9 us on a virtual AMD EPYC core.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,10 +32,12 @@ pub struct Sine {
 }
 
 impl Sine {
-    /// A sine of `frequency_hz`, counted to 2^-32 Hz, and of amplitude `amplitude_m_s2`, at `rate_hz` samples a second.
+    /// A sine of `frequency_hz`, counted to 2^-32 Hz, and of amplitude `amplitude_m_s2`, at `rate_hz` samples
+    /// a second.
     ///
     /// # Errors
-    /// A rate that is not from 1 to 10^9 Hz, a frequency that is not from 0.01 Hz to 0.45 of the rate, an amplitude not from 0 to 1000 m/s^2.
+    /// A rate that is not from 1 to 10^9 Hz, a frequency that is not from 0.01 Hz to 0.45 of the rate, an
+    /// amplitude not from 0 to 1000 m/s^2.
     pub fn new(frequency_hz: f64, amplitude_m_s2: f64, rate_hz: u32) -> Result<Self, EffectError> {
         let rate = EffectError::check("a rate", f64::from(rate_hz), (1.0, MAX_RATE_HZ), "Hz")?;
         let frequency = EffectError::check("a frequency", frequency_hz, (0.01, 0.45 * rate), "Hz")?;
@@ -61,10 +64,10 @@ impl Sine {
 /// Sources that sound at a time; another begins when one of them has faded out.
 const MOST: usize = 8;
 
-/// A sine of a fixed frequency, faded over into that of the next surface.
+/// A sine of a fixed frequency, crossfaded into that of the next surface.
 ///
-/// Phases follow from the sample's number: whenever a source comes on again, it is where it would have been. A source whose slot comes back while it
-/// fades out turns round where it is.
+/// Phases follow from the sample's number: a source that comes on again is where it would have been. If its
+/// slot comes back while it fades out, it fades in again from its present level.
 pub struct Vibration {
     sources: Vec<Sine>,
     voices: [Voice; MOST],
@@ -92,7 +95,8 @@ impl Node for Vibration {
         .output(acceleration().doc("the sine"))
         .param(Param::texts(
             "sources",
-            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: 2)\"].",
+            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: \
+             2)\"].",
         ))
         .param(
             Param::number(
@@ -172,7 +176,7 @@ impl Processor for Vibration {
         self.voices = [Voice::default(); MOST];
     }
 
-    /// What sounds, and how far it is faded in, which is kept as a part of the fade.
+    /// Sources that sound, and how far each is faded in, kept as a part of the fade.
     fn state(&mut self, state: &mut State<'_>) {
         let mut fade = self.fade;
         state.keep(&mut fade);

@@ -8,7 +8,8 @@ use asperity_node::{
 use super::bounds::{EffectError, counted_vector, length};
 use super::{let_go, made, one_each, pick, put, slot, vector};
 
-/// Drag in a volume: a force against the velocity and in proportion to it, up to a greatest one. It remembers nothing.
+/// Drag in a volume: a force against the velocity and in proportion to it, up to a largest force. It
+/// remembers nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drag {
     ns_per_mm: f64,
@@ -26,7 +27,8 @@ impl Drag {
         Ok(Self { ns_per_mm: 1e-3 * viscosity, max_force_n })
     }
 
-    /// The force on a stylus of this velocity, F = -c v, shortened to the greatest force. A velocity that is not finite counts as 0.
+    /// The force on a stylus of this velocity, F = -c v, shortened to the largest force. A velocity that is
+    /// not finite counts as 0.
     pub fn force_n(&self, velocity_mm_s: [f64; 3]) -> [f64; 3] {
         let force = counted_vector(velocity_mm_s).map(|v| -self.ns_per_mm * v);
         let size = length(force);
@@ -65,7 +67,8 @@ impl Node for Viscosity {
         .output(super::force("force on the stylus, x, y, z"))
         .param(Param::texts(
             "drags",
-            "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: 1.5)\"].",
+            "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: \
+             1.5)\"].",
         ))
         .effect(
             Effect::new("drags", Acts::Inside)

@@ -4,15 +4,16 @@ use asperity_node::State;
 
 use super::pick;
 
-/// What plays one setting of an effect.
+/// A player of one setting of an effect.
 pub(super) trait Voice: Clone {
     /// Begins anew.
     fn reset(&mut self);
-    /// What it remembers, of one size for all of a node.
+    /// State of the voice, of one size for all voices of a node.
     fn state(&mut self, state: &mut State<'_>);
 }
 
-/// The voices of every slot. Those of a slot that comes on begin anew, so that nothing depends on what was before.
+/// The voices of every slot. Those of a slot that comes on start anew, so that nothing depends on what was
+/// before.
 pub(super) struct Voices<V> {
     slots: Vec<Vec<V>>,
     on: Option<usize>,

@@ -34,8 +34,8 @@ impl Node for Trajectory {
             .param(
                 Param::file(
                     "file",
-                    "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at any \
-                     rate, also irregular. Left out, a shipped zigzag.",
+                    "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; \
+                     at any rate, also irregular. Left out, a shipped zigzag.",
                 )
                 .optional(),
             )
@@ -44,10 +44,19 @@ impl Node for Trajectory {
                 "x,y,z",
                 "Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.",
             ))
-            .param(Param::choice("interpolation", &["cubic", "linear"], "How positions between rows are found."))
+            .param(Param::choice(
+                "interpolation",
+                &["cubic", "linear"],
+                "How positions between rows are found.",
+            ))
             .param(
-                Param::number("max_gap_s", 0.0, 0.0..=3600.0, "Longest time between rows; 0 for 0.1 s or five median steps.")
-                    .unit("s"),
+                Param::number(
+                    "max_gap_s",
+                    0.0,
+                    0.0..=3600.0,
+                    "Longest time between rows; 0 for 0.1 s or five median steps.",
+                )
+                .unit("s"),
             )
             .resumes(Resume::Continue)
     }

@@ -76,7 +76,8 @@ impl Node for Velocity {
                 "cutoff_hz_per_mm_s",
                 0.0,
                 0.0..=10.0,
-                "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in motion.",
+                "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
+                 motion.",
             )
             .unit("Hz per mm/s"),
         )

@@ -28,7 +28,7 @@ impl Processor for Moved {
     fn reset(&mut self) {}
 }
 
-/// The speed that is told in ticks from `from` on, where so many ticks from the one in which it moves are lost.
+/// The reported speed in ticks from `from` on, where so many ticks after the one in which it moves are lost.
 fn told(cutoff_hz: f64, every: u64, lost: u64, from: u64) -> Vec<f64> {
     told_by(&format!("cutoff_hz: {cutoff_hz:?}"), every, lost, from)
 }

@@ -28,25 +28,41 @@ impl<T: Float> Running<T> {
 
 impl Node for OscillatorBank {
     fn descriptor() -> Descriptor {
-        Descriptor::new("oscillator_bank", "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the way.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what is to sound a hop later"),
+        Descriptor::new(
+            "oscillator_bank",
+            "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the \
+             way.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what is to sound a hop later"),
+        )
+        .output(
+            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the signal at the frames' rate"),
+        )
+        .param(Param::choice(
+            "partials",
+            &["noise", "tracked"],
+            "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. \
+             Tracked: a sinusoid a peak, phase-continuous.",
+        ))
+        .param(
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of start phases and noise; left out, from the graph's.",
             )
-            .output(
-                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the signal at the frames' rate"),
-            )
-            .param(Param::choice(
-                "partials",
-                &["noise", "tracked"],
-                "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. Tracked: a sinusoid a peak, phase-continuous.",
-            ))
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of start phases and noise; left out, from the graph's.").optional())
-            .param(precision())
-            .timing("early by half a window less one hop: a frame is reached a hop after it comes, and describes its window's centre")
+            .optional(),
+        )
+        .param(precision())
+        .timing(
+            "early by half a window less one hop: a frame is reached a hop after it comes, and describes its \
+             window's centre",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -19,31 +19,43 @@ struct Running<T> {
 
 impl Node for PhaseVocoder {
     fn descriptor() -> Descriptor {
-        Descriptor::new("phase_vocoder", "Every bin runs on at its centre frequency; right in level and spectrum for smooth magnitudes.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
+        Descriptor::new(
+            "phase_vocoder",
+            "Every bin runs on at its centre frequency; right in level and spectrum for smooth magnitudes.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the magnitudes with phases"),
+        )
+        .param(Param::choice(
+            "start",
+            &["quadratic", "random", "zero"],
+            "Start phases: quadratic beats least and spreads the energy over the window, zero puts it at one \
+             instant.",
+        ))
+        .param(Param::choice(
+            "level",
+            &["keep", "plain"],
+            "Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.",
+        ))
+        .param(
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of random start phases; left out, from the graph's.",
             )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the magnitudes with phases"),
-            )
-            .param(Param::choice(
-                "start",
-                &["quadratic", "random", "zero"],
-                "Start phases: quadratic beats least and spreads the energy over the window, zero puts it at one instant.",
-            ))
-            .param(Param::choice(
-                "level",
-                &["keep", "plain"],
-                "Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.",
-            ))
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of random start phases; left out, from the graph's.").optional())
-            .param(precision())
-            // Phases follow from the frame's place in time.
-            .resumes(Resume::Continue)
+            .optional(),
+        )
+        .param(precision())
+        // Phases follow from the frame's place in time.
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

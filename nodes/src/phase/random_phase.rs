@@ -19,26 +19,34 @@ struct Running<T> {
 
 impl Node for RandomPhase {
     fn descriptor() -> Descriptor {
-        Descriptor::new("random_phase", "Independent random phases, the least that can be done; overlap-add makes them 17 dB too quiet at 50 frames a window.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
-            )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the magnitudes with phases"),
-            )
-            .param(Param::choice(
-                "level",
-                &["plain", "keep"],
-                "Keep scales up by the square root of the frames a window, so that magnitudes keep their energy through overlap-add.",
-            ))
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the phases; left out, from the graph's.").optional())
-            .param(precision())
-            // Phases follow from the frame's number.
-            .resumes(Resume::Continue)
+        Descriptor::new(
+            "random_phase",
+            "Independent random phases, the least that can be done; overlap-add makes them 17 dB too quiet \
+             at 50 frames a window.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the magnitudes with phases"),
+        )
+        .param(Param::choice(
+            "level",
+            &["plain", "keep"],
+            "Keep scales up by the square root of the frames a window, so that magnitudes keep their energy \
+             through overlap-add.",
+        ))
+        .param(
+            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the phases; left out, from the graph's.")
+                .optional(),
+        )
+        .param(precision())
+        // Phases follow from the frame's number.
+        .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -27,44 +27,68 @@ impl Node for SampleCommit {
     fn descriptor() -> Descriptor {
         let s = Settings::default();
         let most = MAX_WORK as i64;
-        Descriptor::new("sample_commit", "Iterative phase retrieval that freezes samples as they are emitted and improves all that follow.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the signal's frames are to have"),
+        Descriptor::new(
+            "sample_commit",
+            "Iterative phase retrieval that freezes samples as they are emitted and improves all that \
+             follow.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the signal's frames are to have"),
+        )
+        .output(
+            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the signal at the frames' rate"),
+        )
+        .param(
+            Param::integer(
+                "frames",
+                s.frames as i64,
+                1..=most,
+                "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
             )
-            .output(
-                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the signal at the frames' rate"),
+            .live(),
+        )
+        .param(
+            Param::integer("passes", s.passes as i64, 1..=most, "Passes for each frame that comes.").live(),
+        )
+        .param(
+            Param::number(
+                "momentum",
+                s.momentum,
+                0.0..=0.99,
+                "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 \
+                 at most, 5 have all.",
             )
-            .param(
-                Param::integer(
-                    "frames",
-                    s.frames as i64,
-                    1..=most,
-                    "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
-                )
-                .live(),
+            .live(),
+        )
+        .param(
+            Param::integer(
+                "emission",
+                i64::from(s.emission),
+                -1000..=1000,
+                "Where samples are emitted, in frames from the newest one's start: negative is inside its \
+                 window, early and less exact; positive looks ahead. Left out, two fifths of a window \
+                 inside: -20 at 50 frames a window.",
             )
-            .param(Param::integer("passes", s.passes as i64, 1..=most, "Passes for each frame that comes.").live())
-            .param(
-                Param::number("momentum", s.momentum, 0.0..=0.99, "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 at most, 5 have all.")
-                    .live(),
+            .optional(),
+        )
+        .param(
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of what is left to chance; left out, from the graph's.",
             )
-            .param(
-                Param::integer(
-                    "emission",
-                    i64::from(s.emission),
-                    -1000..=1000,
-                    "Where samples are emitted, in frames from the newest one's start: negative is inside its window, early and less exact; positive \
-                     looks ahead. Left out, two fifths of a window inside: -20 at 50 frames a window.",
-                )
-                .optional(),
-            )
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
-            .param(precision())
-            .timing("latency is emission times the hop, so it is early where emission is negative; a change of level shows half a window later than that")
+            .optional(),
+        )
+        .param(precision())
+        .timing(
+            "latency is emission times the hop, so it is early where emission is negative; a change of level \
+             shows half a window later than that",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -93,7 +117,8 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
             sample_commit::SettingsError::Emission => {
                 params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
-                    "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside it, as when `emission` is left out",
+                    "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of \
+                     one inside it, as when `emission` is left out",
                     -(EARLY * window).round()
                 ))
             }

@@ -25,7 +25,8 @@ impl Node for ShapedNoise {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "shaped_noise",
-            "Noise through a filter of minimum phase that follows the magnitudes; ridges and bumps where the hand's place is known.",
+            "Noise through a filter of minimum phase that follows the magnitudes; ridges and bumps where the \
+             hand's place is known.",
         )
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
@@ -37,11 +38,9 @@ impl Node for ShapedNoise {
                 .or(0.0)
                 .doc("x, y, z of the stylus; left out, there are no ridges and no bumps"),
         )
-        .input(
-            Input::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
-                .or(0.0)
-                .doc("ridges and bumps of the material, as `texture_network` tells them; left out, there are none"),
-        )
+        .input(Input::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE).or(0.0).doc(
+            "ridges and bumps of the material, as `texture_network` tells them; left out, there are none",
+        ))
         .input(
             Input::new("statistics", ShapeSpec::Control(2), Unit::NONE)
                 .or(-1.0)
@@ -52,9 +51,20 @@ impl Node for ShapedNoise {
                 .unit_of('u')
                 .doc("the signal at the frames' rate"),
         )
-        .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of what is left to chance; left out, from the graph's.").optional())
+        .param(
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of what is left to chance; left out, from the graph's.",
+            )
+            .optional(),
+        )
         .param(precision())
-        .timing("plays a frame in the tick in which it comes, half a window before its middle; a change of level shows within 4 ms")
+        .timing(
+            "plays a frame in the tick in which it comes, half a window before its middle; a change of level \
+             shows within 4 ms",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

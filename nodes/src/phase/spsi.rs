@@ -21,19 +21,26 @@ struct Running<T> {
 
 impl Node for Spsi {
     fn descriptor() -> Descriptor {
-        Descriptor::new("spsi", "Single Pass Spectrogram Inversion: each peak runs on as a sinusoid, its neighbours locked to it.")
-            .input(
-                Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what the next frame is to have"),
-            )
-            .output(
-                Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the same magnitudes with phases"),
-            )
-            .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the start phases; left out, from the graph's.").optional())
-            .param(precision())
+        Descriptor::new(
+            "spsi",
+            "Single Pass Spectrogram Inversion: each peak runs on as a sinusoid, its neighbours locked to \
+             it.",
+        )
+        .input(
+            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("what the next frame is to have"),
+        )
+        .output(
+            Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the same magnitudes with phases"),
+        )
+        .param(
+            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the start phases; left out, from the graph's.")
+                .optional(),
+        )
+        .param(precision())
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -10,8 +10,9 @@ const FADE_S: f32 = 0.01;
 
 /// The sound card's entry in a graph: turns amperes or volts into samples of a device.
 ///
-/// Samples stay within full scale whatever comes in. While the input is not to be trusted they fade to zero. What is said of
-/// the card and the amplifier does not change while it runs: the limits before it would no longer be those of the coil.
+/// Samples stay within full scale whatever comes in. While the input is invalid, they fade to zero. The
+/// settings of the card and the amplifier do not change while it runs: the limits before it would no longer
+/// be those of the coil.
 pub struct AudioOut {
     scale: f32,
     step: f32,

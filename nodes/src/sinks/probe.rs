@@ -5,8 +5,8 @@ use asperity_node::{
     Unit,
 };
 
-/// A sink for any signal. The host reads its input after every tick and writes what it read. It keeps nothing awake, so
-/// that a look at a graph does not change what the graph does.
+/// A sink for any signal. The host reads its input after every tick and writes it. A probe keeps nothing
+/// awake, so looking at a graph does not change what the graph does.
 pub struct Probe;
 
 impl Node for Probe {

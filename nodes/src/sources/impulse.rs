@@ -5,7 +5,8 @@ use asperity_node::{
     ShapeSpec, State, Status, Tick, Unit,
 };
 
-/// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the tick.
+/// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the
+/// tick.
 pub struct Impulse {
     threshold: f64,
     amplitude: f32,

@@ -1,4 +1,4 @@
-//! Signals that come from nowhere else in a graph: `audio_in`, and `sine`, `sweep` and `impulse` to measure with.
+//! Signals that begin in a graph: `audio_in`, and `sine`, `sweep` and `impulse` to measure with.
 
 mod audio_in;
 mod impulse;
@@ -14,7 +14,7 @@ pub use sweep::Sweep;
 
 use asperity_node::{Config, Output, Param, Ports, RateSpec, ShapeSpec, Unit, UnitSpec};
 
-/// What a source may put out.
+/// Units that a source may put out.
 const UNITS: [&str; 4] = ["A", "V", "m/s^2", "FS"];
 
 fn output() -> Output {

@@ -12,8 +12,8 @@ use asperity_numbers::Elementary as _;
 
 /// A sine that fades in and, where it ends, out.
 ///
-/// Its phase follows from the sample's number, so it does not drift; a new frequency goes on from the phase that the old one
-/// has come to. A new amplitude is reached in a straight line over 10 ms.
+/// Its phase follows from the sample's number, so it does not drift. A new frequency goes on from the phase
+/// that the old one has reached. A new amplitude is reached in a straight line over 10 ms.
 pub struct Sine {
     /// The parameter \[Hz\].
     frequency: f64,
@@ -43,7 +43,8 @@ impl Phase {
         Self { frequency, from: 0, periods: 0.0, next: 0 }
     }
 
-    /// The phase at sample `n`, in periods, 0 to below 2. The remainder is exact; only the product is rounded.
+    /// The phase at sample `n`, in periods, 0 to below 2. The remainder is exact; only the product is
+    /// rounded.
     fn at(&self, n: u64, rate: f64) -> f64 {
         self.periods + (self.frequency * n.saturating_sub(self.from) as f64) % rate / rate
     }

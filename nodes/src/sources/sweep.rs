@@ -37,20 +37,35 @@ impl Node for Sweep {
                 )
                 .unit("s"),
             )
-            .param(Param::number("amplitude", s.amplitude, 0.0..=1000.0, "Largest amplitude, in the output's unit."))
+            .param(Param::number(
+                "amplitude",
+                s.amplitude,
+                0.0..=1000.0,
+                "Largest amplitude, in the output's unit.",
+            ))
             .param(Param::choice(
                 "shape",
                 &["flat", "displacement"],
-                "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so that the mover \
-                 stays near its middle.",
+                "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so \
+                 that the mover stays near its middle.",
             ))
             .param(
-                Param::number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Below it the shape `displacement` falls.")
-                    .unit("Hz"),
+                Param::number(
+                    "corner_hz",
+                    s.corner_hz,
+                    1.0..=20_000.0,
+                    "Below it the shape `displacement` falls.",
+                )
+                .unit("Hz"),
             )
             .param(
-                Param::number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "Length of each fade, a raised cosine.")
-                    .unit("ms"),
+                Param::number(
+                    "fade_ms",
+                    s.fade_s * 1e3,
+                    0.0..=1000.0,
+                    "Length of each fade, a raised cosine.",
+                )
+                .unit("ms"),
             )
             .param(silence("before_s", s.before_s, "Silence before the sweep."))
             .param(silence("after_s", s.after_s, "Silence after the sweep."))

@@ -22,20 +22,26 @@ struct Running<T> {
 
 impl Node for OverlapAdd {
     fn descriptor() -> Descriptor {
-        Descriptor::new("overlap_add", "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.")
-            .role(Role::OverlapAdd)
-            .input(
-                Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("frames with phases"),
-            )
-            .output(
-                Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("the signal at the frames' rate"),
-            )
-            .param(precision())
-            .timing("no latency: frame n covers samples from its start on; a change of level shows half a window late")
+        Descriptor::new(
+            "overlap_add",
+            "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.",
+        )
+        .role(Role::OverlapAdd)
+        .input(
+            Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("frames with phases"),
+        )
+        .output(
+            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+                .unit_of('u')
+                .doc("the signal at the frames' rate"),
+        )
+        .param(precision())
+        .timing(
+            "no latency: frame n covers samples from its start on; a change of level shows half a window \
+             late",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -24,29 +24,39 @@ const PASSBAND_HZ: f64 = 1000.0;
 
 impl Node for Resample {
     fn descriptor() -> Descriptor {
-        Descriptor::new("resample", "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.")
-            .input(
-                Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE).unit_of('u').doc("the signal at its own rate"),
-            )
-            .output(
-                Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_of('u').doc("the same at the other rate"),
-            )
-            .param(Param::integer("rate_hz", 0, 0..=192_000, "The output's rate; 0 for the graph's audio rate.").unit("Hz"))
-            .param(Param::choice(
-                "phase",
-                &["linear", "minimum"],
-                "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high frequencies.",
-            ))
-            .param(
-                Param::number(
-                    "passband",
-                    0.4,
-                    0.05..=0.48,
-                    "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is longer.",
-                ),
-            )
-            .param(precision())
-            .timing("the filter's delay, stated exactly by `asperity check`")
+        Descriptor::new(
+            "resample",
+            "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.",
+        )
+        .input(
+            Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE)
+                .unit_of('u')
+                .doc("the signal at its own rate"),
+        )
+        .output(
+            Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
+                .unit_of('u')
+                .doc("the same at the other rate"),
+        )
+        .param(
+            Param::integer("rate_hz", 0, 0..=192_000, "The output's rate; 0 for the graph's audio rate.")
+                .unit("Hz"),
+        )
+        .param(Param::choice(
+            "phase",
+            &["linear", "minimum"],
+            "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high \
+             frequencies.",
+        ))
+        .param(Param::number(
+            "passband",
+            0.4,
+            0.05..=0.48,
+            "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is \
+             longer.",
+        ))
+        .param(precision())
+        .timing("the filter's delay, stated exactly by `asperity check`")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

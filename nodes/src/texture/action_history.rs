@@ -96,8 +96,8 @@ impl Processor for ActionHistory {
         self.history.fill([0.0; 3]);
     }
 
-    /// The samples so far. At another rate they stand for those of the new one until it has taken its own; another number
-    /// of points starts anew.
+    /// The samples so far. At another rate they stand for those of the new one until it has taken its own;
+    /// another number of points starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.next).keep(&mut self.before).keep(&mut self.history);
     }

@@ -24,32 +24,40 @@ impl Node for Scatter {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "scatter",
-            "Scatters expected magnitudes as those of one random signal scatter. Without it phase retrieval makes a signal that repeats.",
+            "Scatters expected magnitudes as those of one random signal scatter. Without it phase retrieval \
+             makes a signal that repeats.",
         )
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
                 .doc("what is expected"),
         )
-        .input(
-            Input::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .or(0.0)
-                .doc("mean over root mean square of each bin: 0.886 or less is noise, 1 a steady line; left out, noise"),
-        )
-        .input(
-            Input::new("statistics", ShapeSpec::Control(2), Unit::NONE)
-                .or(-1.0)
-                .doc("variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes are means"),
-        )
+        .input(Input::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).or(0.0).doc(
+            "mean over root mean square of each bin: 0.886 or less is noise, 1 a steady line; left out, \
+             noise",
+        ))
+        .input(Input::new("statistics", ShapeSpec::Control(2), Unit::NONE).or(-1.0).doc(
+            "variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes \
+             are means",
+        ))
         .output(
             Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
                 .doc("magnitudes that one signal may have"),
         )
         .param(
-            Param::number("strength", 1.0, 0.0..=1.0, "How far magnitudes scatter: 0 leaves them as they are.").live(),
+            Param::number(
+                "strength",
+                1.0,
+                0.0..=1.0,
+                "How far magnitudes scatter: 0 leaves them as they are.",
+            )
+            .live(),
         )
-        .param(Param::integer("seed", 1, 0..=i64::MAX, "Seed of the noise; left out, from the graph's.").optional())
+        .param(
+            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the noise; left out, from the graph's.")
+                .optional(),
+        )
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
         // Noise follows from the frame's number.

@@ -87,12 +87,14 @@ impl Node for TextureNetwork {
         )
         .role(Role::TextureNetwork)
         .input(
-            Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON)
-                .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on"),
+            Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON).doc(
+                "the last forces, oldest first; held to 0 and the largest that the model was trained on",
+            ),
         )
         .input(
-            Input::new("velocity", ShapeSpec::Control(SPEED_LEN), Unit::MILLIMETRE_PER_SECOND)
-                .doc("the last vx, then the last vy, oldest first; made slower where faster than any trained"),
+            Input::new("velocity", ShapeSpec::Control(SPEED_LEN), Unit::MILLIMETRE_PER_SECOND).doc(
+                "the last vx, then the last vy, oldest first; made slower where faster than any trained",
+            ),
         )
         .input(
             Input::new("material", ShapeSpec::Control(1), Unit::NONE)
@@ -108,24 +110,23 @@ impl Node for TextureNetwork {
             .doc("acceleration of the next 0.1 s; bin 0 is 0"),
         )
         .output(
-            Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE)
-                .secondary()
-                .doc("mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that does not say, noise"),
+            Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE).secondary().doc(
+                "mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that \
+                 does not say, noise",
+            ),
         )
-        .output(
-            Output::new("statistics", ShapeSpec::Control(2), Unit::NONE)
-                .secondary()
-                .doc("variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where magnitudes are means, 0 where they are root mean squares"),
-        )
-        .output(
-            Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE)
-                .secondary()
-                .doc("how the material's vibration is spread over place, from the library; all 0 where it does not say"),
-        )
+        .output(Output::new("statistics", ShapeSpec::Control(2), Unit::NONE).secondary().doc(
+            "variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where \
+             magnitudes are means, 0 where they are root mean squares",
+        ))
+        .output(Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE).secondary().doc(
+            "how the material's vibration is spread over place, from the library; all 0 where it does not \
+             say",
+        ))
         .param(Param::file(
             "model",
-            "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100]; metadata `force_max_n`, \
-             `speed_max_mm_s`: the range it was trained on.",
+            "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100]; metadata \
+             `force_max_n`, `speed_max_mm_s`: the range it was trained on.",
         ))
         .param(Param::file("library", "RON: material names and their texture vectors of 256 numbers."))
         .param(Param::text("material", "", "The material's name in the library.").required())
@@ -148,8 +149,8 @@ impl Node for TextureNetwork {
         .param(Param::choice(
             "precision",
             &Precision::ALL.map(Precision::name),
-            "How the weights are kept: f16 and int8 are faster, with errors of up to 0.02 % and 0.5 % of the largest magnitude; f64, sums and \
-             all, is what the others are judged by, and slow.",
+            "How the weights are kept: f16 and int8 are faster, with errors of up to 0.02 % and 0.5 % of the \
+             largest magnitude; f64, sums and all, is what the others are judged by, and slow.",
         ))
         .param(Param::choice(
             "executor",

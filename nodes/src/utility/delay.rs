@@ -16,7 +16,7 @@ pub struct Delay {
     closes_cycle: bool,
 }
 
-/// What is on its way. Position p holds what came in as sample (or tick) p modulo the length.
+/// Values on their way. Position p holds the value that came in as sample (or tick) p modulo the length.
 enum Line {
     Audio { ring: Vec<f32>, delay: u64, rate_hz: u32 },
     Control { ring: Vec<f64>, delay: u64, count: usize },
@@ -32,7 +32,8 @@ impl Node for Delay {
                     "delay_ms",
                     10.0,
                     0.0..=10_000.0,
-                    "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least a tick.",
+                    "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least \
+                     a tick.",
                 )
                 .unit("ms"),
             )
@@ -137,14 +138,15 @@ impl Processor for Delay {
         }
     }
 
-    /// What is on its way. A longer or shorter delay takes over as much of it as it keeps itself; what a longer one should
-    /// have kept before that is silence, out of which the rest rises in 10 ms.
+    /// Values on their way. A longer or shorter delay takes over as many as it keeps itself. For the older
+    /// values that a longer one should have kept, it has silence; the rest rises out of it in 10 ms.
     fn state(&mut self, state: &mut State<'_>) {
         match &mut self.line {
             Line::Audio { ring, rate_hz, .. } => {
                 let kept = keep_line(state, ring, 1, &mut self.next);
                 if state.restores() {
-                    // What a longer delay should have kept before that is silence, and must not end with a step.
+                    // The older samples, which a longer delay should have kept, are silence; it must not end
+                    // with a step.
                     fade_in(ring, self.next, kept, u64::from(*rate_hz) / 100);
                 }
             }
@@ -155,8 +157,8 @@ impl Processor for Delay {
     }
 }
 
-/// Keeps a ring of places of `width` values each, oldest first, place p at p modulo the ring's; `next` is the place after
-/// the newest. What is restored may be longer or shorter. Answers how many places it had.
+/// Keeps a ring of places of `width` values each, oldest first, place p at p modulo the ring's; `next` is the
+/// place after the newest. A restored ring may be longer or shorter. Returns how many places it had.
 fn keep_line<T: Keep + Copy + Default>(
     state: &mut State<'_>,
     ring: &mut [T],
@@ -195,7 +197,8 @@ fn keep_line<T: Keep + Copy + Default>(
     len
 }
 
-/// Lets the oldest of `kept` samples begin from silence, over `over` of them, where the ring has room for more.
+/// Lets the oldest of `kept` samples begin from silence, over `over` of them, where the ring has room for
+/// more.
 fn fade_in(ring: &mut [f32], next: u64, kept: u64, over: u64) {
     let own = ring.len() as u64;
     if kept >= own {

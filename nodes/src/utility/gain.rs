@@ -6,8 +6,8 @@ use asperity_node::{
     ShapeSpec, State, Status, Tick, Unit, UnitSpec,
 };
 
-/// Multiplies a signal by a constant. A new factor is reached in a straight line, over 10 ms or from one run to the next
-/// where these are further apart.
+/// Multiplies a signal by a constant. A new factor is reached in a straight line: over 10 ms, or from one run
+/// to the next where these are further apart.
 pub struct Gain {
     gain: Ramp,
     audio: bool,

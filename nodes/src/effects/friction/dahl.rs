@@ -5,15 +5,19 @@ use asperity_node::Law;
 
 use crate::effects::bounds::EffectError;
 
-/// Dahl's friction (P. R. Dahl, "A solid friction model", 1968) on a plane: a bristle that is bent as the surface passes, and gives way,
+/// Dahl's friction (P. R. Dahl, "A solid friction model", 1968) on a plane: a bristle that bends as the
+/// surface passes, and gives way,
 ///
 /// ```text
 /// z' = v - s0 |v| z / F_c,    F = -s0 z,    F_c = mu F_n
 /// ```
 ///
-/// With v the vector of the velocity: in steady motion F is F_c against it, and where the motion turns, the force follows within some F_c / s0 of way. For
-/// small ways it is a spring. It does not depend on speed. Motion to and fro under a steady pull creeps, as Dahl's model does;
-/// so does a stylus at rest whose place is told with noise.
+/// with v the vector of the velocity. In steady motion, F is F_c against it. Where the motion turns, the
+/// force follows within some F_c / s0 of distance. For small displacements it is a spring. It does not depend
+/// on speed.
+///
+/// As in Dahl's model, motion to and fro under a steady pull creeps. So does a stylus at rest whose position
+/// is noisy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dahl {
     coefficient: f64,
@@ -34,7 +38,8 @@ impl Dahl {
         Ok(Self { coefficient, stiffness_n_per_mm, bristle: Bristle::default() })
     }
 
-    /// The force on the stylus \[N\] after a tick of `dt_s` at this velocity. A velocity or a time that is not a number bends nothing.
+    /// The force on the stylus \[N\] after a tick of `dt_s` at this velocity. A velocity or a time that is
+    /// not a number bends nothing.
     pub fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
         let (velocity, speed, normal, dt) = inputs(velocity_mm_s, normal_force_n, dt_s);
         let most_mm = self.coefficient * normal / self.stiffness_n_per_mm;
@@ -59,7 +64,8 @@ impl Dahl {
         self.bristle = Bristle::default();
     }
 
-    /// Takes the bristle from one pair of tangents, directions along the surface of length 1, to another. It gives no energy.
+    /// Takes the bristle from one pair of tangents to another. Tangents are directions along the surface of
+    /// length 1. It gives no energy.
     pub fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
         self.bristle.turn(from, to);
     }

@@ -62,8 +62,9 @@ fn ticks() -> impl Strategy<Value = Vec<([f64; 2], f64, f64)>> {
     proptest::collection::vec(one, 1..80)
 }
 
-/// The least of what a law took in a tick beyond what its bristle holds more, in mJ; and the sizes of what it took and gave. In every tick for which there
-/// are angles, the surface turns to other tangents.
+/// Smallest energy of a tick: the energy that the law took, less the increase of the energy that its bristle
+/// stores \[mJ\]. Second, the sum of the absolute energies that it took and gave. In every tick for which
+/// there are angles, the surface turns to other tangents.
 fn taken(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], turns: &[[f64; 3]]) -> (f64, f64) {
     let (mut least, mut sizes, mut stored) = (f64::INFINITY, 0.0, law.stored_mj());
     let mut before = tangents([0.0; 3]);

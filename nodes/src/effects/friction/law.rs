@@ -6,34 +6,39 @@
 //! | [`Dahl`](super::Dahl) | as a spring | no: static and kinetic friction are one | the bristle |
 //! | [`LuGre`](super::LuGre) | as a spring | yes | the bristle |
 //!
-//! Velocities are plane vectors along the surface in mm/s, of the tick that has just passed and not filtered: behind a low-pass friction comes late, and
-//! drives what it should brake. Answers are the force on the stylus in N, against the motion. Call a law once a tick, also out of contact, where the
-//! normal force is 0 and so is the answer.
+//! Velocities are plane vectors along the surface in mm/s, of the tick that has just passed. They are not
+//! filtered: behind a low-pass, friction comes late and drives the motion that it should brake. Results are
+//! forces on the stylus in N, against the motion. Call a law once a tick, also out of contact, where the
+//! normal force is 0 and so is the result.
 //!
 //! # Energy
 //!
-//! All laws are dissipative for any velocities, normal forces and lengths of ticks: with F the force on the stylus that a call answers and v
-//! the velocity that it was given, `sum -F v dt` is never below 0. (A bound on the loop is another matter, since a force answers
-//! the tick before it: each law states its [`Law`](asperity_node::Law) at rest.)
+//! All laws are dissipative for any velocities, normal forces and lengths of ticks. With F the force on the
+//! stylus that a call returns and v the velocity that it was given, `sum -F v dt` is never below 0. (A bound
+//! on the loop is another matter, since a force answers the tick before it: each law states its
+//! [`Law`](asperity_node::Law) at rest.)
 //!
-//! The two bristles `z` \[mm\] hold `s0 |z|^2 / 2`. Their stiffness `s0` does not depend on the normal force; how far they bend does, at most
-//! `mu F_n / s0`. When the normal force falls, a bristle that is bent further is let go to there at once, and what that frees is lost. A stiffness that grew
-//! with the normal force would give what it never took: bend it under a light hand, press, let go. A bristle that held is kept while the normal force trembles.
+//! The two bristles `z` \[mm\] store `s0 |z|^2 / 2`. Their stiffness `s0` does not depend on the normal
+//! force. Their largest bend does: it is `mu F_n / s0`. When the normal force falls, a bristle that is bent
+//! further is released to that bend at once, and the released energy is lost. A stiffness that grew with the
+//! normal force would give energy that it never took: bend it under a light hand, press, let go. A bristle
+//! that held is kept while the normal force trembles.
 //!
-//! Where the surface curves or another one of the same law begins, its tangents are others: `turn` keeps the bristle as it stands in space, and lets go
-//! what stands out of the new plane.
+//! The tangents change where the surface curves or another surface of the same law begins. Then `turn` keeps
+//! the bristle as it stands in space, and releases the part that stands out of the new plane.
 //!
-//! For one tick of constant v and F_n the bristle obeys `z' = v - a z`, `a = s0 |v| / g`, a linear equation that is solved exactly,
+//! For one tick of constant v and F_n the bristle obeys `z' = v - a z`, `a = s0 |v| / g`, a linear equation
+//! that is solved exactly,
 //!
 //! ```text
 //! z <- z e^(-a dt) + (g / s0) (v / |v|) (1 - e^(-a dt))
 //! ```
 //!
-//! so no tick is too long. Along it `F v` rises, or falls to a limit that takes energy; so the force at the tick's end, which is the answer, takes at least the
-//! energy that the exact one takes.
+//! so no tick is too long. Along it `F v` rises, or falls to a limit that takes energy. A call returns the
+//! force at the tick's end. So this force takes at least the energy that the exact one takes.
 //!
-//! A call takes 9 ns of viscous friction, 22 ns of Dahl's and 38 ns of LuGre's on a virtual AMD EPYC core (`examples/effect_cost.rs`, as all figures of
-//! effects).
+//! A call takes 9 ns for viscous friction, 22 ns for Dahl's and 38 ns for LuGre's on a virtual AMD EPYC core
+//! (`examples/effect_cost.rs`, as all figures of effects).
 
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
@@ -47,7 +52,7 @@ pub(super) const BRISTLE: (f64, f64) = (1e-3, 1000.0);
 /// Range of the viscosity \[s/mm\].
 pub(super) const VISCOSITY: (f64, f64) = (0.0, 10.0);
 
-/// What is bent along the surface, in mm.
+/// Bend along the surface, in mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Bristle {
     pub(super) bent_mm: [f64; 2],
@@ -64,8 +69,9 @@ impl Bristle {
         }
     }
 
-    /// The surface goes on another way: what is bent stays as it stands in space, but for what stands out of the new tangents, which is let go. It never
-    /// gets longer, whatever the tangents are.
+    /// Turns the bristle to new tangents, where the direction of the surface changes. The bristle stays as it
+    /// stands in space; the part that stands out of the new tangents is released. It never gets longer,
+    /// whatever the tangents are.
     pub(super) fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
         let [u, v] = self.bent_mm;
         let bent: [f64; 3] = std::array::from_fn(|k| u * from[0][k] + v * from[1][k]);
@@ -75,7 +81,8 @@ impl Bristle {
         self.hold(most_mm);
     }
 
-    /// A tick in which the surface passes at `velocity`, of size `speed`; the bend goes toward `end_mm` along it.
+    /// Passes a tick in which the surface moves at `velocity`, of size `speed`. The bend goes toward `end_mm`
+    /// along it.
     pub(super) fn pass(&mut self, velocity: [f64; 2], speed: f64, end_mm: f64, dt_s: f64) {
         if speed <= 0.0 || end_mm <= 0.0 {
             return;

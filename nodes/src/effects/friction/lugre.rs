@@ -6,14 +6,14 @@ use asperity_node::Law;
 
 use crate::effects::bounds::{EffectError, dot};
 
-/// What is chosen about LuGre's friction.
+/// Settings of LuGre friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LuGreSettings {
     /// Coefficient of static friction, from the kinetic one to 10.
     pub static_coefficient: f64,
     /// Coefficient of kinetic friction, 0 to 10.
     pub kinetic_coefficient: f64,
-    /// Speed at which static friction has gone over into kinetic friction but for 1/e, v_s \[mm/s\], 0.01 to 1000.
+    /// Speed at which static friction has fallen to kinetic friction but for 1/e, v_s \[mm/s\], 0.01 to 1000.
     pub stribeck_speed_mm_s: f64,
     /// Stiffness of the bristle, s0 \[N/mm\], 0.001 to 1000.
     pub bristle_stiffness_n_per_mm: f64,
@@ -37,29 +37,33 @@ impl Default for LuGreSettings {
     }
 }
 
-/// LuGre friction (C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of systems with friction", IEEE Transactions
-/// on Automatic Control 40, 1995, pp. 419-425) on a plane: Dahl's bristle, which bends less far the faster the surface passes,
+/// LuGre friction (C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
+/// systems with friction", IEEE Transactions on Automatic Control 40, 1995, pp. 419-425) on a plane: Dahl's
+/// bristle, which bends less far the faster the surface passes,
 ///
 /// ```text
 /// z' = v - s0 |v| z / g(v),    g = F_n (mu_k + (mu_s - mu_k) e^(-(|v| / v_s)^2))
 /// F  = -(s0 z + s1(v) z' + F_n c v)
 /// ```
 ///
-/// A stylus sticks up to `mu_s F_n`, slips at `mu_k F_n`, and on a spring does so by turns: where the bristle is stiff against the spring and the
-/// mass slow against `g / (s0 |v|)`, the time in which the bristle gives way, so that a soft bristle glides where a stiff one jerks. With the usual
-/// settings 0.2 kg on 300 N/m pulled at 30 mm/s jerk six times a second, at 500 Hz within 1 % as by an integration at 1 MHz; at 10 N/mm it takes 1 kHz.
+/// A stylus sticks up to `mu_s F_n` and slips at `mu_k F_n`. On a spring it sticks and slips by turns, under
+/// two conditions. The bristle is stiff against the spring, and the mass is slow against `g / (s0 |v|)`, the
+/// time in which the bristle gives way. So a soft bristle glides where a stiff one jerks. With the usual
+/// settings, 0.2 kg on 300 N/m pulled at 30 mm/s jerk six times a second. At 500 Hz this is within 1 % of an
+/// integration at 1 MHz; a bristle of 10 N/mm takes 1 kHz.
 ///
-/// With a constant s1 the model is dissipative only where the viscous part is at least `s1 (mu_s - mu_k) / mu_k` (N. Barabanov and R. Ortega,
-/// "Necessary and sufficient conditions for passivity of the LuGre friction model", IEEE Transactions on Automatic Control 45, 2000, pp. 830-832): a
-/// bristle that is bent far when it begins to slip springs back and pushes. H. Olsson's remedy ("Control systems with friction", Lund 1996) is a damping
-/// that falls with speed so that `s1(v) <= 4 g / |v|`. Here
+/// With a constant s1 the model is dissipative only where the viscous part is at least
+/// `s1 (mu_s - mu_k) / mu_k` (N. Barabanov and R. Ortega, "Necessary and sufficient conditions for passivity
+/// of the LuGre friction model", IEEE Transactions on Automatic Control 45, 2000, pp. 830-832). Otherwise a
+/// bristle that is bent far when it begins to slip springs back and pushes. H. Olsson's remedy ("Control
+/// systems with friction", Lund 1996) is a damping that falls with speed so that `s1(v) <= 4 g / |v|`. Here
 ///
 /// ```text
 /// s1(v) = s1 / (1 + s1 |v| / g)
 /// ```
 ///
-/// which is s1 at rest and never above `g / |v|`, whatever the parameters: then the answer of a whole tick is dissipative as well (see the
-/// [module](super)). Without a normal force there is no part that is left.
+/// which is s1 at rest and never above `g / |v|`, whatever the parameters. Then the force of a whole tick is
+/// dissipative as well (see the [module](super)). Without a normal force no part is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LuGre {
     settings: LuGreSettings,
@@ -93,7 +97,8 @@ impl LuGre {
         &self.settings
     }
 
-    /// The force on the stylus \[N\] after a tick of `dt_s` at this velocity. A velocity or a time that is not a number bends nothing.
+    /// The force on the stylus \[N\] after a tick of `dt_s` at this velocity. A velocity or a time that is
+    /// not a number bends nothing.
     pub fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
         let (velocity, speed, normal, dt) = inputs(velocity_mm_s, normal_force_n, dt_s);
         let s = &self.settings;
@@ -118,7 +123,8 @@ impl LuGre {
         std::array::from_fn(|i| -of_bend * self.bristle.bent_mm[i] - of_speed * velocity[i])
     }
 
-    /// The law at rest under this normal force, along the surface: the bristle's stiffness and damping, and the viscous part.
+    /// The law at rest under this normal force, along the surface: the bristle's stiffness and damping, and
+    /// the viscous part.
     pub fn law(&self, normal_force_n: f64) -> Law {
         let (_, _, normal, _) = inputs([0.0; 2], normal_force_n, 0.0);
         if normal == 0.0 {
@@ -141,7 +147,8 @@ impl LuGre {
         self.bristle = Bristle::default();
     }
 
-    /// Takes the bristle from one pair of tangents, directions along the surface of length 1, to another. It gives no energy.
+    /// Takes the bristle from one pair of tangents to another. Tangents are directions along the surface of
+    /// length 1. It gives no energy.
     pub fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
         self.bristle.turn(from, to);
     }

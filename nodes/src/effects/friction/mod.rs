@@ -31,7 +31,8 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// A force along the surface against the velocity there, by the law of the surface that is touched.
 ///
-/// It is called in contact and once more to let go. Bristles are unbent whenever another law comes on, and stay as they stand in space where tangents change.
+/// It is called in contact and once more to let go. When another law comes on, its bristles begin unbent.
+/// Where tangents change, bristles stay as they stand in space.
 pub struct Friction {
     laws: Voices<Law>,
     /// Those of the tick before, along which bristles are bent.
@@ -174,25 +175,31 @@ impl Voice for Law {
 
 impl Node for Friction {
     fn descriptor() -> Descriptor {
-        Descriptor::new("friction", "Force against the motion along a surface, by the law of the one that is touched.")
-            .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
-            .input(
-                Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND)
-                    .doc("along the two tangents, as it is: behind a low-pass friction drives what it should brake"),
-            )
-            .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
-            .input(
-                Input::new("tangents", ShapeSpec::Control(6), Unit::NONE)
-                    .or(0.0)
-                    .doc("two directions along the surface, of length 1: x, y, z of the first, then of the second; unconnected, x and y"),
-            )
-            .output(super::force("force on the stylus, x, y, z"))
-            .param(Param::texts(
-                "laws",
-                "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \"viscous_coulomb(coefficient: 0.5)\"].",
-            ))
-            .effect(effect())
-            .timing("no latency: the force of a tick's velocity in that tick; not called while nothing is touched")
+        Descriptor::new(
+            "friction",
+            "Force against the motion along a surface, by the law of the one that is touched.",
+        )
+        .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
+        .input(
+            Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc(
+                "along the two tangents, as it is: behind a low-pass friction drives what it should brake",
+            ),
+        )
+        .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
+        .input(Input::new("tangents", ShapeSpec::Control(6), Unit::NONE).or(0.0).doc(
+            "two directions along the surface, of length 1: x, y, z of the first, then of the second; \
+             unconnected, x and y",
+        ))
+        .output(super::force("force on the stylus, x, y, z"))
+        .param(Param::texts(
+            "laws",
+            "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \
+             \"viscous_coulomb(coefficient: 0.5)\"].",
+        ))
+        .effect(effect())
+        .timing(
+            "no latency: the force of a tick's velocity in that tick; not called while nothing is touched",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

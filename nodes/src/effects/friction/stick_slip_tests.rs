@@ -1,10 +1,12 @@
-//! A mass that is pulled over a surface by a spring, with the friction of a tick rate, against an integration that knows nothing of ticks.
+//! A spring pulls a mass over a surface. The tests compare friction at a tick rate with an integration that
+//! has no ticks.
 
 use std::f64::consts::PI;
 
 use super::*;
 
-/// Mass \[kg\], spring \[N/m\], damping of the device \[N s/m\], speed of the spring's end \[m/s\], normal force \[N\].
+/// Mass \[kg\], spring \[N/m\], damping of the device \[N s/m\], speed of the spring's end \[m/s\], normal
+/// force \[N\].
 struct Pull {
     mass: f64,
     spring: f64,
@@ -24,7 +26,8 @@ fn settings() -> LuGreSettings {
     }
 }
 
-/// Mean period \[s\] and mean fall \[N\] of a pull in the spring that rises slowly and falls fast; the number of periods.
+/// Mean period \[s\], mean fall \[N\] and number of periods of a spring force that rises slowly and falls
+/// fast.
 fn periods(pull: &[f64], rate: f64) -> (f64, f64, usize) {
     // Not the way from rest.
     let pull = &pull[pull.len() / 4..];
@@ -57,7 +60,7 @@ fn periods(pull: &[f64], rate: f64) -> (f64, f64, usize) {
     (whole as f64 / rate / count.max(1) as f64, fall, count)
 }
 
-/// Pull in the spring by ticks of the kernel; between ticks the mass is integrated in steps so fine that they do not count.
+/// Spring force by ticks of the kernel. Between ticks the mass is integrated in steps too fine to matter.
 fn by_ticks(p: &Pull, s: LuGreSettings, tick_hz: f64, seconds: f64) -> Vec<f64> {
     let (mut law, fine) = (LuGre::new(s).unwrap(), (200_000.0 / tick_hz) as u32);
     let (mut x, mut v, mut t, mut before) = (0.0_f64, 0.0, 0.0, 0.0);
@@ -80,7 +83,8 @@ fn by_ticks(p: &Pull, s: LuGreSettings, tick_hz: f64, seconds: f64) -> Vec<f64> 
         .collect()
 }
 
-/// The same by Runge and Kutta's method at 1 MHz, straight from the equations in SI units; a value every millisecond.
+/// The same by the Runge-Kutta method at 1 MHz, straight from the equations in SI units; a value every
+/// millisecond.
 fn by_equations(p: &Pull, s: LuGreSettings, seconds: f64) -> Vec<f64> {
     let (s0, s1, vs) =
         (1e3 * s.bristle_stiffness_n_per_mm, s.bristle_damping_ns_per_m, 1e-3 * s.stribeck_speed_mm_s);
@@ -138,7 +142,8 @@ fn stick_and_slip_come_by_turns_with_the_period_and_the_fall_of_the_equations() 
 
 #[test]
 fn the_stiffer_the_bristle_the_nearer_it_is_to_the_swing_of_the_closed_form() {
-    // Where static friction ends at once the spring falls by 2 (F_s - F_k), in half a swing, and is then pulled up again.
+    // Where static friction ends at once, the spring falls by 2 (F_s - F_k) in half a swing. It is then
+    // pulled up again. The stiffer the bristle, the nearer the result is to this closed form.
     let p = Pull { damping: 0.05, speed: 0.003, ..PULL };
     let more = p.normal * 0.3;
     let whole = 2.0 * more / (p.spring * p.speed) + PI * (p.mass / p.spring).sqrt();

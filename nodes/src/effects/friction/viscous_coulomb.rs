@@ -3,8 +3,8 @@ use asperity_node::Law;
 
 use crate::effects::bounds::EffectError;
 
-/// Friction that begins as drag: `F_n c |v|` up to `mu F_n`, against the velocity. Continuous in velocity and normal force; it remembers nothing and does not
-/// stick.
+/// Friction that begins as drag: `F_n c |v|` up to `mu F_n`, against the velocity. It is continuous in
+/// velocity and normal force, remembers nothing and does not stick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViscousCoulomb {
     coefficient: f64,
@@ -15,7 +15,8 @@ impl ViscousCoulomb {
     /// The usual slope \[s/mm\]: half the normal force at 125 mm/s.
     pub const VISCOSITY_S_PER_MM: f64 = 0.004;
 
-    /// Friction of coefficient `mu`, without unit, and slope `c` \[s/mm\], usually [`VISCOSITY_S_PER_MM`](Self::VISCOSITY_S_PER_MM).
+    /// Friction of coefficient `mu`, without unit, and slope `c` \[s/mm\], usually
+    /// [`VISCOSITY_S_PER_MM`](Self::VISCOSITY_S_PER_MM).
     ///
     /// # Errors
     /// A coefficient that is not from 0 to 10, a slope not from 0 to 10 s/mm.
@@ -34,7 +35,8 @@ impl ViscousCoulomb {
         if drag * speed <= most { velocity.map(|v| -drag * v) } else { velocity.map(|v| -most * (v / speed)) }
     }
 
-    /// The law at rest, along the surface: a damping of 1000 c F_n \[N s/m\]; 4 N s/m under a newton with the usual slope.
+    /// The law at rest, along the surface: a damping of 1000 c F_n \[N s/m\]. With the usual slope this is 4
+    /// N s/m under a newton.
     pub fn law(&self, normal_force_n: f64) -> Law {
         let (_, _, normal, _) = inputs([0.0; 2], normal_force_n, 0.0);
         let slope = if self.coefficient > 0.0 { 1e3 * self.viscosity_s_per_mm * normal } else { 0.0 };

@@ -1,17 +1,19 @@
 //! Vibration straight from a height field under the tip.
 //!
-//! The tip goes along the [`Path`] and rises and falls with the heights `h(x, y)` under it. With the path's position, velocity `v` and acceleration `a` at a
-//! sample, that is by the chain rule, without differencing anything:
+//! The tip goes along the [`Path`] and rises and falls with the heights `h(x, y)` under it. With the path's
+//! position, velocity `v` and acceleration `a` at a sample, the chain rule gives, without any differencing:
 //!
 //! ```text
 //! d^2 h / dt^2 = v H v + grad h . a,      H = [[h_xx, h_xy], [h_xy, h_yy]]
 //! ```
 //!
-//! It then passes a low-pass, of Butterworth's fourth order: -3 dB at the cutoff, within 0.1 dB up to 0.62 of it, 0.42 ms late at 1000 Hz. It is bounded before and behind
-//! that. A sine of amplitude `A` and wavelength `l` so becomes one of `v / l` Hz and `A (2 pi v / l)^2`.
+//! The result then passes a Butterworth low-pass of fourth order: -3 dB at the cutoff, within 0.1 dB up to
+//! 0.62 of it, 0.42 ms late at 1000 Hz. It is bounded before and behind that. So a sine of amplitude `A` and
+//! wavelength `l` becomes one of `v / l` Hz and `A (2 pi v / l)^2`.
 //!
-//! The path is one tick less a sample late. A device that tells places in steps makes the relief rattle, since differences of places are what it
-//! is made of. What remains beside a wave of 2 mm, in dB over the wave, with velocities by difference:
+//! The path is one tick less a sample late. A device that reports positions in steps makes the relief rattle,
+//! since it is made of differences of positions. Noise beside a wave of 2 mm, in dB over the wave, with
+//! velocities by difference:
 //!
 //! | steps, speed, ticks | [`Hermite`] | [`Parabola`] | [`Hermite`], places behind 20 Hz |
 //! |---|---|---|---|
@@ -23,16 +25,19 @@
 //! | 55 um, 62 mm/s, 1000 Hz | 13 | 7 | -32 |
 //! | 55 um, 157 mm/s, 1000 Hz | -3 | -8 | -42 |
 //!
-//! So places that come in steps go through a low-pass first, with velocities that are the differences of what comes out (Butterworth of second order at 20 Hz,
-//! 11 ms late).
+//! So positions that come in steps go through a low-pass first (Butterworth of second order at 20 Hz, 11 ms
+//! late). The velocities are the differences of its output.
 //!
 //! 96 samples take 7.4 us on a virtual AMD EPYC core.
 //!
 //! [`Hermite`]: crate::effects::path::Smoothing::Hermite
 //! [`Parabola`]: crate::effects::path::Smoothing::Parabola
 //!
-//! [`HeightSpline`](super::HeightSpline) gives a [`HeightField`](asperity_surfaces::topography::HeightField) the derivatives that it takes. What the tip's own size leaves of the heights is the
-//! field's matter ([`envelope`](asperity_surfaces::topography::envelope)).
+//! [`HeightSpline`](super::HeightSpline) gives a [`HeightField`] the derivatives that it takes. The effect of
+//! the tip's own size on the heights belongs to the field ([`envelope`]).
+//!
+//! [`HeightField`]: asperity_surfaces::topography::HeightField
+//! [`envelope`]: asperity_surfaces::topography::envelope
 
 use asperity_dsp::filter::{Biquad, Sample, Section};
 use asperity_numbers::Elementary as _;
@@ -62,8 +67,9 @@ pub trait Surface {
     /// Surface about a place in mm. What is not finite counts as flat.
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet;
 
-    /// Half of the shortest wavelength in mm; 0 where it is not known. A stylus that is so fast that it passes one and a half of it in a sample feels
-    /// nothing, since that would come back mirrored; from one on it fades.
+    /// Half of the shortest wavelength in mm; 0 where it is not known. A stylus that passes one of these
+    /// lengths in a sample begins to fade. From one and a half on it feels nothing, since that would come
+    /// back mirrored (aliasing).
     fn spacing_mm(&self) -> f64 {
         0.0
     }
@@ -75,7 +81,7 @@ impl<F: Fn(f64, f64) -> Jet> Surface for F {
     }
 }
 
-/// What is chosen about a relief.
+/// Settings of a relief.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReliefSettings {
     /// Cutoff of the low-pass \[Hz\], 20 to 0.45 of the audio rate.
@@ -149,7 +155,7 @@ impl Follower {
         self.filters.iter_mut().for_each(Biquad::reset);
     }
 
-    /// What the low-pass remembers.
+    /// Memory of the low-pass.
     pub fn state(&mut self, state: &mut State<'_>) {
         for filter in &mut self.filters {
             filter.state(state);

@@ -196,7 +196,8 @@ fn of_points(points: f64) -> (f64, f64) {
     let k = TAU / points;
     let field = HeightField::from_fn(side, 1.0, |x, _| (k * x).sin());
     let spline = HeightSpline::new(&field);
-    // Fine samples of whole points, over all of the field: the wave, and the wave that is its mirror image about half a wave a point.
+    // Fine samples of whole points, over all of the field: the wave, and its mirror image about half a wave a
+    // point.
     let (fine, mut own, mut image) = (16, 0.0, 0.0);
     for n in 0..side * fine {
         let x = n as f64 / fine as f64;
@@ -223,7 +224,8 @@ fn the_second_derivative_of_a_spline_is_off_by_what_is_said() {
     }
 }
 
-/// What remains beside a wave of 2 mm and its amplitude's error, in dB: of a device that tells places in steps, by differences or behind a low-pass of 20 Hz.
+/// Noise beside a wave of 2 mm, and the error of its amplitude, both in dB. The device reports positions in
+/// steps; velocities are differences, or come from behind a low-pass of 20 Hz.
 fn beside_the_wave(
     step: f64,
     speed: f64,

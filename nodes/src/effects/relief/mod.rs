@@ -26,7 +26,8 @@ const STROKE: usize = 2;
 
 /// The acceleration of a tip that rises and falls with the heights under it.
 ///
-/// The path between ticks goes through the middles of places, along parabolas. Heights that several slots want are there once.
+/// The path between ticks goes through the middles of positions, along parabolas. Slots with the same heights
+/// share one copy of them.
 pub struct Relief {
     reliefs: Voices<Field>,
     track: Track,
@@ -94,11 +95,14 @@ impl Node for Relief {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "reliefs",
-                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), relief(..)]`, \
-                 whose sum is one entry. Quotes within a text are written r#\"..\"#.",
+                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), \
+                 relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
             ))
             .param(waveform::smooth_hz())
-            .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
+            .timing(
+                "a tick and a half less a sample; silent in the first tick after it wakes, which has no \
+                 speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
+            )
             .resumes(Resume::Restart)
             .effect(effect())
     }

@@ -5,20 +5,22 @@ use asperity_surfaces::topography::HeightField;
 const POINTS: usize = 6;
 /// Of these, points before the place.
 const BEFORE: i64 = 2;
-/// Roots within the unit circle of z^2 + 26 z + 66 + 26 / z + 1 / z^2, whose coefficients are 120 times the spline's values at the points.
+/// Roots within the unit circle of z^2 + 26 z + 66 + 26 / z + 1 / z^2. Its coefficients are 120 times the
+/// spline's values at the points.
 const ROOTS: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 
-/// A [`HeightField`] between its points as a periodic spline of fifth degree (M. Unser, A. Aldroubi, M. Eden, "B-spline signal processing",
-/// IEEE Transactions on Signal Processing 41, 1993): it goes through all of them, has four continuous derivatives and answers two of them.
+/// A [`HeightField`] between its points as a periodic spline of fifth degree (M. Unser, A. Aldroubi, M. Eden,
+/// "B-spline signal processing", IEEE Transactions on Signal Processing 41, 1993). It goes through all
+/// points, has four continuous derivatives and returns two of them.
 ///
-/// The second derivative of a wave of so many points is off by so much, and so much of its mirror image comes with it:
+/// Error of the second derivative, and level of its mirror image, for a wave of so many points:
 ///
 /// | points | 16 | 8 | 5 | 4 | 3 |
 /// |---|---|---|---|---|---|
 /// | off, dB | 0.0000 | -0.0001 | -0.0023 | -0.013 | -0.14 |
 /// | image, dB | < -90 | -67 | -48 | -38 | -24 |
 ///
-/// A place takes 68 ns on a virtual AMD EPYC core, a field of 1024 x 1024 points is made in 50 ms.
+/// A position takes 68 ns on a virtual AMD EPYC core; a field of 1024 x 1024 points is made in 50 ms.
 #[derive(Clone, Debug)]
 pub struct HeightSpline {
     side: usize,
@@ -116,8 +118,8 @@ impl Surface for HeightSpline {
     }
 }
 
-/// Weights of the points about a place `t` of 0 to 1 between the third and the fourth, and their first and second derivatives. By the recursion of de Boor and Cox,
-/// on points that are 1 apart.
+/// Weights of the points about a position `t` of 0 to 1 between the third and the fourth, and their first and
+/// second derivatives. They follow from the recursion of de Boor and Cox, on points that are 1 apart.
 #[inline]
 fn weights(t: f64) -> [[f64; POINTS]; 3] {
     let mut w = [0.0; POINTS];

@@ -22,13 +22,14 @@ const MOMENT: usize = 2;
 const MOST: usize = 6;
 /// Slots that are remembered: those, those that fade, and others that were struck lately.
 const ROOM: usize = 12;
-/// After so long without a sound a slot is as if it had never been struck: no tap holds the next off for longer \[s\].
+/// Time without a sound after which a slot counts as never struck \[s\]. No tap holds the next off for
+/// longer.
 const FORGOTTEN_S: u64 = 1;
 
-/// Vibration of coming into contact: of each contact a transient, scaled by the speed of approach.
+/// Vibration of coming into contact: a transient for each contact, scaled by the speed of approach.
 ///
-/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time: at a seventh the one that was struck
-/// first fades out in a millisecond.
+/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time. At a
+/// seventh, the one that was struck first fades out in a millisecond.
 pub struct Tap {
     kernels: Vec<Taps>,
     /// In place of kernels that the state has room for and that are not there.
@@ -211,25 +212,32 @@ fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
 
 impl Node for Tap {
     fn descriptor() -> Descriptor {
-        Descriptor::new("tap", "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or recorded.")
-            .input(slot("which of `taps` is struck, from 0; below 0 none"))
-            .input(
-                Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                    .wakes()
-                    .doc("speed of approach in the tick of a contact, 0 in others"),
-            )
-            .input(
-                Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
-                    .or(0.0)
-                    .doc("the part of the tick at which the contact was, 0 to 1"),
-            )
-            .output(acceleration().doc("the transients"))
-            .param(Param::texts(
-                "taps",
-                "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
-            ))
-            .effect(effect())
-            .timing("one tick: a contact sounds as late in the tick after it was as it was in its own; not called while nothing sounds")
+        Descriptor::new(
+            "tap",
+            "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or \
+             recorded.",
+        )
+        .input(slot("which of `taps` is struck, from 0; below 0 none"))
+        .input(
+            Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+                .wakes()
+                .doc("speed of approach in the tick of a contact, 0 in others"),
+        )
+        .input(
+            Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
+                .or(0.0)
+                .doc("the part of the tick at which the contact was, 0 to 1"),
+        )
+        .output(acceleration().doc("the transients"))
+        .param(Param::texts(
+            "taps",
+            "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
+        ))
+        .effect(effect())
+        .timing(
+            "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
+             while nothing sounds",
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -288,7 +296,7 @@ impl Processor for Tap {
         }
     }
 
-    /// What sounds, and what was struck lately. A slot that is no longer there falls silent.
+    /// Taps that sound, and recent strikes. A slot that is no longer there falls silent.
     fn state(&mut self, state: &mut State<'_>) {
         if state.restores() {
             self.reset();
@@ -347,7 +355,8 @@ mod tests {
         writer.finalize().unwrap();
         let settings = |file: &str| {
             let text = format!(
-                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: 30)"
+                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: \
+                 30)"
             );
             let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
             effect().read("tap", &value).unwrap()

@@ -41,15 +41,17 @@ pub struct Recording {
     pub speed_mm_s: f64,
 }
 
-/// What a tap sounds like.
+/// Sound of a tap.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Transient {
-    /// Sinusoids that decay, added up: 1 to 8 (A. M. Okamura, J. T. Dennerlein, R. D. Howe, "Vibration feedback models for virtual
-    /// environments", IEEE International Conference on Robotics and Automation, 1998).
+    /// Sinusoids that decay, added up: 1 to 8 (A. M. Okamura, J. T. Dennerlein, R. D. Howe, "Vibration
+    /// feedback models for virtual environments", IEEE International Conference on Robotics and Automation,
+    /// 1998).
     Sinusoids(Vec<DecayingSinusoid>),
-    /// A recording, louder and softer in proportion to the speed (K. J. Kuchenbecker, J. Fiene, G. Niemeyer, "Improving contact realism through
-    /// event-based haptic feedback", IEEE Transactions on Visualization and Computer Graphics 12, 2006). It is read between its samples along Catmull and Rom's
-    /// cubic; its first half millisecond is faded in where it does not begin at 0, and its last two are faded out.
+    /// A recording, louder and softer in proportion to the speed (K. J. Kuchenbecker, J. Fiene, G. Niemeyer,
+    /// "Improving contact realism through event-based haptic feedback", IEEE Transactions on Visualization
+    /// and Computer Graphics 12, 2006). It is read between its samples along a Catmull-Rom cubic. Where it
+    /// does not begin at 0, its first half millisecond is faded in. Its last two are faded out.
     Recorded(Recording),
 }
 
@@ -129,11 +131,14 @@ impl Voice {
 
 /// Contact transients, each scaled by the speed of its approach; they overlap, at most 4 at full level.
 ///
-/// A tap begins at the time that it is given, also between two samples, from 0. Sinusoids turn by a recurrence in f64 that stays within 1e-9 of the closed form
-/// over 10 s, and the samples do not depend on how they are cut into ticks. It ends exactly at the sample from which on the envelope
-/// stays below the floor; that sample is known when it begins. Where more would sound the quietest, of equals the oldest, is faded out in a millisecond.
+/// A tap begins from 0 at the given time, also between two samples. Its sinusoids turn by a recurrence in
+/// f64, which stays within 1e-9 of the closed form over 10 s. The samples do not depend on how they are cut
+/// into ticks. A tap ends exactly at the sample from which on its envelope stays below the floor. That sample
+/// is known when it begins. Where more taps would sound, the quietest is faded out in a millisecond; of
+/// equals, the oldest.
 ///
-/// 96 samples of a tap of three sinusoids take 0.7 us on a virtual AMD EPYC core, of four such taps 2.1 us, of none 6 ns; a strike 0.9 us.
+/// 96 samples of a tap of three sinusoids take 0.7 us on a virtual AMD EPYC core, of four such taps 2.1 us,
+/// of none 6 ns; a strike takes 0.9 us.
 #[derive(Clone, Debug)]
 pub struct Taps {
     settings: TapSettings,
@@ -151,7 +156,8 @@ impl Taps {
     /// Taps at `rate_hz` samples a second.
     ///
     /// # Errors
-    /// A value out of its range, no sinusoid or too many, a recording of fewer than 2 samples or with one that is not finite.
+    /// A value out of its range, no sinusoid or too many, a recording of fewer than 2 samples or with one
+    /// that is not finite.
     pub fn new(transient: &Transient, settings: TapSettings, rate_hz: u32) -> Result<Self, EffectError> {
         let rate = EffectError::check("a rate", f64::from(rate_hz), (100.0, 1e6), "Hz")?;
         let s = &settings;
@@ -184,9 +190,10 @@ impl Taps {
         Ok(tap)
     }
 
-    /// A contact in sample `sample`, `part` of it (0 to below 1) after its beginning, at a speed of approach in mm/s. Answers whether it sounds: not where it
-    /// is too slow, too soon after the one before, earlier than that, or not a number. What comes too late begins with the first sample
-    /// that is still to be made.
+    /// Strikes a contact in sample `sample`, `part` of it (0 to below 1) after its beginning, at a speed of
+    /// approach in mm/s. Returns whether it sounds. It does not if the speed is too low or not a number, or
+    /// if the contact is too soon after the one before or earlier than that. A contact that comes too late
+    /// begins with the first sample that is still to be made.
     pub fn strike(&mut self, sample: u64, part: f64, speed_mm_s: f64) -> bool {
         let part = counted(part).clamp(0.0, 1.0 - f64::EPSILON);
         if !(speed_mm_s.is_finite() && speed_mm_s > 0.0 && speed_mm_s >= self.settings.min_speed_mm_s) {
@@ -255,7 +262,7 @@ impl Taps {
         self.last = None;
     }
 
-    /// What sounds. Taps of another transient go on from it with their own sinusoids.
+    /// Taps that sound. Taps of another transient continue from them with their own sinusoids.
     pub fn state(&mut self, state: &mut State<'_>) {
         for v in &mut self.slots {
             state.keep(&mut v.from).keep(&mut v.part).keep(&mut v.next).keep(&mut v.end);
@@ -277,7 +284,8 @@ impl Taps {
         }
     }
 
-    /// A place for a new tap; where all are full the quietest begins to fade. `None` where another still fades.
+    /// A place for a new tap. Where all are full, the quietest begins to fade. `None` where another still
+    /// fades.
     fn free_slot(&mut self) -> Option<usize> {
         let free = self.slots.iter().position(|v| !v.sounds())?;
         let full = |v: &Voice| v.sounds() && v.fade == 0;
@@ -298,7 +306,7 @@ impl Taps {
         self.bound(voice.age(voice.next).max(0.0)) * voice.speed_m_s
     }
 
-    /// What a tap of 1 m/s can be from this age on, in samples.
+    /// Upper bound of a tap of 1 m/s from this age on, in samples.
     fn bound(&self, age: f64) -> f64 {
         match &self.recorded {
             Some(r) => r.gain * f64::from(r.ahead.get((age * r.step) as usize).copied().unwrap_or(0.0)),
@@ -378,7 +386,8 @@ impl Taps {
         x
     }
 
-    /// A voice whose next sample has been passed over: one that has not begun begins now, another goes on later.
+    /// Catches up a voice whose next sample has been passed over. One that has not begun begins now; another
+    /// goes on later.
     fn catch_up(&self, voice: &mut Voice, first: u64) {
         let begun = voice.next > voice.from.saturating_add(u64::from(voice.part > 0.0));
         if begun {

@@ -103,7 +103,8 @@ fn taps_overlap_and_the_quietest_makes_room_without_a_step() {
             .iter()
             .filter(|(at, _)| n as u64 >= *at)
             .map(|(at, speed)| {
-                // The fifth takes the third's place, the sixth the second's: gone in 48 samples, in a straight line.
+                // The fifth takes the third's place, the sixth the second's: gone in 48 samples, in a
+                // straight line.
                 let gone =
                     [(50.0, 800.0), (100.0, 1000.0)].iter().find(|g| g.0 == *speed).map_or(1e9, |g| g.1);
                 let level = (1.0 - (n as f64 - gone) / 48.0).clamp(0.0, 1.0);

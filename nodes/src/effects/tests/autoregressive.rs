@@ -226,8 +226,8 @@ fn the_spectrum_at_the_audio_rate_is_the_models_within_half_a_decibel() {
         let mut engine =
             bench(tick_hz, rate, &[model(name, "1")], move |_| [0.0, v, f, 1.0]).engine("it", true).unwrap();
         let out = super::bench::run(&mut engine, "it", 120 * u64::from(tick_hz)).audio;
-        // Frames of a second, half over each other; bins are amplitudes, 2 |sum w x| / sum w, and of a Hann window
-        // sum w^2 = 3/8 length, sum w = length / 2.
+        // Frames of a second, half over each other. Bins are amplitudes, 2 |sum w x| / sum w. For a Hann
+        // window, sum w^2 = 3/8 length and sum w = length / 2.
         let length = rate as usize;
         let mut stft = Stft::<f64>::new(length);
         let mut power = vec![0.0; 500];
@@ -254,7 +254,8 @@ fn the_spectrum_at_the_audio_rate_is_the_models_within_half_a_decibel() {
 #[test]
 fn the_toolkits_files_are_read_as_well_and_bad_ones_are_told() {
     let dir = tempfile::tempdir().unwrap();
-    let xml = "<modelSet><SampleRate>1000</SampleRate><model><ARcoeff>-1.2 0.81</ARcoeff><var>0.04</var><gain>1.5</gain>\
+    let xml = "<modelSet><SampleRate>1000</SampleRate><model><ARcoeff>-1.2 0.81</ARcoeff>\
+               <var>0.04</var><gain>1.5</gain>\
                <speedMod>50</speedMod><forceMod>1</forceMod></model></modelSet>";
     std::fs::write(dir.path().join("m.XML"), xml).unwrap();
     let graph = dir.path().join("g.ron");

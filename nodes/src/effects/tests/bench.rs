@@ -9,7 +9,7 @@ use asperity_node::{
     Status, Tick, Unit,
 };
 
-/// What a script puts out in a tick, for each of its outputs.
+/// Outputs of a script in a tick, a list for each of its outputs.
 type Play = Arc<dyn Fn(u64) -> Vec<Vec<f64>> + Send + Sync>;
 
 /// Controls that are functions of the tick.
@@ -78,7 +78,8 @@ impl Bench {
     ) -> Self {
         let params: Vec<String> = settings.iter().map(|(name, value)| format!("{name}: {value}")).collect();
         let text = format!(
-            "Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\"it\": (kind: \"{kind}\", params: ({}))}}, wires: [])",
+            "Graph(version: 1, tick_hz: {tick_hz}, audio_hz: {audio_hz}, nodes: {{\"it\": (kind: \"{kind}\", \
+             params: ({}))}}, wires: [])",
             params.join(", ")
         );
         let mut graph = GraphFile::parse(&Source::new(file, text)).unwrap();
@@ -118,7 +119,7 @@ impl Bench {
     /// The graph with a probe behind `end`.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The compiler's messages about the graph.
     pub(super) fn engine(&self, end: &str, sleep: bool) -> Result<Engine, String> {
         let mut graph = self.graph.clone();
         graph.add_node("probe", "probe", &[], "test").unwrap();
@@ -130,8 +131,8 @@ impl Bench {
         Ok(Engine::new(compiled, Options { sleep, ..Options::default() }))
     }
 
-    /// What `end` puts out over some ticks, awake and asleep, which must be the same to the bit; and how often `it` was called when it might
-    /// sleep.
+    /// Output of `end` over some ticks, which must be the same to the bit awake and asleep. Second, how often
+    /// `it` was called when it might sleep.
     pub(super) fn run(&self, end: &str, ticks: u64) -> (Run, u64) {
         let [asleep, awake] = [true, false].map(|sleep| {
             let mut engine = self.engine(end, sleep).unwrap_or_else(|e| panic!("{e}"));
@@ -150,7 +151,7 @@ impl Bench {
     }
 }
 
-/// What came out: samples, or the values of every tick.
+/// Recorded output: samples, or the values of every tick.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Run {
     pub(super) audio: Vec<f32>,
@@ -184,7 +185,7 @@ pub(super) fn largest_step(x: &[f32]) -> f32 {
     x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
 }
 
-/// What is wrong with a graph of one node.
+/// Error message of a graph of one node.
 pub(super) fn refused<N: Node>(settings: &[(&str, &str)]) -> String {
     let kind = N::descriptor().kind;
     let inputs: Vec<_> = N::descriptor().inputs;

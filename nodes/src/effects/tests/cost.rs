@@ -1,4 +1,4 @@
-//! What a tick of each node costs.
+//! Time of a tick of each node.
 
 use std::time::Instant;
 
@@ -30,7 +30,8 @@ fn median(engine: &mut Engine, node: &str, ticks: u64) -> (f64, u64) {
 }
 
 #[test]
-#[ignore = "prints what a tick of 96 samples takes, in contact and out of it, with one slot and with a thousand; medians of 4000"]
+#[ignore = "prints what a tick of 96 samples takes, in contact and out of it, with one slot and with a \
+            thousand; medians of 4000"]
 fn cost() {
     let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/models/made_ar/rough.ron");
     let texts = [
@@ -40,7 +41,9 @@ fn cost() {
         (
             "tap",
             "taps",
-            "(sinusoids: [(frequency_hz: 200, decay_ms: 30, gain: 30), (frequency_hz: 310, decay_ms: 20, gain: 30), (frequency_hz: 90, decay_ms: 40, gain: 9)])".to_owned(),
+            "(sinusoids: [(frequency_hz: 200, decay_ms: 30, gain: 30), (frequency_hz: 310, decay_ms: 20, \
+             gain: 30), (frequency_hz: 90, decay_ms: 40, gain: 9)])"
+                .to_owned(),
         ),
         ("vibration", "sources", "(frequency_hz: 120, amplitude_m_s2: 2)".to_owned()),
         ("autoregressive", "models", format!("autoregressive(model: {model:?})")),

@@ -25,7 +25,8 @@ fn touched(tick: u64) -> f64 {
     }
 }
 
-/// The first tick of all, those in which something is touched, and those in which the slot becomes another that is none.
+/// Calls: the first tick of all, those in which something is touched, and those in which the slot becomes
+/// another that is none.
 const CALLS: u64 = 1 + (80 + 30 + 10) + 4;
 
 fn velocity(tick: u64) -> [f64; 2] {
@@ -105,7 +106,7 @@ fn friction_that_does_not_run_in_every_tick_stays_awake_and_knows_how_long_it_is
     assert_eq!(engine.report(it).unwrap().calls, 30);
 }
 
-/// A hand that goes round over a plane whose directions are others from time to time: the same velocity in space.
+/// A hand goes round over a plane whose directions change from time to time, with the same velocity in space.
 #[test]
 fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
     let outputs = [

@@ -63,7 +63,8 @@ fn loops() -> [(Arc<WaveformTable>, f64); 2] {
     ]
 }
 
-/// The path of every tick from `begin` on by places alone, as the node has it: none in the first tick, then with the velocity of the first two.
+/// The path of every tick from `begin` on by positions alone, as the node has it. The first tick has none;
+/// the second begins with the velocity of the first two.
 fn paths(
     ticks: std::ops::Range<u64>,
     tick_hz: u32,

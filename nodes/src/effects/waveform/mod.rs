@@ -28,7 +28,8 @@ const STROKE: usize = 2;
 
 /// A loop, drawn or recorded, that is read by distance: faster motion reads faster.
 ///
-/// The path between ticks goes through the middles of places, along parabolas. A slot that comes on begins at its loop's beginning; the path goes on.
+/// The path between ticks goes through the middles of positions, along parabolas. A slot that comes on begins
+/// at its loop's beginning; the path goes on.
 pub struct Waveform {
     loops: Voices<Loop>,
     track: Track,
@@ -71,7 +72,8 @@ pub(super) fn smooth_hz() -> Param {
         "smooth_hz",
         0.0,
         0.0..=1000.0,
-        "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse steps; 0 for none.",
+        "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse \
+         steps; 0 for none.",
     )
     .unit("Hz")
 }
@@ -123,8 +125,8 @@ fn effect() -> Effect {
         })
 }
 
-/// Where the values of a loop come from: pairs of a distance in mm and a value, or a recording at a constant speed whose
-/// file was not read yet.
+/// Source of a loop's values: pairs of a distance in mm and a value, or a recording at a constant speed whose
+/// file is not read yet.
 enum Values {
     Segments(Vec<(f64, f64)>),
     Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64 },
@@ -213,11 +215,14 @@ impl Node for Waveform {
             .output(acceleration().doc("the vibration of gliding"))
             .param(Param::texts(
                 "loops",
-                "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), waveform(..)]`, \
-                 whose sum is one entry.",
+                "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), \
+                 waveform(..)]`, whose sum is one entry.",
             ))
             .param(smooth_hz())
-            .timing("a tick and a half less a sample; silent in the first tick after it wakes, which has no speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms")
+            .timing(
+                "a tick and a half less a sample; silent in the first tick after it wakes, which has no \
+                 speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
+            )
             .resumes(Resume::Restart)
             .effect(effect())
     }

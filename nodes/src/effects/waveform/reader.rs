@@ -2,21 +2,26 @@
 //!
 //! # Reading
 //!
-//! The table stands at equal distances and repeats. The distance is added up along the [`Path`], in straight lines from sample to sample, forth and back alike, so it
-//! moves on smoothly between ticks. Between the table's values it is read by a sinc of 16 values in a window of Kaiser's (beta 11), from a copy
-//! with twice as many values as are needed: images and errors together are 99 dB below a wave at the edge of the table's band, and 112 dB up to 0.86 of it.
+//! The table holds values at equal distances and repeats. The distance is added up along the [`Path`], in
+//! straight lines from sample to sample, forth and back alike. So it moves on smoothly between ticks. A sinc
+//! of 16 values in a Kaiser window (beta 11) reads between the table's values. It reads from a copy with
+//! twice as many values as are needed. Images and errors together are 99 dB below a wave at the edge of the
+//! table's band, and 112 dB up to 0.86 of it.
 //!
 //! # Speed
 //!
-//! A faster stylus reads faster. Lest what passes half the audio rate come back mirrored, there are copies of the table of half, a quarter, .. of the band, each
-//! cut in frequency, and from the band's edge at 0.4 to that at 0.5 of the audio rate one goes over into the next: whatever the speed, waves up to 0.16 of the audio
-//! rate are as in the table and waves above half of it are left out, faster than the coarsest one all. The tables take four times the memory of the loop.
+//! A faster stylus reads faster. Waves that pass half the audio rate would come back mirrored (aliasing). So
+//! there are copies of the table of half, a quarter, .. of the band, each cut in frequency. One copy fades
+//! into the next while the band's edge goes from 0.4 to 0.5 of the audio rate. At any speed, waves up to 0.16
+//! of the audio rate are as in the table, and waves above half of it are left out. At speeds beyond the
+//! coarsest copy, all waves are left out. The tables take four times the memory of the loop.
 //!
 //! # Level
 //!
-//! An [acceleration](WaveformQuantity::Acceleration) sounds as it was recorded at its reference speed, at others as `(v / reference)^exponent`. A
-//! [height](WaveformQuantity::Height) becomes the acceleration `v^2 y''` with the second derivative along the way, from the table's spectrum; `y' v'`, the part of
-//! the hand's own acceleration, is left out. Speeds above 5 m/s count as this in the level.
+//! An [acceleration](WaveformQuantity::Acceleration) sounds as it was recorded at its reference speed, and at
+//! others as `(v / reference)^exponent`. A [height](WaveformQuantity::Height) becomes the acceleration
+//! `v^2 y''` with the second derivative along the path, from the table's spectrum. The part of the hand's own
+//! acceleration, `y' v'`, is left out. In the level, speeds above 5 m/s count as 5 m/s.
 //!
 //! 96 samples take 3.6 us on a virtual AMD EPYC core; a table of 100 000 values is made in 25 ms.
 
@@ -74,7 +79,8 @@ impl Reader {
         }
     }
 
-    /// Forgets where the stylus was and goes on where it is in the table: it was put down elsewhere, and what lies between is no way.
+    /// Forgets where the stylus was and goes on at the present position in the table. The stylus was put down
+    /// elsewhere, so the distance between does not count.
     pub fn lift(&mut self) {
         self.last = None;
     }

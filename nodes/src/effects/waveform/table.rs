@@ -16,14 +16,15 @@ const OVER: (f64, f64) = (0.4, 0.5);
 /// From this part of its band on a copy is cut.
 const CUT: f64 = 0.8;
 
-/// What the values of a table are.
+/// Quantity of a table's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WaveformQuantity {
     /// An acceleration \[m/s^2\].
     Acceleration {
         /// The speed at which it was recorded \[mm/s\], 0.1 to 5000.
         reference_speed_mm_s: f64,
-        /// The level's power of the speed, 0 to 2; 1 is usual. Below 1, the level falls to nothing under 1 mm/s.
+        /// The level's power of the speed, 0 to 2; 1 is usual. Below 1, the level falls to nothing under 1
+        /// mm/s.
         speed_exponent: f64,
     },
     /// A height \[mm\].
@@ -50,12 +51,13 @@ struct Level {
 }
 
 impl WaveformTable {
-    /// A loop from values `spacing_mm` apart. The last `crossfade_mm` are faded into the first, so that the loop is shorter by them and has no seam; with 0
-    /// the values are a loop as they are. Over the fade the level is kept, whatever the two have in common. The mean is taken out.
+    /// A loop from values `spacing_mm` apart. The last `crossfade_mm` are faded into the first. So the loop
+    /// is shorter by them and has no seam; with 0 the values are a loop as they are. Over the fade the level
+    /// is kept, however much the two are correlated. The mean is removed.
     ///
     /// # Errors
-    /// Fewer than 4 values or more than 2^22, one that is not finite or above 10^6, a spacing not from 10^-4 to 100 mm, a crossfade longer than
-    /// half of the values, a quantity out of its ranges.
+    /// Fewer than 4 values or more than 2^22, one that is not finite or above 10^6, a spacing not from 10^-4
+    /// to 100 mm, a crossfade longer than half of the values, a quantity out of its ranges.
     pub fn new(
         values: &[f64],
         spacing_mm: f64,
@@ -89,7 +91,8 @@ impl WaveformTable {
         Ok((spacing, ((crossfade / spacing).round() as usize).min(values.len() / 2)))
     }
 
-    /// The same from pairs of a distance in mm and a value, between which it goes in straight lines, each value of the table the mean over `spacing_mm`.
+    /// The same from pairs of a distance in mm and a value, joined by straight lines. Each value of the table
+    /// is the mean over `spacing_mm`.
     ///
     /// # Errors
     /// As [`new`](Self::new), and distances that do not rise.
@@ -152,7 +155,7 @@ impl WaveformTable {
         self.length_mm
     }
 
-    /// What the values are.
+    /// Quantity of the values.
     pub fn quantity(&self) -> WaveformQuantity {
         self.quantity
     }
@@ -191,7 +194,8 @@ impl WaveformTable {
         Self { length_mm, quantity, band_per_mm: band / length_mm, levels, kernel: Kernel::shared() }
     }
 
-    /// What the table holds at a distance below its length, for a stylus that goes `way_mm` in a sample: m/s^2, or 1/mm of a height.
+    /// The table's value at a distance below its length, for a stylus that moves `way_mm` in a sample: m/s^2,
+    /// or 1/mm of a height.
     #[inline]
     pub(super) fn read(&self, distance_mm: f64, way_mm: f64) -> f64 {
         // The edge of the band in waves per sample; halved until it fits.
