@@ -26,7 +26,7 @@ pub use frame::Frame;
 pub use handle::{Device, Handle};
 
 /// All hand devices.
-pub const DEVICES: [&dyn HandDevice; 3] = [&osc::Osc, &openhaptics::OpenHaptics, &haply::Haply];
+pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::OpenHaptics, &haply::Haply];
 
 /// Adds the node kinds of all devices, and `pointer_input`, which the live page feeds.
 pub fn register(registry: Registry) -> Registry {
@@ -35,7 +35,7 @@ pub fn register(registry: Registry) -> Registry {
 
 /// The device of an input or force node, by the node's kind; `None` for `pointer_input`.
 pub fn device_of(kind: &str) -> Option<&'static dyn HandDevice> {
-    DEVICES.into_iter().find(|device| device.input() == kind || device.force() == Some(kind))
+    DEVICES.iter().copied().find(|device| device.input() == kind || device.force() == Some(kind))
 }
 
 #[cfg(test)]
