@@ -13,7 +13,8 @@ const MATERIALS: [&str; 8] = [
 
 fn main() {
     println!(
-        "// A thousand tiles of 10 mm, 40 along x and 25 along y. One is touched at a time, and costs what it would alone."
+        "// A thousand tiles of 10 mm, 40 along x and 25 along y. \
+         One is touched at a time, and costs what it would alone."
     );
     println!("// Made by `cargo run -p asperity-scene --example make_thousand`.");
     println!("Scene(\n    version: 1,\n    tick_hz: 500,\n    audio_hz: 48000,\n    seed: 2024,");
@@ -21,7 +22,8 @@ fn main() {
     println!("    motion: (cutoff_hz: 20.0, cutoff_hz_per_mm_s: 1.0),");
     println!("    device: (max_force_n: 3.3, damping_ns_per_m: 2.0),");
     println!(
-        "    network: (model: \"../models/surfaces/texture.onnx\", library: \"../models/surfaces/materials.ron\", \
+        "    network: (model: \"../models/surfaces/texture.onnx\", \
+         library: \"../models/surfaces/materials.ron\", \
          synthesis_hz: 2500, precision: int8),"
     );
     println!("    gain: 0.2,\n    actuator: (profile: \"hapcoil_one\", handle_mass_g: 100.0),");
@@ -40,12 +42,14 @@ fn main() {
             let texture = match number % 5 {
                 0 => "autoregressive(model: \"../models/made_ar/rough.ron\")",
                 1 => {
-                    "waveform(segments: [(0, 0), (0.5, 5), (1, 0), (1.5, -5), (2, 0)], spacing_mm: 0.05, reference_speed_mm_s: 100)"
+                    "waveform(segments: [(0, 0), (0.5, 5), (1, 0), (1.5, -5), (2, 0)], \
+                     spacing_mm: 0.05, reference_speed_mm_s: 100)"
                 }
                 _ => "network",
             };
             println!(
-                "        \"{row}-{column}\": (shape: rectangle(size_mm: (10, 10)), place_mm: ({x}, {y}, 0), material: \"{material}\", effects: \
+                "        \"{row}-{column}\": (shape: rectangle(size_mm: (10, 10)), place_mm: ({x}, {y}, 0), \
+                 material: \"{material}\", effects: \
                  (stiffness: (stiffness_n_per_mm: 0.5){friction}, texture: {texture})),"
             );
         }

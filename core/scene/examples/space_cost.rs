@@ -1,7 +1,9 @@
-//! What it costs to find the touched one among 1 to 10000 surfaces: `cargo run --release --example space_cost [SCENE]`.
+//! Measures the cost of finding the touched surface among 1 to 10000:
+//! `cargo run --release --example space_cost [SCENE]`.
 //!
-//! Strokes at 100 mm/s and at 1 m/s under 500 Hz: nanoseconds a query, how long building took, bytes of the index per entry. The worst is that of the least of seven
-//! runs of each tick, so that it is the query's and not the machine's.
+//! Strokes run at 100 mm/s and at 1 m/s under 500 Hz. The figures are nanoseconds per query, build time,
+//! and bytes of the index per entry. Each tick counts with the least time of seven runs. So the worst
+//! time is that of the query and not of the machine.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -119,12 +121,13 @@ fn main() -> Result<()> {
     let only = std::env::args().nth(1);
     let relief = relief()?;
     let mut all = scenes();
-    // Reliefs share their heights; these two are filled in below.
+    // Reliefs share their heights. These two are filled in below.
     all.push(("reliefs", 0.6, |i, n, _| Ok((Shape::plane(), tile(i, n, 5.0), [0.0; 3]))));
     all.push(("reliefs on one spot", 1.0, |_, _, r| Ok((Shape::plane(), near(r, 2.0), [0.0; 3]))));
     let empty = empty();
     println!(
-        "one query: median, 99th percentile, worst in ns; deepest at 100 mm/s | at 1 m/s | nearest at 100 mm/s"
+        "one query: median, 99th percentile, worst in ns; \
+         deepest at 100 mm/s | at 1 m/s | nearest at 100 mm/s"
     );
     for (name, height, make) in all {
         if only.as_ref().is_some_and(|o| !name.contains(o.as_str())) {
@@ -176,7 +179,7 @@ fn relief() -> Result<Arc<HeightGrid>> {
     Ok(Arc::new(HeightGrid::new(64, heights, [0.25; 2], true)?))
 }
 
-/// What the clock itself takes, in ns.
+/// Time of the clock itself, in ns.
 fn empty() -> f64 {
     let mut all: Vec<f64> = (0..10_000).map(|_| Instant::now().elapsed().as_secs_f64() * 1e9).collect();
     all.sort_by(f64::total_cmp);
@@ -195,7 +198,8 @@ fn said(f: &Figures) -> String {
     format!("{median:6.0} {high:6.0} {worst:6.0} ({touched:3} %)")
 }
 
-/// A stroke that wanders over the scene, pressing now and then. Of seven runs each tick's least time counts.
+/// Runs a stroke that wanders over the scene, pressing now and then. Each tick counts with its least time
+/// of seven runs.
 fn walk(
     height: f64,
     step: f64,
@@ -207,7 +211,7 @@ fn walk(
     let mut points = Vec::new();
     for tick in 0..TICKS {
         heading += random.range(-0.3, 0.3);
-        // Back to the middle when it is 20 mm off.
+        // Turns back to the middle when it is 20 mm off.
         if f64::hypot(point[0], point[1]) > 20.0 {
             heading = f64::atan2(-point[1], -point[0]);
         }

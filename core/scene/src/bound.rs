@@ -1,80 +1,93 @@
-//! What a device at a tick rate bears without becoming a source of energy.
+//! Passivity bounds: the laws of force that a device can render at a tick rate without generating energy.
 //!
-//! A law of force F = K x + B v along one direction, sampled every T and held, the velocity by backward difference, is passive in any passive hand
-//! where the device's own damping is
+//! A law of force F = K x + B v along one direction is sampled every T and held. Its velocity comes from
+//! backward difference. The law is passive in any passive hand if the device's own damping b meets
 //!
 //! ```text
 //! b > K (T/2 + t_d) + |B|
 //! ```
 //!
-//! (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems: application to haptic interfaces", Journal of Robotic Systems
-//! 14, 1997, pp. 37-47, for t_d = 0). The delay `t_d` is what passes from reading the place to setting the force. It counts as `K t_d`: their
-//! condition, b > T/2 Re((1 - e^-jwT) H(e^jwT)) / (1 - cos wT), with H = (K + B (1 - e^-jwT) / T) e^-jw t_d has the right side
+//! Source, for t_d = 0: J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems:
+//! application to haptic interfaces", Journal of Robotic Systems 14, 1997, pp. 37-47. The delay `t_d` is
+//! the time from reading the place to setting the force. It adds `K t_d` to the bound. The condition of
+//! the paper is
+//!
+//! ```text
+//! b > T/2 Re((1 - e^-jwT) H(e^jwT)) / (1 - cos wT)
+//! ```
+//!
+//! With H = (K + B (1 - e^-jwT) / T) e^-jw t_d its right side is
 //!
 //! ```text
 //! K T/2 sin((1/2 + t_d/T) wT) / sin(wT/2) - B cos(wT + w t_d)
 //! ```
 //!
-//! of which the first part is at most K (T/2 + t_d), at w = 0, and the second at most |B|. Without a delay both are reached at half the rate
-//! (for B > 0): the bound is exact. With one the two need not be reached together, and the bound is sufficient. Where the delay is no whole number
-//! of ticks it is the first order of what a delay costs.
+//! The first part is at most K (T/2 + t_d), at w = 0. The second part is at most |B|. Without a delay,
+//! both parts reach their maximum at half the tick rate (for B > 0), and the bound is exact. With a
+//! delay, they need not reach it at the same frequency, and the bound is sufficient. If the delay is not
+//! a whole number of ticks, the bound is the first order of the delay's effect.
 //!
-//! Along the surface, friction is such a law: one that grows with speed by dF/dv, of viscosity or of a viscous start, counts as B, one that sticks by a
-//! bristle as the bristle's K. Laws along one direction add.
+//! Friction along the surface is such a law too. Friction that grows with speed by dF/dv (viscosity or a
+//! viscous start) counts as B. Friction that sticks by a bristle counts as K, the bristle's stiffness.
+//! Laws along one direction add.
 //!
-//! A device that tells places in steps D has its energy made of what it does not see: within a step the force does not change. Its dry friction c
-//! takes that away where
+//! A device that reports places in steps D generates energy, because the force does not change within a
+//! step. The device's dry friction c takes that energy away if
 //!
 //! ```text
 //! c > K D / 2 + |B| D / T
 //! ```
 //!
-//! (for B = 0: N. Diolaiti, G. Niemeyer, F. Barbagli and J. K. Salisbury, "Stability of haptic rendering: discretization, quantization, time delay, and
-//! Coulomb effects", IEEE Transactions on Robotics 22, 2006, pp. 256-268). A place that is told e off, at most D/2, is a force off by K e, and by B / T times what e has
-//! changed in a tick, at most D; over a way it gives so much times its length at most, and does on a motion to and fro over the border of a step at half the
-//! rate, however short.
+//! Source, for B = 0: N. Diolaiti, G. Niemeyer, F. Barbagli and J. K. Salisbury, "Stability of haptic
+//! rendering: discretization, quantization, time delay, and Coulomb effects", IEEE Transactions on
+//! Robotics 22, 2006, pp. 256-268. A reported place has an error e of at most D/2. The force then has an
+//! error of K e, plus B / T times the change of e in a tick, which is at most D. Over a path, this error
+//! gives at most its size times the length of the path. A motion to and fro across the border of a step
+//! at half the tick rate reaches that maximum, however short it is.
 //!
-//! Both are about any hand. A given one may be stable beyond, since grips add damping of their own.
+//! Both bounds hold for any hand. A given hand may be stable beyond them, since grips add damping of
+//! their own.
 
 use std::fmt;
 
 use asperity_node::Law;
 
-/// When places are read and forces are set.
+/// Timing: when places are read and forces are set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
-    /// Ticks a second, above 0.
+    /// Ticks per second, above 0.
     pub tick_hz: f64,
-    /// From reading a place to setting the force that follows from it, t_d \[s\], at least 0.
+    /// Time from reading a place to setting the force that follows from it, t_d \[s\], at least 0.
     pub delay_s: f64,
 }
 
 impl Sampling {
-    /// `T/2 + t_d` \[s\]: how late a force is on the mean.
+    /// Mean lateness of a force, `T/2 + t_d` \[s\].
     fn late_s(self) -> f64 {
         0.5 / self.tick_hz + self.delay_s
     }
 }
 
-/// The bound for one law on one device; its text has the figures with their units.
+/// Passivity bound for one law on one device. Its text has the figures with their units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passivity {
     /// The law.
     pub law: Law,
-    /// When it is evaluated.
+    /// Timing with which the law is evaluated.
     pub sampling: Sampling,
     /// Damping of the device itself, b \[N s/m\].
     pub device_ns_per_m: f64,
-    /// Damping that it would need more of \[N s/m\]: K (T/2 + t_d) + |B|.
+    /// Damping that the device must exceed \[N s/m\]: K (T/2 + t_d) + |B|.
     pub needed_ns_per_m: f64,
-    /// What it has less what it needs \[N s/m\].
+    /// Damping of the device minus needed damping \[N s/m\].
     pub margin_ns_per_m: f64,
-    /// The stiffness below which the law would be passive with this damping \[N/mm\]; 0 where the damping alone is too much.
+    /// Stiffness below which the law would be passive with this damping \[N/mm\]; 0 if the damping alone
+    /// is too much.
     pub stiffest_n_per_mm: f64,
 }
 
 impl Passivity {
-    /// Holds a law against the bound. Numbers that are not finite are passive nowhere.
+    /// Compares a law with the bound. Numbers that are not finite are never passive.
     pub fn of(law: Law, sampling: Sampling, device_ns_per_m: f64) -> Self {
         let late_s = sampling.late_s();
         let needed = 1e3 * law.stiffness_n_per_mm * late_s + law.damping_ns_per_m.abs();
@@ -88,7 +101,7 @@ impl Passivity {
         }
     }
 
-    /// Whether the law is passive, whoever holds the device.
+    /// Whether the law is passive in any hand.
     pub fn holds(&self) -> bool {
         self.margin_ns_per_m > 0.0
     }
@@ -114,32 +127,33 @@ impl fmt::Display for Passivity {
     }
 }
 
-/// The stiffness \[N/mm\] below which a law with damping `damping_ns_per_m` is passive on a device with damping `device_ns_per_m`, both in N s/m;
-/// 0 where there is none.
+/// Stiffness \[N/mm\] below which a law with damping `damping_ns_per_m` is passive on a device with
+/// damping `device_ns_per_m`. Both dampings are in N s/m. The answer is 0 if no stiffness is passive.
 pub fn stiffest_n_per_mm(damping_ns_per_m: f64, sampling: Sampling, device_ns_per_m: f64) -> f64 {
     let stiffest = 1e-3 * (device_ns_per_m - damping_ns_per_m.abs()) / sampling.late_s();
     if stiffest.is_finite() { stiffest.max(0.0) } else { 0.0 }
 }
 
-/// The bound for a law on a device that tells places in steps; its text has the figures with their units.
+/// Dry-friction bound for a law on a device that reports places in steps. Its text has the figures with
+/// their units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantisation {
     /// The law.
     pub law: Law,
-    /// Step of the places D \[mm\].
+    /// Step of the reported places, D \[mm\].
     pub step_mm: f64,
     /// Dry friction of the device itself \[N\].
     pub device_n: f64,
-    /// Dry friction that it would need more of \[N\]: K D / 2 + |B| D / T.
+    /// Dry friction that the device must exceed \[N\]: K D / 2 + |B| D / T.
     pub needed_n: f64,
-    /// What it has less what it needs \[N\].
+    /// Dry friction of the device minus needed dry friction \[N\].
     pub margin_n: f64,
-    /// The stiffness below which the bound is met \[N/mm\]; 0 where the damping alone is too much.
+    /// Stiffness below which the bound is met \[N/mm\]; 0 if the damping alone is too much.
     pub stiffest_n_per_mm: f64,
 }
 
 impl Quantisation {
-    /// Holds a law against the bound.
+    /// Compares a law with the bound.
     pub fn of(law: Law, sampling: Sampling, step_mm: f64, device_n: f64) -> Self {
         let of_damping = 1e-3 * law.damping_ns_per_m.abs() * step_mm * sampling.tick_hz;
         let needed_n = 0.5 * law.stiffness_n_per_mm * step_mm + of_damping;
@@ -153,7 +167,7 @@ impl Quantisation {
         }
     }
 
-    /// Whether the steps give no energy.
+    /// Whether the device's dry friction takes away the energy of the steps.
     pub fn holds(&self) -> bool {
         self.margin_n > 0.0
     }

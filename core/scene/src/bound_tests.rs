@@ -1,4 +1,5 @@
-//! The bound against the condition it is the maximum of, against any motion between ticks, and against masses on simulated walls.
+//! Tests of the bound. It is compared with the condition whose maximum it is, with any motion between
+//! ticks, and with masses on simulated walls.
 
 use std::f64::consts::PI;
 
@@ -15,8 +16,9 @@ fn at(tick_hz: f64, delay_s: f64) -> Sampling {
 }
 
 #[test]
-fn figures_are_those_of_the_textbook_and_of_the_paper() {
-    // 1000 N/m at 1 kHz: 0.5 N s/m; half as much at 500 Hz is the same; a tick of delay is twice a tick's half.
+fn bound_matches_figures_of_textbook_and_paper() {
+    // 1000 N/m at 1 kHz need 0.5 N s/m. Half as much at 500 Hz needs the same. One tick of delay adds
+    // twice as much as the half tick of sampling.
     let p = Passivity::of(wall(1.0, 0.0), at(1000.0, 0.0), 0.6);
     assert!((p.needed_ns_per_m - 0.5).abs() < 1e-12 && (p.margin_ns_per_m - 0.1).abs() < 1e-12 && p.holds());
     assert!((p.stiffest_n_per_mm - 1.2).abs() < 1e-12);
@@ -25,12 +27,12 @@ fn figures_are_those_of_the_textbook_and_of_the_paper() {
     assert!(!Passivity::of(wall(1.0, 0.2), at(1000.0, 0.0), 0.6).holds());
     assert!(!Passivity::of(wall(1.0, -0.2), at(1000.0, 0.0), 0.6).holds());
     assert_eq!(stiffest_n_per_mm(2.0, at(1000.0, 0.0), 0.6), 0.0);
-    // Diolaiti et al.: 0.5 N/mm seen in steps of 0.055 mm.
+    // Diolaiti et al.: 0.5 N/mm with places in steps of 0.055 mm.
     let steps = |k, b| Quantisation::of(wall(k, b), at(500.0, 0.0), 0.055, 0.1);
     let q = steps(0.5, 0.0);
     assert!((q.needed_n - 0.01375).abs() < 1e-12 && q.holds());
     assert!(steps(q.stiffest_n_per_mm, 0.0).margin_n.abs() < 1e-12 && !steps(4.0, 0.0).holds());
-    // One step in a tick is 27.5 mm/s: at 2 N s/m 55 mN.
+    // One step in a tick is 27.5 mm/s. At 2 N s/m that is 55 mN.
     let q = steps(0.5, 2.0);
     assert!((q.needed_n - 0.06875).abs() < 1e-12 && q.holds());
     assert!(steps(q.stiffest_n_per_mm, 2.0).margin_n.abs() < 1e-12);
@@ -74,7 +76,7 @@ fn what_is_not_a_number_is_not_passive() {
     assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, 0.0), f64::NAN).holds());
 }
 
-/// Colgate and Schenkel's condition at one frequency, straight from its complex form.
+/// Computes Colgate and Schenkel's condition at one frequency, straight from its complex form.
 fn condition(law: Law, s: Sampling, turn: f64) -> f64 {
     use asperity_dsp::filter::Complex64;
     let period = 1.0 / s.tick_hz;
@@ -85,7 +87,7 @@ fn condition(law: Law, s: Sampling, turn: f64) -> f64 {
 }
 
 #[test]
-fn the_bound_is_the_maximum_over_frequency_of_the_condition() {
+fn bound_is_the_maximum_of_the_condition_over_frequency() {
     for tick_hz in [100.0, 500.0, 1000.0, 4000.0] {
         for (stiffness, damping, late) in [
             (0.5, 0.0, 0.0),
@@ -102,7 +104,7 @@ fn the_bound_is_the_maximum_over_frequency_of_the_condition() {
             let needed = Passivity::of(law, s, 0.0).needed_ns_per_m;
             assert!((most / needed - 1.0).abs() < 1e-6, "{law:?} {s:?}: {most}, not {needed}");
         }
-        // Both together are at most the sum.
+        // The maximum of both together is at most the sum.
         for (damping, late) in [(-0.3, 0.0), (0.3, 0.5), (0.3, 1.0), (-0.2, 2.0)] {
             let (law, s) = (wall(0.5, damping), at(tick_hz, late / tick_hz));
             let needed = Passivity::of(law, s, 0.0).needed_ns_per_m;
@@ -112,13 +114,13 @@ fn the_bound_is_the_maximum_over_frequency_of_the_condition() {
     }
 }
 
-/// What wall and device together have given, in mJ, on a motion of straight lines between the depths of the ticks: a line
-/// is the way on which a damper takes least.
+/// Energy that wall and device together give, in mJ. The motion runs in straight lines between the depths
+/// of the ticks, since a damper takes least on a straight line.
 fn given_mj(law: Law, tick_hz: f64, device_ns_per_m: f64, depths_mm: &[f64]) -> f64 {
     let (mut given, mut before) = (0.0, 0.0);
     for pair in depths_mm.windows(2) {
         let [here, there] = [pair[0], pair[1]];
-        // mm/s, N; the wall pushes only, and only what is in it.
+        // Units are mm/s and N. The wall only pushes, and only a point that is inside.
         let rate = (here - before) * tick_hz;
         let push = law.stiffness_n_per_mm * here + 1e-3 * law.damping_ns_per_m * rate;
         let push = if here > 0.0 { push.max(0.0) } else { 0.0 };
@@ -130,13 +132,15 @@ fn given_mj(law: Law, tick_hz: f64, device_ns_per_m: f64, depths_mm: &[f64]) -> 
 
 proptest! {
     #[test]
-    fn inside_the_bound_no_motion_gets_energy_out_of_the_wall(
+    fn wall_inside_the_bound_gives_no_energy_to_any_motion(
         tick_hz in 100.0..4000.0f64, stiffness in 0.01..5.0f64, share in 0.0..0.9f64,
         depths in proptest::collection::vec(-1.0..3.0f64, 1..60),
     ) {
         let device = 1e3 * stiffness / (2.0 * tick_hz) / (1.0 - share);
         let law = wall(stiffness, share * device);
-        prop_assert!(Passivity::of(law, at(tick_hz, 0.0), device * (1.0 + 1e-9)).margin_ns_per_m.abs() < 1e-6 * device);
+        prop_assert!(
+            Passivity::of(law, at(tick_hz, 0.0), device * (1.0 + 1e-9)).margin_ns_per_m.abs() < 1e-6 * device
+        );
         let mut motion = vec![0.0];
         motion.extend(depths);
         motion.extend([0.0, 0.0]);
@@ -146,14 +150,14 @@ proptest! {
 }
 
 #[test]
-fn outside_the_bound_a_motion_gets_energy_out_of_the_wall() {
+fn wall_outside_the_bound_gives_energy_to_a_motion() {
     for tick_hz in [100.0, 500.0, 4000.0] {
         let heavy = Passivity::of(wall(0.25, 0.0), at(tick_hz, 0.0), 0.0).needed_ns_per_m;
         for (law, motion) in [
-            // In and out: with a spring alone any way does.
+            // In and out. With a spring alone any way does.
             (wall(0.5, 0.0), [0.0, 1.0].iter().cycle().take(41).copied().collect()),
             (wall(0.5, 0.0), (0..=40).map(|i| 1.0 - f64::from(i - 20).abs() / 20.0).collect()),
-            // With a damper it is to and fro in every tick, well in the wall.
+            // With a damper the motion goes to and fro in every tick, well inside the wall.
             (wall(0.25, heavy), {
                 let mut motion: Vec<f64> = (0..=4000).map(|i| 0.025 * f64::from(i)).collect();
                 let back: Vec<f64> = motion.iter().rev().copied().collect();
@@ -169,13 +173,15 @@ fn outside_the_bound_a_motion_gets_energy_out_of_the_wall() {
     }
 }
 
-/// A mass with a damper between ticks, in kg, N s/m, N, m, m/s: exact for a force that is held.
+/// Moves a mass with a damper over the time between ticks, in kg, N s/m, N, m, m/s. Exact for a force
+/// that is held.
 fn hold(mass: f64, damping: f64, force: f64, time: f64, (x, v): (f64, f64)) -> (f64, f64) {
     let (decay, end) = ((-damping * time / mass).exp(), force / damping);
     (x + end * time + (v - end) * (1.0 - decay) * mass / damping, end + (v - end) * decay)
 }
 
-/// By what factor a mass on a wall that pushes and pulls swings further after so many swings. The force acts `late` ticks after its place.
+/// Growth factor of the amplitude of a mass after `swings` swings on a wall that pushes and pulls. The
+/// force acts `late` ticks after its place.
 fn swings(mass: f64, device: f64, law: Law, tick_hz: f64, late: usize, swings: f64) -> f64 {
     let stiffness = 1e3 * law.stiffness_n_per_mm;
     let count = (swings * 2.0 * PI * (mass / stiffness).sqrt() * tick_hz) as usize;
@@ -199,19 +205,19 @@ fn swings(mass: f64, device: f64, law: Law, tick_hz: f64, late: usize, swings: f
 }
 
 #[test]
-fn a_swinging_mass_comes_to_rest_inside_and_swings_further_outside() {
+fn swinging_mass_decays_inside_the_bound_and_grows_outside() {
     for tick_hz in [100.0, 500.0, 1000.0, 4000.0] {
         for late in [0, 1, 2] {
             let (device, s) = (0.8, at(tick_hz, late as f64 / tick_hz));
             let limit = stiffest_n_per_mm(0.0, s, device);
-            // A mass so heavy that a swing takes 300 ticks: there a spring alone reaches the bound.
+            // A mass so heavy that a swing takes 300 ticks. There a spring alone reaches the bound.
             let heavy = 1e3 * limit * (300.0 / (2.0 * PI * tick_hz)).powi(2);
             let (inside, outside) = (
                 swings(heavy, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0),
                 swings(heavy, device, wall(1.03 * limit, 0.0), tick_hz, late, 200.0),
             );
             assert!(inside < 0.99 && outside > 1.01, "{tick_hz} Hz, {late} late: {inside} {outside}");
-            // Lighter ones are in a shorter swing and get no more.
+            // Lighter masses swing faster and gain no more.
             for lighter in [3.0, 10.0, 100.0, 1e3, 1e4, 1e5] {
                 let ratio = swings(heavy / lighter, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0);
                 assert!(ratio < 0.99, "{tick_hz} Hz, {late} late, {lighter} times lighter: {ratio}");
@@ -220,14 +226,16 @@ fn a_swinging_mass_comes_to_rest_inside_and_swings_further_outside() {
     }
 }
 
+// Inside the bound, a damped wall brings every mass to rest. Friction beyond the bound drives a light mass.
 #[test]
-fn a_damped_wall_inside_the_bound_brings_every_mass_to_rest_and_friction_beyond_it_drives_one() {
+fn damped_wall_inside_stops_masses_and_friction_outside_drives() {
     let (tick_hz, device) = (500.0, 0.8);
     let law = wall(stiffest_n_per_mm(0.4, at(tick_hz, 0.0), device), 0.4);
     for mass in [0.0005, 0.002, 0.01, 0.05, 0.3] {
         assert!(swings(mass, device, law, tick_hz, 0, 100.0) < 0.9, "{mass} kg");
     }
-    // 2 N under 0.004 s/mm are 8 N s/m: ten times what the device has. A light one rattles at half the rate, a heavy one does not.
+    // 2 N under 0.004 s/mm are 8 N s/m, ten times the damping of the device. A light mass rattles at half
+    // the tick rate, a heavy one does not.
     let rubbed = |mass: f64, slope: f64| {
         let (mut state, mut before, mut most) = ((0.0, 0.1), 0.0, [0.0_f64; 2]);
         for k in 0..400 {
@@ -243,7 +251,8 @@ fn a_damped_wall_inside_the_bound_brings_every_mass_to_rest_and_friction_beyond_
     assert!(rubbed(0.004, 0.79) < 1e-3 && rubbed(0.0004, 0.79) < 1e-3 && rubbed(0.3, 8.0) < 0.1);
 }
 
-/// The greatest kinetic energy with which a mass leaves a wall over that with which it came, over where between two ticks it came.
+/// Greatest ratio of the kinetic energy with which a mass leaves a wall to that with which it came. The
+/// maximum is over the moments between two ticks at which it comes.
 fn bounce(mass: f64, device: f64, law: Law, tick_hz: f64, speed: f64) -> f64 {
     let mut most = 0.0_f64;
     for phase in 0..50 {
@@ -254,7 +263,7 @@ fn bounce(mass: f64, device: f64, law: Law, tick_hz: f64, speed: f64) -> f64 {
             let before = state;
             state = hold(mass, device, push, 1.0 / tick_hz, state);
             if before.0 <= 0.0 {
-                // What the damper took outside is not of the wall.
+                // The energy that the damper takes outside does not come from the wall.
                 let out = |s: (f64, f64)| 0.5 * mass * s.1 * s.1;
                 taken += if state.0 <= 0.0 { out(before) - out(state) } else { 0.0 };
             }
@@ -268,7 +277,7 @@ fn bounce(mass: f64, device: f64, law: Law, tick_hz: f64, speed: f64) -> f64 {
 }
 
 #[test]
-fn a_mass_that_bounces_brings_no_energy_out_inside_and_does_outside() {
+fn bouncing_mass_gains_energy_only_outside_the_bound() {
     for tick_hz in [100.0, 500.0, 4000.0] {
         let device = 0.5;
         let limit = stiffest_n_per_mm(0.0, at(tick_hz, 0.0), device);
@@ -282,14 +291,15 @@ fn a_mass_that_bounces_brings_no_energy_out_inside_and_does_outside() {
     }
 }
 
-/// A mass with dry friction on a spring whose place is seen in steps, at a rate so high that only the steps matter. How far it swings in
-/// the last fifth over in the first, in steps.
+/// Simulates a mass with dry friction on a spring whose place is seen in steps. The rate is so high that
+/// only the steps matter. Answers the amplitude in the last fifth divided by that in the first, in steps.
 fn stepped(friction: f64, stiffness: f64, step: f64, swing_steps: f64) -> f64 {
     let (mass, dt, count) = (0.05, 2e-6, 2_000_000);
     let (mut x, mut v) = (0.0_f64, swing_steps * step * (stiffness / mass).sqrt());
     let (mut most, mut seen) = ([0.0_f64; 5], 0.0);
     for k in 0..count {
-        // A hand's encoder that turns late: the step is told when it has been passed, so that it is half a step behind whichever way it goes.
+        // An encoder that turns late: a step is reported when it has been passed. So the place is half a
+        // step behind in either direction.
         if (x - seen).abs() > step {
             seen += step * ((x - seen) / step).trunc();
         }
@@ -305,13 +315,14 @@ fn stepped(friction: f64, stiffness: f64, step: f64, swing_steps: f64) -> f64 {
 }
 
 #[test]
-fn dry_friction_beyond_half_a_step_of_force_stops_what_the_steps_drive() {
+fn dry_friction_above_the_bound_stops_oscillation_from_steps() {
     let needed = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.0).needed_n;
     let [less, more] = [0.9, 1.1].map(|share| stepped(share * needed, 500.0, 0.055e-3, 20.0));
     assert!(less > 1.2 && more < 0.8, "{less} {more}");
 }
 
-/// What a wall whose places are told in steps gives on a motion beyond what the bound without steps takes, over the length of the way \[N\].
+/// Energy per length of the path \[N\] that a wall with places in steps gives on a motion, beyond what
+/// the bound without steps takes.
 fn by_way_n(law: Law, tick_hz: f64, step_mm: f64, depths_mm: &[f64]) -> f64 {
     let seen = |x: f64| (x / step_mm).round() * step_mm;
     let device = Passivity::of(law, at(tick_hz, 0.0), 0.0).needed_ns_per_m;
@@ -329,7 +340,7 @@ fn by_way_n(law: Law, tick_hz: f64, step_mm: f64, depths_mm: &[f64]) -> f64 {
 
 proptest! {
     #[test]
-    fn no_motion_gets_more_out_of_steps_than_dry_friction_takes_by_the_bound(
+    fn energy_from_steps_stays_below_the_dry_friction_bound(
         tick_hz in 100.0..4000.0f64, stiffness in 0.01..5.0f64, damping in 0.0..2.0f64, step in 0.001..0.2f64,
         way in proptest::collection::vec((-1.0..1.0f64, -3.0..1.0f64), 1..200),
     ) {
@@ -347,8 +358,8 @@ proptest! {
 }
 
 #[test]
-fn a_damped_wall_in_steps_needs_dry_friction_for_its_damping_too() {
-    // To and fro over the border of a step at half the rate, deep in the wall and very little.
+fn damped_wall_with_steps_needs_dry_friction_for_damping_too() {
+    // To and fro over the border of a step at half the tick rate, deep in the wall and by very little.
     let border = 20.5 * 0.055;
     let mut motion = vec![border - 1e-7];
     motion.extend([border + 1e-7, border - 1e-7].repeat(500));
@@ -356,7 +367,7 @@ fn a_damped_wall_in_steps_needs_dry_friction_for_its_damping_too() {
         let law = wall(0.5, damping);
         let needed = Quantisation::of(law, at(500.0, 0.0), 0.055, 0.0).needed_n;
         let found = by_way_n(law, 500.0, 0.055, &motion);
-        // The first and the last tick of the way give less.
+        // The first and the last tick of the path give less.
         let part = found / needed;
         assert!((0.98..=1.0 + 1e-9).contains(&part), "{damping}: {found} N, not {needed} N");
     }

@@ -1,4 +1,4 @@
-//! What a stylus touches in a scene, tick by tick.
+//! Contact of a stylus with a scene, tick by tick.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
@@ -8,28 +8,28 @@ use super::state::{ContactSettings, ContactState, Motion, Pull, Voice};
 use super::{NETWORK, Scene, Slots};
 use crate::space::{Contact, Entry, Hold, Index};
 
-/// How deep a stylus is at least in what it touches \[mm\].
+/// Least depth at which a stylus touches a surface \[mm\].
 const TOUCHED_MM: f64 = 1e-6;
-/// No place on a surface is further from its middle \[mm\].
+/// Greatest distance of a place on a surface from its middle \[mm\].
 const FAR_MM: f64 = 1e7;
-/// What no surface, slot or material is.
+/// Number that stands for no surface, slot or material.
 const NONE: f64 = -1.0;
 
-/// The effects whose slots contacts tell, by the names of their kinds and by where they act.
+/// Effects whose slots the contact reports, by the names of their kinds and by where they act.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct EffectNames {
-    /// While a wall is touched.
+    /// Effects that act while a wall is touched.
     pub touching: Vec<String>,
-    /// Inside of volumes too.
+    /// Effects that act inside of volumes too.
     pub inside: Vec<String>,
-    /// From both sides of a surface, within a reach.
+    /// Effects that act from both sides of a surface, within a reach.
     pub near: Vec<String>,
-    /// Textures, but for that by the network.
+    /// Textures, except the one by the network.
     pub textures: Vec<String>,
 }
 
 impl EffectNames {
-    /// All of them.
+    /// Iterates over all names.
     pub fn iter(&self) -> impl Iterator<Item = &str> {
         [&self.touching, &self.inside, &self.near, &self.textures].into_iter().flatten().map(String::as_str)
     }
@@ -48,32 +48,32 @@ struct Wall {
 #[derive(Clone, Debug)]
 struct Near {
     index: Index,
-    /// The slot of each.
+    /// Slot of each surface.
     slots: Vec<f64>,
     held: Option<Hold>,
 }
 
-/// One of two that fade.
+/// One of two voices of a crossfade.
 #[derive(Clone, Copy, Debug)]
 struct Fading {
     of: Option<Hold>,
     gain: f64,
     place_mm: [f64; 2],
-    /// Along which the place goes on where the surface is no longer touched.
+    /// Directions along which the place goes on when the surface is no longer touched.
     tangents: [[f64; 3]; 2],
     stroke: u64,
 }
 
 const SILENT: Fading = Fading { of: None, gain: 0.0, place_mm: [0.0; 2], tangents: FLAT, stroke: 0 };
-/// Over how long an approach is measured where places come in steps \[s\].
+/// Time over which an approach is measured if places come in steps \[s\].
 const APPROACH_S: f64 = 0.02;
-/// Most places of that.
+/// Most places that this measurement keeps.
 const MOST_PLACES: f64 = 80.0;
 
-/// Where a stylus was in the last ticks.
+/// Places of a stylus in the last ticks.
 #[derive(Clone, Debug)]
 struct Past {
-    /// A ring.
+    /// Ring buffer.
     places: Vec<[f64; 3]>,
     next: usize,
     known: usize,
@@ -92,7 +92,7 @@ impl Past {
         self.known = (self.known + 1).min(self.places.len());
     }
 
-    /// How many ticks ago, and where, the longest ago first.
+    /// Gives the age in ticks and the place of each entry, oldest first.
     fn iter(&self) -> impl Iterator<Item = (u32, [f64; 3])> {
         let count = self.places.len();
         (1..=self.known)
@@ -109,58 +109,61 @@ impl Past {
 /// Directions along a surface that is not turned.
 const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-/// Finds what a stylus touches, and says what each effect is to do about it.
+/// Finds the surfaces that a stylus touches, and tells each effect what to do.
 ///
-/// Three searches at most, each as long for many surfaces as for one: among the walls (surfaces with a
-/// stiffness), the volumes (those without, that vibrate or drag) and the magnets. The deepest of each is
-/// felt. A wall's vibration and drag go before a volume's; of magnets the nearest pulls.
+/// A tick makes at most three searches, each as fast for many surfaces as for one. They go over the walls
+/// (surfaces with a stiffness), the volumes (surfaces without, that vibrate or drag) and the magnets. The
+/// deepest of each is felt. Vibration and drag of a wall take precedence over those of a volume. Of the
+/// magnets, the nearest pulls.
 ///
 /// Textures go from one wall to the next by a crossfade of equal power between two voices. A third wall
-/// waits until one of them has faded. A stylus that leaves a wall keeps its voice for
-/// [`hold_s`](ContactSettings::hold_s), so that what follows can fade by itself: what it touches after that
-/// begins at full level.
+/// waits until one of them has faded. When the stylus leaves a wall, its voice stays for
+/// [`hold_s`](ContactSettings::hold_s), so that the nodes after it can fade out by themselves. The wall
+/// that is touched after that begins at full level.
 #[derive(Clone, Debug)]
 pub struct Contacts {
     settings: ContactSettings,
     tick_s: f64,
     walls: Index,
     of_walls: Vec<Wall>,
-    /// Slots of the walls: of each those of `touching`, of `inside` and of `textures`.
+    /// Slots of the walls. Each wall has its slots of `touching`, of `inside` and of `textures`.
     wall_slots: Vec<f64>,
     zones: Index,
-    /// Numbers of the volumes, and of each its slots of `inside`.
+    /// Numbers of the volumes. `zone_slots` has the slots of `inside` of each.
     of_zones: Vec<f64>,
     zone_slots: Vec<f64>,
     near: Vec<Near>,
     /// Wall and volume that are touched.
     held: [Option<Hold>; 2],
-    /// Whether the wall that is held is touched.
+    /// Whether the held wall is touched.
     touching: bool,
     air_ticks: u64,
     before: Option<[f64; 3]>,
-    /// Ticks since then of which nothing is known.
+    /// Ticks since `before` for which no place is known.
     missed: u64,
     past: Past,
-    /// Of what was touched last.
+    /// Directions along the surface that was touched last.
     tangents: [[f64; 3]; 2],
     stroke: f64,
-    /// Where along the surface the stylus is.
+    /// Place of the stylus along the surface.
     place_mm: [f64; 2],
     voices: [Fading; 2],
     current: Option<usize>,
-    /// Nothing was touched for so long that what is touched next begins at full level.
+    /// Whether nothing was touched for so long that the next surface begins at full level.
     rested: bool,
     network: f64,
     material: f64,
-    /// The last answer; its lists are as long as the lists of names.
+    /// Last answer. Its lists are as long as the lists of names.
     state: ContactState,
 }
 
 impl Contacts {
-    /// Contacts with the surfaces of a scene, for `run_hz` calls a second. `names` says of which effects slots are told.
+    /// Creates the contacts with the surfaces of a scene, for `run_hz` calls per second. `names` says
+    /// which effects have their slots reported.
     ///
     /// # Errors
-    /// More surfaces than an [`Index`] takes, an effect with a reach whose settings have no `reach_mm`.
+    /// There are more surfaces than an [`Index`] takes, or an effect with a reach has settings without
+    /// `reach_mm`.
     pub fn new(
         scene: &Scene,
         names: &EffectNames,
@@ -226,26 +229,26 @@ impl Contacts {
         })
     }
 
-    /// How many walls and volumes there are, and surfaces that act from both sides.
+    /// Numbers of walls, of volumes, and of surfaces that act from both sides.
     pub fn counts(&self) -> [usize; 3] {
         let near = self.near.iter().map(|near| near.slots.len()).sum();
         [self.of_walls.len(), self.of_zones.len(), near]
     }
 
-    /// Bytes of the search trees.
+    /// Size of the search trees in bytes.
     pub fn bytes(&self) -> usize {
         let near: usize = self.near.iter().map(|near| near.index.bytes()).sum();
         self.walls.bytes() + self.zones.bytes() + near
     }
 
-    /// So many ticks have gone by of which no place is known: a wall that the next one lies in was reached
-    /// on a way that took so much longer.
+    /// Notes that for so many ticks no place was known. A wall that the next place lies in was reached on
+    /// a path that took so much longer.
     pub fn missed(&mut self, ticks: u64) {
         self.missed = ticks;
         self.past.known = 0;
     }
 
-    /// One tick. Nothing is allocated.
+    /// Runs one tick. Allocates nothing.
     pub fn step(&mut self, motion: &Motion) -> &ContactState {
         let at = motion.position_mm;
         let put_down = motion.stroke != self.stroke;
@@ -262,7 +265,8 @@ impl Contacts {
         if let Some(contact) = touched.as_ref().or(found.as_ref()) {
             self.held[0] = Some(contact.hold());
         }
-        // In the air what was touched last says which way is along, so that what fades goes on as it was.
+        // In the air, the surface touched last gives the directions, so that a fading texture goes on as
+        // it was.
         self.tangents = touched.map_or(self.tangents, |contact| contact.touch.tangents);
         let tangents = self.tangents;
         let velocity_mm_s = along(tangents, motion.velocity_mm_s);
@@ -326,7 +330,7 @@ impl Contacts {
         state
     }
 
-    /// Tells the slots of a wall and of a volume: what a wall has goes before what a volume has.
+    /// Reports the slots of a wall and of a volume. Slots of the wall take precedence.
     fn slots(&mut self, wall: Option<usize>, zone: Option<usize>) {
         let (touching, inside) = (self.state.touching.len(), self.state.inside.len());
         let each = touching + inside + self.state.textures[0].len();
@@ -341,7 +345,7 @@ impl Contacts {
         }
     }
 
-    /// The wall that is touched, or near to be.
+    /// Finds the wall that is touched, or nearly touched.
     fn wall(&self, at: [f64; 3]) -> Option<Contact> {
         let held = self.held[0].filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
         if self.settings.anticipate_mm > 0.0 {
@@ -351,25 +355,26 @@ impl Contacts {
         }
     }
 
-    /// Speed and part of the tick at which a wall was reached from outside, where so many ticks were missed
-    /// on the way.
+    /// Speed with which a wall was reached from outside, and the part of the tick at which that was.
+    /// `missed` ticks were lost on the way.
     fn approach(&self, before: [f64; 3], missed: u64, contact: &Contact) -> Option<(f64, f64)> {
         let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
-        // A place that comes in steps may be on the surface, or as little within it as is no touch yet.
+        // A place that comes in steps may be on the surface, or so little inside that it is no touch yet.
         let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
-        // Over as long a way as lies outside, since in one tick a step of the device is any speed or none.
+        // The speed is measured over the part of the path that lies outside. In a single tick, a step of
+        // the device can look like any speed or none.
         let far = self.past.iter().find_map(|(ticks, place)| {
             let from = -surface.depth_mm(place);
             (from > 0.0 && from.is_finite()).then_some((from - to) / (f64::from(ticks) * self.tick_s))
         });
         let ticks = 1.0 + missed as f64;
-        // Before this tick, of what went by, or in it.
+        // The wall was reached in the missed ticks, or in this one.
         let moment = (moment * ticks - missed as f64).max(0.0);
         Some((far.unwrap_or((from - to) / (ticks * self.tick_s)), moment))
     }
 
-    /// The volume that a place lies in.
+    /// Finds the volume that a place lies in.
     fn zone(&mut self, at: [f64; 3]) -> Option<usize> {
         if self.of_zones.is_empty() {
             return None;
@@ -379,7 +384,7 @@ impl Contacts {
         Some(found?.entry as usize)
     }
 
-    /// The nearest surface with an effect that acts from both sides.
+    /// Finds the nearest surface with an effect that acts from both sides.
     fn pull(&mut self, number: usize, at: [f64; 3]) {
         let (Some(near), Some(state)) = (self.near.get_mut(number), self.state.near.get_mut(number)) else {
             return;
@@ -396,7 +401,7 @@ impl Contacts {
         }
     }
 
-    /// Takes textures on towards what is touched.
+    /// Fades the textures towards those of the touched surface.
     fn fade(&mut self, touched: Option<&Contact>, wall: Option<&Wall>) {
         let step = (self.tick_s / self.settings.crossfade_s.max(self.tick_s)).min(1.0);
         let (Some(contact), Some(wall)) = (touched, wall) else {
@@ -432,8 +437,8 @@ impl Contacts {
         self.network = towards(self.network, wall.material >= 0.0, step);
     }
 
-    /// Takes the places of textures on: to where their surface is touched, else as far as the stylus goes,
-    /// as if the surface went on.
+    /// Moves the places of the textures on. A place follows the touch of its surface. Without one, it
+    /// follows the stylus, as if the surface went on.
     fn follow(&mut self, velocity_mm_s: [f64; 3], touched: Option<&Contact>) {
         for i in 0..self.voices.len() {
             let Fading { of, gain, place_mm, tangents, .. } = self.voices[i];
@@ -447,7 +452,7 @@ impl Contacts {
         }
     }
 
-    /// A place a tick later, as if its surface went on.
+    /// Place one tick later, as if its surface went on.
     fn onwards(&self, place_mm: [f64; 2], tangents: [[f64; 3]; 2], velocity_mm_s: [f64; 3]) -> [f64; 2] {
         let way = along(tangents, velocity_mm_s);
         let here = std::array::from_fn(|k| place_mm[k] + self.tick_s * way[k]);
@@ -462,7 +467,7 @@ impl Contacts {
         self.wall_slots.get(end - textures..end).unwrap_or(&[])
     }
 
-    /// A voice as it is now; its slots are told beside it.
+    /// Voice as it is now. Its slots are reported beside it.
     fn voice(&mut self, number: usize) -> Voice {
         let voice = self.voices[number];
         for i in 0..self.state.textures[number].len() {
@@ -482,8 +487,8 @@ impl Contacts {
         (self.current, self.rested, self.network, self.material) = (None, true, 0.0, 0.0);
     }
 
-    /// What is held, and how far it has faded. Where surfaces are others than before, their numbers mean
-    /// others.
+    /// Saves or restores the held surfaces and the fades. A state fits only the surfaces that it was
+    /// saved with, since it holds their numbers.
     pub fn state(&mut self, state: &mut State<'_>) {
         state
             .keep(&mut self.held)
@@ -525,7 +530,7 @@ impl Contacts {
     }
 }
 
-/// Surfaces with an effect that acts as far as its settings' `reach_mm` says.
+/// Collects the surfaces with an effect that acts as far as `reach_mm` in its settings says.
 fn near(scene: &Scene, kind: &str) -> Result<Near, Diagnostic> {
     let slots = scene.slots(kind);
     let (mut entries, mut of_entries) = (Vec::new(), Vec::new());
@@ -544,7 +549,7 @@ fn near(scene: &Scene, kind: &str) -> Result<Near, Diagnostic> {
 const NO_PULL: Pull = Pull { slot: NONE, distance_mm: 0.0, normal: [0.0; 3] };
 
 impl ContactState {
-    /// No contact yet.
+    /// State without contact.
     fn of_nothing(names: &EffectNames) -> Self {
         let none = |names: &[String]| vec![NONE; names.len()];
         Self {
@@ -575,9 +580,9 @@ impl ContactState {
     }
 }
 
-/// Where between two ticks a surface was passed, from the distances above it before and now in mm: the part of the tick,
-/// above 0 and at most 1; `None` where it was not passed from outside. The speed of approach is the fall in distance times
-/// the tick rate.
+/// Moment between two ticks at which a surface was passed, from the distances above it before and now in
+/// mm. The answer is a part of the tick, above 0 and at most 1, or `None` if the surface was not passed
+/// from outside. The speed of approach is the fall in distance times the tick rate.
 fn crossing(before_mm: f64, now_mm: f64) -> Option<f64> {
     let fell = before_mm > 0.0 && now_mm <= 0.0 && before_mm.is_finite() && now_mm.is_finite();
     let part = before_mm / (before_mm - now_mm);
@@ -585,13 +590,13 @@ fn crossing(before_mm: f64, now_mm: f64) -> Option<f64> {
     fell.then(|| part.clamp(f64::MIN_POSITIVE, 1.0))
 }
 
-/// Equal power: the squares of two that fade over into one another add up to 1.
+/// Level for a gain of equal power: the squares of the two levels of a crossfade add up to 1.
 fn level(gain: f64) -> f64 {
     if gain >= 1.0 { 1.0 } else { (std::f64::consts::FRAC_PI_2 * gain).sine() }
 }
 
 fn towards(gain: f64, up: bool, step: f64) -> f64 {
-    // A last step that rounding left over is none.
+    // A last step that only rounding leaves over counts as none.
     const LEFT: f64 = 1e-9;
     let gain = if up { gain + step } else { gain - step };
     if gain > 1.0 - LEFT {
@@ -603,7 +608,7 @@ fn towards(gain: f64, up: bool, step: f64) -> f64 {
     }
 }
 
-/// A velocity along two directions; 0 where it is no number.
+/// Velocity along two directions; 0 if it is not a number.
 fn along(tangents: [[f64; 3]; 2], velocity: [f64; 3]) -> [f64; 2] {
     tangents.map(|t| Some(dot(t, velocity)).filter(|v| v.is_finite()).unwrap_or(0.0))
 }

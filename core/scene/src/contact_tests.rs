@@ -38,7 +38,7 @@ fn contacts(surfaces: &str) -> Contacts {
     Contacts::new(&scene(surfaces), &names(), SETTINGS, TICK_HZ).unwrap()
 }
 
-/// Tiles of 20 mm in a row along x from 0 on, each with these effects.
+/// Tiles of 20 mm in a row along x from 0 on, each with its effects.
 fn tiles(effects: &[&str]) -> String {
     let tile = |(i, e): (usize, &&str)| {
         let x = 10.0 + 20.0 * i as f64;
@@ -65,7 +65,7 @@ fn go(contacts: &mut Contacts, from: [f64; 3], to: [f64; 3], ticks: usize) -> Ve
 }
 
 #[test]
-fn a_plane_pushes_back_by_hookes_law_with_its_damping_and_never_pulls() {
+fn plane_pushes_by_hookes_law_and_damping_and_never_pulls() {
     let mut c =
         contacts(&format!("\"a\": (shape: plane, effects: ({WALL}, damping: (damping_ns_per_m: 2)))"));
     let at = |z: f64, vz: f64| Motion {
@@ -84,13 +84,13 @@ fn a_plane_pushes_back_by_hookes_law_with_its_damping_and_never_pulls() {
     assert_eq!((felt.velocity_mm_s, felt.slide_mm_s), ([7.0, -9.0], [70.0, -90.0]));
     assert_eq!(felt.speed_mm_s, 7.0_f64.hypot(9.0));
     assert_eq!((felt.normal, felt.plane_mm), ([0.0, 0.0, 1.0], [3.0, -4.0, 0.0]));
-    // On the way out it lets go, and does not hold on.
+    // On the way out the wall lets go and does not pull.
     assert_eq!(c.step_once(&at(-2.0, 1000.0)).push_n, [0.0; 3]);
     assert_eq!(c.step_once(&at(-20.0, 0.0)).push_n, [0.0, 0.0, 3.3]);
 }
 
 #[test]
-fn on_a_turned_surface_velocities_and_forces_follow_its_own_axes() {
+fn turned_surface_uses_its_own_axes_for_velocity_and_force() {
     // Turned by 90 degrees about y: z, the way out, becomes x; x becomes -z.
     let mut c = contacts(&format!("\"a\": (shape: plane, turn_deg: (0, 90, 0), effects: ({WALL}))"));
     let felt = c.step_once(&Motion {
@@ -108,14 +108,15 @@ fn on_a_turned_surface_velocities_and_forces_follow_its_own_axes() {
 }
 
 #[test]
-fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
+fn wall_is_reached_once_with_speed_and_moment_of_approach() {
     let mut c = contacts(&format!("\"a\": (shape: plane, place_mm: (0, 0, 2), effects: ({WALL}))"));
     // 0.3 mm a tick: 150 mm/s. From 2.5 the plane at 2 is passed after 1 2/3 ticks.
     let felt = go(&mut c, [0.0, 0.0, 2.5], [0.0, 0.0, 1.0], 5);
     let hits: Vec<usize> = (0..felt.len()).filter(|&n| felt[n].approach_mm_s > 0.0).collect();
     assert_eq!(hits, [2]);
     assert!((felt[2].approach_mm_s - 150.0).abs() < 1e-9 && (felt[2].moment - 2.0 / 3.0).abs() < 1e-9);
-    // A place that comes in steps of 0.1 mm may be on the wall for a tick; it is reached all the same, and once.
+    // A place that comes in steps of 0.1 mm may be on the wall for a tick. The wall is still reached, and
+    // only once.
     for steps in [[2.1, 2.0, 1.9, 1.8], [2.05, 2.0, 1.95, 1.9], [2.0, 2.0, 1.7, 1.4]] {
         let mut c = contacts(&format!("\"a\": (shape: plane, place_mm: (0, 0, 2), effects: ({WALL}))"));
         let felt = steps.map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }));
@@ -124,28 +125,29 @@ fn a_wall_is_reached_once_with_the_speed_and_at_the_moment_of_the_way_down() {
         let wanted = (steps[1] - steps[2]) * TICK_HZ;
         assert!((felt[2].approach_mm_s - wanted).abs() < 1e-6 && felt[2].moment < 1e-4, "{steps:?}");
     }
-    // Up again and put down elsewhere: between them lies no way, and how fast it came is not known.
+    // Up again and put down elsewhere. No path lies between, so the speed of arrival is not known.
     go(&mut c, [0.0, 0.0, 1.0], [0.0, 0.0, 3.0], 5);
     let put = |c: &mut Contacts, z: f64, stroke: f64| {
         c.step_once(&Motion { position_mm: [9.0, 9.0, z], stroke, ..Motion::default() })
     };
     let felt = put(&mut c, 1.0, 1.0);
     assert_eq!((felt.surface, felt.approach_mm_s, felt.moment), (0.0, 80.0, 0.0));
-    // Told of anew where it is touched already, as after a stall, it is reached no second time; nor where it is put down in the air.
+    // A stylus that is reported anew on the wall, as after a stall, does not reach it a second time. Nor
+    // does a stylus that is put down in the air.
     assert_eq!(put(&mut c, 1.0, 2.0).approach_mm_s, 0.0);
     assert_eq!(put(&mut c, 3.0, 2.0).approach_mm_s, 0.0);
     assert_eq!(put(&mut c, 2.5, 3.0).approach_mm_s, 0.0);
     assert!((put(&mut c, 1.9, 3.0).approach_mm_s - 300.0).abs() < 1e-9);
-    // Nor where it begins in a wall, nor along it.
+    // Nor does a stylus that starts in a wall, nor one that moves along it.
     c.reset();
     assert!(go(&mut c, [0.0; 3], [50.0, 0.0, 0.0], 20).iter().all(|f| f.approach_mm_s == 0.0));
 }
 
 #[test]
-fn a_wall_that_is_reached_while_ticks_are_lost_is_reached_no_faster() {
+fn lost_ticks_do_not_raise_the_approach_speed() {
     for missed in [1, 4, 49] {
         let mut c = contacts(&format!("\"a\": (shape: plane, effects: ({WALL}))"));
-        // 150 mm/s, for as many ticks as are missed and one more; the wall is passed after a sixth of the last.
+        // 150 mm/s, for all missed ticks and one more. The wall is passed after a sixth of the last tick.
         let z = 0.05 - 0.3;
         let from = z + 0.3 * (missed as f64 + 1.0);
         c.step_once(&Motion { position_mm: [0.0, 0.0, from], ..Motion::default() });
@@ -153,7 +155,7 @@ fn a_wall_that_is_reached_while_ticks_are_lost_is_reached_no_faster() {
         let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
         assert!((felt.approach_mm_s - 150.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
         assert!((felt.moment - 1.0 / 6.0).abs() < 1e-9, "{missed}: {}", felt.moment);
-        // The next wall is reached as ever.
+        // The next wall is reached as usual.
         c.step_once(&Motion { position_mm: [0.0, 0.0, 0.3], ..Motion::default() });
         let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, -0.3], ..Motion::default() });
         assert!((felt.approach_mm_s - 300.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
@@ -161,9 +163,10 @@ fn a_wall_that_is_reached_while_ticks_are_lost_is_reached_no_faster() {
 }
 
 #[test]
-fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
+fn approach_with_position_steps_is_measured_over_20_ms() {
     let text = format!(
-        "Scene(version: 1, input: stroke, device: (position_step_mm: 0.055), surfaces: {{\"a\": (shape: plane, effects: ({WALL}))}})"
+        "Scene(version: 1, input: stroke, device: (position_step_mm: 0.055), \
+         surfaces: {{\"a\": (shape: plane, effects: ({WALL}))}})"
     );
     let scene = Scene::parse(&Source::new("s.ron", text)).unwrap();
     for tick_hz in [500.0, 1000.0, 4000.0] {
@@ -177,7 +180,7 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
                 })
             });
             let told: Vec<f64> = felt.map(|f| f.approach_mm_s).filter(|v| *v > 0.0).collect();
-            // A step of 0.055 mm at either end of 20 ms, or of 3 mm of way.
+            // The error is a step of 0.055 mm at either end of 20 ms, or of a path of 3 mm.
             let off = 2.0 * 0.055 / f64::min(0.02, 3.0 / speed);
             assert!(
                 told.len() == 1 && (told[0] - speed).abs() <= off,
@@ -185,7 +188,7 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
             );
         }
     }
-    // A stylus that left the wall within that time approaches from where it was furthest back outside.
+    // If the stylus left the wall within that time, the approach counts from its oldest place outside.
     let mut c = Contacts::new(&scene, &names(), SETTINGS, 1000.0).unwrap();
     let heights = [0.5, -0.5, -0.5, -0.5, 0.5, 1.0, 0.5, 0.0, -0.5];
     let told = heights
@@ -194,7 +197,7 @@ fn where_places_come_in_steps_an_approach_is_measured_over_a_while() {
 }
 
 #[test]
-fn textures_go_over_from_tile_to_tile_at_equal_power_in_the_time_that_was_set() {
+fn textures_crossfade_between_tiles_at_equal_power_in_set_time() {
     let effects = format!("{WALL}, {LOOP}");
     let mut c = contacts(&tiles(&[&effects, &effects.replace("(0.5, 1)", "(0.5, 2)")]));
     let felt = go(&mut c, [10.0, 0.0, -1.0], [30.0, 0.0, -1.0], 100);
@@ -205,10 +208,10 @@ fn textures_go_over_from_tile_to_tile_at_equal_power_in_the_time_that_was_set() 
         assert!((a.level.powi(2) + b.level.powi(2) - 1.0).abs() < 1e-12, "{a:?} {b:?}");
     }
     let fading = felt.iter().filter(|f| f.voices[0].level > 0.0 && f.voices[0].level < 1.0).count();
-    // 20 ms are 10 ticks: 9 between the ends.
+    // 20 ms are 10 ticks, so 9 lie between the ends.
     assert_eq!(fading, 9);
     assert_eq!(felt[100].voices[0].level, 0.0);
-    // Each keeps to its own surface: 0.2 mm a tick, also of the one that fades.
+    // Each voice keeps to its own surface: 0.2 mm per tick, also for the voice that fades.
     for pair in felt.windows(2) {
         for voice in 0..2 {
             let (x, y) = (&pair[0].voices[voice], &pair[1].voices[voice]);
@@ -221,7 +224,7 @@ fn textures_go_over_from_tile_to_tile_at_equal_power_in_the_time_that_was_set() 
 }
 
 #[test]
-fn a_third_tile_waits_for_a_voice_and_a_way_back_turns_a_fade_round() {
+fn third_tile_waits_for_a_voice_and_return_reverses_the_fade() {
     let effects = format!("{WALL}, {LOOP}");
     let all: Vec<String> = (1..4).map(|i| effects.replace("(0.5, 1)", &format!("(0.5, {i})"))).collect();
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
@@ -243,7 +246,7 @@ fn a_third_tile_waits_for_a_voice_and_a_way_back_turns_a_fade_round() {
         }
         before = f.voices;
     }
-    // Back and forth over an edge faster than a fade: the same two voices.
+    // Back and forth over an edge faster than a fade uses the same two voices.
     let strokes = before.map(|v| v.stroke);
     let there = go(&mut c, [42.0, 0.0, -1.0], [39.0, 0.0, -1.0], 3);
     let back = go(&mut c, [39.0, 0.0, -1.0], [42.0, 0.0, -1.0], 3);
@@ -255,7 +258,7 @@ fn a_third_tile_waits_for_a_voice_and_a_way_back_turns_a_fade_round() {
 }
 
 #[test]
-fn a_voice_stays_in_the_air_for_what_fades_it_and_what_is_touched_after_begins_at_once() {
+fn voice_is_held_in_the_air_and_next_touch_starts_at_full_level() {
     let effects = format!("{WALL}, {LOOP}");
     let mut c = contacts(&tiles(&[&effects, WALL]));
     go(&mut c, [10.0, 0.0, -1.0], [12.0, 0.0, -1.0], 10);
@@ -271,7 +274,8 @@ fn a_voice_stays_in_the_air_for_what_fades_it_and_what_is_touched_after_begins_a
     assert!(air[stays..].iter().all(|f| f.voices.iter().all(|v| v.level == 0.0)));
     let again = go(&mut c, [16.0, 0.0, -1.0], [16.0, 0.0, -1.0], 1);
     assert_eq!(again[0].voices[0].level, 1.0);
-    // Over to a tile without a texture it fades, and back it fades in: that is no landing.
+    // On a tile without texture the voice fades out. Back on the first tile it fades in, since that is no
+    // landing.
     let off = go(&mut c, [19.9, 0.0, -1.0], [21.0, 0.0, -1.0], 30);
     assert!(off[30].voices.iter().all(|v| v.level == 0.0));
     let on = go(&mut c, [21.0, 0.0, -1.0], [19.0, 0.0, -1.0], 10);
@@ -280,17 +284,19 @@ fn a_voice_stays_in_the_air_for_what_fades_it_and_what_is_touched_after_begins_a
 }
 
 #[test]
-fn a_volume_is_felt_beside_the_wall_in_it_and_gives_way_to_the_walls_own() {
+fn volume_acts_beside_a_wall_but_effects_of_the_wall_win() {
     let mut c = contacts(&format!(
-        "\"honey\": (shape: box(size_mm: (40, 40, 20)), effects: (viscosity: (viscosity_ns_per_m: 1), vibration: (frequency_hz: 90, amplitude_m_s2: 1))),\n\
+        "\"honey\": (shape: box(size_mm: (40, 40, 20)), effects: \
+         (viscosity: (viscosity_ns_per_m: 1), vibration: (frequency_hz: 90, amplitude_m_s2: 1))),\n\
          \"floor\": (shape: plane, effects: ({WALL})),\n\
-         \"buzz\": (shape: rectangle(size_mm: (4, 4)), place_mm: (10, 0, 0.5), effects: ({WALL}, vibration: (frequency_hz: 150, amplitude_m_s2: 1)))"
+         \"buzz\": (shape: rectangle(size_mm: (4, 4)), place_mm: (10, 0, 0.5), effects: \
+         ({WALL}, vibration: (frequency_hz: 150, amplitude_m_s2: 1)))"
     ));
     let mut at = |x: f64, z: f64| c.step_once(&Motion { position_mm: [x, 0.0, z], ..Motion::default() });
     let felt = at(0.0, 5.0);
     assert_eq!((felt.surface, felt.volume), (-1.0, 0.0));
     assert_eq!((felt.volume, felt.inside[1], felt.inside[0], felt.force_n), (0.0, 0.0, 0.0, 0.0));
-    // Deep in the honey and a little in the floor: both.
+    // Deep in the honey and slightly in the floor: both act.
     let felt = at(0.0, -1.0);
     assert_eq!((felt.surface, felt.inside[1], felt.inside[0], felt.force_n), (1.0, 0.0, 0.0, 0.5));
     let felt = at(10.0, 0.2);
@@ -300,9 +306,10 @@ fn a_volume_is_felt_beside_the_wall_in_it_and_gives_way_to_the_walls_own() {
 }
 
 #[test]
-fn a_magnet_is_told_of_within_its_reach_on_both_sides() {
+fn magnet_is_reported_within_its_reach_on_both_sides() {
     let mut c = contacts(&format!(
-        "\"a\": (shape: sphere(radius_mm: 10), effects: ({WALL}, magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)))"
+        "\"a\": (shape: sphere(radius_mm: 10), effects: ({WALL}, \
+         magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)))"
     ));
     let mut at = |z: f64| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
     assert_eq!(at(15.0).near[0].slot, -1.0);
@@ -314,7 +321,7 @@ fn a_magnet_is_told_of_within_its_reach_on_both_sides() {
 }
 
 #[test]
-fn the_deepest_wall_wins_and_is_held_by_the_hysteresis_as_a_look_at_all_would_have_it() {
+fn deepest_wall_with_hysteresis_matches_brute_force() {
     let effects = ["", "", "", "", "", ""].map(|_| WALL);
     let surfaces: String = effects
         .iter()
@@ -339,7 +346,7 @@ fn the_deepest_wall_wins_and_is_held_by_the_hysteresis_as_a_look_at_all_would_ha
         let before = held;
         let felt = c.step_once(&Motion { position_mm: at, ..Motion::default() });
         held = match held.filter(|h| depths[*h] > TOUCHED_MM) {
-            // Depths are compared in steps: close to the hysteresis both will do.
+            // Depths are compared in steps, so close to the hysteresis both answers are right.
             Some(h) if (depths[deepest] - depths[h] - 0.1).abs() < 3e-4 => Some(felt.surface as usize),
             Some(h) if depths[deepest] <= depths[h] + 0.1 => Some(h),
             _ => (depths[deepest] > TOUCHED_MM).then_some(deepest),
@@ -352,7 +359,7 @@ fn the_deepest_wall_wins_and_is_held_by_the_hysteresis_as_a_look_at_all_would_ha
 }
 
 #[test]
-fn what_goes_on_from_a_state_goes_on_alike_and_a_state_that_cannot_be_is_refused() {
+fn restored_state_continues_alike_and_invalid_state_is_refused() {
     let effects = format!("{WALL}, {LOOP}, friction: dahl");
     let surfaces = tiles(&[&effects, &effects.replace("(0.5, 1)", "(0.5, 2)"), WALL]);
     let mut c = contacts(&surfaces);
@@ -368,13 +375,13 @@ fn what_goes_on_from_a_state_goes_on_alike_and_a_state_that_cannot_be_is_refused
     );
     assert_eq!(a, b);
     assert!(!State::restore(&vec![0xff; size], |s| other.state(s)));
-    // It is as new.
+    // The contact is as new.
     let felt = other.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() });
     assert!(felt.voices.iter().all(|v| v.place_mm.iter().all(|x| x.is_finite())));
 }
 
 #[test]
-fn places_that_are_no_numbers_touch_nothing_and_leave_no_trace() {
+fn invalid_places_touch_nothing_and_leave_no_trace() {
     let effects = format!("{WALL}, {LOOP}, tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)])");
     let mut c = contacts(&tiles(&[&effects]));
     go(&mut c, [10.0, 0.0, 1.0], [10.0, 0.0, -1.0], 4);
@@ -388,7 +395,7 @@ fn places_that_are_no_numbers_touch_nothing_and_leave_no_trace() {
 }
 
 #[test]
-fn a_surface_is_passed_where_the_distance_is_nought() {
+fn crossing_is_where_the_distance_is_zero() {
     assert_eq!(crossing(0.3, -0.1), Some(0.3 / 0.4));
     assert_eq!((crossing(0.2, 0.0), crossing(0.0, -0.2), crossing(0.5, 0.1)), (Some(1.0), None, None));
     assert_eq!((crossing(-0.1, -0.3), crossing(-0.1, 0.4)), (None, None));

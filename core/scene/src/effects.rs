@@ -1,4 +1,4 @@
-//! The effects of a surface: its wall, and what else the file names.
+//! Effects of a surface: its wall, and the other effects that the file names.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use asperity_node::{Acts, Effect, Registry, Settings};
 use super::read::{error, place};
 use super::{NETWORK, Named, Placed, Scene};
 
-/// What a surface does to a stylus. What is not named does not happen.
+/// Effects of a surface on a stylus. An effect that is not named does not act.
 #[derive(Clone, Debug, Default)]
 pub struct Effects {
     /// Stiffness of the wall, by Hooke's law \[N/mm\], 0.001 to 100.
@@ -34,7 +34,7 @@ impl Effects {
         self.network.is_some() || self.named.iter().any(|named| named.texture)
     }
 
-    /// Where the effects of a kind stand; `network` is the texture by the scene's network.
+    /// Places of the effects of a kind. `network` is the texture by the scene's network.
     pub fn places(&self, kind: &str) -> Vec<Place> {
         match kind {
             NETWORK => self.network.iter().cloned().collect(),
@@ -43,7 +43,7 @@ impl Effects {
     }
 }
 
-/// The field `effects` of a surface.
+/// Reads the field `effects` of a surface.
 pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
     let mut effects = Effects::default();
     let Some(value) = value else { return Ok(effects) };
@@ -65,7 +65,7 @@ pub(super) fn effects(value: Option<&Value>) -> Result<Effects, Diagnostic> {
     Ok(effects)
 }
 
-/// A property of the wall, a record with one number.
+/// Reads a property of the wall, a record with one number.
 fn wall(
     record: &mut Record<'_>,
     name: &str,
@@ -80,7 +80,7 @@ fn wall(
     Ok(Some(Placed { of, place: place(value) }))
 }
 
-/// The field `texture`: one texture or a list of them.
+/// Reads the field `texture`: one texture or a list of them.
 fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
     let all = value.list().unwrap_or_else(|_| std::slice::from_ref(value));
     if all.is_empty() {
@@ -112,23 +112,23 @@ fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
     Ok(())
 }
 
-/// The effect of a kind.
+/// Finds the effect of a kind.
 pub(super) fn effect_of<'r>(registry: &'r Registry, kind: &str) -> Option<&'r Effect> {
     registry.get(kind)?.descriptor().effect.as_ref()
 }
 
 impl Named {
-    /// The settings, as the effect reads them.
+    /// Reads the settings by the rules of the effect.
     ///
     /// # Errors
-    /// A name that is no effect, settings that the effect refuses.
+    /// The name is not an effect, or the effect refuses the settings.
     pub fn settings(&self, registry: &Registry) -> Result<Settings, Diagnostic> {
         effect_of(registry, &self.kind)
             .filter(|effect| self.fits(effect))
             .map_or_else(|| Err(self.unknown(registry)), |effect| effect.read(&self.kind, &self.value))
     }
 
-    /// Whether the effect stands where such effects stand: behind `texture` or not.
+    /// Whether the effect stands in the right field: in `texture` or not.
     fn fits(&self, effect: &Effect) -> bool {
         self.texture == (effect.acts == Acts::Gliding)
     }
@@ -143,7 +143,7 @@ impl Named {
 }
 
 impl Scene {
-    /// The files that the effects name, once for each surface that names them.
+    /// Files that the effects name, once for each surface that names them.
     pub fn files(&self, registry: &Registry) -> Vec<PathBuf> {
         let named = self.surfaces.iter().flat_map(|surface| &surface.effects.named);
         let settings = named.filter_map(|named| named.settings(registry).ok());
@@ -153,10 +153,11 @@ impl Scene {
     /// Checks the effects of all surfaces against their kinds.
     ///
     /// # Errors
-    /// A name that is no effect (with the nearest that is), settings that do not fit, an effect that needs a wall on a
-    /// surface without a stiffness.
+    /// - A name is not an effect (the error names the nearest effect).
+    /// - Settings do not fit.
+    /// - An effect that needs a wall is on a surface without a stiffness.
     pub fn check(&self, registry: &Registry) -> Result<(), Diagnostic> {
-        // Where surfaces are alike, one check does for all: some take a millisecond.
+        // Surfaces that are alike need only one check, since some checks take a millisecond.
         let mut known = HashSet::new();
         for surface in &self.surfaces {
             let effects = &surface.effects;

@@ -1,4 +1,4 @@
-//! A scene as a file describes it: what can be touched, where it is, and what it does to a stylus.
+//! Scene files: the surfaces that can be touched, where they are, and how they feel to a stylus.
 //!
 //! ```ron
 //! Scene(
@@ -22,14 +22,17 @@
 //! )
 //! ```
 //!
-//! `input`, `phase` and `output` name a node's kind. Their fields are that node's parameters, as are those of
-//! `motion` (`velocity`), `network` (`texture_network`), `gate` (`speed_gate`) and `actuator` (`actuator_inverse`
-//! and `limiter`). The compiler of the graph checks them. All other fields are read here, with their ranges.
+//! `input`, `phase` and `output` name a node's kind. Their fields are the parameters of that node. So are
+//! the fields of `motion` (`velocity`), `network` (`texture_network`), `gate` (`speed_gate`) and
+//! `actuator` (`actuator_inverse` and `limiter`). The compiler of the graph checks these parameters. This
+//! crate reads all other fields and checks their ranges.
 //!
-//! Behind `effects` stand the stiffness and damping of the surface, and effects by name: kinds of node whose descriptor
-//! has an [`Effect`](asperity_node::Effect), built in or from a plugin. What a scene may say of them, they say themselves.
+//! `effects` holds the stiffness and damping of the surface, and effects by name. An effect is a kind of
+//! node whose descriptor has an [`Effect`](asperity_node::Effect), built in or from a plugin. Each effect
+//! declares the settings that a scene may give it.
 //!
-//! Effects of one surface add up. Where surfaces overlap, the deepest is touched until another is deeper by
+//! Effects of one surface add up. Where surfaces overlap, the deepest is touched until another is deeper
+//! by `hysteresis_mm`.
 //! `hysteresis_mm`.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
@@ -65,19 +68,19 @@ pub use state::{ContactSettings, ContactState, Motion, Pull, Voice};
 /// A scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The text it was read from.
+    /// Text that the scene was read from.
     pub source: Arc<Source>,
-    /// Ticks a second, 100 to 4000.
+    /// Ticks per second, 100 to 4000.
     pub tick_hz: u32,
     /// Audio rate in Hz, 8000 to 192 000.
     pub audio_hz: u32,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Plugins that the parts below may be of, as in a graph.
+    /// Plugins that the parts below may come from, as in a graph.
     pub plugins: Option<Value>,
-    /// Where the stylus is.
+    /// Source of the stylus position.
     pub input: Part,
-    /// How its velocity is measured: parameters of `velocity`.
+    /// Measurement of the velocity: parameters of `velocity`.
     pub motion: Part,
     /// The device that holds the stylus.
     pub device: Device,
@@ -85,28 +88,28 @@ pub struct Scene {
     pub network: Option<Part>,
     /// Phase retrieval of network textures.
     pub phase: Part,
-    /// When textures are felt: parameters of `speed_gate`.
+    /// Gate of the textures: parameters of `speed_gate`.
     pub gate: Part,
     /// Factor of the acceleration before the actuator, 0 to 100.
     pub gain: f64,
     /// The actuator: parameters of `actuator_inverse` and `limiter`.
     pub actuator: Part,
-    /// Where the signal goes.
+    /// Node that the signal goes to.
     pub output: Option<Part>,
-    /// By how much another surface must be deeper to be touched instead, 0 to 10 mm.
+    /// Hysteresis: how much deeper another surface must be to be touched instead, 0 to 10 mm.
     pub hysteresis_mm: f64,
     /// Surfaces in the order of the file.
     pub surfaces: Vec<Touchable>,
-    /// Pictures of heights that shapes were made of.
+    /// Pictures of heights that shapes were made from.
     pub pictures: Vec<PathBuf>,
 }
 
-/// A part of the chain that is handed on as it stands.
+/// A part of the chain, passed on to its node unchanged.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The node's kind.
+    /// Kind of the node.
     pub kind: String,
-    /// Where that stands.
+    /// Place of the kind in the file.
     pub place: Place,
     /// Settings in the file.
     pub settings: Vec<(Key, Value)>,
@@ -115,80 +118,80 @@ pub struct Part {
 /// The device that holds the stylus.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// The most it pushes, 0.01 to 100 N.
+    /// Largest force, 0.01 to 100 N.
     pub max_force_n: f64,
-    /// Damping of its own, 0 to 1000 N s/m.
+    /// Damping of the device itself, 0 to 1000 N s/m.
     pub damping_ns_per_m: f64,
-    /// Dry friction of its own, 0 to 10 N.
+    /// Dry friction of the device itself, 0 to 10 N.
     pub friction_n: f64,
-    /// The step in which it tells places, 0 to 10 mm.
+    /// Step of the reported places, 0 to 10 mm.
     pub position_step_mm: f64,
-    /// From reading a place to setting a force, 0 to 100 ms.
+    /// Time from reading a place to setting a force, 0 to 100 ms.
     pub delay_ms: f64,
-    /// The node that pushes back, if there is one.
+    /// Node that pushes back, if there is one.
     pub output: Option<Part>,
-    /// Where it stands.
+    /// Place of the device in the file.
     pub place: Place,
 }
 
-/// Something that can be touched.
+/// A surface that can be touched.
 #[derive(Clone, Debug)]
 pub struct Touchable {
-    /// Its name; no other one has it.
+    /// Unique name.
     pub name: String,
-    /// Where the name stands.
+    /// Place of the name in the file.
     pub place: Place,
-    /// Shape and place.
+    /// Shape and pose.
     pub surface: Surface,
-    /// Its material in the library of the network, if it has one.
+    /// Material in the network's library, if the surface has one.
     pub material: Option<Placed<String>>,
     /// Its effects.
     pub effects: Effects,
 }
 
-/// Something, and where it stands in the file.
+/// A value and its place in the file.
 #[derive(Clone, Debug)]
 pub struct Placed<T> {
-    /// The thing itself.
+    /// The value.
     pub of: T,
-    /// Where it stands.
+    /// Place of the value.
     pub place: Place,
 }
 
 /// An effect that a surface has, as the file names it.
 #[derive(Clone, Debug)]
 pub struct Named {
-    /// Its kind.
+    /// Kind of the effect.
     pub kind: String,
-    /// Where the name stands.
+    /// Place of the name in the file.
     pub name: Place,
-    /// Whether it stands behind `texture`.
+    /// Whether the effect stands in the field `texture`.
     pub texture: bool,
-    /// Its settings, as they stand there.
+    /// Settings, as they stand in the file.
     pub value: Value,
 }
 
-/// Where heights come from.
+/// Source of heights.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heights {
     /// A patch of a made surface.
     Made {
-        /// The surface's name.
+        /// Name of the surface.
         name: String,
         /// Points along an edge, 8 to 2048.
         side: usize,
-        /// Distance of points, 0.005 to 1 mm.
+        /// Distance between points, 0.005 to 1 mm.
         step_mm: f64,
-        /// Which piece.
+        /// Number of the piece.
         piece: u64,
     },
-    /// A grey picture, light is high.
+    /// A grey picture. Light is high.
     Picture {
         /// PNG, JPEG or BMP, 8 or 16 bits.
         file: PathBuf,
-        /// Distance of pixels, 0.001 to 100 mm.
+        /// Distance between pixels, 0.001 to 100 mm.
         step_mm: f64,
-        /// Height of white over black, 0 to 1000 mm.
+        /// Height of white above black, 0 to 1000 mm.
         height_mm: f64,
     },
 }

@@ -1,4 +1,4 @@
-//! What a scene asks of its device.
+//! Checks whether the device can render a scene without generating energy.
 
 use std::collections::HashMap;
 
@@ -9,22 +9,22 @@ use super::bound::{Passivity, Quantisation, Sampling};
 use super::effects::effect_of;
 use super::{Device, Placed, Scene, Touchable};
 
-/// Something about a scene that its device may not bear.
+/// A finding about a scene that its device may not be able to render.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// What, with the numbers.
+    /// Message with the numbers.
     pub message: String,
-    /// The effect it is about.
+    /// Place of the effect that the message is about.
     pub place: Place,
 }
 
 impl Scene {
-    /// When this scene reads places and sets forces.
+    /// Timing with which this scene reads places and sets forces.
     pub fn sampling(&self) -> Sampling {
         Sampling { tick_hz: f64::from(self.tick_hz), delay_s: 1e-3 * self.device.delay_ms }
     }
 
-    /// What a wall asks of the device along its normal; none of a surface without stiffness.
+    /// Passivity bound of a wall along its normal; `None` for a surface without stiffness.
     pub fn passivity(&self, surface: &Touchable) -> Option<Passivity> {
         let wall = Law {
             stiffness_n_per_mm: surface.effects.stiffness.as_ref()?.of,
@@ -33,8 +33,9 @@ impl Scene {
         Some(Passivity::of(wall, self.sampling(), self.device.damping_ns_per_m))
     }
 
-    /// Every law of force that is not passive on this device in any hand, and every wall at which its steps of place can be felt; once for all surfaces of
-    /// which the same is to be said, at the first of them.
+    /// Finds every law of force that is not passive on this device in any hand. Also finds every wall at
+    /// which the device's position steps can be felt. The same finding about several surfaces comes once,
+    /// at the first of them.
     pub fn findings(&self, registry: &Registry) -> Vec<Finding> {
         let mut all: Vec<(String, &str, Place, usize)> = Vec::new();
         let mut known: HashMap<String, usize> = HashMap::new();
@@ -54,7 +55,7 @@ impl Scene {
         all.into_iter().map(told).chain(self.unheard(registry)).collect()
     }
 
-    /// Vibration that nothing plays.
+    /// Finds vibration that no node plays.
     fn unheard(&self, registry: &Registry) -> Option<Finding> {
         if self.output.is_some() {
             return None;
@@ -82,7 +83,8 @@ impl Scene {
             let laws = laws.iter().filter(move |(of, ..)| *of == direction);
             laws.map(|(_, name, law, place)| (*name, *law, place.clone()))
         };
-        // Laws along one direction add up. What acts in any direction counts with others, and alone where there are none.
+        // Laws along one direction add up. A law in any direction adds to the others, and counts alone if
+        // there are none.
         let normal: Vec<_> = wall.clone().into_iter().chain(of(Direction::Normal)).collect();
         let surface: Vec<_> = of(Direction::Surface).collect();
         let any: Vec<_> = of(Direction::Any).collect();
@@ -107,7 +109,7 @@ impl Scene {
         all
     }
 
-    /// The laws of a surface's effects, at the largest normal force.
+    /// Laws of a surface's effects, at the largest normal force.
     fn laws<'s>(&self, surface: &'s Touchable, registry: &Registry) -> Vec<(Direction, &'s str, Law, Place)> {
         let of = |named: &'s super::Named| {
             let settings = named.settings(registry).ok()?;
@@ -118,7 +120,7 @@ impl Scene {
         surface.effects.named.iter().filter_map(of).collect()
     }
 
-    /// A finding of the sum of some laws, where the device does not bear it.
+    /// Finding about the sum of some laws, if the device cannot render it.
     fn sum<'s>(
         &self,
         what: &str,
@@ -135,7 +137,7 @@ impl Scene {
     }
 }
 
-/// Whether an effect is felt as vibration, and not as a force: its output is audio.
+/// Whether an effect is felt as vibration and not as a force: its output is audio.
 pub(super) fn vibrates(registry: &Registry, kind: &str) -> bool {
     let outputs = registry.get(kind).map(|kind| &kind.descriptor().outputs);
     outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))

@@ -1,4 +1,4 @@
-//! The file's own fields.
+//! Reads the fields of a scene file.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
@@ -16,22 +16,27 @@ impl Scene {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// A file that cannot be read, is no RON, or does not have a scene's fields; see [`parse`](Self::parse).
+    /// The file cannot be read, is not RON, or does not have the fields of a scene; see
+    /// [`parse`](Self::parse).
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?)
     }
 
-    /// Whether a text is meant as a scene: it begins, after comments, with `Scene`.
+    /// Whether a text is meant as a scene: after comments it begins with `Scene`.
     pub fn is_meant(source: &Arc<Source>) -> bool {
         ron::first_word(source) == Some("Scene")
     }
 
-    /// Reads a scene from a text. Whether its effects are known and have settings that fit is found out by
-    /// [`check`](Self::check), which asks the registry.
+    /// Reads a scene from a text. Call [`check`](Self::check) to find out whether its effects are known
+    /// and their settings fit. That call asks the registry.
     ///
     /// # Errors
-    /// A text that is no RON, an unknown field or shape (with the nearest known), a number out of its range, a surface of
-    /// no area; a picture of heights of a shape that cannot be read. Other files that it names are not looked at.
+    /// - The text is not RON.
+    /// - A field or shape is unknown (the error names the nearest known one).
+    /// - A number is out of its range.
+    /// - A surface has no area.
+    /// - The picture of heights of a shape cannot be read. Other files that the scene names are not
+    ///   opened.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
         let mut scene = value.record("Scene")?;
@@ -58,7 +63,7 @@ impl Scene {
         let network = section("network", "texture_network")?;
         let gate = section("gate", "speed_gate")?.unwrap_or_else(|| usual("speed_gate"));
         let actuator = section("actuator", "actuator_inverse")?.unwrap_or_else(|| usual("actuator_inverse"));
-        // As graphs/texture.ron has it.
+        // Same default as in graphs/texture.ron.
         let phase = scene.optional("phase").map(part).transpose()?.unwrap_or_else(|| usual("shaped_noise"));
         let output = scene.optional("output").map(part).transpose()?;
         let device = device(scene.optional("device"), here)?;
@@ -105,8 +110,8 @@ impl Scene {
     }
 }
 
-/// Grids of heights that were made of texts that stand in the file more than once. Making one takes a millisecond and
-/// more.
+/// Cache of height grids: a text that stands in the file more than once makes only one grid. Making a
+/// grid takes a millisecond or more.
 #[derive(Default)]
 pub(super) struct Known {
     grids: HashMap<String, Arc<HeightGrid>>,
@@ -130,17 +135,17 @@ impl Known {
     }
 }
 
-/// An error at a place.
+/// Error at a place.
 pub(super) fn error(place: &Place, message: impl Into<String>) -> Diagnostic {
     Diagnostic::new(message).at(&place.source, place.span)
 }
 
-/// Where a value stands.
+/// Place of a value.
 pub(super) fn place(value: &Value) -> Place {
     Place { source: value.source().clone(), span: value.span() }
 }
 
-/// A number of a record, within a range; without a default it must be there.
+/// Number of a record, within a range. It is required if there is no default.
 pub(super) fn number(
     record: &mut Record<'_>,
     name: &str,
@@ -155,7 +160,7 @@ pub(super) fn number(
     }
 }
 
-/// So many numbers in a row, each within a range.
+/// Fixed count of numbers, each within a range.
 pub(super) fn numbers<const N: usize>(
     value: &Value,
     range: &RangeInclusive<f64>,
@@ -177,7 +182,7 @@ pub(super) fn numbers<const N: usize>(
     Ok(all)
 }
 
-/// The name of a variant, one of some: `name` or `name(...)`.
+/// Name of a variant, out of a given set: `name` or `name(...)`.
 pub(super) fn variant<'v>(
     value: &'v Value,
     what: &str,
@@ -198,7 +203,7 @@ pub(super) fn variant<'v>(
     Err(Diagnostic::new(format!("unknown {what} `{name}`")).at(value.source(), span).help(help))
 }
 
-/// The fields of a variant; a bare word has none.
+/// Fields of a variant. A bare word has none.
 pub(super) fn body<'v>(value: &'v Value, name: &str) -> Result<Option<Record<'v>>, Diagnostic> {
     if matches!(value.kind(), Kind::Word(_)) { Ok(None) } else { value.record(name).map(Some) }
 }

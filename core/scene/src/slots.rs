@@ -1,4 +1,4 @@
-//! The different settings of an effect in a scene. Surfaces that feel alike share them.
+//! Slots: the different settings of an effect in a scene. Surfaces that feel alike share a slot.
 
 use std::collections::HashMap;
 
@@ -7,28 +7,28 @@ use asperity_node::Registry;
 
 use super::{Scene, Touchable};
 
-/// The name of the texture by the scene's network, whose settings are materials.
+/// Name of the texture by the scene's network, whose settings are materials.
 pub const NETWORK: &str = "network";
 
-/// The slots of one kind of effect: different settings, in the order of the file.
+/// Slots of one kind of effect: its different settings, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
-    /// For each slot the first surface that has it.
+    /// First surface of each slot.
     pub first: Vec<usize>,
-    /// For each surface its slot, if it has the effect.
+    /// Slot of each surface, if it has the effect.
     pub of: Vec<Option<usize>>,
 }
 
 impl Slots {
-    /// How many surfaces have the effect.
+    /// Number of surfaces that have the effect.
     pub fn surfaces(&self) -> usize {
         self.of.iter().flatten().count()
     }
 }
 
 impl Touchable {
-    /// The settings of a kind of effect as a text, the same for surfaces that share a slot; `None` for a surface without
-    /// the effect. For `network` it is the material's name.
+    /// Settings of a kind of effect as a text, equal for surfaces that share a slot. `None` for a surface
+    /// without the effect. For `network` the text is the material's name.
     pub fn settings(&self, kind: &str) -> Option<String> {
         if kind == NETWORK {
             self.effects.network.as_ref()?;
@@ -44,7 +44,7 @@ impl Touchable {
 }
 
 impl Scene {
-    /// The slots of a kind.
+    /// Slots of a kind.
     pub fn slots(&self, kind: &str) -> Slots {
         let mut slots = Slots::default();
         let mut known: HashMap<String, usize> = HashMap::new();
@@ -60,7 +60,7 @@ impl Scene {
         slots
     }
 
-    /// The texts of a kind's slots with the places at which they stand in the file.
+    /// Texts of a kind's slots, with their places in the file.
     pub fn slot_texts(&self, kind: &str, slots: &Slots) -> Vec<(String, Place)> {
         let surfaces = slots.first.iter().filter_map(|first| self.surfaces.get(*first));
         surfaces
@@ -70,7 +70,8 @@ impl Scene {
             .collect()
     }
 
-    /// A number that tells all slots of the named effects apart from others (a hash, in hexadecimal digits).
+    /// Hash of all slots of the named effects, in hexadecimal digits. It tells them apart from other
+    /// slots.
     pub fn slots_key<'a>(&self, kinds: impl Iterator<Item = &'a str>) -> String {
         let mut all = Vec::new();
         for kind in kinds {

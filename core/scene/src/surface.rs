@@ -1,4 +1,4 @@
-//! Shapes and where they are.
+//! Reads shapes and their poses.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Record, Value};
@@ -10,10 +10,10 @@ use asperity_surfaces::topography::{HeightField, made_surfaces};
 
 const SHAPES: &[&str] = &["plane", "rectangle", "sphere", "box", "relief"];
 const HEIGHTS: &[&str] = &["made", "picture"];
-/// Thickness of what has one side, unless the file says otherwise: a stylus pressed so deep is through.
+/// Default thickness of a one-sided shape. A stylus that is pressed deeper is through.
 const THICKNESS_MM: f64 = 20.0;
 
-/// The fields `shape`, `place_mm` and `turn_deg` of a surface.
+/// Reads the fields `shape`, `place_mm` and `turn_deg` of a surface.
 pub(super) fn surface(record: &mut Record<'_>, known: &mut Known) -> Result<Surface, Diagnostic> {
     let value = record.required("shape")?;
     let shape = shape(value, known)?;
@@ -25,7 +25,7 @@ pub(super) fn surface(record: &mut Record<'_>, known: &mut Known) -> Result<Surf
     Ok(Surface { shape, pose })
 }
 
-/// An error of what a value says, at the value.
+/// Moves an error about a value to the place of the value.
 fn at(value: &Value, e: Diagnostic) -> Diagnostic {
     e.at(value.source(), value.span())
 }
@@ -84,10 +84,11 @@ fn usage(name: &str) -> &'static str {
 }
 
 impl Heights {
-    /// Reads where heights come from: `made(...)` or `picture(...)`.
+    /// Reads a source of heights: `made(...)` or `picture(...)`.
     ///
     /// # Errors
-    /// An unknown source, surface or field, a number out of its range. A picture's file is not looked at.
+    /// A source, surface or field is unknown, or a number is out of its range. The file of a picture is
+    /// not opened.
     pub fn parse(value: &Value) -> Result<Self, Diagnostic> {
         let name = variant(value, "source of heights", HEIGHTS)?;
         let mut record = value.record(name)?;
@@ -120,10 +121,10 @@ impl Heights {
         Ok(heights)
     }
 
-    /// The heights on a grid that repeats.
+    /// Heights on a grid that repeats.
     ///
     /// # Errors
-    /// A picture that cannot be read.
+    /// The picture cannot be read.
     pub fn field(&self) -> Result<HeightField, Diagnostic> {
         match self {
             Self::Made { name, side, step_mm, piece } => {
@@ -149,7 +150,7 @@ impl Heights {
     }
 }
 
-/// Heights as a shape takes them: a made patch repeats, a picture ends.
+/// Heights in the form that a shape takes. A patch of a made surface repeats, a picture ends.
 fn grid(heights: &Heights) -> Result<HeightGrid, Diagnostic> {
     match heights {
         Heights::Made { .. } => HeightGrid::from_field(&heights.field()?),

@@ -14,7 +14,7 @@ fn registry() -> Registry {
     asperity_nodes::registry()
 }
 
-/// A scene of these surfaces.
+/// Parses a scene with these surfaces.
 fn scene(surfaces: &str) -> Result<Scene, String> {
     parse(&format!(
         "Scene(version: 1, input: stroke(speed_mm_s: 80), network: (model: \"m.onnx\", \
@@ -30,7 +30,7 @@ fn refused(surfaces: &str, wanted: &[&str]) {
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 
 #[test]
-fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
+fn scene_is_read_with_its_settings_and_defaults() {
     let scene = scene(&format!(
         "\"left\": (shape: rectangle(size_mm: (40, 60), thickness_mm: 5), place_mm: \
          (-20, 0, 0), material: \"canvas\",\n effects: ({WALL}, friction: \
@@ -61,7 +61,7 @@ fn a_scene_is_read_with_what_it_says_and_what_it_leaves_out() {
 }
 
 #[test]
-fn what_is_wrong_has_a_place_and_the_nearest_name() {
+fn errors_have_a_place_and_the_nearest_name() {
     let plane = |effects: &str| format!("\"a\": (shape: plane, effects: ({effects}))");
     refused(&plane(&format!("{WALL}, fricton: dahl")), &["s.ron:3:", "unknown effect `fricton`", "friction"]);
     refused(&plane(&format!("{WALL}, friction: dall")), &["unknown friction `dall`", "dahl"]);
@@ -92,7 +92,7 @@ fn what_is_wrong_has_a_place_and_the_nearest_name() {
 }
 
 #[test]
-fn no_scene_panics_however_it_is_cut() {
+fn truncated_scene_does_not_panic() {
     let text = include_str!("testing.ron");
     assert!(parse(text).is_ok(), "{:?}", parse(text).err());
     for end in 0..text.len() {
@@ -138,28 +138,28 @@ fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
         );
         parse(&text).unwrap().findings(&registry())
     };
-    // b > K T / 2: 0.5 N/mm at 500 Hz take 0.5 N s/m
+    // b > K T / 2: 0.5 N/mm at 500 Hz need 0.5 N s/m.
     assert!(at("damping_ns_per_m: 0.51", 500, WALL).is_empty());
     let found = at("damping_ns_per_m: 0.49", 500, WALL);
     assert_eq!(found.len(), 1);
     assert!(found[0].message.contains("`wall` along its normal") && found[0].message.contains("0.500 N s/m"));
     assert_eq!(found[0].place.position().line, 1);
     assert!(at("damping_ns_per_m: 0.26", 1000, WALL).is_empty());
-    // a delay of 1 ms counts as K t_d
+    // A delay of 1 ms adds K t_d.
     assert_eq!(at("damping_ns_per_m: 0.51, delay_ms: 1", 500, WALL).len(), 1);
-    // damping counts in full
+    // Damping counts in full.
     assert_eq!(at("damping_ns_per_m: 1", 500, &format!("{WALL}, damping: (damping_ns_per_m: 0.6)")).len(), 1);
-    // 0.004 s/mm of 3.3 N is 13.2 N s/m
+    // 0.004 s/mm of 3.3 N are 13.2 N s/m.
     let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
     assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
-    // What acts along one direction adds: 1.9 N s/m of each are 5.7.
+    // Laws along one direction add up: three of 1.9 N s/m are 5.7.
     let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, \
                  max_force_n: 1, reach_mm: 3), viscosity: (viscosity_ns_per_m: 1.9)";
     assert!(at("damping_ns_per_m: 5.8", 500, three).is_empty());
     let found = at("damping_ns_per_m: 5.6", 500, three);
     assert!(found.len() == 1 && found[0].message.contains("(wall + magnet + viscosity)"), "{found:?}");
     assert!(found[0].message.contains("5.700 N s/m"), "{found:?}");
-    // Along the surface a bristle of 1 N/mm and drag of 1.5 N s/m are 2.5.
+    // Along the surface, a bristle of 1 N/mm and drag of 1.5 N s/m are 2.5.
     let two = "stiffness: (stiffness_n_per_mm: 0.1), friction: dahl, viscosity: (viscosity_ns_per_m: 1.5)";
     assert!(at("damping_ns_per_m: 2.6", 500, two).is_empty());
     let found = at("damping_ns_per_m: 2.4", 500, two);
@@ -169,14 +169,14 @@ fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
     );
     let found = at("damping_ns_per_m: 1", 500, "viscosity: (viscosity_ns_per_m: 1.5)");
     assert!(found.len() == 1 && found[0].message.contains("in its volume (viscosity)"), "{found:?}");
-    // 13.8 mN at 0.5 N/mm and 0.055 mm
+    // 13.8 mN at 0.5 N/mm and 0.055 mm.
     let quantised = "damping_ns_per_m: 2, position_step_mm: 0.055, friction_n";
     assert!(at(&format!("{quantised}: 0.0139"), 500, WALL).is_empty());
     assert_eq!(at(&format!("{quantised}: 0.0136"), 500, WALL).len(), 1);
 }
 
 #[test]
-fn a_scene_is_told_from_a_graph_behind_any_comments() {
+fn scene_is_told_from_a_graph_after_any_comments() {
     let meant = |text: &str| Scene::is_meant(&Source::new("s.ron", text));
     assert!(
         meant("Scene(version: 1)") && meant("// Graph(\n\n  /* a /* b */ Graph( */ // c\nScene (version: 1)")

@@ -9,13 +9,13 @@ use asperity_node::{Acts, Descriptor, Effect, ShapeSpec};
 
 use crate::lower::builder::{Builder, handed_on, number, setting, slot_port};
 
-/// What acceleration goes through on its way to the output.
+/// Nodes that acceleration passes on its way to the output.
 pub(crate) const STAGES: [(&str, &str); 2] = [("inverse", "actuator_inverse"), ("limiter", "limiter")];
-/// Rate at which a network's signal is synthesised unless the file says otherwise \[Hz\].
+/// Rate at which a network's signal is synthesised unless the file sets it \[Hz\].
 const SYNTHESIS_HZ: f64 = 2500.0;
 
 impl Builder<'_> {
-    /// What vibrates, and what plays it.
+    /// Adds the effects that vibrate and the nodes that play them.
     pub(crate) fn acoustic(&mut self) -> Result<(), Diagnostic> {
         let mut textures = Vec::new();
         if self.scene.network.is_some() && self.is_built(NETWORK) {
@@ -51,7 +51,7 @@ impl Builder<'_> {
         self.actuator()
     }
 
-    /// From acceleration to the output, where there is one.
+    /// Adds the nodes from acceleration to the output, if there is one.
     fn actuator(&mut self) -> Result<(), Diagnostic> {
         let scene = self.scene;
         let Some(output) = &scene.output else { return Ok(()) };
@@ -76,7 +76,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The network's chain, for all surfaces that ask for it; its output.
+    /// Adds the network's chain for all surfaces that ask for it. Answers its output.
     fn network(&mut self) -> Result<String, Diagnostic> {
         let scene = self.scene;
         let Some(network) = &scene.network else { return Ok(String::new()) };
@@ -96,7 +96,8 @@ impl Builder<'_> {
         ] {
             self.wire(from, to);
         }
-        // What follows the hand's place, or wants to know more of the material, is told.
+        // Connects the further inputs that a phase retrieval may have: the place of the hand, or more
+        // about the material.
         let asks = |input: &str| phase.inputs.iter().any(|p| p.name == input);
         for (from, input) in [
             ("texture.pattern", "pattern"),
@@ -129,7 +130,7 @@ impl Builder<'_> {
         Ok("network level".into())
     }
 
-    /// The materials that surfaces with a network's texture name.
+    /// Adds the materials that surfaces with a network texture name.
     fn materials(&self, params: &mut Vec<Setting>) {
         let Some(slots) = self.slots(NETWORK) else { return };
         let surfaces = slots.first.iter().filter_map(|first| self.scene.surfaces.get(*first));
@@ -145,7 +146,7 @@ impl Builder<'_> {
                 }
             }
             None => {
-                // Nobody asks for it, and all is to be built: any will do.
+                // No surface asks for a material, but all nodes are to be built, so any material will do.
                 let library = self.library();
                 let name = library.as_ref().and_then(|l| l.materials().first()).map(|m| m.name.clone());
                 params.push(setting("material", Form::Text(name.unwrap_or_default()), &self.here()));
@@ -153,7 +154,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One voice of a texture: its output.
+    /// Adds one voice of a texture and answers its output.
     fn voice(&mut self, kind: &str, effect: &Effect, voice: &str) -> String {
         let id = self.effect(kind, effect, voice);
         let level = format!("{id} level");
@@ -165,7 +166,7 @@ impl Builder<'_> {
         level
     }
 
-    /// Whether there is nothing to go over into: one surface with such textures, of one face.
+    /// Whether no crossfade can happen: only one surface has such textures, and it has one face.
     fn is_one_voice_enough(&self) -> bool {
         let has_textures = |effects: &crate::Effects| effects.named.iter().any(|named| named.texture);
         let mut voiced = self.scene.surfaces.iter().filter(|s| has_textures(&s.effects));
@@ -175,7 +176,7 @@ impl Builder<'_> {
     }
 }
 
-/// Whether a kind of phase retrieval answers spectra, which an overlap-add has to make a signal of.
+/// Whether a kind of phase retrieval answers spectra. An overlap-add then makes a signal of them.
 fn answers_spectra(descriptor: &Descriptor) -> bool {
     descriptor.outputs.iter().any(|output| matches!(output.shape, ShapeSpec::Spectrum(_)))
 }

@@ -1,4 +1,4 @@
-//! Nodes and wires, one after the other.
+//! Builds a graph from nodes and wires, one after the other.
 
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_diagnostics::{Diagnostic, Place, Span, one_of};
@@ -11,13 +11,13 @@ use crate::slots::effects_in_order;
 use crate::{EffectNames, NETWORK, Part, Scene, Slots};
 use crate::{Lowered, Lowering, Rendered};
 
-/// A graph in the making.
+/// A graph under construction.
 pub(crate) struct Builder<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) registry: &'a Registry,
     pub(crate) prune: bool,
     graph: GraphFile,
-    /// All effects that there are.
+    /// All kinds of effect.
     effects: Vec<Of<'a>>,
 }
 
@@ -40,7 +40,7 @@ impl<'a> Builder<'a> {
         Self { scene, registry, prune: lowering.prune, graph, effects }
     }
 
-    /// The graph, in which something is to be felt.
+    /// Finishes the graph. It must have something to feel.
     pub(crate) fn done(self) -> Result<Lowered, Diagnostic> {
         let sink = |kind: &str| self.registry.get(kind).is_some_and(|kind| kind.descriptor().sink);
         if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
@@ -64,12 +64,12 @@ impl<'a> Builder<'a> {
         Ok(Lowered { rendered: rendered.collect(), graph })
     }
 
-    /// Whether an effect is to be built: a surface has it, or everything is.
+    /// Whether to build an effect: a surface has it, or all effects are built.
     pub(crate) fn is_built(&self, kind: &str) -> bool {
         self.slots(kind).is_some_and(|slots| !self.prune || !slots.first.is_empty())
     }
 
-    /// The effects to be built that act somewhere, in their order.
+    /// Effects to build that act in a given way, in their order.
     pub(crate) fn acting(&self, acts: Acts) -> Vec<(&'a str, &'a Effect)> {
         let of = |built: &Of<'a>| {
             effect_of(self.registry, built.kind)
@@ -79,7 +79,7 @@ impl<'a> Builder<'a> {
         self.effects.iter().filter(|of| self.is_built(of.kind)).filter_map(of).collect()
     }
 
-    /// The names of the effects to be built, as the `contact` node takes them.
+    /// Names of the effects to build, as the `contact` node takes them.
     pub(crate) fn names(&self) -> EffectNames {
         let of = |acts| self.acting(acts).into_iter().map(|(kind, _)| kind.to_owned()).collect();
         EffectNames {
@@ -99,12 +99,12 @@ impl<'a> Builder<'a> {
         self.effects.iter().find(|built| built.kind == kind).map(|built| &built.slots)
     }
 
-    /// The beginning of the file, for what nothing in it says.
+    /// Beginning of the file, as the place of settings that the file does not have.
     pub(crate) fn here(&self) -> Place {
         Place { source: self.scene.source.clone(), span: Span::at(0) }
     }
 
-    /// Where the first surface stands that has an effect.
+    /// Place of the first surface that has an effect.
     pub(crate) fn first_place(&self, kind: &str) -> Place {
         let first = self.slots(kind).and_then(|slots| slots.first.first());
         let surface = first.and_then(|first| self.scene.surfaces.get(*first));
@@ -124,7 +124,7 @@ impl<'a> Builder<'a> {
         });
     }
 
-    /// Says that a node renders a kind of effect.
+    /// Notes that a node renders a kind of effect.
     pub(crate) fn renders(&mut self, kind: &str, id: &str) {
         if let Some(built) = self.effects.iter_mut().find(|built| built.kind == kind) {
             built.nodes.push(id.to_owned());
@@ -145,7 +145,8 @@ impl<'a> Builder<'a> {
         self.graph.wires.push(wire);
     }
 
-    /// Adds what sums several outputs, and answers its output: a `mix` also of one, so that samples do not depend on how many there are.
+    /// Adds a `mix` that sums several outputs. A single output gets a `mix` too, so that samples do not
+    /// depend on the number of outputs.
     pub(crate) fn sum(&mut self, id: &str, from: &[String]) {
         let place = self.here();
         self.node(id, "mix", &place, vec![setting("inputs", Form::Int(from.len() as i64), &place)]);
@@ -154,14 +155,14 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// A part as the file has it, of a kind that there is.
+    /// Adds a part as the file has it. Its kind must exist.
     pub(crate) fn part(&mut self, id: &str, part: &Part) -> Result<&'a Descriptor, Diagnostic> {
         let descriptor = self.descriptor(&part.kind, &part.place)?;
         self.node(id, &part.kind, &part.place, handed_on(part));
         Ok(descriptor)
     }
 
-    /// What a kind of node is.
+    /// Looks up a kind of node.
     pub(crate) fn descriptor(&self, kind: &str, place: &Place) -> Result<&'a Descriptor, Diagnostic> {
         match self.registry.get(kind) {
             Some(found) => Ok(found.descriptor()),
@@ -171,15 +172,15 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The list of a kind's slots, as its node takes them. Each text has the place at which it stands in the scene.
+    /// Lists a kind's slots, as its node takes them. Each text has its place in the scene.
     pub(crate) fn list(&self, kind: &str, effect: &Effect) -> Setting {
         let texts = self.slots(kind).map_or_else(Vec::new, |slots| self.scene.slot_texts(kind, slots));
         let items = texts.into_iter().map(|(text, place)| Value::made(Form::Text(text), &place)).collect();
         setting(&effect.list, Form::List(items), &self.first_place(kind))
     }
 
-    /// The node of an effect, as voice `voice` of a texture where that is not empty. What it needs comes from the
-    /// contact, or from the motion.
+    /// Adds the node of an effect. If `voice` is not empty, the node is that voice of a texture. Its
+    /// inputs come from the contact or the motion.
     pub(crate) fn effect(&mut self, kind: &str, effect: &Effect, voice: &str) -> String {
         let place = self.first_place(kind);
         let id = if voice.is_empty() { kind.to_owned() } else { format!("{kind} {voice}") };
@@ -187,7 +188,7 @@ impl<'a> Builder<'a> {
         let device = &self.scene.device;
         let smooths = |descriptor: &Descriptor| descriptor.params.iter().any(|p| p.name == "smooth_hz");
         if device.position_step_mm > 0.0 && self.registry.get(kind).is_some_and(|k| smooths(k.descriptor())) {
-            // Places that come in steps are heard as such.
+            // Without smoothing, places that come in steps can be heard.
             let cutoff_hz = number(&self.scene.motion, "cutoff_hz").unwrap_or(20.0);
             params.push(setting("smooth_hz", Form::Float(cutoff_hz), &device.place));
         }
@@ -201,7 +202,7 @@ impl<'a> Builder<'a> {
         id
     }
 
-    /// The output that gives a quantity of the contact.
+    /// Output that gives a quantity of the contact.
     fn quantity(&self, kind: &str, acts: Acts, voice: &str, quantity: &str) -> String {
         let of_contact = |name: &str| {
             let contact = self.registry.get("contact").map(|kind| kind.descriptor());
@@ -217,18 +218,18 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// The output of `contact` with the slot of an effect, of a texture in voice `voice`.
+/// Output of `contact` with the slot of an effect; for a texture, the slot in voice `voice`.
 pub(crate) fn slot_port(kind: &str, voice: &str) -> String {
     if voice.is_empty() { format!("{kind}_slot") } else { format!("{kind}_slot_{voice}") }
 }
 
-/// A parameter that a program sets.
+/// Makes a parameter that does not stand in the file.
 pub(crate) fn setting(name: &str, value: Form, place: &Place) -> Setting {
     let value = Value::made(value, place);
     Setting { name: name.to_owned(), place: place.clone(), value, typed: None }
 }
 
-/// The settings of a part.
+/// Settings of a part, passed on to its node.
 pub(crate) fn handed_on(part: &Part) -> Vec<Setting> {
     let place = |key: &asperity_diagnostics::ron::Key, value: &Value| Place {
         source: value.source().clone(),
@@ -245,7 +246,7 @@ pub(crate) fn handed_on(part: &Part) -> Vec<Setting> {
         .collect()
 }
 
-/// A number that the file sets in a part.
+/// Number that the file sets in a part.
 pub(crate) fn number(part: &Part, name: &str) -> Option<f64> {
     part.settings.iter().find(|(key, _)| key.name == name).and_then(|(_, value)| value.f64().ok())
 }

@@ -1,4 +1,4 @@
-//! The hand, what it touches, and the forces on it.
+//! Motion of the hand, its contact with surfaces, and the forces on it.
 
 use crate::Part;
 use asperity_diagnostics::Diagnostic;
@@ -7,15 +7,16 @@ use asperity_node::{Acts, Role};
 
 use crate::lower::builder::{Builder, handed_on, number, setting};
 
-/// Fade of a gate that does not say otherwise \[ms\].
+/// Default fade of a gate \[ms\].
 const GATE_FADE_MS: f64 = 10.0;
-/// How long textures of one surface take to go over into another's \[ms\].
+/// Time of the crossfade from one surface's textures to another's \[ms\].
 const CROSSFADE_MS: f64 = 20.0;
-/// From how far the plane of a surface is told of to a device that pushes back in a loop of its own \[mm\].
+/// Distance from which the plane of a surface is reported to a device that pushes back in its own loop
+/// \[mm\].
 const ANTICIPATE_MM: f64 = 5.0;
 
 impl Builder<'_> {
-    /// Where the stylus is, how it moves, and what it touches.
+    /// Adds the stylus, its motion and the contact.
     pub(crate) fn hand(&mut self) -> Result<(), Diagnostic> {
         let scene = self.scene;
         let input = self.part("stylus", &scene.input)?;
@@ -68,7 +69,7 @@ impl Builder<'_> {
         self.registry.with_role(role).collect()
     }
 
-    /// What pushes and pulls.
+    /// Adds the nodes for forces.
     pub(crate) fn forces(&mut self) -> Result<(), Diagnostic> {
         let scene = self.scene;
         let walls = scene.surfaces.iter().any(|surface| surface.effects.stiffness.is_some());
@@ -100,7 +101,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A device that pushes back: the wall in its own loop, what else there is as told once a tick.
+    /// Adds a device that pushes back. It renders the wall in its own loop. All other forces are sent
+    /// once per tick.
     fn device(&mut self, device: &Part, beside: &[String]) -> Result<(), Diagnostic> {
         let descriptor = self.descriptor(&device.kind, &device.place)?;
         if descriptor.role != Some(Role::Force) {

@@ -1,4 +1,4 @@
-//! What is wrong with the parts of a scene, whether they are needed or not.
+//! Finds errors in the parts of a scene, whether the scene needs these parts or not.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::lower::acoustic::STAGES;
 use crate::lower::builder::{Builder, handed_on};
 
 impl Builder<'_> {
-    /// Looks at all parts, also those that nothing calls for: what is wrong is not to wait until something does.
+    /// Checks all parts, also those that the scene does not need, so that errors show early.
     pub(crate) fn look(&self) -> Result<(), Diagnostic> {
         let scene = self.scene;
         self.settings(&scene.motion)?;
@@ -48,7 +48,7 @@ impl Builder<'_> {
         self.known_materials()
     }
 
-    /// Checks a part's settings, and answers what its kind is.
+    /// Checks a part's settings and answers the descriptor of its kind.
     fn settings(&self, part: &Part) -> Result<&Descriptor, Diagnostic> {
         let descriptor = self.descriptor(&part.kind, &part.place)?;
         match check_settings(&handed_on(part), descriptor).into_iter().next() {
@@ -57,7 +57,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The actuator's settings are those of two nodes.
+    /// Checks the settings of the actuator, which are those of two nodes.
     fn actuator_settings(&self) -> Result<(), Diagnostic> {
         let part = &self.scene.actuator;
         let mut unknown = handed_on(part);
@@ -80,7 +80,8 @@ impl Builder<'_> {
             .help(one_of(&unknown.name, names)))
     }
 
-    /// Files of effects that nothing plays are there. Those of others are read where their nodes are made.
+    /// Checks that the files of effects exist if no node plays them. The other files are read when their
+    /// nodes are made.
     fn files_of_the_unheard(&self) -> Result<(), Diagnostic> {
         let scene = self.scene;
         if scene.output.is_some() {
@@ -107,7 +108,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Every material that a surface names is one of the library, where the scene has one.
+    /// Checks that the library has every material that a surface names, if the scene has a library.
     fn known_materials(&self) -> Result<(), Diagnostic> {
         let mut known = HashSet::new();
         let mut named = self.scene.surfaces.iter().filter_map(|surface| surface.material.as_ref()).peekable();
@@ -122,7 +123,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The network's library. One that cannot be read is an error of the node, with its own place.
+    /// Library of the network. If it cannot be read, the node reports the error, with its own place.
     pub(crate) fn library(&self) -> Option<Arc<Library>> {
         let (_, file) =
             self.scene.network.as_ref()?.settings.iter().find(|(key, _)| key.name == "library")?;
@@ -131,7 +132,7 @@ impl Builder<'_> {
     }
 }
 
-/// Whether a kind makes a signal, or spectra, of magnitudes.
+/// Whether a kind turns magnitudes into a signal or spectra.
 fn retrieves_phase(descriptor: &Descriptor) -> bool {
     descriptor.inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Magnitude(_)))
         && descriptor.outputs.iter().any(|o| matches!(o.shape, ShapeSpec::Audio(_) | ShapeSpec::Spectrum(_)))

@@ -1,4 +1,4 @@
-//! From a scene to a graph: the nodes that it calls for and no others.
+//! Lowers a scene to a graph with the nodes that the scene needs and no others.
 //!
 //! ```text
 //! stylus -> motion -> contact
@@ -9,11 +9,13 @@
 //! textures -> gate -> acceleration -> strength -> inverse -> limiter -> out
 //! ```
 //!
-//! However many surfaces there are, the graph has one `contact`, one network, and at most two voices of each other
-//! texture. The settings of an effect are a *slot* in the list of the effect's node. Surfaces with the same settings
-//! share a slot. Accelerations add up and go to the actuator through one limiter, textures through one gate before.
-//! Forces add up and are held to the device's largest. With [`Lowering::prune`] off, the graph also has nodes for
-//! effects that no surface has, with empty lists.
+//! The graph has one `contact`, one network, and at most two voices of each other texture, however many
+//! surfaces there are. The settings of an effect are a *slot* in the list of the effect's node. Surfaces
+//! with the same settings share a slot.
+//!
+//! Accelerations add up and go to the actuator through one limiter. Textures pass one gate before that.
+//! Forces add up and are limited to the device's largest. With [`Lowering::prune`] off, the graph also
+//! has nodes for effects that no surface has. Their lists are empty.
 
 mod acoustic;
 mod builder;
@@ -29,7 +31,7 @@ use asperity_node::Registry;
 
 use builder::Builder;
 
-/// How to lower.
+/// Options of lowering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lowering {
     /// Leave out effects that no surface has.
@@ -42,30 +44,31 @@ impl Default for Lowering {
     }
 }
 
-/// A graph that a scene came to.
+/// Graph of a scene.
 #[derive(Clone, Debug)]
 pub struct Lowered {
-    /// It.
+    /// The graph.
     pub graph: GraphFile,
-    /// Every kind of effect. One that is not built has no nodes.
+    /// All kinds of effect. A kind that is not built has no nodes.
     pub rendered: Vec<Rendered>,
 }
 
 /// A kind of effect, and the nodes that render it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rendered {
-    /// Its name.
+    /// Name of the kind.
     pub kind: String,
-    /// Whether it is a texture, which goes through the gate.
+    /// Whether it is a texture, which passes the gate.
     pub texture: bool,
     /// Ids of its nodes.
     pub nodes: Vec<String>,
 }
 
-/// The graph of a scene as far as it can be known without kinds of nodes: the plugins that it asks for.
+/// Graph of a scene as far as it can be known without kinds of nodes: the plugins that the scene asks
+/// for.
 ///
 /// # Errors
-/// A list that is none of names.
+/// `plugins` is not a list of names.
 pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
     let mut graph = GraphFile::empty(&scene.source.path().display().to_string());
     graph.source = scene.source.clone();
@@ -79,16 +82,16 @@ pub fn draft(scene: &Scene) -> Result<GraphFile, Diagnostic> {
     Ok(graph)
 }
 
-/// The graph of a scene.
+/// Lowers a scene to its graph.
 ///
 /// # Errors
-/// - a finding of [`Scene::check`];
-/// - a part of an unknown kind, or of a kind that cannot do its job: `input` tells a position, `phase` makes a signal
-///   of magnitudes, `output` plays;
-/// - a setting that is unknown or does not fit, even if the scene does not need the part;
-/// - a material that the network's library does not have;
-/// - a scene without anything to feel;
-/// - `plugins` that is not a list of names.
+/// - [`Scene::check`] finds an error.
+/// - A part is of an unknown kind, or of a kind that cannot do its job. `input` must tell a position,
+///   `phase` must make a signal of magnitudes, and `output` must play.
+/// - A setting is unknown or does not fit, even if the scene does not need the part.
+/// - The network's library does not have a material.
+/// - The scene has nothing to feel.
+/// - `plugins` is not a list of names.
 pub fn lower(scene: &Scene, registry: &Registry, lowering: Lowering) -> Result<Lowered, Diagnostic> {
     scene.check(registry)?;
     let mut builder = Builder::new(scene, registry, lowering, draft(scene)?);

@@ -1,4 +1,4 @@
-//! The graph of a scene, against a table of the nodes that each effect needs.
+//! Tests of the graph of a scene, against a table of the nodes that each effect needs.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -32,11 +32,11 @@ const NEEDS: [(&str, &[&str]); 9] = [
     ("magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 3)", &["magnet"]),
 ];
 
-/// Which of [`NEEDS`] push, if only by the wall that they need, and which vibrate.
+/// Effects of [`NEEDS`] that push, if only by the wall that they need, and effects that vibrate.
 const FORCES: [usize; 8] = [0, 1, 2, 3, 4, 5, 7, 8];
 const SOUNDS: [usize; 6] = [1, 2, 3, 4, 5, 6];
 
-/// A scene in the folder of the shipped graphs. Each effect has a surface of its own.
+/// Makes a scene in the folder of the shipped graphs. Each effect has a surface of its own.
 fn scene(shape: &str, effects: &[String]) -> Result<Scene, asperity_diagnostics::Diagnostic> {
     let surfaces: Vec<String> = effects
         .iter()
@@ -75,7 +75,7 @@ fn effects(which: impl Fn(usize) -> bool) -> Vec<String> {
 }
 
 #[test]
-fn of_every_subset_of_effects_exactly_what_it_needs_is_built() {
+fn every_subset_of_effects_builds_exactly_its_nodes() {
     let registry = asperity_nodes::registry();
     for subset in 1..1_u32 << NEEDS.len() {
         let has = |i: usize| subset >> i & 1 == 1;
@@ -96,7 +96,7 @@ fn of_every_subset_of_effects_exactly_what_it_needs_is_built() {
             wanted.extend(["mix", "actuator_inverse", "limiter", "audio_out"]);
         }
         assert_eq!(kinds(&graph), wanted, "{subset:09b}");
-        // Whatever there is, there is one of it, or two voices.
+        // Each kind has one node, or one for each of two voices.
         for kind in ["contact", "texture_network", "friction", "tap", "vibration", "viscosity", "magnet"] {
             assert!(graph.nodes.iter().filter(|n| n.kind == kind).count() <= 1, "{subset:09b}: {kind}");
         }
@@ -147,7 +147,7 @@ fn one_face_needs_one_voice_and_a_ball_or_a_second_surface_two() {
 }
 
 #[test]
-fn what_every_kind_is_rendered_by_is_in_the_graph() {
+fn nodes_that_render_each_kind_are_in_the_graph() {
     let registry = asperity_nodes::registry();
     let scene = scene(TILE, &effects(|_| true)).unwrap();
     let lowered = lower(&scene, &registry, Lowering::default()).unwrap();
@@ -164,7 +164,7 @@ fn what_every_kind_is_rendered_by_is_in_the_graph() {
     }
 }
 
-/// A node that pushes back, as hosts of devices bring it.
+/// A node that pushes back, like those that device hosts add.
 struct Push;
 
 impl Node for Push {
@@ -185,7 +185,7 @@ impl Processor for Push {
     fn reset(&mut self) {}
 }
 
-/// The error of a scene in which something is replaced: message, text at its place, help.
+/// Replaces something in a scene and answers the error: message, text at its place, help.
 fn wrong(effects: &str, (from, to): (&str, &str)) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs/made.ron").display().to_string();
     let text = scene(TILE, &[effects.to_owned()]).unwrap().source.text().replacen(from, to, 1);
@@ -199,7 +199,7 @@ fn wrong(effects: &str, (from, to): (&str, &str)) -> String {
 }
 
 #[test]
-fn what_cannot_be_lowered_is_told_with_its_place() {
+fn scene_that_cannot_be_lowered_is_refused_with_place() {
     let network = NEEDS[1].0;
     let cases = [
         (network, ("\"oak\"", "\"oka\""), "`oka`", "\"oka\"", "oak"),

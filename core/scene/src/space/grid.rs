@@ -6,35 +6,42 @@ use super::WORLD_MM;
 use super::vector::{least, most};
 use asperity_surfaces::topography::{HeightField, Sample, weights};
 
-/// Most points of a grid.
+/// Largest number of points in a grid.
 pub const MOST_POINTS: usize = 1 << 26;
 
-/// Points beyond the ends of a line that are kept with it.
+/// Points beyond each end of a line that are stored with it.
 const BEFORE: usize = 1;
 const AFTER: usize = 2;
 
-/// Heights on a grid, in millimetres, between whose points Catmull and Rom's cubic runs along x and along y (C1: heights and slopes
-/// are continuous; Catmull and Rom 1974, "A class of local interpolating splines"; Keys 1981 for images). The grid repeats, or it ends at its first and last points and
-/// goes on in a straight line where the cubic asks for one more.
+/// Heights on a grid, in millimetres. Between the points runs the cubic of Catmull and Rom, along x and
+/// along y. It is C1: heights and slopes are continuous (Catmull and Rom 1974, "A class of local
+/// interpolating splines"; Keys 1981 for images). The grid repeats, or it ends at its first and last
+/// points. A grid that ends goes on in a straight line where the cubic needs one more point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightGrid {
     columns: usize,
     rows: usize,
     step_mm: [f64; 2],
     repeats: bool,
-    /// Row by row, each with its neighbours beyond the ends, so that a sample needs no more than to look.
+    /// Length of a stored row: each row includes its neighbours beyond the ends, so that a sample only
+    /// reads.
     stride: usize,
     heights: Box<[f32]>,
     bounds_mm: [f64; 2],
 }
 
 impl HeightGrid {
-    /// A grid from its heights in millimetres, row by row (x grows along a row, y with rows), and the distances of its points along x and y. One that
-    /// repeats does so after `columns` and `rows` steps.
+    /// Makes a grid from its heights in millimetres, row by row, and the distances between points along x
+    /// and y. Along a row x grows; from row to row y grows. A grid that repeats does so after `columns`
+    /// and `rows` steps.
     ///
     /// # Errors
-    /// Steps that are not above 0, an extent beyond [`WORLD_MM`], heights that are not finite or larger than that, rows that are not
-    /// whole, fewer than two columns and rows (where it repeats: none), more than [`MOST_POINTS`] points.
+    /// - A step is not above 0.
+    /// - The extent is beyond [`WORLD_MM`].
+    /// - A height is not finite or larger than that.
+    /// - A row is not complete.
+    /// - There are fewer than two columns or rows (fewer than one if the grid repeats).
+    /// - There are more than [`MOST_POINTS`] points.
     pub fn new(
         columns: usize,
         heights_mm: Vec<f32>,
@@ -69,7 +76,8 @@ impl HeightGrid {
         let (low, high) = heights_mm.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
             (least(low, f64::from(*h)), most(high, f64::from(*h)))
         });
-        // The weights of a cubic sum to 1, their absolute values to at most 5/4; with the straight ends to less than 7/5.
+        // The weights of a cubic sum to 1. Their absolute values sum to at most 5/4, with the straight
+        // ends to less than 7/5.
         let factor: f64 = if repeats { 1.25 } else { 1.4 };
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) * factor * factor * (1.0 + 1e-6));
         let bounds_mm = [middle - half, middle + half];
@@ -84,7 +92,7 @@ impl HeightGrid {
         Ok(Self { columns, rows, step_mm, repeats, stride, heights: heights.into(), bounds_mm })
     }
 
-    /// A patch of a surface, which repeats.
+    /// Makes a grid from a patch of a surface, which repeats.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -92,7 +100,7 @@ impl HeightGrid {
         Self::new(field.side(), field.heights().to_vec(), [field.step_mm(); 2], true)
     }
 
-    /// Columns and rows.
+    /// Number of columns and rows.
     pub fn points(&self) -> [usize; 2] {
         [self.columns, self.rows]
     }
@@ -102,18 +110,19 @@ impl HeightGrid {
         self.repeats
     }
 
-    /// How far it goes along x and y in millimetres: from the first point to the last, or until it repeats.
+    /// Extent along x and y in millimetres: from the first point to the last, or until the grid repeats.
     pub fn extent_mm(&self) -> [f64; 2] {
         let steps = |count: usize| if self.repeats { count } else { count - 1 } as f64;
         [steps(self.columns) * self.step_mm[0], steps(self.rows) * self.step_mm[1]]
     }
 
-    /// Heights in millimetres between which all lies, between points too.
+    /// Lower and upper bound in millimetres of all heights, also between points.
     pub fn bounds_mm(&self) -> [f64; 2] {
         self.bounds_mm
     }
 
-    /// The height in millimetres and the slopes at a place from the first point on; a grid that ends is asked at its edge for what lies beyond.
+    /// Height in millimetres and slopes at a place, counted from the first point. Beyond the edge of a
+    /// grid that ends, the answer is that at the edge.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> Sample {
         let per_mm = [1.0 / self.step_mm[0], 1.0 / self.step_mm[1]];
         let (column, u) = self.cell(x_mm * per_mm[0], self.columns);
@@ -136,12 +145,12 @@ impl HeightGrid {
         Sample { height_mm, slope: [dx * per_mm[0], dy * per_mm[1]] }
     }
 
-    /// The point before a place counted in steps, and how far on it is, 0 to 1.
+    /// Point before a place that is counted in steps, and how far beyond it the place is, 0 to 1.
     fn cell(&self, place: f64, count: usize) -> (usize, f64) {
         let place = if self.repeats {
             place
         } else {
-            // A place that is not a number is an end.
+            // A place that is not a number counts as an end.
             most(least(place, (count - 1) as f64), 0.0)
         };
         let near = place as i64;
@@ -153,7 +162,7 @@ impl HeightGrid {
             return (first, part + (whole as usize - first) as f64);
         }
         let part = if (0.0..=1.0).contains(&part) { part } else { 0.0 };
-        // A division takes as long as the rest of a sample.
+        // Avoids a division, which takes as long as the rest of a sample.
         let wrapped = if count.is_power_of_two() {
             whole as usize & (count - 1)
         } else {
@@ -163,7 +172,7 @@ impl HeightGrid {
     }
 }
 
-/// A line with what the cubic asks for beyond its ends.
+/// A line with the points that the cubic needs beyond its ends.
 fn padded(line: &[f32], repeats: bool) -> Vec<f32> {
     let at = |index: i64| line.get(index.rem_euclid(line.len() as i64) as usize).copied().unwrap_or(0.0);
     let last = line.len() as i64 - 1;

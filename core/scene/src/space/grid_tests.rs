@@ -17,7 +17,7 @@ fn grid(
 }
 
 #[test]
-fn a_sine_has_its_height_and_slopes_between_points_and_over_the_seam() {
+fn sine_keeps_height_and_slopes_between_points_and_at_the_seam() {
     let (columns, rows, step) = (128, 96, [0.05, 0.08]);
     let (a, b) = (TAU / (128.0 * 0.05) * 3.0, TAU / (96.0 * 0.08) * 2.0);
     let waves = grid(columns, rows, step, true, |x, y| 0.3 * (a * x).sin() + 0.1 * (b * y).cos());
@@ -32,7 +32,7 @@ fn a_sine_has_its_height_and_slopes_between_points_and_over_the_seam() {
 }
 
 #[test]
-fn a_grid_that_ends_carries_a_slope_to_its_edges_and_stays_there() {
+fn ending_grid_keeps_slope_to_its_edge_and_is_clamped_beyond() {
     let ramp = grid(7, 4, [0.5, 0.25], false, |x, y| 2.0 * x - 0.5 * y + 1.0);
     assert_eq!(ramp.extent_mm(), [3.0, 0.75]);
     for (x, y) in [(0.0, 0.0), (3.0, 0.75), (2.99, 0.01), (1.3, 0.4), (0.2, 0.75)] {
@@ -69,7 +69,7 @@ fn a_patch_is_sampled_as_it_samples_itself() {
 
 #[test]
 fn bounds_hold_where_the_cubic_overshoots_most() {
-    // In the middle of a cell whose four corners are high and whose neighbours along both axes are low.
+    // In the middle of a cell with four high corners, whose neighbours along both axes are low.
     let high = |x: f64| (1.5..3.5).contains(&x);
     let bump = grid(6, 6, [1.0, 1.0], true, |x, y| if high(x) == high(y) { 1.0 } else { -1.0 });
     let top = bump.sample(2.5, 2.5).height_mm;
@@ -96,7 +96,7 @@ fn grids_that_cannot_be_are_refused() {
 
 proptest! {
     #[test]
-    fn slopes_are_those_of_the_heights_and_continuous(
+    fn slopes_match_heights_and_are_continuous(
         seed in 0..1000u64,
         repeats in proptest::bool::ANY,
         columns in 2..9usize,
@@ -109,8 +109,10 @@ proptest! {
         let grid = HeightGrid::new(columns, heights, [0.5, 0.25], repeats).unwrap();
         let [w, h] = grid.extent_mm();
         let [low, high] = grid.bounds_mm();
-        // Anywhere, on the lines between cells as well.
-        for (x, y) in [(x * w, y * h), ((x * w / 0.5).round() * 0.5, y * h), (x * w, (y * h / 0.25).round() * 0.25)] {
+        // Anywhere, also on the lines between cells.
+        for (x, y) in
+            [(x * w, y * h), ((x * w / 0.5).round() * 0.5, y * h), (x * w, (y * h / 0.25).round() * 0.25)]
+        {
             let s = grid.sample(x, y);
             prop_assert!((low..=high).contains(&s.height_mm));
             let e = 1e-6;

@@ -17,7 +17,7 @@ fn sheet(size: f64, thickness: f64) -> Shape {
     Shape::rectangle([size; 2], thickness).unwrap()
 }
 
-/// What the index says it does, by a look at every entry.
+/// Answers as the index must, by brute force over every entry.
 fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>, reaching: bool) -> Option<Hold> {
     let step = |depth: f64| (depth * 8192.0).floor();
     let felt = |entry: &Entry, depth: f64| match (reaching, entry.reach_mm) {
@@ -58,7 +58,7 @@ fn grid() -> Arc<HeightGrid> {
     GRID.get_or_init(make).clone()
 }
 
-/// A scene of any shapes, within `room` of the middle.
+/// A scene of random shapes, within `room` of the middle.
 fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entry> {
     let few: Vec<[f64; 3]> = (0..3).map(|_| [0.0; 3].map(|_: f64| random.range(-180.0, 180.0))).collect();
     let kinds = 1 + random.below(31);
@@ -89,7 +89,7 @@ fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entr
             3 => [random.range(-9.0, 9.0), random.range(-9.0, 9.0), random.range(-180.0, 180.0)],
             _ => [0.0; 3].map(|_: f64| random.range(-180.0, 180.0)),
         };
-        // Planes everywhere would leave nothing untouched.
+        // Planes everywhere would leave no free place.
         let away = if kind == 0 { room } else { 0.0 };
         let mut place =
             [random.range(-room, room), random.range(-room, room), random.range(-room, room) - away];
@@ -106,7 +106,7 @@ fn scene(random: &mut Random, count: usize, room: f64, turns: usize) -> Vec<Entr
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
     #[test]
-    fn the_index_answers_as_a_look_at_every_entry_does(
+    fn index_matches_brute_force(
         seed in 0..u64::MAX,
         count in prop_oneof![1..6usize, 6..80usize, 80..400usize],
         room in prop_oneof![Just(0.0), Just(1.0), Just(15.0), Just(60.0)],
@@ -117,17 +117,22 @@ proptest! {
     ) {
         let mut random = Random::new(seed);
         let mut entries = scene(&mut random, count, room, turns);
-        // Where numbers are coarse as well.
+        // Also where floating-point numbers are coarse.
         entries.iter_mut().for_each(|e| e.surface.pose = e.surface.pose.moved([away, -away, away]));
         let index = Index::new(entries, hysteresis).unwrap();
         let mut point = [0.0; 3].map(|_: f64| random.range(-room - 5.0, room + 5.0));
         let (mut touched, mut near) = (None, None);
         for tick in 0..150 {
-            // Exactly on planes, edges and middles too.
+            // Also exactly on planes, edges and middles.
             let asked = if tick % 10 == 9 { point.map(f64::round) } else { point };
             let asked = [asked[0] + away, asked[1] - away, asked[2] + away];
             let found = index.deepest(asked, touched);
-            prop_assert_eq!(found.map(|f| f.hold()), brute_force(&index, asked, touched, false), "{:?}", asked);
+            prop_assert_eq!(
+                found.map(|f| f.hold()),
+                brute_force(&index, asked, touched, false),
+                "{:?}",
+                asked
+            );
             if let Some(found) = found {
                 let surface = &index.entries()[found.entry as usize].surface;
                 let last = touched.filter(|l: &Hold| l.entry == found.entry).map(|l| l.feature);
@@ -139,7 +144,10 @@ proptest! {
             near = found;
             if tick % 40 == 39 {
                 // A hold from anywhere.
-                touched = Some(Hold { entry: random.below(count + 2) as u32, feature: random.below(8) as u8 });
+                touched = Some(Hold {
+                    entry: random.below(count + 2) as u32,
+                    feature: random.below(8) as u8,
+                });
             }
             point.iter_mut().for_each(|x| *x += random.range(-step, step) - 0.02 * step * *x);
         }
@@ -147,8 +155,8 @@ proptest! {
 }
 
 #[test]
-fn what_is_held_stays_until_another_is_deeper_by_the_hysteresis_or_it_is_left() {
-    // Two sheets over each other's edge, the second 0.05 mm higher.
+fn held_surface_stays_until_left_or_hysteresis_is_exceeded() {
+    // Two sheets overlap, the second 0.05 mm higher.
     let entries = vec![flat(sheet(10.0, 3.0), [0.0; 3]), flat(sheet(10.0, 3.0), [6.0, 0.0, 0.05])];
     let index = Index::new(entries.clone(), 0.1).unwrap();
     let entry = |index: &Index, x, z, last: Option<Hold>| index.deepest([x, 0.0, z], last).map(|c| c.entry);
@@ -164,7 +172,7 @@ fn what_is_held_stays_until_another_is_deeper_by_the_hysteresis_or_it_is_left() 
 }
 
 #[test]
-fn of_equally_deep_ones_the_first_is_touched() {
+fn first_of_equally_deep_surfaces_is_touched() {
     let mut random = Random::new(1);
     let mut any = || [random.range(-9.0, 9.0), random.range(-9.0, 9.0), 0.0];
     let mut entries: Vec<Entry> = (0..100).map(|_| at(Shape::plane(), any(), [0.0, 0.0, any()[0]])).collect();
@@ -176,7 +184,7 @@ fn of_equally_deep_ones_the_first_is_touched() {
 }
 
 #[test]
-fn the_nearest_of_those_that_reach_is_found_and_the_touched_one_before_it() {
+fn nearest_in_reach_is_found_and_a_touched_one_goes_first() {
     let ball = |x, reach_mm| Entry { reach_mm, ..flat(Shape::sphere(2.0).unwrap(), [x, 0.0, 0.0]) };
     let index = Index::new(vec![ball(0.0, 3.0), ball(10.0, 5.0), ball(5.0, 0.0)], 0.5).unwrap();
     let near = |x, last: Option<u32>| {
@@ -192,8 +200,8 @@ fn the_nearest_of_those_that_reach_is_found_and_the_touched_one_before_it() {
 }
 
 #[test]
-fn what_is_near_and_held_gives_way_to_what_is_touched() {
-    // A floor, and a wall beside it at x = 0 that is felt from 5 mm.
+fn near_held_surface_gives_way_to_a_touched_one() {
+    // A floor, and a wall beside it at x = 0 that is felt from a distance of 5 mm.
     let sheet = |turn| Entry { reach_mm: 5.0, ..at(Shape::plane(), [0.0; 3], turn) };
     let index = Index::new(vec![sheet([0.0; 3]), sheet([0.0, 90.0, 0.0])], 2.0).unwrap();
     let entry =
@@ -229,7 +237,7 @@ fn indices_that_cannot_be_are_refused() {
     assert!(error(one(0.0), f64::INFINITY).contains("inf"));
 }
 
-/// Surfaces by number, of how many.
+/// Makes a surface from its number and the number of all surfaces.
 type Make = fn(usize, usize, &mut Random) -> Entry;
 
 fn tile(number: usize, count: usize) -> [f64; 3] {
@@ -238,7 +246,8 @@ fn tile(number: usize, count: usize) -> [f64; 3] {
     [at(number % side), at(number / side), 0.0]
 }
 
-/// Scenes of which all surfaces are near the stylus or in its way, and how many looks one tick may take among 10000.
+/// Scenes with all surfaces near the stylus or in its way. Each has the most looks that one tick may take
+/// among 10000.
 fn crowds() -> Vec<(&'static str, u32, Make)> {
     vec![
         ("tiles", 60, |i, n, _| flat(sheet(5.0, 3.0), tile(i, n))),
@@ -278,7 +287,7 @@ fn crowds() -> Vec<(&'static str, u32, Make)> {
 }
 
 #[test]
-fn a_tick_looks_at_no_more_of_10000_surfaces_than_a_few() {
+fn tick_looks_at_few_of_10000_surfaces() {
     for (name, most, make) in crowds() {
         for count in [1, 100, 10_000] {
             let mut random = Random::new(7);
@@ -298,7 +307,7 @@ fn a_tick_looks_at_no_more_of_10000_surfaces_than_a_few() {
     }
 }
 
-/// Levels of blocks from one on.
+/// Number of levels of blocks from one block on.
 fn height(tree: &Tree, number: u32) -> usize {
     let block = &tree.blocks[number as usize];
     let split = (0..4).filter(|lane| block.items[*lane] == 0 && block.lowest[*lane] != u32::MAX);
@@ -306,8 +315,8 @@ fn height(tree: &Tree, number: u32) -> usize {
 }
 
 #[test]
-fn what_lies_apart_at_every_scale_is_found_and_the_tree_stays_low() {
-    // Each cluster is twice as far off as the one before, so that a cut into halves never is the best.
+fn clusters_at_every_scale_are_found_and_the_tree_stays_low() {
+    // Each cluster is twice as far off as the one before, so that a cut into halves is never the best.
     for each in [1, 40, 1500] {
         let clusters = 26;
         let place = |cluster: i32, i: i32| {

@@ -1,22 +1,24 @@
-//! Where a thing is, and how it is turned.
+//! Place and turn of a surface.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
 
 use super::vector::{Vector, dot, sub};
 
-/// The world's size: no place may be further from its middle along an axis, and nothing larger, in millimetres. Sums of such numbers are exact to 1e-10 mm.
+/// Size of the world in millimetres. No place may be further from its middle along an axis, and no thing
+/// may be larger. Sums of such numbers are exact to 1e-10 mm.
 pub const WORLD_MM: f64 = 1e5;
 
 /// A place in millimetres and a turn.
 ///
-/// The turn is given in degrees about x, then about y, then about z, the world's axes, which stay as they are: `R = R_z R_y R_x`. A
-/// positive turn about z takes x to y, one about x takes y to z, one about y takes z to x. What is kept is the matrix; its rows and columns are of length 1
-/// and at right angles within 1e-15, and quarter turns are exact.
+/// The turn is given in degrees about x, then about y, then about z. These are the world's axes, which do
+/// not turn: `R = R_z R_y R_x`. A positive turn about z takes x to y, one about x takes y to z, one about
+/// y takes z to x. The pose stores the matrix. Its rows and columns are of length 1 and at right angles
+/// within 1e-15. Quarter turns are exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     place_mm: Vector,
-    /// Row by row: takes a vector in coordinates of the thing to one of the world.
+    /// Matrix, row by row. It takes a vector from coordinates of the thing to those of the world.
     turn: [Vector; 3],
 }
 
@@ -27,14 +29,15 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// At the world's middle, not turned.
+    /// Pose at the middle of the world, not turned.
     pub const IDENTITY: Self =
         Self { place_mm: [0.0; 3], turn: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 
-    /// A place, and turns in degrees about x, then y, then z.
+    /// Makes a pose from a place, and turns in degrees about x, then y, then z.
     ///
     /// # Errors
-    /// A place that is not within [`WORLD_MM`] of the middle along each axis; a turn that is not a number, or beyond 3600 degrees.
+    /// The place is not within [`WORLD_MM`] of the middle along each axis. A turn is not a number, or
+    /// beyond 3600 degrees.
     pub fn new(place_mm: [f64; 3], turn_deg: [f64; 3]) -> Result<Self, Diagnostic> {
         for (axis, at) in ["x", "y", "z"].into_iter().zip(place_mm) {
             if !(-WORLD_MM..=WORLD_MM).contains(&at) {
@@ -49,7 +52,7 @@ impl Pose {
             }
         }
         let [(sx, cx), (sy, cy), (sz, cz)] = turn_deg.map(sine_and_cosine);
-        // + 0.0 keeps a zero from being -0.
+        // Adding 0.0 turns -0 into 0.
         let turn = [
             [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
             [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
@@ -59,40 +62,40 @@ impl Pose {
         Ok(Self { place_mm, turn })
     }
 
-    /// The place in millimetres.
+    /// Place in millimetres.
     pub fn place_mm(&self) -> [f64; 3] {
         self.place_mm
     }
 
-    /// The turn, row by row; its columns are the thing's x, y and z as the world sees them.
+    /// Turn, row by row. Its columns are the thing's x, y and z in coordinates of the world.
     pub fn turn(&self) -> [[f64; 3]; 3] {
         self.turn
     }
 
-    /// A point of the world in coordinates of the thing.
+    /// Converts a point of the world to coordinates of the thing.
     pub fn to_local(&self, point_mm: [f64; 3]) -> [f64; 3] {
         self.vector_to_local(sub(point_mm, self.place_mm))
     }
 
-    /// A point of the thing in coordinates of the world.
+    /// Converts a point of the thing to coordinates of the world.
     pub fn to_world(&self, point_mm: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.vector_to_world(point_mm);
         [x + self.place_mm[0], y + self.place_mm[1], z + self.place_mm[2]]
     }
 
-    /// A direction, velocity or force of the world in coordinates of the thing.
+    /// Converts a direction, velocity or force of the world to coordinates of the thing.
     pub fn vector_to_local(&self, vector: [f64; 3]) -> [f64; 3] {
         let [a, b, c] = self.turn;
         let [x, y, z] = vector;
         [a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z]
     }
 
-    /// A direction, velocity or force of the thing in coordinates of the world.
+    /// Converts a direction, velocity or force of the thing to coordinates of the world.
     pub fn vector_to_world(&self, vector: [f64; 3]) -> [f64; 3] {
         self.turn.map(|row| dot(row, vector))
     }
 
-    /// The world's direction of an axis of the thing: 0 for x, 1 for y, else z.
+    /// Direction in the world of an axis of the thing: 0 for x, 1 for y, else z.
     pub(super) fn axis(&self, axis: usize) -> Vector {
         self.turn.map(|[x, y, z]| match axis {
             0 => x,
@@ -102,7 +105,8 @@ impl Pose {
     }
 }
 
-/// Of an angle in degrees, within 45 degrees of a quarter turn, so that quarter turns are exact.
+/// Sine and cosine of an angle in degrees. The angle is first reduced to within 45 degrees of a quarter
+/// turn, so that quarter turns are exact.
 fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     let quarters = (degrees / 90.0).round();
     let (sin, cos) = (degrees - 90.0 * quarters).to_radians().sine_cosine();
@@ -116,7 +120,7 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 
 #[cfg(test)]
 impl Pose {
-    /// The same, as much further along the world's axes.
+    /// The same pose, moved along the world's axes.
     pub(super) fn moved(self, by: Vector) -> Self {
         Self { place_mm: std::array::from_fn(|k| self.place_mm[k] + by[k]), ..self }
     }
@@ -133,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_about_x_then_y_then_z_are_those_worked_by_hand() {
+    fn turns_about_x_y_z_match_hand_calculation() {
         // R_z(90) R_y(90) R_x(90): x -> x -> -z -> -z; y -> z -> x -> y; z -> -y -> -y -> x.
         let pose = Pose::new([1.0, 2.0, 3.0], [90.0, 90.0, 90.0]).unwrap();
         assert_eq!(pose.turn(), [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]);
@@ -173,7 +177,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_turn_is_a_rotation_and_coordinates_come_back(
+        fn turn_is_a_rotation_and_coordinates_round_trip(
             place in proptest::array::uniform3(-1e3..1e3f64),
             turn in proptest::array::uniform3(-720.0..720.0f64),
             point in proptest::array::uniform3(-1e3..1e3f64),

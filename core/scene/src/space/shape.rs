@@ -1,4 +1,4 @@
-//! What can be touched, and how deep or how far off a point is.
+//! Shapes that can be touched, and the depth or distance of a point.
 
 use std::sync::Arc;
 
@@ -7,20 +7,20 @@ use asperity_diagnostics::Diagnostic;
 use super::vector::{Vector, least, most, norm};
 use super::{HeightGrid, WORLD_MM};
 
-/// The least edge, radius or thickness in millimetres.
+/// Smallest edge, radius or thickness in millimetres.
 pub const LEAST_MM: f64 = 1e-3;
 
-/// What a [`Shape`] is, in coordinates of its own, around their middle.
+/// Form of a [`Shape`] in its own coordinates, around its middle.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
-    /// z = 0, endless; outside is +z, and all that is below is inside.
+    /// z = 0, endless. Outside is +z, and all below is inside.
     Plane,
-    /// z = 0 within the sides; outside is +z. It is touched down to its thickness and no further, so that a stylus underneath is not
-    /// thrown out.
+    /// z = 0 within the sides. Outside is +z. It is touched down to its thickness and no further, so that
+    /// a stylus underneath is not thrown out.
     Rectangle {
-        /// Along x and y.
+        /// Size along x and y.
         size_mm: [f64; 2],
-        /// Along -z.
+        /// Thickness along -z.
         thickness_mm: f64,
     },
     /// A full ball.
@@ -30,21 +30,22 @@ pub enum Form {
     },
     /// A full box.
     Box {
-        /// Along x, y and z.
+        /// Size along x, y and z.
         size_mm: [f64; 3],
     },
     /// A rectangle with heights.
     Relief(Relief),
 }
 
-/// Heights over a rectangle; outside is +z. The grid's first point lies at the rectangle's corner of least x and y.
+/// Heights over a rectangle. Outside is +z. The first point of the grid lies at the corner of least x and
+/// y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relief {
     grid: Arc<HeightGrid>,
     size_mm: [f64; 2],
     scale: f64,
     thickness_mm: f64,
-    /// Of the heights, scaled.
+    /// Bounds of the scaled heights.
     bounds_mm: [f64; 2],
 }
 
@@ -54,36 +55,37 @@ impl Relief {
         &self.grid
     }
 
-    /// Along x and y.
+    /// Size along x and y.
     pub fn size_mm(&self) -> [f64; 2] {
         self.size_mm
     }
 
-    /// By what heights are multiplied.
+    /// Factor of the heights.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// How far below its height at a place it is touched.
+    /// Depth below the height at a place down to which it is touched.
     pub fn thickness_mm(&self) -> f64 {
         self.thickness_mm
     }
 
-    /// Heights in millimetres between which all of it lies.
+    /// Lower and upper bound in millimetres of all heights.
     pub fn bounds_mm(&self) -> [f64; 2] {
         self.bounds_mm
     }
 
-    /// The height in millimetres at a place, counted from the rectangle's middle, and its slopes.
+    /// Height in millimetres and slopes at a place, counted from the middle of the rectangle.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> (f64, [f64; 2]) {
         let s = self.grid.sample(x_mm + 0.5 * self.size_mm[0], y_mm + 0.5 * self.size_mm[1]);
         (self.scale * s.height_mm, [self.scale * s.slope[0], self.scale * s.slope[1]])
     }
 
-    /// How a point lies to it; none where it is not felt, and outside perhaps unless that is asked for.
+    /// Position of a point relative to the relief. `None` where the point is not felt, and perhaps
+    /// outside, unless `OUTSIDE` is set.
     pub(super) fn over<const OUTSIDE: bool>(&self, at: Vector) -> Option<Over> {
         let ([x, y, z], [lowest, highest]) = (at, self.bounds_mm);
-        // Most points are far from it, and heights take longest.
+        // Most points are far off, and computing heights takes longest.
         if z < lowest - self.thickness_mm || (!OUTSIDE && z > highest) {
             return None;
         }
@@ -98,37 +100,37 @@ impl Relief {
         } else if depth > self.thickness_mm {
             f64::NEG_INFINITY
         } else {
-            // Rounding may not make it deeper than its greatest height allows.
+            // Rounding must not make a point deeper than its greatest height allows.
             least(depth / (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt(), highest - z)
         };
         Some(Over { depth_mm, beside, height, slope })
     }
 }
 
-/// How a point lies to a relief.
+/// Position of a point relative to a relief.
 pub(super) struct Over {
     pub depth_mm: f64,
-    /// How far it lies beside it along x and y.
+    /// Distance beside the relief along x and y.
     pub beside: [f64; 2],
-    /// Of the relief, where it is nearest along x and y.
+    /// Height of the relief at the nearest place along x and y.
     pub height: f64,
     pub slope: [f64; 2],
 }
 
-/// What can be touched: a [`Form`] whose figures were checked.
+/// A shape that can be touched: a [`Form`] with checked figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape(Form);
 
 impl Shape {
-    /// An endless plane.
+    /// Makes an endless plane.
     pub fn plane() -> Self {
         Self(Form::Plane)
     }
 
-    /// A rectangle.
+    /// Makes a rectangle.
     ///
     /// # Errors
-    /// Sides or a thickness that are not from [`LEAST_MM`] to [`WORLD_MM`].
+    /// The sides or the thickness are not from [`LEAST_MM`] to [`WORLD_MM`].
     pub fn rectangle(size_mm: [f64; 2], thickness_mm: f64) -> Result<Self, Diagnostic> {
         length("a rectangle", "x", size_mm[0])?;
         length("a rectangle", "y", size_mm[1])?;
@@ -136,10 +138,10 @@ impl Shape {
         Ok(Self(Form::Rectangle { size_mm, thickness_mm }))
     }
 
-    /// A sphere.
+    /// Makes a sphere.
     ///
     /// # Errors
-    /// A radius that is not from [`LEAST_MM`] to [`WORLD_MM`].
+    /// The radius is not from [`LEAST_MM`] to [`WORLD_MM`].
     pub fn sphere(radius_mm: f64) -> Result<Self, Diagnostic> {
         if !(LEAST_MM..=WORLD_MM).contains(&radius_mm) {
             return Err(Diagnostic::new(format!("a sphere of radius {radius_mm} mm"))
@@ -148,10 +150,10 @@ impl Shape {
         Ok(Self(Form::Sphere { radius_mm }))
     }
 
-    /// A box.
+    /// Makes a box.
     ///
     /// # Errors
-    /// Edges that are not from [`LEAST_MM`] to [`WORLD_MM`].
+    /// The edges are not from [`LEAST_MM`] to [`WORLD_MM`].
     pub fn cuboid(size_mm: [f64; 3]) -> Result<Self, Diagnostic> {
         for (axis, size) in ["x", "y", "z"].into_iter().zip(size_mm) {
             length("a box", axis, size)?;
@@ -159,11 +161,13 @@ impl Shape {
         Ok(Self(Form::Box { size_mm }))
     }
 
-    /// Heights over a rectangle, or over the whole grid where no size is given; heights are multiplied by `scale`.
+    /// Makes a relief: heights over a rectangle, or over the whole grid if no size is given. Heights are
+    /// multiplied by `scale`.
     ///
     /// # Errors
-    /// Sides or a thickness that are not from [`LEAST_MM`] to [`WORLD_MM`], sides beyond a grid that ends, a scale that is not a number or takes heights out of
-    /// the world.
+    /// - The sides or the thickness are not from [`LEAST_MM`] to [`WORLD_MM`].
+    /// - The sides are beyond a grid that ends.
+    /// - The scale is not a number, or takes heights out of the world.
     pub fn relief(
         grid: Arc<HeightGrid>,
         size_mm: Option<[f64; 2]>,
@@ -191,22 +195,24 @@ impl Shape {
         Ok(Self(Form::Relief(Relief { grid, size_mm, scale, thickness_mm, bounds_mm })))
     }
 
-    /// What it is.
+    /// Form of the shape.
     pub fn form(&self) -> &Form {
         &self.0
     }
 
-    /// How deep a point is inside, in millimetres, in the shape's coordinates; outside it is minus the distance. Minus infinity where a shape with one side
-    /// is not felt: beneath its thickness, and beside it below its edge.
+    /// Depth of a point inside the shape in millimetres, in the shape's coordinates. Outside it is minus
+    /// the distance. It is minus infinity where a one-sided shape is not felt: beneath its thickness, and
+    /// beside it below its edge.
     ///
-    /// Depth is the distance to the surface for a plane, a sphere and a box (to its nearest face), and to the upper face for a rectangle. For a relief
-    /// it is `(h - z) / sqrt(1 + |grad h|^2)`, the distance to the plane that touches it at the same x and y; its distance outside is the same,
-    /// or that to its greatest height where that is further.
+    /// For a plane, a sphere and a box, depth is the distance to the surface (to the nearest face of a
+    /// box). For a rectangle it is the distance to the upper face. For a relief it is
+    /// `(h - z) / sqrt(1 + |grad h|^2)`, the distance to the plane that touches it at the same x and y.
+    /// The distance outside a relief is the same, or that to its greatest height if that is further.
     pub fn depth_mm(&self, at: [f64; 3]) -> f64 {
         self.depth::<true>(at)
     }
 
-    /// The same, and outside minus infinity where that is less work than the distance.
+    /// Same depth, but outside it may be minus infinity if that is less work than the distance.
     #[inline]
     pub(super) fn depth<const OUTSIDE: bool>(&self, at: Vector) -> f64 {
         let z = at[2];
@@ -239,7 +245,7 @@ impl Shape {
     }
 }
 
-/// How far a point lies beside a rectangle along x and y, with sign; 0 above and below it.
+/// Signed distance of a point beside a rectangle along x and y; 0 above and below it.
 pub(super) fn beside(at: Vector, size_mm: [f64; 2]) -> [f64; 2] {
     std::array::from_fn(|k| {
         let half = 0.5 * size_mm[k];

@@ -1,34 +1,35 @@
-//! A shape in its place.
+//! A shape at a pose.
 
 use super::shape::Form;
 use super::{Pose, Shape, Touch};
 
-/// A point further than this from the world's middle along an axis touches nothing.
+/// Distance from the world's middle along an axis beyond which a point touches nothing.
 pub(super) const FAR_MM: f64 = 1e6;
 
-/// A shape in its place.
+/// A shape at a pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// What it is.
+    /// The shape.
     pub shape: Shape,
-    /// Where it is.
+    /// Its pose.
     pub pose: Pose,
 }
 
 impl Surface {
-    /// How deep a point of the world is inside, as [`Shape::depth_mm`] says. Minus infinity for a point that is not finite or ten times as far as the world
-    /// is large.
+    /// Depth of a point of the world inside the surface, as in [`Shape::depth_mm`]. Minus infinity for a
+    /// point that is not finite, or ten times as far off as the world is large.
     pub fn depth_mm(&self, point_mm: [f64; 3]) -> f64 {
         if near(point_mm) { self.shape.depth_mm(self.pose.to_local(point_mm)) } else { f64::NEG_INFINITY }
     }
 
-    /// [`depth_mm`](Self::depth_mm) of a point that is near, and outside perhaps minus infinity unless that is asked for.
+    /// [`depth_mm`](Self::depth_mm) of a near point. Outside it may be minus infinity, unless `OUTSIDE`
+    /// is set.
     #[inline]
     pub(super) fn depth<const OUTSIDE: bool>(&self, point_mm: [f64; 3]) -> f64 {
         self.shape.depth::<OUTSIDE>(self.pose.to_local(point_mm))
     }
 
-    /// Where and how a point of the world touches, as [`Shape::touch`] says, with directions of the world.
+    /// Touch of a point of the world, as in [`Shape::touch`], with directions of the world.
     pub fn touch(&self, point_mm: [f64; 3], last: Option<u8>, hysteresis_mm: f64) -> Option<Touch> {
         if !near(point_mm) {
             return None;
@@ -41,7 +42,7 @@ impl Surface {
         })
     }
 
-    /// What two surfaces have in common that are touched alike everywhere.
+    /// Key that is equal for two surfaces that are touched alike everywhere.
     pub(super) fn key(&self) -> [u64; 20] {
         let mut key = [0; 20];
         let mut put = 0;

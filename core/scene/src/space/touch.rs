@@ -1,4 +1,4 @@
-//! Where and how a point touches a shape.
+//! Place and direction in which a point touches a shape.
 
 use asperity_numbers::Elementary as _;
 use asperity_state::{Keep, State};
@@ -6,35 +6,40 @@ use asperity_state::{Keep, State};
 use super::shape::{Form, Over, Shape, beside};
 use super::vector::{Vector, cross, dot, most, scaled, sub, tangents, unit};
 
-/// How far past a sphere's equator its half is kept, as the sine of the latitude: 5.7 degrees.
+/// Sine of the latitude past the equator to which a sphere's half is kept: 5.7 degrees.
 const BEYOND_EQUATOR: f64 = 0.1;
 
-/// Where and how a point touches a surface.
+/// Touch of a point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// How deep the point is inside; below 0 its distance outside.
+    /// Depth of the point inside. Below 0 it is minus the distance outside.
     pub depth_mm: f64,
-    /// Where it is pushed to: the way out, of length 1. Outside, the way from the nearest place of the surface to the point.
+    /// Outward normal, of length 1: the direction in which the point is pushed. Outside, it is the
+    /// direction from the nearest place of the surface to the point.
     pub normal: [f64; 3],
-    /// Two directions along the surface, of length 1, right-handed with the normal; along the first the first of `place_mm` grows.
+    /// Two directions along the surface, of length 1, right-handed with the normal. The first of
+    /// `place_mm` grows along the first.
     pub tangents: [[f64; 3]; 2],
-    /// Where on the surface it is, in coordinates that belong to the surface, and are continuous along a face.
+    /// Place on the surface, in coordinates that belong to the surface and are continuous along a face.
     ///
-    /// Plane, rectangle, relief: x and y. Box: the two axes of the face, from its middle. Sphere: arc lengths from the pole of its half, x and y
-    /// of the azimuthal equidistant map, `R a (cos l, sin l)` with `a` the angle from the pole and `l` the longitude. Longitude and latitude themselves
-    /// would spin at the poles, which is where a sphere on a table is touched; here arcs from the pole are exact and those across are too long by
-    /// `a / sin a`, 1 at the pole, 1.11 at 45 degrees and at most 1.68.
+    /// Plane, rectangle, relief: x and y. Box: the two axes of the face, from its middle. Sphere: arc
+    /// lengths from the pole of its half, x and y of the azimuthal equidistant map. These are
+    /// `R a (cos l, sin l)`, with `a` the angle from the pole and `l` the longitude. Longitude and
+    /// latitude themselves would spin at the poles, where a sphere on a table is touched. On this map,
+    /// arcs from the pole are exact. Arcs across are too long by `a / sin a`: 1 at the pole, 1.11 at 45
+    /// degrees and at most 1.68.
     pub place_mm: [f64; 2],
-    /// Which face: 0, but of a box 0 to 5 for +x, -x, +y, -y, +z, -z, and of a sphere 0 for the half around +z and 1 for the other.
+    /// Number of the face. A box has 0 to 5 for +x, -x, +y, -y, +z, -z. A sphere has 0 for the half
+    /// around +z and 1 for the other. All others have 0.
     pub feature: u8,
 }
 
-/// Which surface is held, and by which face: what a caller keeps from tick to tick.
+/// Held surface and its face: the memory that a caller keeps from tick to tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hold {
-    /// The entry's number.
+    /// Number of the entry.
     pub entry: u32,
-    /// The face.
+    /// Number of the face.
     pub feature: u8,
 }
 
@@ -45,13 +50,15 @@ impl Keep for Hold {
 }
 
 impl Shape {
-    /// Where and how a point touches, all in the shape's coordinates; none where the [depth](Self::depth_mm) is minus infinity.
+    /// Touch of a point, all in the shape's coordinates. `None` where the [depth](Self::depth_mm) is
+    /// minus infinity.
     ///
-    /// Within a box the face of `last` is kept until another, and not the one across, is nearer by more than `hysteresis_mm`: a stylus that presses through the
-    /// middle of a plate is pushed back to where it came from, until it is out. The depth is then that below the kept face. Elsewhere `last` only keeps a
-    /// sphere's half, up to 5.7 degrees past the equator.
+    /// Within a box, the face of `last` is kept until another is nearer by more than `hysteresis_mm`. The
+    /// face across never takes over. So a stylus that presses through the middle of a plate is pushed
+    /// back to where it came from, until it is out. The depth is then that below the kept face. For other
+    /// shapes, `last` only keeps a sphere's half, up to 5.7 degrees past the equator.
     pub fn touch(&self, at: [f64; 3], last: Option<u8>, hysteresis_mm: f64) -> Option<Touch> {
-        // Heights take longest: once is enough.
+        // Computing heights takes longest, so it is done once.
         let over = match self.form() {
             Form::Relief(relief) => Some(relief.over::<true>(at)?),
             _ => None,
@@ -121,7 +128,7 @@ fn sphere(radius_mm: f64, at: Vector, depth_mm: f64, last: Option<u8>) -> Touch 
     }
 }
 
-/// Axis of a face's normal, its sense, and the axes along the face, right-handed with it.
+/// Axis of a face's normal, its sign, and the axes along the face, right-handed with the normal.
 fn face(feature: u8) -> (usize, f64, [usize; 2]) {
     let axis = usize::from(feature / 2) % 3;
     let (next, after) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -166,7 +173,7 @@ fn outside(half: Vector, at: Vector, depth_mm: f64) -> Touch {
     let feature = 2 * axis as u8 + u8::from(normal[axis] < 0.0);
     let (_, _, along) = face(feature);
     let first = one(along[0]);
-    // Past an edge the normal leans out of the face's, at most as far as the corner's.
+    // Past an edge the normal leans out of the normal of the face, at most as far as at a corner.
     let (first, _) = unit(sub(first, scaled(normal, dot(first, normal))));
     Touch {
         depth_mm,

@@ -35,13 +35,13 @@ fn a_sphere_is_as_deep_as_the_point_is_within_its_radius() {
     assert!((touch.depth_mm - 3.0).abs() < 1e-12);
     assert!(near(touch.normal, [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0], 1e-12));
     assert!((sphere.depth_mm([6.0, 8.0, 24.0]) + 16.0).abs() < 1e-12);
-    // Its middle has no way out that is shorter than others; one is taken.
+    // At the middle no way out is the shortest, so one is taken.
     let middle = sphere.touch([0.0; 3], None, 0.1).unwrap();
     assert_eq!((middle.depth_mm, middle.normal, middle.place_mm), (10.0, [0.0, 0.0, 1.0], [0.0; 2]));
 }
 
 #[test]
-fn arcs_from_a_spheres_pole_are_true_to_the_equator_and_across_it_the_half_is_kept() {
+fn sphere_arcs_are_exact_and_half_is_kept_past_the_equator() {
     let sphere = Shape::sphere(10.0).unwrap();
     let at = |angle: f64, along: f64, last| {
         let (s, c) = angle.sin_cos();
@@ -65,7 +65,7 @@ fn arcs_from_a_spheres_pole_are_true_to_the_equator_and_across_it_the_half_is_ke
 
 #[test]
 fn a_turned_box_pushes_out_by_its_nearest_face() {
-    // 30 degrees about z: the box's x is (cos 30, sin 30, 0).
+    // 30 degrees about z. The box's x is (cos 30, sin 30, 0).
     let pose = Pose::new([1.0, 2.0, 3.0], [0.0, 0.0, 30.0]).unwrap();
     let surface = Surface { shape: Shape::cuboid([4.0, 6.0, 8.0]).unwrap(), pose };
     let (c, s) = (3.0_f64.sqrt() / 2.0, 0.5);
@@ -90,8 +90,9 @@ fn a_turned_box_pushes_out_by_its_nearest_face() {
     assert_eq!(surface.shape.depth_mm([0.0, -10.0, 1.0]), -7.0);
 }
 
+// A stylus inside a plate is never pushed through to the other face.
 #[test]
-fn a_stylus_in_a_plate_is_pushed_back_to_the_face_it_came_by_and_never_through() {
+fn plate_pushes_stylus_back_to_its_entry_face() {
     let plate = Shape::cuboid([40.0, 40.0, 2.0]).unwrap();
     let touch = |x, z, last| plate.touch([x, 0.0, z], last, 0.1).unwrap();
     let mut last = touch(0.0, 0.9, None);
@@ -103,9 +104,9 @@ fn a_stylus_in_a_plate_is_pushed_back_to_the_face_it_came_by_and_never_through()
         assert!((last.depth_mm - (1.0 - z)).abs() < 1e-12);
     }
     assert!((touch(0.0, -1.25, Some(4)).depth_mm + 0.25).abs() < 1e-12, "out of the other side");
-    // One that came from below is held by that face, and one that came from nowhere by the nearest.
+    // A stylus that came from below is held by that face. One without a past is held by the nearest face.
     assert_eq!([touch(0.0, 0.9, Some(5)).feature, touch(0.0, -0.2, None).feature], [5, 5]);
-    // Along the top to the side, which takes over when it is nearer by more than a tenth.
+    // Along the top to the side. The side takes over when it is nearer by more than 0.1 mm.
     let side = |off: f64| touch(20.0 - off, 0.5, Some(4)).feature;
     assert_eq!([side(0.41), side(0.39)], [4, 0]);
     let back = |off: f64| touch(20.0 - off, 0.5, Some(0)).feature;
@@ -114,7 +115,7 @@ fn a_stylus_in_a_plate_is_pushed_back_to_the_face_it_came_by_and_never_through()
 }
 
 #[test]
-fn a_rectangle_is_touched_within_its_sides_and_its_thickness_only() {
+fn rectangle_is_touched_only_within_sides_and_thickness() {
     let sheet = Shape::rectangle([10.0, 6.0], 2.0).unwrap();
     assert_eq!(sheet.depth_mm([5.0, -3.0, -1.5]), 1.5);
     assert_eq!(sheet.depth_mm([4.9, 2.9, -2.0]), 2.0);
@@ -146,12 +147,14 @@ fn a_relief_is_touched_along_the_normal_of_its_heights() {
         assert!(shape.depth_mm([x, 1.0, height - 2.99]) > 1.0);
         assert!(shape.depth_mm([x, 1.0, height + 0.5]) < -0.3);
     }
-    // Far above, it is no nearer than its greatest height (a bound with room above the 1 mm of the sine).
+    // Far above, the relief is no nearer than its greatest height. That is a bound with room above
+    // the 1 mm of the sine.
     let Form::Relief(relief) = shape.form() else { panic!() };
     let [low, high] = relief.bounds_mm();
     assert!(low < -1.0 && high > 1.0 && high < 1.6);
     assert!((shape.depth_mm([0.0, 0.0, 50.0]) + 50.0 - high).abs() < 1e-9);
-    // Beside it the edge is the nearest; lower than that nothing is felt. The edge at x = 15 is at height 0.
+    // Beside the relief, the edge is the nearest. Lower than that nothing is felt. The edge at x = 15 is
+    // at height 0.
     let beside = shape.touch([18.0, 0.0, 4.0], None, 0.1).unwrap();
     assert!((beside.depth_mm + 5.0).abs() < 1e-3 && near(beside.normal, [0.6, 0.0, 0.8], 1e-3), "{beside:?}");
     assert_eq!(shape.depth_mm([18.0, 0.0, -0.1]), f64::NEG_INFINITY);
@@ -227,7 +230,8 @@ proptest! {
             surface.touch(to, Some(touch.feature), 0.3).filter(|t| t.feature == touch.feature)
         };
         let relief = matches!(surface.shape.form(), Form::Relief(_));
-        // The relief's normal is that of the surface below, and its depth an estimate with the slope in it.
+        // The normal of a relief is that of the surface below. Its depth is an estimate with the slope in
+        // it.
         if let Some(out) = moved(n).filter(|_| !relief) {
             prop_assert!(((touch.depth_mm - out.depth_mm) / e - 1.0).abs() < 1e-3, "{:?} {:?}", touch, out);
         }
@@ -236,14 +240,19 @@ proptest! {
             prop_assert!(((a.depth_mm - touch.depth_mm) / e).abs() < 1e-3);
             prop_assert!(((b.depth_mm - touch.depth_mm) / e).abs() < 1e-3);
         }
-        // Inside one face places are continuous, and grow along the tangents.
+        // Inside one face, places are continuous and grow along the tangents.
         let rate = |to: &Touch, k: usize| (to.place_mm[k] - touch.place_mm[k]) / e;
         let far = [a, b].iter().flat_map(|m| [rate(m, 0).abs(), rate(m, 1).abs()]).fold(0.0, most);
         prop_assert!(far < 60.0, "{:?} jumps by {}", touch, far * e);
-        let flat = touch.depth_mm > 0.0 && !matches!(surface.shape.form(), Form::Sphere { .. } | Form::Relief(_));
+        let flat = touch.depth_mm > 0.0
+            && !matches!(surface.shape.form(), Form::Sphere { .. } | Form::Relief(_));
         if flat {
             let rates = [rate(&a, 0), rate(&a, 1), rate(&b, 0), rate(&b, 1)];
-            prop_assert!(rates.iter().zip([1.0, 0.0, 0.0, 1.0]).all(|(r, w)| (r - w).abs() < 1e-4), "{:?}", rates);
+            prop_assert!(
+                rates.iter().zip([1.0, 0.0, 0.0, 1.0]).all(|(r, w)| (r - w).abs() < 1e-4),
+                "{:?}",
+                rates
+            );
         }
         if let Form::Sphere { radius_mm } = surface.shape.form() {
             // Areas of the map are larger by a / sin a, and none is mirrored.
@@ -261,7 +270,7 @@ proptest! {
         at in proptest::array::uniform3(-12.0..12.0f64),
         step in proptest::array::uniform3(-0.5..0.5f64),
     ) {
-        // A relief's estimate can, and one-sided shapes begin and end.
+        // The estimate of a relief can change faster. One-sided shapes begin and end.
         if matches!(shape.form(), Form::Relief(_)) {
             return Ok(());
         }

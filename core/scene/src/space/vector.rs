@@ -22,24 +22,25 @@ pub(super) fn norm(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Of length 1, and that length; along z where there is none.
+/// Unit vector and the length of the original. A vector without length gives z.
 pub(super) fn unit(a: Vector) -> (Vector, f64) {
     let length = norm(a);
     if length > 0.0 { (scaled(a, 1.0 / length), length) } else { ([0.0, 0.0, 1.0], 0.0) }
 }
 
-/// The lesser of two: `f64::min` looks for NaN too, which takes as long again.
+/// Lesser of two numbers. `f64::min` also checks for NaN, which takes as long again.
 pub(super) fn least(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// The greater of two.
+/// Greater of two numbers.
 pub(super) fn most(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// Two directions at right angles to `normal` and to each other, right-handed with it: x and y, turned with z as it is turned the shortest way to
-/// `normal` (Frisvad 2012, "Building an orthonormal basis from a 3D unit vector without normalization"). `normal` is not -z.
+/// Two directions at right angles to `normal` and to each other, right-handed with it. They are x and y,
+/// turned as z is turned the shortest way to `normal` (Frisvad 2012, "Building an orthonormal basis from
+/// a 3D unit vector without normalization"). `normal` must not be -z.
 pub(super) fn tangents(normal: Vector) -> [Vector; 2] {
     let [x, y, z] = normal;
     let c = 1.0 / (1.0 + z);

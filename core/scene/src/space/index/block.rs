@@ -1,58 +1,61 @@
-//! Four parts of a tree side by side, and how deep their surfaces can be.
+//! A block: four parts of a tree side by side, with bounds on the depth of their surfaces.
 
 use super::super::vector::{Vector, dot, least, most};
 
-/// By how much bounds are widened, in millimetres, for rounding.
+/// Widening of bounds for rounding, in millimetres.
 pub(super) const SLACK_MM: f64 = 1e-9;
 
-/// Parts of a block.
+/// Number of parts in a block.
 pub(super) const LANES: usize = 4;
 
-/// 1 / sqrt(3), a little less.
+/// 1 / sqrt(3), slightly less.
 const ONE_OF_THREE: f64 = 0.577_350_26;
 
-/// A number of each part.
+/// One number for each part.
 pub(super) type Lanes = [f64; LANES];
 
-/// Which surfaces a tree is over.
+/// Class of the surfaces in a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
-    /// Planes, rectangles, reliefs: as deep as a point lies below them.
+    /// Planes, rectangles, reliefs. The depth is that of a point below them.
     Sheets,
-    /// Spheres and boxes: as deep as it is far to the nearest way out.
+    /// Spheres and boxes. The depth is the distance to the nearest way out.
     Solids,
 }
 
-/// Some surfaces together. Places and directions are in the block's frame, a turned copy of the world's axes around the same middle.
+/// A group of surfaces. Places and directions are in the block's frame, a turned copy of the world's axes
+/// around the same middle.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    /// The lowest number of an entry; the highest there is where there is none.
+    /// Lowest number of an entry; the highest possible number if there is none.
     pub lowest: u32,
-    /// The block it is split into; of a leaf the first item.
+    /// Number of the block into which the part is split; for a leaf, number of its first item.
     pub first: u32,
-    /// Items of a leaf; 0 of what is split.
+    /// Number of items of a leaf; 0 for a part that is split.
     pub items: u32,
-    /// Where the surfaces are touched.
+    /// Box in which the surfaces are touched.
     pub low: Vector,
     pub high: Vector,
-    /// Sheets: a point in their midst. Solids: the corner of least coordinates of a box around their middles.
+    /// Sheets: a point in their midst. Solids: the corner of least coordinates of a box around their
+    /// middles.
     pub core: Vector,
     /// Sheets: a direction in the midst of their normals. Solids: the other corner.
     pub other: Vector,
-    /// Sheets: how far any lies above the point along its own normal. Solids: radius of the largest ball around one of them.
+    /// Sheets: largest height of any above the point, along its own normal. Solids: radius of the largest
+    /// ball around one of them.
     pub above: f64,
-    /// Sheets: how far all lie above the point at least. Solids: half the longest edge of any.
+    /// Sheets: smallest height of all above the point. Solids: half the longest edge of any.
     pub beyond: f64,
     /// Sheets: cosine and sine of the largest angle between a normal and the direction.
     pub spread: [f64; 2],
-    /// No surface can be deeper.
+    /// Largest possible depth.
     pub most: f64,
-    /// How far off the surfaces are felt.
+    /// Distance from which the surfaces are felt.
     pub reach: f64,
 }
 
 impl Part {
-    /// No surfaces.
+    /// A part without surfaces.
     pub(super) fn empty() -> Self {
         let (least, most) = ([f64::INFINITY; 3], [-f64::INFINITY; 3]);
         Self {
@@ -72,12 +75,12 @@ impl Part {
     }
 }
 
-/// Four parts, or fewer, coordinate by coordinate.
+/// Up to four parts, stored coordinate by coordinate.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Which frame.
+    /// Number of the frame.
     pub frame: u32,
-    /// Whether all normals of sheets are the frame's z.
+    /// Whether all normals of sheets are the z of the frame.
     pub alike: bool,
     pub lowest: [u32; LANES],
     pub first: [u32; LANES],
@@ -115,13 +118,19 @@ impl Block {
         }
     }
 
-    /// No surface of a part is deeper than this at a point (in the block's frame); minus infinity where none is felt.
+    /// Upper bounds on the depth of the surfaces of each part at a point in the block's frame. Minus
+    /// infinity where none is felt.
     ///
-    /// Sheets, with normals `n` and points `c` of them, are as deep as `n . (c - p) = n . (c - m) + n . (m - p)`, or less, and with `n` at most an angle `b` from
-    /// a direction that is at an angle `a` to `m - p`, the latter is within `|m - p| cos(a - b)` and `|m - p| cos(a + b)`. One that lies deeper than it is thick is
-    /// not felt. Solids are no deeper than it is to the nearest way out of what holds them: the part's box, or a ball around the middle. Neither is a
-    /// box deeper than `max_k h_k - max_k |v_k|`, `h` its half edges and `v` from its middle to the point, however it is turned, and the greatest of three coordinates is
-    /// at least `|v| / sqrt(3)`.
+    /// Let `p` be the point and `m` a point in the midst of the sheets. Let a sheet have the normal `n`
+    /// and contain the point `c`. The depth of `p` is at most `n . (c - p) = n . (c - m) + n . (m - p)`.
+    /// Let `n` be at most an angle `b` from a direction that is at an angle `a` to `m - p`. Then
+    /// `n . (m - p)` is within `|m - p| cos(a - b)` and `|m - p| cos(a + b)`. A point that lies deeper
+    /// than the sheet is thick is not felt.
+    ///
+    /// A solid is no deeper than the distance to the nearest way out of a body that holds it: the part's
+    /// box, or a ball around the middle. A box is also no deeper than `max_k h_k - max_k |v_k|`, however
+    /// it is turned. Here `h` are its half edges and `v` goes from its middle to the point. The greatest
+    /// of three coordinates is at least `|v| / sqrt(3)`.
     #[inline]
     pub(super) fn ceilings<const REACHING: bool>(&self, class: Class, point: Vector) -> Lanes {
         let (mut exit, mut outside) = ([f64::INFINITY; LANES], [0.0; LANES]);
@@ -138,7 +147,7 @@ impl Block {
         std::array::from_fn(|lane| {
             let inside = exit[lane] >= 0.0;
             let near = inside || (REACHING && outside[lane] <= self.reach[lane] * self.reach[lane]);
-            // Most are out of question by now.
+            // Most parts are excluded by now.
             if !near {
                 return f64::NEG_INFINITY;
             }
@@ -160,7 +169,8 @@ impl Block {
         let (square, along) = (dot(to, to), dot(to, axis));
         let aside = most(square - along * along, 0.0).sqrt();
         let (cos, sin) = (self.spread[0][lane], self.spread[1][lane]);
-        // By the sines of a - b and a + b: past 0 the least angle is 0, past 180 degrees the greatest is that.
+        // Uses the sines of a - b and a + b. Past 0 the least angle is 0. Past 180 degrees the greatest
+        // angle is 180 degrees.
         let down = if cos * aside > -sin * along { cos * along - sin * aside } else { -square.sqrt() };
         if self.beyond[lane] + down > self.most[lane] {
             return f64::NEG_INFINITY;

@@ -1,4 +1,5 @@
-//! How a tree is made: halves of halves, by what surfaces differ most in; what lies apart from the rest is parted from it.
+//! Builds a tree by halving again and again, by the key in which surfaces differ most. Surfaces that lie
+//! apart from the rest are parted from it.
 
 use std::collections::HashMap;
 
@@ -9,25 +10,26 @@ use super::block::{Block, Class, LANES, Part, SLACK_MM};
 use super::item::{Boxed, Item, Key};
 use super::tree::{MOST_LEVELS, Tree};
 
-/// Most surfaces of a leaf.
+/// Largest number of surfaces in a leaf.
 const LEAF: usize = 4;
-/// From how many on that lie over each other they are told apart by depth.
+/// Number of overlapping surfaces from which they are parted by depth.
 const PILED: f64 = 4.0;
-/// How far from planes a point is thought to be when their turns are weighed against their places, in millimetres.
+/// Assumed distance of a point from planes when turns are weighed against places, in millimetres.
 const LEVER_MM: f64 = 50.0;
-/// Boxes of so many different turns at most are parted by turn.
+/// Largest number of different turns for which boxes are parted by turn.
 const FEW_TURNS: usize = 8;
-/// What differs by less does not differ, in millimetres.
+/// Smallest difference that counts, in millimetres.
 const ALIKE_MM: f64 = 1e-6;
-/// Places between which a cut is looked for that is better than one into halves, ..
+/// Number of places at which a cut better than halving is looked for.
 const BINS: usize = 16;
-/// .. and is taken where its cost is below this part of theirs.
+/// Such a cut is taken if its cost is below this part of the cost of halving.
 const BETTER: f64 = 0.7;
 
-/// A tree over all surfaces of a class, or over those that reach.
+/// Builds a tree over all surfaces of a class, or over those with a reach.
 pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
     let mut chosen: Vec<(usize, &Entry)> = Vec::new();
-    // Of surfaces that are touched alike the one of lowest number always wins, unless another reaches further.
+    // Of surfaces that are touched alike, the one with the lowest number always wins, unless another
+    // reaches further.
     let mut known: HashMap<[u64; 20], f64> = HashMap::new();
     for (number, entry) in entries.iter().enumerate() {
         let solid = matches!(entry.surface.shape.form(), Form::Sphere { .. } | Form::Box { .. });
@@ -72,14 +74,15 @@ pub(super) fn tree(class: Class, entries: &[Entry], reaching: bool) -> Tree {
     builder.tree
 }
 
-/// Levels of blocks over so many surfaces that are halved and halved again.
+/// Levels of blocks over this many surfaces that are halved again and again.
 fn levels(count: usize) -> usize {
     let leaves = count.div_ceil(LEAF);
     1 + (0..).take_while(|level| LANES.pow(*level) < leaves).count()
 }
 
-/// How many surfaces go before a cut by their keys that is better than one into halves: of the volumes of both parts, times how many there are in each, the sum is
-/// to be least, as a part is looked into when a point is in it (after MacDonald and Booth 1990, "Heuristics for ray tracing using space subdivision").
+/// Number of surfaces before a cut by their keys that is better than halving. The cut minimises the sum,
+/// over both parts, of volume times number of surfaces. This is the cost after MacDonald and Booth 1990,
+/// "Heuristics for ray tracing using space subdivision": a part is looked into if the point is in it.
 fn apart(some: &[Boxed]) -> Option<usize> {
     let bounds = (f64::INFINITY, f64::NEG_INFINITY);
     let (first, last) = some.iter().fold(bounds, |(a, b), boxed| (least(a, boxed.key), most(b, boxed.key)));
@@ -97,7 +100,7 @@ fn apart(some: &[Boxed]) -> Option<usize> {
         behind[i].add(&bins[i].low, &bins[i].high, bins[i].count);
     }
     let mut before = Extent::NONE;
-    // The cut nearest to one into halves stands for that.
+    // The cut nearest to the half stands for halving.
     let (mut best, mut halves) = ((f64::INFINITY, 0), (usize::MAX, f64::INFINITY));
     for (bin, behind) in bins.iter().zip(&behind[1..]) {
         before.add(&bin.low, &bin.high, bin.count);
@@ -113,12 +116,12 @@ fn apart(some: &[Boxed]) -> Option<usize> {
             halves = (off, cost);
         }
     }
-    // Where all but all are in one bin, that is no cut into halves.
+    // If almost all surfaces are in one bin, that cut does not stand for halving.
     let even = if halves.0 > some.len() / 4 { behind[0].cost() } else { halves.1 };
     (best.0 < BETTER * even).then_some(best.1)
 }
 
-/// How far some surfaces reach, and how many they are.
+/// Extent and number of some surfaces.
 #[derive(Clone, Copy)]
 struct Extent {
     low: Vector,
@@ -137,14 +140,14 @@ impl Extent {
         self.count += count;
     }
 
-    /// Volume times count; a sheet is as thick as nothing, but not without volume.
+    /// Volume times count. A sheet has no thickness, but counts as having volume.
     fn cost(&self) -> f64 {
         let volume: f64 = (0..3).map(|k| self.high[k] - self.low[k] + ALIKE_MM).product();
         volume * self.count as f64
     }
 }
 
-/// A tree in the making. Where it takes surfaces, there is one at least.
+/// A tree under construction. Functions that take surfaces take at least one.
 struct Builder {
     tree: Tree,
     items: Vec<Item>,
@@ -159,13 +162,13 @@ impl Builder {
         self.tree.class == Class::Sheets
     }
 
-    /// The frame of all surfaces, where they have but one.
+    /// Frame of all surfaces, if they share one.
     fn common(&self, some: &[Boxed]) -> Option<u32> {
         let first = self.item(&some[0]).frame;
         some.iter().all(|b| self.item(b).frame == first).then_some(first)
     }
 
-    /// The frame that is most like all: of sheets that of the one whose normal is nearest to the mean.
+    /// Frame most like all others. For sheets it is the frame whose normal is nearest to the mean.
     fn frame(&self, some: &[Boxed]) -> u32 {
         let first = self.item(&some[0]);
         if !self.sheets() || self.common(some).is_some() {
@@ -180,7 +183,7 @@ impl Builder {
         nearest.unwrap_or(first).frame
     }
 
-    /// What some surfaces take up in a frame, which is noted of each as well.
+    /// Bounds of some surfaces in a frame. They are also noted for each surface.
     fn part(&self, some: &mut [Boxed], number: u32) -> Part {
         let frame = &self.tree.frames[number as usize];
         let mut part = Part { items: some.len() as u32, ..Part::empty() };
@@ -211,7 +214,8 @@ impl Builder {
         part
     }
 
-    /// How sheets lie: their heights above their midst, each along its own normal, and how normals differ.
+    /// Notes how sheets lie: their heights above their midst, each along its own normal, and how normals
+    /// differ.
     fn lie(&self, some: &mut [Boxed], number: u32, part: &mut Part) {
         let frame = &self.tree.frames[number as usize];
         let normal = |of: u32| match of == number {
@@ -241,8 +245,8 @@ impl Builder {
         }
     }
 
-    /// Adds the block of some surfaces, and those that it is split into, which come after it. Surfaces that are turned alike get a frame of their own, others that
-    /// of the block before.
+    /// Adds the block of some surfaces, then the blocks into which it is split. Surfaces that are turned
+    /// alike get their own frame. Others get the frame of the block before.
     fn block(&mut self, some: &mut [Boxed], before: Option<u32>, level: usize) -> u32 {
         let common = self.common(some);
         let frame = common.or(before).unwrap_or_else(|| self.frame(some));
@@ -280,8 +284,9 @@ impl Builder {
         number as u32
     }
 
-    /// Puts those of some surfaces first that are less in what they differ most in, and answers where the others begin; few are not cut. Into halves, or, unless it
-    /// has to be `even`, where it is likelier that a point is in none or one part alone.
+    /// Sorts surfaces around a cut, by the key in which they differ most, and answers where the second
+    /// part begins. Few surfaces are not cut. The cut is at the half. Unless it has to be `even`, it may
+    /// be where a point is more likely in at most one part.
     fn cut(&self, some: &mut [Boxed], even: bool) -> usize {
         if some.len() <= LEAF {
             return some.len();
@@ -298,11 +303,15 @@ impl Builder {
         place
     }
 
-    /// By what some surfaces are told apart best.
+    /// Key that tells some surfaces apart best.
     ///
-    /// Side by side it is by place: the larger their spread as a part of what they take up, the more likely a point is in one half alone. Where many lie over each other
-    /// a point is in both halves, and one is left out if the other is deeper: sheets are then parted by height and, where normals differ, by normal, whichever
-    /// moves depths by more; solids by their extents, and where they are turned in many ways by their middles, since an extent says little then.
+    /// Surfaces side by side are parted by place. The larger their spread is as a part of their extent,
+    /// the more likely a point is in one half alone. If many surfaces lie over each other, a point is in
+    /// both halves. One half is then left out if the other is deeper.
+    ///
+    /// Sheets over each other are parted by height or, if normals differ, by normal, whichever moves
+    /// depths by more. Solids are parted by their extents. If solids are turned in many ways, they are
+    /// parted by their middles, since an extent says little then.
     fn key(&self, some: &mut [Boxed]) -> Key {
         let part = self.part(some, self.frame(some));
         let some = &*some;
@@ -321,7 +330,7 @@ impl Builder {
                 best = (key, weight);
             }
         };
-        // Sheets lie over each other as seen from above. Endless ones are no number of times over each other.
+        // Sheets overlap as seen from above. For endless sheets the number of overlaps is not a number.
         let axes = if self.sheets() { 0..2 } else { 0..3 };
         let share = |b: &Boxed| axes.clone().map(|k| (b.high[k] - b.low[k]) / size[k]).product::<f64>();
         let over: f64 = some.iter().map(share).sum();

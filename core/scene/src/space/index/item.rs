@@ -1,28 +1,28 @@
-//! Surfaces as a tree is made of them.
+//! Surfaces in the form from which a tree is built.
 
 use super::super::shape::Form;
 use super::super::vector::{Vector, dot, least, most, norm, sub};
 use super::Entry;
 
-/// A surface that is to go into a tree.
+/// A surface that goes into a tree.
 pub(super) struct Item {
-    /// The entry's number.
+    /// Number of the entry.
     pub entry: u32,
-    /// How far off it is felt.
+    /// Distance from which it is felt.
     pub reach: f64,
-    /// Which of the tree's frames is its own.
+    /// Number of its own frame among those of the tree.
     pub frame: u32,
-    /// Its axes as the world sees them.
+    /// Its axes in coordinates of the world.
     pub axes: [Vector; 3],
-    /// The point its box is counted from; of an endless plane the one nearest to the middle of the scene.
+    /// Origin of its box. For an endless plane it is the point nearest to the middle of the scene.
     pub place: Vector,
-    /// Where it is touched, in its own coordinates from `place` on.
+    /// Box in which it is touched, in its own coordinates from `place` on.
     low: Vector,
     high: Vector,
     round: bool,
-    /// How deep one can be in it.
+    /// Largest depth inside.
     pub most: f64,
-    /// Heights between which the top of a sheet lies, above `place`.
+    /// Bounds of the heights of a sheet's top above `place`.
     pub top: [f64; 2],
     /// Radius of the ball around `place` that holds a solid.
     pub ball: f64,
@@ -31,7 +31,7 @@ pub(super) struct Item {
 }
 
 impl Item {
-    /// An entry by number, in a scene around a point.
+    /// Makes an item from an entry and its number, in a scene around a point.
     pub(super) fn new(number: usize, entry: &Entry, middle: Vector) -> Self {
         let pose = &entry.surface.pose;
         let endless = f64::INFINITY;
@@ -69,7 +69,7 @@ impl Item {
             Form::Sphere { radius_mm } => {
                 (item.low, item.high) = ([-radius_mm; 3], [*radius_mm; 3]);
                 (item.most, item.ball, item.widest) = (*radius_mm, *radius_mm, *radius_mm);
-                // However it is turned.
+                // The same however it is turned.
                 item.round = true;
                 item.axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
             }
@@ -84,7 +84,8 @@ impl Item {
         item
     }
 
-    /// Least and greatest coordinates in a frame, in which it lies at `place`, and which may be its own.
+    /// Least and greatest coordinates in a frame. The item lies at `place` in that frame. `own` says that
+    /// the frame is its own.
     pub(super) fn bounds(&self, frame: &[Vector; 3], place: Vector, own: bool) -> [Vector; 2] {
         if own || self.round {
             return [self.low, self.high].map(|corner| std::array::from_fn(|k| place[k] + corner[k]));
@@ -93,7 +94,7 @@ impl Item {
         for k in 0..3 {
             for j in 0..3 {
                 let along = dot(frame[k], self.axes[j]);
-                // Nothing times endless is nothing.
+                // 0 times infinity counts as 0.
                 if along != 0.0 {
                     let (a, b) = (along * self.low[j], along * self.high[j]);
                     low[k] += least(a, b);
@@ -105,20 +106,20 @@ impl Item {
     }
 }
 
-/// An item by number, and what is known of it in the frame of those that it is with.
+/// Number of an item, and its figures in the frame of its group.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Boxed {
     pub item: u32,
     pub place: Vector,
     pub low: Vector,
     pub high: Vector,
-    /// Of a sheet: how far it lies above the midst of all, along its own normal.
+    /// For a sheet: height above the midst of all, along its own normal.
     pub above: f64,
-    /// By what it is sorted.
+    /// Value by which it is sorted.
     pub key: f64,
 }
 
-/// What surfaces are sorted by.
+/// Key by which surfaces are sorted.
 #[derive(Clone, Copy)]
 pub(super) enum Key {
     /// A least coordinate.
@@ -131,11 +132,11 @@ pub(super) enum Key {
     Above,
     /// A coordinate of the normal.
     Normal(usize),
-    /// Which frame.
+    /// Number of the frame.
     Turn,
     /// The longest edge.
     Size,
-    /// The entry's number alone, which decides between all that are equal.
+    /// Number of the entry alone, which decides between equals.
     Number,
 }
 

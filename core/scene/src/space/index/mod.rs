@@ -1,4 +1,4 @@
-//! Which of many surfaces a point touches.
+//! Finds which of many surfaces a point touches.
 
 mod block;
 mod build;
@@ -12,10 +12,11 @@ use super::{Hold, Surface, Touch, WORLD_MM};
 use block::Class;
 use tree::{Best, Tree};
 
-/// Most entries of an index.
+/// Largest number of entries in an index.
 pub const MOST_ENTRIES: usize = 1 << 20;
 
-/// How deep a point is at least in what it touches, in millimetres: more than rounding, so that a stylus that lies in many planes at once touches none.
+/// Least depth in millimetres at which a point touches. It is more than rounding, so that a stylus in
+/// many planes at once touches none.
 const TOUCHED_MM: f64 = 1e-6;
 
 /// A surface of an index.
@@ -23,21 +24,21 @@ const TOUCHED_MM: f64 = 1e-6;
 pub struct Entry {
     /// The surface.
     pub surface: Surface,
-    /// How far outside it is felt, in millimetres; 0 for one that is felt by touch alone.
+    /// Distance outside from which it is felt, in millimetres; 0 if it is felt by touch alone.
     pub reach_mm: f64,
 }
 
-/// What a point touches, or is near to.
+/// Surface that a point touches, or is near to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// The entry's number.
+    /// Number of the entry.
     pub entry: u32,
-    /// Where and how.
+    /// Place and direction of the touch.
     pub touch: Touch,
 }
 
 impl Contact {
-    /// What to keep for the next tick.
+    /// Memory for the next tick.
     pub fn hold(&self) -> Hold {
         Hold { entry: self.entry, feature: self.touch.feature }
     }
@@ -48,18 +49,19 @@ impl Contact {
 pub struct Index {
     entries: Vec<Entry>,
     hysteresis_mm: f64,
-    /// Over all.
+    /// Trees over all surfaces.
     touched: [Tree; 2],
-    /// Over those that reach.
+    /// Trees over the surfaces with a reach.
     reaching: [Tree; 2],
 }
 
 impl Index {
-    /// An index over entries, whose numbers are their places in the list. Another surface takes over from the one that is held when it is deeper by more than
-    /// `hysteresis_mm`, and another face of a box when it is nearer by more.
+    /// Makes an index over entries. The number of an entry is its place in the list. Another surface
+    /// takes over from the held one if it is deeper by more than `hysteresis_mm`. Another face of a box
+    /// takes over if it is nearer by more than that.
     ///
     /// # Errors
-    /// More than [`MOST_ENTRIES`]; a reach or a hysteresis that is not from 0 to [`WORLD_MM`].
+    /// There are more than [`MOST_ENTRIES`]. A reach or the hysteresis is not from 0 to [`WORLD_MM`].
     pub fn new(entries: Vec<Entry>, hysteresis_mm: f64) -> Result<Self, Diagnostic> {
         if entries.len() > MOST_ENTRIES {
             return Err(Diagnostic::new(format!("{} surfaces", entries.len()))
@@ -86,26 +88,27 @@ impl Index {
         &self.entries
     }
 
-    /// By how much another must be deeper to take over, in millimetres.
+    /// Depth in millimetres by which another surface must exceed the held one to take over.
     pub fn hysteresis_mm(&self) -> f64 {
         self.hysteresis_mm
     }
 
-    /// Bytes of the search trees, without the entries.
+    /// Size of the search trees in bytes, without the entries.
     pub fn bytes(&self) -> usize {
         self.touched.iter().chain(&self.reaching).map(Tree::bytes).sum()
     }
 
-    /// The surface that a point of the world touches: the one that was held while it is still touched and none is deeper by more than the hysteresis, else the
-    /// deepest, else none.
+    /// Finds the surface that a point of the world touches. The held one stays while it is still touched
+    /// and no other is deeper by more than the hysteresis. Else the answer is the deepest, or `None`.
     ///
-    /// Depths are compared in steps of 1/8192 mm; of equal ones the lowest number wins. What is held comes from [`Contact::hold`] of the tick before; an entry
-    /// that does not exist is as good as none. Nothing is allocated.
+    /// Depths are compared in steps of 1/8192 mm. Among equals the lowest number wins. `last` comes from
+    /// [`Contact::hold`] of the tick before. An entry that does not exist counts as none. Nothing is
+    /// allocated.
     pub fn deepest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
         self.search::<false>(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
     }
 
-    /// Blocks and surfaces that [`deepest`](Self::deepest) looks at: what it costs, counted.
+    /// Counts the blocks and surfaces that [`deepest`](Self::deepest) looks at, as a measure of its cost.
     #[cfg(test)]
     fn looks(&self, point_mm: [f64; 3], last: Option<Hold>) -> u32 {
         let mut best = self.best(point_mm, last, TOUCHED_MM, |_| TOUCHED_MM).1;
@@ -114,8 +117,8 @@ impl Index {
         best.looks
     }
 
-    /// The same over entries with a reach, and as far as they reach: the deepest of those that are touched, else the nearest. One that is held and not
-    /// touched gives way to any that is.
+    /// Finds the same over entries with a reach, as far as they reach: the deepest that is touched, else
+    /// the nearest. A held surface that is not touched gives way to any that is.
     pub fn nearest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
         self.search::<true>(&self.reaching, point_mm, last, f64::MIN, |e| {
             if e.reach_mm > 0.0 { -e.reach_mm } else { f64::INFINITY }
@@ -140,7 +143,7 @@ impl Index {
         Some(Contact { entry: found, touch })
     }
 
-    /// What is held, if it is still felt, and what has to be found to take over from it.
+    /// The held surface, if it is still felt, and the depth that another needs to take over.
     fn best(
         &self,
         point: [f64; 3],
@@ -154,7 +157,7 @@ impl Index {
             (touch.depth_mm >= felt(entry)).then_some(Contact { entry: hold.entry, touch })
         });
         let best = match &held {
-            // What is merely near does not hold its place against what is touched.
+            // A surface that is merely near does not hold its place against a touched one.
             Some(held) if held.touch.depth_mm < 0.0 => {
                 Best::held((held.touch.depth_mm + self.hysteresis_mm).min(0.0))
             }

@@ -4,38 +4,39 @@ use super::super::vector::{Vector, dot};
 use super::Entry;
 use super::block::{Block, Class, LANES, Lanes};
 
-/// Steps in which depths are compared, to a millimetre: those of surfaces that coincide differ by rounding alone, and their entries' numbers are to decide.
+/// Steps per millimetre in which depths are compared. Depths of surfaces that coincide differ only by
+/// rounding, and the numbers of their entries must decide.
 const STEPS_PER_MM: f64 = 8192.0;
 
-/// Ceilings that differ by less are the same.
+/// Ceilings that differ by less count as equal.
 const NEARLY_MM: f64 = 1e-7;
 
-/// Most levels of blocks: as many as halves of halves of 2^20 entries have.
+/// Most levels of blocks: enough to halve 2^20 entries again and again.
 pub(super) const MOST_LEVELS: usize = 10;
 
-/// Parts that wait to be looked at: three of each level, and four of the last.
+/// Most parts that wait to be looked at: three for each level, and four for the last.
 const WAITING: usize = 3 * MOST_LEVELS + 1;
 
-/// The deepest so far, and what can still be deeper.
+/// The deepest surface so far, and the depth that still beats it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Best {
-    /// What reaches this is as deep; with a lower number it is better.
+    /// A depth from here on is equal. With a lower number it is better.
     level: f64,
-    /// What reaches this is deeper.
+    /// A depth from here on is deeper.
     above: f64,
     entry: u32,
     pub found: Option<u32>,
-    /// Blocks and surfaces that were looked at.
+    /// Number of blocks and surfaces that were looked at.
     pub looks: u32,
 }
 
 impl Best {
-    /// Anything at least this deep is better.
+    /// Starts without a surface. Anything at least this deep is better.
     pub(super) fn nothing(depth: f64) -> Self {
         Self { level: depth, above: depth, entry: 0, found: None, looks: 0 }
     }
 
-    /// What is held: only what is deeper than this is better.
+    /// Starts with a held surface. Only a greater depth is better.
     pub(super) fn held(depth: f64) -> Self {
         let (_, above) = steps(depth);
         Self::nothing(above)
@@ -46,7 +47,7 @@ impl Best {
         depth >= self.above || (depth >= self.level && entry < self.entry)
     }
 
-    /// Takes what is better.
+    /// Takes a surface if it is better.
     #[inline]
     fn offer(&mut self, depth: f64, entry: u32) {
         if self.admits(depth, entry) {
@@ -56,7 +57,7 @@ impl Best {
     }
 }
 
-/// The step a depth is in: its lower end, and that of the next.
+/// Step that a depth is in: its lower end, and that of the next.
 #[inline]
 fn steps(depth: f64) -> (f64, f64) {
     let scaled = depth * STEPS_PER_MM;
@@ -73,7 +74,7 @@ struct Waits {
     lane: u32,
 }
 
-/// A tree over surfaces of a class; the first block is the root.
+/// A tree over surfaces of a class. The first block is the root.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub class: Class,
@@ -82,7 +83,7 @@ pub(super) struct Tree {
     pub items: Vec<u32>,
 }
 
-/// A point, and the frame it was last asked for in.
+/// A point, and the frame in which it was last needed.
 struct Seen<'t> {
     tree: &'t Tree,
     point: Vector,
@@ -104,7 +105,8 @@ impl Seen<'_> {
 }
 
 impl Tree {
-    /// Improves on the best by what the tree holds. `felt` is the depth that an entry needs to be felt at all.
+    /// Improves the best by the surfaces of the tree. `felt` is the depth that an entry needs to be felt
+    /// at all.
     pub(super) fn search<const REACHING: bool>(
         &self,
         point: Vector,
@@ -116,7 +118,7 @@ impl Tree {
         let mut seen = Seen { tree: self, point, frame: u32::MAX, turned: point };
         let ceilings = seen.ceilings::<REACHING>(root);
         best.looks += 1;
-        // Mostly this is all.
+        // Mostly the root is enough.
         if (0..LANES).any(|lane| best.admits(ceilings[lane], root.lowest[lane])) {
             self.descend::<REACHING>(seen, ceilings, entries, best, felt);
         }
@@ -140,7 +142,7 @@ impl Tree {
                 if count == WAITING || !best.admits(ceiling, lowest) {
                     continue;
                 }
-                // The highest ceiling is looked at first; those that are all but the same in the order of numbers.
+                // The highest ceiling comes first. Nearly equal ceilings come in the order of numbers.
                 let mut place = count;
                 count += 1;
                 while place > below {
@@ -155,7 +157,7 @@ impl Tree {
                 }
                 waiting[place] = Waits { ceiling, block: number, lane: lane as u32 };
             }
-            // The next block.
+            // Go to the next block.
             loop {
                 if count == 0 {
                     return;
@@ -188,7 +190,7 @@ impl Tree {
         }
     }
 
-    /// Bytes on the heap.
+    /// Size on the heap in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.frames.as_slice())
             + size_of_val(self.blocks.as_slice())
