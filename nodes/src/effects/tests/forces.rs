@@ -56,8 +56,9 @@ fn friction(tick_hz: u32) -> Bench {
     Bench::new(tick_hz, 48_000, "friction", &[("laws", LAWS)], script)
 }
 
+// Friction is its law along the tangents, starts anew with every contact and sleeps between contacts.
 #[test]
-fn friction_is_its_law_along_the_tangents_begun_anew_with_every_contact_and_sleeps_between() {
+fn friction_follows_law_restarts_at_contact_and_sleeps() {
     for tick_hz in [500, 4000] {
         let (run, calls) = friction(tick_hz).run("it", 250);
         let dt = 1.0 / f64::from(tick_hz);
@@ -93,8 +94,9 @@ fn friction_is_its_law_along_the_tangents_begun_anew_with_every_contact_and_slee
     }
 }
 
+// Friction that does not run in every tick stays awake, and counts the longer time between its runs.
 #[test]
-fn friction_that_does_not_run_in_every_tick_stays_awake_and_knows_how_long_it_is() {
+fn friction_every_second_tick_stays_awake_with_longer_dt() {
     let mut engine = friction(1000).every(2).engine("it", true).unwrap();
     let run = super::bench::run(&mut engine, "it", 60);
     let mut dahl = Dahl::new(0.5, 2.0).unwrap();
@@ -227,7 +229,7 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
 }
 
 #[test]
-fn a_bad_text_is_told_with_its_place_its_slot_and_what_would_fit() {
+fn bad_text_error_names_position_slot_and_valid_values() {
     let e = refused::<effects::Friction>(&[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
     assert!(
         e.starts_with("folder/g.ron:1:") && e.contains("unknown friction `lugr` (did you mean `lugre`?"),

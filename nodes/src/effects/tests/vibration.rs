@@ -23,7 +23,7 @@ fn source(hz: f64, amplitude: f64, rate: u32, count: usize) -> Vec<f32> {
 }
 
 #[test]
-fn sources_are_faded_over_in_straight_lines_and_sleep_when_they_have_faded_out() {
+fn sources_crossfade_linearly_and_sleep_after_fading_out() {
     for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000)] {
         // Ticks of 20 ms.
         let fade = u64::from(tick_hz / 50);
