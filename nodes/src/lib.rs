@@ -1,6 +1,6 @@
 //! The built-in nodes: one file a node, one folder a stage of the chain.
 //!
-//! [`registry`] answers all of them.
+//! [`registry`] returns all of them.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,4 +1,4 @@
-//! Each node in double precision against the same node in single.
+//! Compares each node in double precision with the same node in single precision.
 
 use super::*;
 use asperity_dsp::{Complex, Stft};
@@ -15,7 +15,7 @@ const N: usize = 250;
 const BINS: usize = 101;
 const FRAMES: u64 = 400;
 
-/// Half the distance from 1 to the next f32: what one operation rounds by at most, relative.
+/// Half the distance from 1 to the next f32: the largest relative rounding of one operation.
 const EPS: f64 = 1.0 / (1 << 24) as f64;
 
 /// A chirp over noise of many sines, rms about 1 each.
@@ -121,13 +121,13 @@ const NODES: [(&[&str], &str, &str, f64); 10] = [
 ];
 
 #[test]
-fn double_precision_differs_by_what_single_rounds_and_by_no_more() {
+fn double_and_single_differ_by_rounding_only() {
     for (before, kind, settings, most) in NODES {
         let both = ["f32", "f64"].map(|precision| run(before, kind, settings, precision));
         let top = peak(&both[0]);
         assert!(top > 0.1, "{kind} {settings} is all but silent: {top}");
         let roundings = apart(&both) / (top * EPS);
-        // Were they nearer, it would be one and the same twice.
+        // If they were nearer, the same precision would have run twice.
         assert!((0.5..most).contains(&roundings), "{kind} {settings} is {roundings} roundings apart");
     }
 }

@@ -1,31 +1,32 @@
-//! The time that a place is measured over: ticks are lost, and places come that are not to be trusted.
+//! Time since the last valid position. Ticks may be lost, and positions may be invalid.
 
 use asperity_node::State;
 
-/// How many runs of a node ago there was a place that was to be trusted.
+/// Counts the runs of a node since the last valid position.
 pub(crate) struct Since {
     every: u64,
     at: Option<u64>,
 }
 
 impl Since {
-    /// For a node that runs every so many ticks; there was none yet.
+    /// For a node that runs every `every` ticks. There was no valid position yet.
     pub(crate) fn new(every: u32) -> Self {
         Self { every: u64::from(every), at: None }
     }
 
-    /// There is one in this tick: runs since the last, at least 1, and 1 where it is the first.
+    /// Notes a valid position in this tick. Returns the runs since the last one: at least 1, and 1 for the
+    /// first.
     pub(crate) fn runs(&mut self, tick: u64) -> u64 {
         let before = self.at.replace(tick);
         before.map_or(1, |at| (tick.saturating_sub(at) / self.every.max(1)).max(1))
     }
 
-    /// There was none.
+    /// Forgets the last valid position.
     pub(crate) fn reset(&mut self) {
         self.at = None;
     }
 
-    /// When it was.
+    /// Tick of the last valid position.
     pub(crate) fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.at);
     }
@@ -36,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_are_counted_from_the_last_place_and_the_first_place_is_one_run() {
+    fn runs_count_from_last_position_and_first_is_one_run() {
         let mut since = Since::new(2);
         assert_eq!([1000, 1002, 1004, 1024, 1024].map(|tick| since.runs(tick)), [1, 1, 1, 10, 1]);
         since.reset();

@@ -1,4 +1,4 @@
-//! `actuator_inverse`: from the wanted acceleration to what drives the coil.
+//! `actuator_inverse`: from the wanted acceleration to the coil's current or voltage.
 
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
 use asperity_node::{
@@ -96,7 +96,8 @@ impl Processor for ActuatorInverse {
         self.inverse.reset();
     }
 
-    /// Another actuator, handle, corner or model goes on from it; another `drive` starts anew.
+    /// State of the filter. Another actuator, handle, corner or model continues from it; another `drive`
+    /// starts anew.
     fn state(&mut self, state: &mut State<'_>) {
         self.inverse.state(state);
     }

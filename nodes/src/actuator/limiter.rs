@@ -1,4 +1,4 @@
-//! `limiter`: what no input may do to the coil.
+//! `limiter`: the limits that no input to the coil may exceed.
 
 use asperity_actuator::{self, Drive, LimiterSettings};
 use asperity_node::{

@@ -39,7 +39,7 @@ fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
 fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
     let (p, base) = (setup.params, base(setup));
     let profile = ActuatorProfile::find(p.text("profile"), base).map_err(|e| {
-        // What is wrong within a file is said of the file.
+        // Errors within a file point at the file.
         if e.path().is_some() {
             return e;
         }
@@ -65,8 +65,9 @@ mod tests {
     use asperity_graph::{GraphFile, compile};
     use asperity_node::Role;
 
+    // A host that watches files for changes also watches the profile's file.
     #[test]
-    fn whoever_looks_whether_files_change_is_told_of_a_profiles_file() {
+    fn profile_file_is_listed_unless_shipped() {
         let dir = tempfile::tempdir().unwrap();
         let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/actuators/hapcoil_one.ron");
         let mine = dir.path().join("mine.ron");
@@ -74,7 +75,9 @@ mod tests {
         for (profile, files) in [("mine.ron", vec![mine]), ("hapcoil_one", Vec::new())] {
             let text = format!(
                 r#"Graph(version: 1, nodes: {{
-                    "tone": (kind: "sine"), "limiter": (kind: "limiter", params: (profile: "{profile}")), "out": (kind: "probe"),
+                    "tone": (kind: "sine"),
+                    "limiter": (kind: "limiter", params: (profile: "{profile}")),
+                    "out": (kind: "probe"),
                 }}, wires: [("tone", "limiter"), ("limiter", "out")])"#
             );
             let source = Source::new(dir.path().join("g.ron").display().to_string(), text);

@@ -1,4 +1,4 @@
-//! `contact`: what a stylus touches in a scene.
+//! `contact`: the surface of a scene that a stylus touches.
 
 use crate::since::Since;
 use asperity_node::{
@@ -11,14 +11,14 @@ use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motio
 pub struct Contact {
     contacts: Contacts,
     surfaces: usize,
-    /// The last place that was to be trusted.
+    /// Time since the last valid position.
     since: Since,
 }
 
 /// Writes a quantity of the contact to its port.
 type Put = fn(&ContactState, &mut [f64]);
 
-/// An output: name, number of values, unit, what it is.
+/// An output: name, number of values, unit, doc.
 struct Port(&'static str, usize, Unit, &'static str, Put);
 
 macro_rules! one {

@@ -24,7 +24,7 @@ const HYSTERESIS: usize = 2;
 pub struct SpeedGate {
     open_mm_s: f64,
     touch_n: f64,
-    /// The part of both at which it closes.
+    /// Part of both thresholds at which it closes.
     hysteresis: f64,
     /// Change of gain per sample.
     step: f32,
@@ -99,7 +99,7 @@ impl Node for SpeedGate {
 impl Processor for SpeedGate {
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
         if !(tick.inputs.valid(1) && tick.inputs.valid(2)) {
-            // Nobody knows where the stylus is.
+            // The position of the stylus is unknown.
             (self.moving, self.touching) = (false, false);
             return self.gain > 0.0;
         }
@@ -141,7 +141,7 @@ impl Processor for SpeedGate {
         }
     }
 
-    /// Whether it is open, and how far it has faded.
+    /// Whether it is open, and the level of its fade.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.moving).keep(&mut self.touching).keep(&mut self.gain);
         state.require((0.0..=1.0).contains(&self.gain));

@@ -33,12 +33,12 @@ pub struct Autoregressive {
     files: u64,
 }
 
-/// A texture as it sounds.
+/// A model of a texture with its state.
 #[derive(Clone)]
 struct Model {
     synthesis: Synthesis,
     gain: f32,
-    /// Which of the bands it is in.
+    /// Index of its band.
     band: usize,
 }
 
@@ -56,7 +56,7 @@ impl Voice for Model {
 struct Band {
     rate_hz: u32,
     resampler: Resampler<f32>,
-    /// The samples of a tick at the models' rate: those of one model, and of all.
+    /// The samples of a tick at the models' rate: those of one model, and the sum of all.
     part: Box<[f32]>,
     sum: Box<[f32]>,
 }
@@ -92,12 +92,12 @@ impl Band {
     }
 }
 
-/// The seed of a model: of those that sound together each has its own.
+/// The seed of a model. Models that sound together have different seeds.
 fn seed(of_node: u64, number: usize) -> u64 {
     random::bits(of_node, number as u64)
 }
 
-/// The band of a rate, made where there is none yet.
+/// Returns the band of a rate; makes it if there is none yet.
 fn band(bands: &mut Vec<Band>, texture_hz: f64, setup: &Setup<'_>) -> Result<usize, String> {
     if texture_hz.fract() != 0.0 {
         return Err(format!(
@@ -167,7 +167,7 @@ impl Node for Autoregressive {
                     Model { synthesis, gain, band }
                 })
                 .collect();
-            // Those of one rate side by side.
+            // Models of one rate side by side.
             models.sort_by_key(|model| model.band);
             models
         });

@@ -15,9 +15,9 @@ pub enum EffectError {
         what: &'static str,
         /// The value that was given.
         found: f64,
-        /// The least that fits.
+        /// Smallest allowed.
         from: f64,
-        /// The most that fits.
+        /// Largest allowed.
         to: f64,
         /// The unit of the three.
         unit: &'static str,
@@ -28,9 +28,9 @@ pub enum EffectError {
         what: &'static str,
         /// How many there are.
         found: usize,
-        /// The least that fits.
+        /// Smallest allowed.
         from: usize,
-        /// The most that fits.
+        /// Largest allowed.
         to: usize,
     },
     /// A value in a list that is not finite.
@@ -62,7 +62,7 @@ impl EffectError {
         }
     }
 
-    /// Whether a list is of a length that fits and all of it is finite.
+    /// Checks that a list has an allowed length and that all its values are finite.
     pub(super) fn check_list(
         what: &'static str,
         list: impl ExactSizeIterator<Item = f64>,
@@ -94,20 +94,20 @@ impl fmt::Display for EffectError {
 
 impl std::error::Error for EffectError {}
 
-/// No input counts for more than this.
+/// Largest size that an input counts for.
 const LARGEST: f64 = 1e6;
 
-/// A number as it counts: 0 for what is not finite, no more than [`LARGEST`].
+/// Limits a number to a size of [`LARGEST`]. A number that is not finite becomes 0.
 pub(super) fn counted(x: f64) -> f64 {
     if x.is_finite() { x.clamp(-LARGEST, LARGEST) } else { 0.0 }
 }
 
-/// A number that is at least 0, as it counts.
+/// The same for a quantity that is at least 0: a negative number becomes 0.
 pub(super) fn counted_positive(x: f64) -> f64 {
     counted(x).max(0.0)
 }
 
-/// A vector as it counts: 0 if part of it is not finite.
+/// The same for a vector: 0 if part of it is not finite.
 pub(super) fn counted_vector<const N: usize>(v: [f64; N]) -> [f64; N] {
     if v.iter().all(|x| x.is_finite()) { v.map(counted) } else { [0.0; N] }
 }

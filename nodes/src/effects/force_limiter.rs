@@ -1,4 +1,4 @@
-//! `force_limiter`: what no effect may ask of a device that pushes back.
+//! `force_limiter`: the limits of any force on a device that pushes back.
 
 use asperity_node::{
     Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec,
@@ -8,7 +8,7 @@ use asperity_node::{
 /// Places of the live parameters.
 const MAX_FORCE_N: usize = 0;
 const SLEW_N_PER_S: usize = 1;
-/// How long a force takes to go when it is no longer to be trusted, and to come back \[s\].
+/// Time in which a force that becomes invalid fades out, and comes back \[s\].
 const FADE_S: f64 = 0.02;
 
 /// Limits a force to a largest length, keeping its direction, and limits its rate of change.
@@ -21,7 +21,7 @@ pub struct ForceLimiter {
     dt_s: f64,
     /// Runs of a fade, 1 at least.
     fade: u32,
-    /// Of these, how far it is faded in; none before the first run.
+    /// Number of these by which it is faded in; none before the first run.
     trust: Option<u32>,
     /// The force of the last run.
     last: [f64; 3],
@@ -36,7 +36,7 @@ struct Counts {
     trust: u64,
 }
 
-/// A vector, no longer than so much. Answers whether it was.
+/// Shortens a vector to at most `most`. Also returns whether it was longer.
 fn held(v: [f64; 3], most: f64) -> ([f64; 3], bool) {
     // By the largest part, lest squares of large numbers overflow.
     let largest = v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -113,7 +113,7 @@ impl Processor for ForceLimiter {
             let (change, faster) = held(change, most);
             self.counts.slew += u64::from(faster);
             self.last = if faster { std::array::from_fn(|i| self.last[i] + change[i]) } else { wanted };
-            // A greatest force that was lowered counts before a change that is too great.
+            // A largest force that was lowered counts before a change that is too large.
             self.last = held(self.last, self.max_force_n).0;
         } else {
             self.counts.trust += 1;

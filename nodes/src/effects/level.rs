@@ -25,7 +25,7 @@ pub struct Level {
 impl Level {
     /// The levels at the beginning and at the end of the tick; none where no slot is on.
     fn levels(&self, inputs: &Inputs<'_>) -> Option<[f64; 2]> {
-        // What is no number is not at least 0.
+        // NaN is not at least 0.
         let on = inputs.value(SLOT) >= 0.0;
         let trusted = inputs.valid(LEVEL) && inputs.valid(SLOT);
         let level = inputs.value(LEVEL);

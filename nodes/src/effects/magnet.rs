@@ -27,7 +27,7 @@ pub struct Pull {
     stiffness_n_per_mm: f64,
     peak_n: f64,
     reach_mm: f64,
-    /// Where the spring alone would have the peak, `a`.
+    /// Distance at which the spring alone would have the peak, `a`.
     knee_mm: f64,
 }
 
@@ -43,12 +43,12 @@ impl Pull {
         let most = EffectError::check("a greatest force", max_force_n, (0.0, 1000.0), "N")?;
         let reach_mm = EffectError::check("a magnet's reach", reach_mm, (1e-3, 1000.0), "mm")?;
         let peak_n = most.min(stiffness_n_per_mm * reach_mm / 3.0);
-        // Of a magnet without force the reach is as good as any.
+        // For a magnet without force, the distance does not matter.
         let knee_mm = if peak_n > 0.0 { peak_n / stiffness_n_per_mm } else { reach_mm / 3.0 };
         Ok(Self { stiffness_n_per_mm, peak_n, reach_mm, knee_mm })
     }
 
-    /// The greatest force \[N\].
+    /// Largest force \[N\].
     pub fn peak_n(&self) -> f64 {
         self.peak_n
     }
@@ -62,7 +62,7 @@ impl Pull {
     /// both sides it points toward the surface. A distance that is not a number is out of reach.
     pub fn force_n(&self, distance_mm: f64) -> f64 {
         let (d, a) = (distance_mm.abs(), self.knee_mm);
-        // Also where there is no number.
+        // Also for a distance that is not a number.
         if !matches!(d.partial_cmp(&self.reach_mm), Some(std::cmp::Ordering::Less)) || self.peak_n == 0.0 {
             return 0.0;
         }
@@ -78,9 +78,9 @@ impl Pull {
         -pull.copysign(distance_mm)
     }
 
-    /// The potential \[mJ\], 0 on the surface: what it takes to bring the stylus there.
+    /// The potential \[mJ\]: energy to bring the stylus from the surface to this distance; 0 on the surface.
     pub fn energy_mj(&self, distance_mm: f64) -> f64 {
-        // What is no number is out of reach too.
+        // A distance that is not a number is out of reach too.
         let (d, a, p) = (distance_mm.abs().min(self.reach_mm), self.knee_mm, self.peak_n);
         if p == 0.0 {
             return 0.0;
@@ -196,7 +196,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn it_is_a_spring_near_the_surface_has_its_peak_and_ends_at_the_reach() {
+    fn magnet_is_spring_then_peak_and_ends_at_reach() {
         let m = Pull::new(0.5, 1.0, 10.0).unwrap();
         assert_eq!((m.peak_n(), m.force_n(0.0), m.force_n(10.0)), (1.0, 0.0, 0.0));
         assert!((m.force_n(0.7) + 0.35).abs() < 1e-15 && (m.force_n(-0.7) - 0.35).abs() < 1e-15);
@@ -212,7 +212,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn force_and_slope_are_continuous_and_no_slope_is_steeper_than_the_spring(
+        fn force_and_slope_are_continuous_slope_at_most_spring(
             stiffness in 0.01..10.0f64, most in 0.01..20.0f64, reach in 0.05..30.0f64,
         ) {
             let m = Pull::new(stiffness, most, reach).unwrap();
@@ -221,8 +221,8 @@ mod tests {
             let force: Vec<f64> = (0..=n).map(|i| m.force_n(f64::from(i) * step - span)).collect();
             let slope: Vec<f64> = force.windows(2).map(|w| (w[1] - w[0]) / step).collect();
             prop_assert!(slope.iter().all(|s| s.abs() <= stiffness * (1.0 + 1e-6)));
-            // The steepest curve is that of the arch, k / a, or of the fall, 6 P / way^2 <= 6 k a / (3 a /
-            // 2)^2.
+            // The steepest curve is that of the arch, k / a, or of the fall,
+            // 6 P / way^2 <= 6 k a / (3 a / 2)^2.
             let curve = 2.7 * stiffness * stiffness / m.peak_n();
             for w in slope.windows(2) {
                 prop_assert!((w[1] - w[0]).abs() <= curve * step * 1.01 + 1e-6 * stiffness);

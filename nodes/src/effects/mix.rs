@@ -4,7 +4,7 @@ use super::path::Parts;
 use asperity_dsp::filter::Sample;
 use asperity_node::{Setup, time};
 
-/// Room for the samples of a tick, in which parts are added up.
+/// Buffer for the samples of a tick, in which parts are added up.
 pub(super) struct Mix {
     sum: Box<[f64]>,
     part: Box<[f64]>,
@@ -12,7 +12,7 @@ pub(super) struct Mix {
 }
 
 impl Mix {
-    /// Room for any tick at the audio rate.
+    /// A buffer large enough for any tick at the audio rate.
     pub(super) fn new(setup: &Setup<'_>) -> Self {
         let room = || vec![0.0; time::max_samples(setup.audio_hz, setup.tick_hz)].into();
         Self { sum: room(), part: room(), len: 0 }
@@ -24,14 +24,14 @@ impl Mix {
         self.sum[..self.len].fill(0.0);
     }
 
-    /// Adds what `fill` writes, times a gain.
+    /// Adds the samples that `fill` writes, times a gain.
     pub(super) fn add(&mut self, gain: f64, fill: impl FnOnce(&mut [f64])) {
         let part = &mut self.part[..self.len];
         fill(part);
         self.sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += gain * *x);
     }
 
-    /// Adds what `fill` writes, each sample times what `gain` answers in turn.
+    /// Adds the samples that `fill` writes, each times the next value of `gain`.
     pub(super) fn add_each(&mut self, mut gain: impl FnMut() -> f64, fill: impl FnOnce(&mut [f64])) {
         let part = &mut self.part[..self.len];
         fill(part);

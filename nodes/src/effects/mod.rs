@@ -68,7 +68,7 @@ const TRIED_HZ: u32 = 48_000;
 
 /// The entry that a slot picks of so many.
 fn pick(slot: f64, count: usize) -> Option<usize> {
-    // What is no number is not at least 0, and a large float becomes the largest integer.
+    // NaN is not at least 0, and a large float becomes the largest integer.
     (slot >= 0.0).then_some(slot as usize).filter(|entry| *entry < count)
 }
 
@@ -77,12 +77,12 @@ fn slot(doc: &'static str) -> Input {
     Input::new("slot", ShapeSpec::Control(1), Unit::NONE).or(0.0).doc(doc)
 }
 
-/// The output of what vibrates.
+/// The output for a vibration.
 fn acceleration() -> Output {
     Output::new("acceleration", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
 }
 
-/// The output of what pushes.
+/// The output for a force.
 fn force(doc: &'static str) -> Output {
     Output::new("force", ShapeSpec::Control(3), Unit::NEWTON).doc(doc)
 }
@@ -107,7 +107,7 @@ fn let_go(tick: &mut Tick<'_>) -> Status {
     Status::Asleep
 }
 
-/// The settings of every slot, each made into what plays it.
+/// Makes the settings of every slot into players.
 fn each<T>(
     setup: &Setup<'_>,
     mut make: impl FnMut(&Settings) -> Result<T, Diagnostic>,

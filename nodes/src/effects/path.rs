@@ -1,10 +1,10 @@
-//! Where a stylus is between two ticks.
+//! Position of a stylus between two ticks.
 
 use asperity_state::State;
 
 use super::bounds::{counted, counted_vector};
 
-/// How a path is laid through what is told once a tick.
+/// Curve of a path through the positions that are reported once a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Smoothing {
     /// Through every position, with the velocity reported there: a cubic Hermite curve from one tick to the
@@ -30,7 +30,8 @@ pub struct Point {
     pub acceleration_mm_s2: [f64; 2],
 }
 
-/// A path along the surface, told once a tick, asked once a sample; position and velocity are continuous.
+/// A path along the surface. It is given a position once a tick, and read once a sample. Position and
+/// velocity are continuous.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     smoothing: Smoothing,
@@ -42,7 +43,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// A path of which nothing is known yet.
+    /// A path without any position yet.
     pub fn new(smoothing: Smoothing, tick_hz: u32) -> Self {
         Self { smoothing, tick_hz: f64::from(tick_hz.max(1)), last: None, cubic: [[0.0; 4]; 2] }
     }
@@ -94,7 +95,7 @@ impl Path {
         }
     }
 
-    /// How late the path is \[s\], at an audio rate: one tick less one sample, or half a tick more.
+    /// Latency of the path \[s\] at an audio rate: one tick less one sample, or half a tick more.
     pub fn delay_s(&self, rate_hz: u32) -> f64 {
         let ticks = if self.smoothing == Smoothing::Hermite { 1.0 } else { 1.5 };
         ticks / self.tick_hz - 1.0 / f64::from(rate_hz.max(1))
@@ -110,7 +111,7 @@ impl Path {
         *self = Self { last: None, cubic: [[0.0; 4]; 2], ..*self };
     }
 
-    /// Where the stylus was.
+    /// Last positions of the stylus.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut known = self.last.is_some();
         let (mut position, mut velocity, mut before) = self.last.unwrap_or_default();
@@ -144,7 +145,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The samples from number `first` on of tick number `tick`; sample floor(tick rate / tick rate) is its
+    /// The samples from number `first` on of tick number `tick`; sample floor(tick number * rate / ticks a second) is its
     /// first.
     pub fn new(tick: u64, first: u64, rate_hz: u32, tick_hz: u32) -> Self {
         let (rate, hz) = (i128::from(rate_hz.max(1)), i128::from(tick_hz.max(1)));

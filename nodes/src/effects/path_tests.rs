@@ -1,4 +1,4 @@
-//! Paths against motions in closed form, at every rate.
+//! Compares paths with motions in closed form, at every rate.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ fn first(tick: u64, rate: u32, tick_hz: u32) -> u64 {
     (u128::from(tick) * u128::from(rate) / u128::from(tick_hz)) as u64
 }
 
-/// All samples of a motion, told tick by tick.
+/// All samples of a motion that is reported tick by tick.
 fn samples(
     smoothing: Smoothing,
     (rate, tick_hz): (u32, u32),
@@ -56,7 +56,7 @@ fn all_samples_of_all_ticks_are_a_sample_apart() {
 }
 
 #[test]
-fn constant_acceleration_comes_out_exactly_a_tick_less_a_sample_late() {
+fn constant_acceleration_is_exact_tick_less_sample_late() {
     let at = |t: f64| {
         (
             [0, 1].map(|i| [3.0, -1.0][i] + [120.0, 30.0][i] * t + [400.0, -900.0][i] * t * t),
@@ -146,7 +146,7 @@ fn a_circle_is_followed_to_the_fourth_order() {
 }
 
 #[test]
-fn what_is_not_a_number_holds_the_last_place_and_a_reset_forgets_it() {
+fn not_finite_holds_last_position_and_reset_forgets_it() {
     let mut path = Path::new(Smoothing::Hermite, 500);
     path.advance([f64::NAN; 2], [1.0; 2]);
     assert_eq!(path.at(1.0).position_mm, [0.0; 2]);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_node::{Diagnostic, Settings};
 
-/// Things by what they are made of.
+/// Things that were made, by their settings.
 pub(super) struct Shared<T> {
     made: HashMap<String, Arc<T>>,
 }
@@ -17,7 +17,7 @@ impl<T> Default for Shared<T> {
 }
 
 impl<T> Shared<T> {
-    /// The thing for some settings, but for their `gain`, made where there is none yet.
+    /// Returns the thing for some settings without their `gain`; makes it if there is none yet.
     ///
     /// # Errors
     /// Those of making it.
@@ -29,7 +29,7 @@ impl<T> Shared<T> {
         self.get_by(settings.text_without("gain"), make)
     }
 
-    /// The thing of a name, made where there is none yet.
+    /// Returns the thing of a name; makes it if there is none yet.
     ///
     /// # Errors
     /// Those of making it.
@@ -46,7 +46,7 @@ impl<T> Shared<T> {
         Ok(made)
     }
 
-    /// How many there are.
+    /// Number of things.
     pub(super) fn count(&self) -> u64 {
         self.made.len() as u64
     }

@@ -1,4 +1,4 @@
-//! The way of the stylus along a surface, from places alone.
+//! Path of the stylus along a surface, from positions alone.
 
 use super::path::{Path, Smoothing};
 use asperity_dsp::filter::{Biquad, Section};
@@ -12,16 +12,16 @@ pub(super) struct Track {
     path: Path,
     tick_hz: f64,
     stroke: f64,
-    /// The place before, once there was one.
+    /// Position of the tick before, once there was one.
     before: Option<[f64; 2]>,
     begun: bool,
-    /// It began in the last tick.
+    /// Whether it began in the last tick.
     begins: bool,
     smooth: Option<[Biquad; 2]>,
 }
 
 impl Track {
-    /// A track whose places go through a low-pass of second order (Butterworth), unless its cutoff is 0.
+    /// A track whose positions go through a low-pass of second order (Butterworth), unless its cutoff is 0.
     ///
     /// # Errors
     /// A cutoff that is not below half the tick rate, at the parameter.
@@ -41,7 +41,7 @@ impl Track {
     /// anew. Returns the path of the tick, once it is known. A position that is not finite counts as the one
     /// before.
     pub(super) fn advance(&mut self, place_mm: [f64; 2], stroke: f64) -> Option<&Path> {
-        // Of one that is no number nobody says that it is another.
+        // A stroke that is NaN does not count as another one.
         if stroke != self.stroke && !stroke.is_nan() {
             self.reset();
             self.stroke = stroke;
@@ -63,7 +63,7 @@ impl Track {
         Some(&self.path)
     }
 
-    /// Whether the path of this tick does not go on from one of the tick before.
+    /// Whether the path of this tick is new, and does not continue one of the tick before.
     pub(super) fn begins(&self) -> bool {
         self.begins
     }
@@ -89,7 +89,7 @@ impl Track {
         self.smooth.iter_mut().flatten().for_each(Biquad::reset);
     }
 
-    /// Where the stylus was. Places that were smoothed otherwise go on as they were.
+    /// Last positions of the stylus. Positions that were smoothed otherwise stay as they were.
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         let mut made_for = self.smooth.map_or([0.0; 5], |[f, _]| {
             let ([b0, b1, b2], [a1, a2]) = (f.numerator(), f.denominator());
@@ -117,12 +117,12 @@ impl Track {
         }
     }
 
-    /// How late the path is.
+    /// Latency of the path.
     pub(super) fn latency(&self, setup: &Setup<'_>) -> Latency {
         Latency::ratio(3, 2 * i64::from(setup.tick_hz)) + Latency::samples(-1, setup.audio_hz)
     }
 
-    /// How late smoothing makes it besides, in s, of slow motion.
+    /// Further latency of slow motion by smoothing, in s.
     pub(super) fn lag_s(&self) -> f64 {
         self.smooth.map_or(0.0, |[filter, _]| filter.dc_group_delay() / self.tick_hz)
     }

@@ -46,7 +46,7 @@ impl Sine {
         Ok(Self { step, turn: u64::from(rate_hz) << 32, amplitude_m_s2: amplitude })
     }
 
-    /// The samples in m/s^2 from number `first` on: `A sin(2 pi f n / rate)`.
+    /// Writes the samples in m/s^2 from number `first` on: `A sin(2 pi f n / rate)`.
     pub fn process<T: Sample>(&self, first: u64, out: &mut [T]) {
         let mut phase = (u128::from(first) * u128::from(self.step) % u128::from(self.turn)) as u64;
         let per_turn = TAU / self.turn as f64;
@@ -81,7 +81,7 @@ pub struct Vibration {
 #[derive(Clone, Copy, Debug, Default)]
 struct Voice {
     slot: Option<usize>,
-    /// How far it is faded in, 0 to the samples of a fade.
+    /// Level of its fade, 0 to the samples of a fade.
     level: u32,
 }
 

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_no_drag_and_nothing_is_refused_silently() {
+    fn not_finite_gives_no_drag_and_bad_settings_give_error() {
         let honey = Drag::new(1000.0, 1000.0).unwrap();
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             assert_eq!(honey.force_n([5.0, bad, 1.0]), [0.0; 3]);

@@ -1,4 +1,4 @@
-//! Kernels for every slot, of which those of one are on.
+//! Kernels for every slot. Those of one slot are on at a time.
 
 use asperity_node::State;
 
@@ -6,7 +6,7 @@ use super::pick;
 
 /// A player of one setting of an effect.
 pub(super) trait Voice: Clone {
-    /// Begins anew.
+    /// Starts anew.
     fn reset(&mut self);
     /// State of the voice, of one size for all voices of a node.
     fn state(&mut self, state: &mut State<'_>);
@@ -17,7 +17,8 @@ pub(super) trait Voice: Clone {
 pub(super) struct Voices<V> {
     slots: Vec<Vec<V>>,
     on: Option<usize>,
-    /// Most voices of a slot, and one in place of those that a slot has not: all states are of one size.
+    /// Largest number of voices of a slot, and a voice in place of those that a slot lacks. So all states are
+    /// of one size.
     most: usize,
     spare: Option<V>,
 }
@@ -29,7 +30,7 @@ impl<V: Voice> Voices<V> {
         Self { slots, on: None, most, spare }
     }
 
-    /// Turns to what a number picks. Answers whether that is another slot than before.
+    /// Switches to the slot that a number picks. Returns whether that is another slot than before.
     pub(super) fn turn(&mut self, slot: f64) -> bool {
         let on = pick(slot, self.slots.len());
         if on == self.on {
@@ -45,17 +46,17 @@ impl<V: Voice> Voices<V> {
         self.on.and_then(|slot| self.slots.get_mut(slot)).map_or(&mut [], Vec::as_mut_slice)
     }
 
-    /// How many slots there are.
+    /// Number of slots.
     pub(super) fn count(&self) -> usize {
         self.slots.len()
     }
 
-    /// Turns to none.
+    /// Switches to no slot.
     pub(super) fn reset(&mut self) {
         self.on = None;
     }
 
-    /// Which slot is on, and what its voices remember. Refused is a slot that is not there.
+    /// The slot that is on, and the state of its voices. A slot that does not exist is refused.
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         let mut on = self.on;
         state.keep(&mut on);

@@ -1,4 +1,4 @@
-//! Where the stylus is and how it moves: `trajectory`, `stroke`, `velocity`.
+//! Position and motion of the stylus: `trajectory`, `stroke`, `velocity`.
 
 mod stroke;
 mod trajectory;

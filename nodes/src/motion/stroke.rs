@@ -1,4 +1,4 @@
-//! `stroke`: a made stroke.
+//! `stroke`: a generated stroke.
 
 use asperity_motion::{self, Shape, StrokeParams};
 use asperity_node::{
@@ -8,7 +8,8 @@ use asperity_node::{
 
 use super::microseconds;
 
-/// Makes a stroke by rule: approach, a path on the surface, lift-off. A pure function of time and seed.
+/// Generates a stroke by rule: approach, a path on the surface, lift-off. It is a pure function of time and
+/// seed.
 pub struct Stroke(asperity_motion::Stroke);
 
 impl Node for Stroke {

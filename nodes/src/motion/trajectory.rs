@@ -9,7 +9,7 @@ use asperity_node::{
 
 use super::microseconds;
 
-/// Played where a graph names no file: a zigzag with a pause and a lift-off.
+/// The stroke that is played where a graph names no file: a zigzag with a pause and a lift-off.
 const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
 
 /// Plays a CSV file of positions and, where recorded, forces and speeds.

@@ -10,26 +10,26 @@ use asperity_node::{
     ShapeSpec, State, Status, Tick, Unit,
 };
 
-/// Filtered velocity below which a stylus that stands still has none, so that a network can give its last
-/// answer again. At 20 Hz it is reached 0.22 s after 300 mm/s; the tail would end after 0.85 s.
+/// Filtered velocity below which a stylus that stands still counts as at rest. A network can then repeat its
+/// last output. At 20 Hz this is reached 0.22 s after 300 mm/s; the tail would end after 0.85 s.
 const STILL_MM_S: f64 = 1e-6;
 
 /// Finite differences and a second-order Butterworth low-pass, both in f64.
 ///
 /// The low-pass may open with its own speed, in space: see [`opened_hz`].
 ///
-/// Over ticks that were lost, or in which the place was not to be trusted, the velocity is the mean of what
-/// came to pass: while there is no place it is held (and marked), and the one that comes then is no jump of
-/// a single tick. The low-pass goes on as if that mean had lasted all the while.
+/// While the position is invalid, the velocity is held (and marked). After such a gap, or after lost ticks,
+/// the velocity is the mean over the gap. So the next position is no jump of a single tick. The low-pass goes
+/// on as if that mean had lasted all the while.
 pub struct Velocity {
     /// Runs a second.
     rate_hz: f64,
     /// Corner of the low-pass at rest; 0 for none.
     cutoff_hz: f64,
-    /// The same of fast motion, for every mm/s.
+    /// Corner of the low-pass for fast motion, for every mm/s.
     cutoff_hz_per_mm_s: f64,
     filters: [LowPass; 3],
-    /// Position of the last run that had one, and when that was.
+    /// Position of the last run that had one, and the time since.
     before: Option<[f64; 3]>,
     since: Since,
     stroke: f64,
@@ -151,14 +151,14 @@ impl Processor for Velocity {
         self.filters = Default::default();
     }
 
-    /// Where the stylus was and how fast.
+    /// Last position and velocity of the stylus.
     fn state(&mut self, state: &mut State<'_>) {
         let mut low_pass = self.cutoff_hz > 0.0;
         state.keep(&mut low_pass).keep(&mut self.before);
         self.since.state(state);
         state.keep(&mut self.stroke).keep(&mut self.velocity);
         self.filters.iter_mut().for_each(|f| f.state(state));
-        // A filter that was not there goes on from the velocity as if it had been constant.
+        // A filter that the state lacks continues from the velocity as if it had been constant.
         if state.restores() && !low_pass {
             self.filters.iter_mut().zip(self.velocity).for_each(|(f, v)| f.reset_to(v));
         }

@@ -28,7 +28,8 @@ impl Processor for Moved {
     fn reset(&mut self) {}
 }
 
-/// The reported speed in ticks from `from` on, where so many ticks after the one in which it moves are lost.
+/// The reported speed in ticks from `from` on. `lost` ticks are lost, beginning with the first in which the
+/// stylus has moved.
 fn told(cutoff_hz: f64, every: u64, lost: u64, from: u64) -> Vec<f64> {
     told_by(&format!("cutoff_hz: {cutoff_hz:?}"), every, lost, from)
 }
@@ -64,7 +65,7 @@ fn told_by(params: &str, every: u64, lost: u64, from: u64) -> Vec<f64> {
 }
 
 #[test]
-fn ticks_that_are_lost_leave_no_step_in_the_speed_whatever_the_low_pass() {
+fn lost_ticks_leave_no_step_in_speed_at_any_low_pass() {
     for cutoff_hz in [0.0, 0.01, 1.0, 20.0, 80.0] {
         for every in [1, 2] {
             // From just after a gap on: the stylus moved all the while.

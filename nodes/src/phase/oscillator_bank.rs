@@ -20,7 +20,7 @@ struct Running<T> {
 }
 
 impl<T: Float> Running<T> {
-    /// From one frame to the next.
+    /// Time from one frame to the next.
     fn hop(&self) -> Latency {
         Latency::ratio(i64::from(self.framing.frame_den), i64::from(self.framing.frame_num))
     }
@@ -105,7 +105,7 @@ impl<T: Float> Processor for Running<T> {
         self.started = false;
     }
 
-    /// Every oscillator goes on where it is, whatever the seed; other partials start anew.
+    /// Phases and amplitudes of the oscillators, whatever the seed. Other partials start anew.
     fn state(&mut self, state: &mut State<'_>) {
         self.kernel.state(state);
         state.keep(&mut self.started);

@@ -8,7 +8,7 @@ use asperity_node::{
 
 use crate::precision::{in_precision, precision};
 
-/// Independent uniform phases: what other methods are held against.
+/// Independent uniform phases: the baseline for other methods.
 pub struct RandomPhase;
 
 /// `random_phase` in one precision.

@@ -1,4 +1,4 @@
-//! `sample_commit`: magnitudes straight to a signal, by iteration over what is not emitted yet.
+//! `sample_commit`: magnitudes straight to a signal, by iteration over the samples that are not emitted yet.
 
 use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
@@ -20,7 +20,7 @@ struct Running<T> {
     refused: u64,
 }
 
-/// How far inside the newest window samples are emitted where nothing is said, in windows.
+/// Usual distance inside the newest window at which samples are emitted, in windows.
 const EARLY: f64 = 0.4;
 
 impl Node for SampleCommit {
@@ -161,7 +161,7 @@ impl<T: Float> Processor for Running<T> {
             2 => self.settings.momentum = value,
             _ => {}
         }
-        // What the kernel refuses is out of the parameters' ranges, and changes nothing.
+        // The kernel refuses only values out of the parameters' ranges. They change nothing.
         if self.kernel.set_work(self.settings).is_err() {
             self.settings = self.kernel.settings();
         }

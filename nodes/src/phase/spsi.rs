@@ -75,7 +75,7 @@ impl<T: Float> Processor for Running<T> {
         self.before = None;
     }
 
-    /// Every bin's phase runs on, whatever the seed.
+    /// Phases of all bins, whatever the seed.
     fn state(&mut self, state: &mut State<'_>) {
         self.spsi.state(state);
         state.keep(&mut self.before);

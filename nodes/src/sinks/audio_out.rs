@@ -5,7 +5,7 @@ use asperity_node::{
     ShapeSpec, State, Status, Tick, Unit,
 };
 
-/// How long the output takes to fade when what it depends on fails, in seconds.
+/// Time in which the output fades when its input becomes invalid, in seconds.
 const FADE_S: f32 = 0.01;
 
 /// The sound card's entry in a graph: turns amperes or volts into samples of a device.
@@ -97,7 +97,7 @@ impl Processor for AudioOut {
         self.gain = 1.0;
     }
 
-    /// How far it has faded.
+    /// Level of the fade.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.gain);
         state.require((0.0..=1.0).contains(&self.gain));

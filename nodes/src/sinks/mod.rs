@@ -1,4 +1,4 @@
-//! Where a graph ends: `audio_out`, `file_out`, `probe`.
+//! Ends of a graph: `audio_out`, `file_out`, `probe`.
 
 mod audio_out;
 mod file_out;

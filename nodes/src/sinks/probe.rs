@@ -1,4 +1,4 @@
-//! `probe`: keeps what it is wired to in view of the host.
+//! `probe`: shows its input to the host.
 
 use asperity_node::{
     Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick,

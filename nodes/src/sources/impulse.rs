@@ -1,4 +1,4 @@
-//! `impulse`: a click when something happens.
+//! `impulse`: a click at an event.
 
 use asperity_node::{
     Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Prepared, Processor, Setup,
@@ -87,7 +87,7 @@ impl Processor for Impulse {
         (self.above, self.left) = (false, 0);
     }
 
-    /// Whether the trigger was above, and how much of a click is to come.
+    /// Whether the trigger was above the threshold, and how many samples of a click are left.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.above).keep(&mut self.left);
         state.require(self.left <= self.length);

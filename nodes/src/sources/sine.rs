@@ -26,7 +26,7 @@ pub struct Sine {
     end: Option<u64>,
 }
 
-/// A phase that is known at one sample, and goes on from there with one frequency.
+/// A phase that is known at one sample, and continues from there with one frequency.
 #[derive(Clone, Copy)]
 struct Phase {
     frequency: f64,
@@ -62,9 +62,9 @@ impl Phase {
 const FREQUENCY_HZ: usize = 0;
 const AMPLITUDE: usize = 1;
 const FADE_S: f64 = 0.02;
-/// How many times a second a new amplitude could be reached.
+/// Number of amplitude ramps that fit into a second.
 const RAMPS_PER_SECOND: u32 = 100;
-/// A sine may go up to this part of the rate.
+/// Highest frequency of a sine, as a part of the rate.
 const HIGHEST: f64 = 0.45;
 
 impl Node for Sine {
@@ -151,7 +151,7 @@ impl Processor for Sine {
         }
     }
 
-    /// Phase and amplitude where they are; from there they go on to this node's own.
+    /// Present phase and amplitude. From there they go on to this node's own.
     fn state(&mut self, state: &mut State<'_>) {
         self.amplitude.state(state);
         let mut that = self.phase;

@@ -91,7 +91,7 @@ impl Node for Sweep {
             before_s: p.number("before_s"),
             after_s: p.number("after_s"),
         };
-        // Ranges are the descriptor's; what is left is how frequencies and rate go together.
+        // The descriptor checks ranges. Left to check is how frequencies and rate go together.
         let sweep =
             identify::Sweep::new(settings, f64::from(rate)).map_err(|e| p.error("to_hz", e.to_string()))?;
         let duration = i64::try_from(sweep.samples()).ok().map(|samples| Latency::samples(samples, rate));

@@ -138,7 +138,7 @@ fn a_sine_that_does_not_fit_the_rate_is_refused() {
 }
 
 #[test]
-fn a_sweep_goes_through_its_frequencies_exponentially_between_silences() {
+fn sweep_is_exponential_between_silences() {
     let set =
         [number("from_hz", 20.0), number("to_hz", 1280.0), number("seconds", 3.0), number("amplitude", 0.5)];
     let mut sweep = prepared("sweep", &set);

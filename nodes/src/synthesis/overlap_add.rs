@@ -60,7 +60,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         frame_num: l.frame_rate.num(),
         frame_den: l.frame_rate.den(),
     };
-    // At longer hops the sum of windows comes near 0, and what is divided by it explodes.
+    // At longer hops the sum of windows comes near 0, and the division by it explodes.
     let rarely = u64::from(l.frame_rate.num()) * u64::from(l.length)
         < 2 * u64::from(l.rate_hz) * u64::from(l.frame_rate.den());
     if rarely {

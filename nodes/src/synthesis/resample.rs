@@ -85,7 +85,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     if in_hz == out_hz {
         return Ok(Prepared::new(Running::<T> { kernel: None, in_hz, out_hz }));
     }
-    // Above the band that is predicted there is nothing to keep: a shorter filter does.
+    // Above the predicted band there is nothing to keep, so a shorter filter is enough.
     let mut passband = p.number("passband");
     if !p.is_set("passband") {
         passband = passband.min(PASSBAND_HZ / f64::from(in_hz.min(out_hz))).max(0.05);

@@ -1,4 +1,4 @@
-//! Texture: what was done, and what vibration follows.
+//! Texture: from the motion of the hand to the vibration that follows.
 
 mod action_history;
 mod scatter;

@@ -10,7 +10,7 @@ use asperity_node::{
 use crate::phase::{framing, seed};
 use crate::precision::{in_precision, precision};
 
-/// Scatters magnitudes about what is expected, as those of noise, or of lines in noise, do.
+/// Scatters magnitudes about their expected values, as those of noise, or of lines in noise, scatter.
 pub struct Scatter;
 
 /// `scatter` in one precision.

@@ -47,7 +47,7 @@ impl Bench {
         Self { node: node.processor, out, tick: 0 }
     }
 
-    /// The bits of the frame that answers.
+    /// The bits of the output frame.
     fn ask(&mut self, (force, velocity, material): &Asked) -> Vec<u32> {
         let buffer = |values: &[f64]| Buffer::Control { values: values.into(), changed: true, valid: true };
         let buffers = [buffer(force), buffer(velocity), buffer(&[*material])];
@@ -71,8 +71,8 @@ impl Bench {
     }
 }
 
-/// Motions that stand still now and then, and differ from one to the next in one bit, in a sign of zero, in
-/// what is out of range or no number.
+/// Motions that stand still now and then. From one to the next they differ in one bit, in the sign of a zero,
+/// or in values that are out of range or not a number.
 fn script() -> Vec<Asked> {
     let mut asked: Asked = ([1.0; 10], [0.0; 20], 0.0);
     let unit = |k: u64| random::uniform(7, k);
@@ -99,7 +99,7 @@ fn script() -> Vec<Asked> {
 }
 
 #[test]
-fn a_question_asked_again_has_the_answer_that_the_network_would_give() {
+fn repeated_input_gives_the_networks_own_output() {
     for (precision, executor) in [("f32", "auto"), ("int8", "auto"), ("f64", "auto"), ("f32", "tract")] {
         let (mut it, mut fresh) = (Bench::new(precision, executor), Bench::new(precision, executor));
         let range = Range::new(Model::load(format!("{MODELS}texture.onnx")).unwrap().trained());

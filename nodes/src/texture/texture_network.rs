@@ -13,13 +13,13 @@ use asperity_texture::{
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
 const WINDOWS_PER_SECOND: u32 = 10;
-/// The model predicts this often.
+/// Predictions of the model a second.
 const MODEL_HZ: u32 = 500;
 
 /// Predicts magnitudes by an ONNX model, for one of several preloaded materials.
 ///
-/// An answer follows from what was asked alone, so that the same question, to the bit, is answered again
-/// without the network: a hand that is still asks nothing.
+/// The output depends on the inputs alone. So inputs that are the same to the bit give the last output again,
+/// without running the network. While the hand is still, it does not run.
 pub struct TextureNetwork {
     runner: Runner,
     clock: FrameClock,
@@ -36,12 +36,12 @@ pub struct TextureNetwork {
     answered: bool,
     range: Range,
     held: Held,
-    /// Frames for which the network was run, and those for which it was not.
+    /// Number of frames for which the network was run, and of those for which it was not.
     runs: u64,
     reused: u64,
 }
 
-/// How often something was not as it should be.
+/// Counts of values that were out of range.
 #[derive(Clone, Copy, Debug, Default)]
 struct Held {
     /// Frames with a force out of range among the last ten.
@@ -52,7 +52,7 @@ struct Held {
     magnitudes: u64,
 }
 
-/// Whether all are the same numbers, zeros of another sign and NaN told apart.
+/// Whether all are the same numbers, to the bit: signs of zeros and NaN count.
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
 }

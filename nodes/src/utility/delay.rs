@@ -1,11 +1,11 @@
-//! `delay`: the same, later; and what a cycle needs.
+//! `delay`: the same signal, later. A cycle needs one.
 
 use asperity_node::{
     Descriptor, Diagnostic, Input, Keep, Latency, Node, Output, Param, Prepared, Processor, Setup, Shape,
     ShapeSpec, State, Status, Tick, Unit, time,
 };
 
-/// Most values of a control that are on their way.
+/// Largest number of values of a control that are on their way.
 const MOST_VALUES: u64 = 1 << 24;
 
 /// Delays a signal by a whole number of samples (audio) or ticks (control).
@@ -180,7 +180,7 @@ fn keep_line<T: Keep + Copy + Default>(
         return len;
     }
     for age in (1..=len).rev() {
-        // What is refused ends here, whatever length it claims.
+        // A refused state ends here, whatever length it claims.
         if state.failed() {
             return len;
         }

@@ -15,7 +15,7 @@ pub struct Gain {
 
 /// Place of the live parameter.
 const GAIN: usize = 0;
-/// How many times a second a new factor could be reached.
+/// Number of gain ramps that fit into a second.
 const RAMPS_PER_SECOND: u32 = 100;
 
 impl Node for Gain {
@@ -82,7 +82,7 @@ impl Processor for Gain {
         }
     }
 
-    /// The factor where it is; it goes on to this node's own.
+    /// The present factor. It goes on to this node's own.
     fn state(&mut self, state: &mut State<'_>) {
         self.gain.state(state);
     }

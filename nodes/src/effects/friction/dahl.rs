@@ -70,7 +70,7 @@ impl Dahl {
         self.bristle.turn(from, to);
     }
 
-    /// How the bristle is bent.
+    /// Bend of the bristle.
     pub fn state(&mut self, state: &mut State<'_>) {
         self.bristle.state(state);
     }
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn along_a_line_the_force_follows_the_closed_form_of_the_way_whatever_the_ticks() {
+    fn force_along_a_line_follows_closed_form_at_any_tick() {
         // From rest F = F_c (1 - e^(-s0 x / F_c)); turning at F: F -> -F_c + (F_0 + F_c) e^(-s0 x / F_c).
         for (dt, speed) in [(1e-4, 7.0), (2e-3, 30.0), (1e-2, 3.0)] {
             let mut f = Dahl::new(0.4, 2.0).unwrap();
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_normal_force_that_falls_lets_go_and_none_is_exactly_nothing() {
+    fn falling_normal_force_releases_bristle_none_gives_zero() {
         let mut f = Dahl::new(0.5, 1.0).unwrap();
         for _ in 0..1000 {
             f.step([30.0, 40.0], 2.0, 1e-3);

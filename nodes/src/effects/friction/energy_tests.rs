@@ -1,4 +1,4 @@
-//! No law gives energy, none trembles at rest, all end with the normal force; whatever comes.
+//! For any input: no law gives energy, none trembles at rest, and all end with the normal force.
 
 use asperity_state::State;
 use proptest::prelude::*;
@@ -115,7 +115,7 @@ proptest! {
     }
 
     #[test]
-    fn at_rest_nothing_trembles_and_without_normal_force_there_is_nothing(
+    fn rest_is_steady_and_no_normal_force_gives_no_force(
         settings in settings(), ticks in ticks(), normal in 0.0..3.0f64,
     ) {
         let mut lugre = LuGre::new(settings).unwrap();
@@ -142,8 +142,10 @@ fn rests(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], normal: f64) -> Res
     Ok(())
 }
 
+// A constant damping gives energy where Barabanov and Ortega say. The damping here falls with
+// speed, and gives none.
 #[test]
-fn a_constant_damping_gives_energy_where_barabanov_and_ortega_say_and_ours_does_not() {
+fn constant_damping_gives_energy_and_lugre_here_does_not() {
     let s = LuGreSettings {
         static_coefficient: 1.0,
         kinetic_coefficient: 0.2,

@@ -38,7 +38,7 @@
 //! force at the tick's end. So this force takes at least the energy that the exact one takes.
 //!
 //! A call takes 9 ns for viscous friction, 22 ns for Dahl's and 38 ns for LuGre's on a virtual AMD EPYC core
-//! (`examples/effect_cost.rs`, as all figures of effects).
+//! (a loop over one law alone).
 
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
@@ -59,10 +59,10 @@ pub(super) struct Bristle {
 }
 
 impl Bristle {
-    /// Lets go what is bent beyond `most_mm`.
+    /// Releases the bend beyond `most_mm`.
     pub(super) fn hold(&mut self, most_mm: f64) {
         let square = dot(self.bent_mm, self.bent_mm);
-        // What has been cut to the most is not cut again for its rounding.
+        // A bend that was cut to `most_mm` is not cut again because of rounding.
         if square > most_mm * most_mm * (1.0 + 1e-12) {
             let share = most_mm / square.sqrt();
             self.bent_mm = self.bent_mm.map(|z| share * z);
@@ -103,7 +103,7 @@ impl Bristle {
     }
 }
 
-/// Velocity and its size, normal force and time as they count.
+/// Velocity and its size, normal force and time, each finite and limited.
 pub(super) fn inputs(velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> ([f64; 2], f64, f64, f64) {
     let velocity = counted_vector(velocity_mm_s);
     (velocity, velocity[0].hypotenuse(velocity[1]), counted_positive(normal_force_n), counted_positive(dt_s))

@@ -19,7 +19,7 @@ pub struct LuGreSettings {
     pub bristle_stiffness_n_per_mm: f64,
     /// Damping of the bristle at rest, s1 \[N s/m\], 0 to 1000.
     pub bristle_damping_ns_per_m: f64,
-    /// Friction that grows with speed, by this part of the normal force \[s/mm\], 0 to 10.
+    /// Viscous friction, as a part of the normal force for every mm/s \[s/mm\], 0 to 10.
     pub viscosity_s_per_mm: f64,
 }
 
@@ -153,7 +153,7 @@ impl LuGre {
         self.bristle.turn(from, to);
     }
 
-    /// How the bristle is bent.
+    /// Bend of the bristle.
     pub fn state(&mut self, state: &mut State<'_>) {
         self.bristle.state(state);
     }

@@ -35,7 +35,7 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// Where tangents change, bristles stay as they stand in space.
 pub struct Friction {
     laws: Voices<Law>,
-    /// Those of the tick before, along which bristles are bent.
+    /// Tangents of the tick before, along which bristles are bent.
     tangents: [[f64; 3]; 2],
     dt_s: f64,
 }
@@ -89,7 +89,7 @@ impl Law {
     }
 }
 
-/// How a scene writes the laws, with their usual values.
+/// Forms of the laws in a scene, with their usual values.
 fn effect() -> Effect {
     let usual = LuGreSettings::default();
     let coefficient = |name, usual| Param::number(name, usual, 0.0..=10.0, "friction over normal force");
@@ -231,7 +231,7 @@ impl Processor for Friction {
         self.tangents = FLAT;
     }
 
-    /// Which law is on, and how its bristle is bent.
+    /// The law that is on, and the bend of its bristle.
     fn state(&mut self, state: &mut State<'_>) {
         self.laws.state(state);
         state.keep(&mut self.tangents);

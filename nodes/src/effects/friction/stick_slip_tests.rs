@@ -116,7 +116,7 @@ fn by_equations(p: &Pull, s: LuGreSettings, seconds: f64) -> Vec<f64> {
 }
 
 #[test]
-fn stick_and_slip_come_by_turns_with_the_period_and_the_fall_of_the_equations() {
+fn stick_slip_has_period_and_fall_of_the_equations() {
     // With a bristle of 1 N/mm and the hand's heavier mass a tick rate of 500 Hz will do; 10 N/mm take 1 kHz.
     let heavy = Pull { mass: 0.2, spring: 300.0, damping: 1.0, speed: 0.03, normal: 1.5 };
     for (p, s, all) in [
@@ -141,7 +141,7 @@ fn stick_and_slip_come_by_turns_with_the_period_and_the_fall_of_the_equations() 
 }
 
 #[test]
-fn the_stiffer_the_bristle_the_nearer_it_is_to_the_swing_of_the_closed_form() {
+fn stiffer_bristle_is_nearer_to_closed_form() {
     // Where static friction ends at once, the spring falls by 2 (F_s - F_k) in half a swing. It is then
     // pulled up again. The stiffer the bristle, the nearer the result is to this closed form.
     let p = Pull { damping: 0.05, speed: 0.003, ..PULL };

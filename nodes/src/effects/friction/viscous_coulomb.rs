@@ -35,8 +35,8 @@ impl ViscousCoulomb {
         if drag * speed <= most { velocity.map(|v| -drag * v) } else { velocity.map(|v| -most * (v / speed)) }
     }
 
-    /// The law at rest, along the surface: a damping of 1000 c F_n \[N s/m\]. With the usual slope this is 4
-    /// N s/m under a newton.
+    /// The law at rest, along the surface: a damping of 1000 c F_n \[N s/m\]. With the usual slope this is
+    /// 4 N s/m under a newton.
     pub fn law(&self, normal_force_n: f64) -> Law {
         let (_, _, normal, _) = inputs([0.0; 2], normal_force_n, 0.0);
         let slope = if self.coefficient > 0.0 { 1e3 * self.viscosity_s_per_mm * normal } else { 0.0 };
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_no_friction_and_what_cannot_be_is_refused() {
+    fn not_finite_gives_no_friction_bad_settings_are_refused() {
         let f = ViscousCoulomb::new(10.0, 10.0).unwrap();
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for force in [f.force_n([bad, 1.0], 1.0), f.force_n([1.0, 1.0], bad)] {

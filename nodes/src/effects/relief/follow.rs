@@ -48,10 +48,10 @@ use crate::effects::path::{Parts, Path, Point};
 
 /// Damping of the two sections of a Butterworth low-pass of fourth order: cos(pi / 8) and cos(3 pi / 8).
 const DAMPING: [f64; 2] = [0.923_879_532_511_286_7, 0.382_683_432_365_089_8];
-/// From this to this part of a spacing per sample the acceleration ends.
+/// Range of speeds over which the acceleration fades out, in spacings per sample.
 const TOO_FAST: (f64, f64) = (1.0, 1.5);
 
-/// Surface about a place.
+/// Height and derivatives of a surface at a position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jet {
     /// Height in mm.
@@ -62,9 +62,9 @@ pub struct Jet {
     pub curve_per_mm: [f64; 3],
 }
 
-/// Surface with their derivatives at any place.
+/// A surface with its derivatives at any position.
 pub trait Surface {
-    /// Surface about a place in mm. What is not finite counts as flat.
+    /// Height and derivatives at a position in mm. Values that are not finite count as flat.
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet;
 
     /// Half of the shortest wavelength in mm; 0 where it is not known. A stylus that passes one of these
@@ -126,7 +126,7 @@ impl Follower {
         Ok(Self { settings, filters: [section(DAMPING[0])?, section(DAMPING[1])?] })
     }
 
-    /// The samples of a tick in m/s^2, along the path that [has been told](Path::advance) of it.
+    /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
     pub fn process<T: Sample>(
         &mut self,
         heights: &(impl Surface + ?Sized),
@@ -150,7 +150,7 @@ impl Follower {
         }
     }
 
-    /// Forgets what was felt.
+    /// Clears the low-pass.
     pub fn reset(&mut self) {
         self.filters.iter_mut().for_each(Biquad::reset);
     }
@@ -171,7 +171,7 @@ fn acceleration(jet: &Jet, here: &Point) -> f64 {
     1e-3 * (vx * vx * xx + 2.0 * vx * vy * xy + vy * vy * yy + jet.slope[0] * ax + jet.slope[1] * ay)
 }
 
-/// 1, and 0 for a stylus that passes the spacing too fast for the rate.
+/// Factor of the acceleration: 1, falling to 0 for a stylus that passes the spacing too fast for the rate.
 #[inline]
 fn not_too_fast(here: &Point, per_sample: f64) -> f64 {
     let [vx, vy] = here.velocity_mm_s;

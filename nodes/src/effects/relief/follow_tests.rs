@@ -66,7 +66,7 @@ fn grating(amplitude: f64, wavelength: f64, angle: f64) -> impl Fn(f64, f64) -> 
 }
 
 #[test]
-fn a_sine_grating_at_constant_speed_has_its_frequency_and_its_amplitude() {
+fn sine_grating_has_its_frequency_and_amplitude() {
     for (wavelength, speed, angle, tick_hz) in [
         (1.0, 100.0, 0.0_f64, 500),
         (0.5, 60.0, 0.4, 100),
@@ -123,7 +123,7 @@ fn hills_jet(x: f64, y: f64) -> Jet {
 }
 
 #[test]
-fn on_an_accelerating_way_it_is_the_second_difference_of_the_height() {
+fn accelerating_path_gives_second_difference_of_height() {
     // A curve whose speed goes from 20 to 230 mm/s.
     let place =
         |t: f64| [70.0 * t + 25.0 * (9.0 * t).sin() / 9.0 * 2.0, 12.0 * (5.0 * t).sin() + 60.0 * t * t];
@@ -156,7 +156,7 @@ fn on_an_accelerating_way_it_is_the_second_difference_of_the_height() {
 }
 
 #[test]
-fn a_spline_goes_through_its_points_and_its_derivatives_are_its_own() {
+fn spline_passes_its_points_with_consistent_derivatives() {
     for side in [1, 2, 3, 7, 64] {
         let mut seed = 1u32;
         let field = HeightField::from_fn(side, 0.05, |_, _| {
@@ -254,8 +254,9 @@ fn beside_the_wave(
     (decibels(rest / (amplitude / 2.0_f64.sqrt())), decibels(amplitude / (1e-5 * (TAU * wave).powi(2))))
 }
 
+// A device that reports positions in steps makes the relief rattle; a low-pass on the positions prevents it.
 #[test]
-fn a_device_that_tells_places_in_steps_rattles_and_filtered_places_do_not() {
+fn stepped_positions_rattle_and_filtered_ones_do_not() {
     for (step, speed, tick_hz) in [(0.055, 61.7, 500), (0.055, 157.1, 1000), (0.005, 19.3, 1000)] {
         let of = |smoothing, filtered| beside_the_wave(step, speed, tick_hz, (smoothing, filtered)).0;
         let (hermite, parabola) = (of(Smoothing::Hermite, false), of(Smoothing::Parabola, false));
@@ -305,7 +306,7 @@ fn it_goes_on_from_its_state() {
 }
 
 #[test]
-fn whatever_comes_is_finite_and_bounded_and_what_cannot_be_is_refused() {
+fn any_input_is_finite_and_bounded_bad_settings_refused() {
     let settings = ReliefSettings { max_m_s2: 5.0, ..ReliefSettings::default() };
     let mut relief = Follower::new(settings, RATE).unwrap();
     let mut path = Path::new(Smoothing::Hermite, 500);

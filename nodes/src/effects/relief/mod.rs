@@ -37,7 +37,7 @@ pub struct Relief {
     fields: u64,
 }
 
-/// Heights as they are felt.
+/// Heights with the state of their reading.
 #[derive(Clone)]
 struct Field {
     relief: Follower,
@@ -160,7 +160,7 @@ impl Processor for Relief {
         self.track.reset();
     }
 
-    /// Where the stylus was, and what was felt.
+    /// Last positions of the stylus, and state of the reliefs.
     fn state(&mut self, state: &mut State<'_>) {
         self.track.state(state);
         self.reliefs.state(state);

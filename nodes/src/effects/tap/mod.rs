@@ -20,7 +20,7 @@ const APPROACH: usize = 1;
 const MOMENT: usize = 2;
 /// Slots that sound at a time at full level.
 const MOST: usize = 6;
-/// Slots that are remembered: those, those that fade, and others that were struck lately.
+/// Slots that are remembered: those that sound, those that fade, and others that were struck recently.
 const ROOM: usize = 12;
 /// Time without a sound after which a slot counts as never struck \[s\]. No tap holds the next off for
 /// longer.
@@ -32,7 +32,7 @@ const FORGOTTEN_S: u64 = 1;
 /// seventh, the one that was struck first fades out in a millisecond.
 pub struct Tap {
     kernels: Vec<Taps>,
-    /// In place of kernels that the state has room for and that are not there.
+    /// Stands in the state for kernels that are not there.
     spare: Option<Taps>,
     struck: [Option<Struck>; ROOM],
     mix: Mix,
@@ -40,17 +40,17 @@ pub struct Tap {
     counts: [u64; 2],
 }
 
-/// A slot that was struck lately.
+/// A slot that was struck recently.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Struck {
     slot: usize,
-    /// At which sample.
+    /// Sample of the strike.
     at: u64,
-    /// It fades.
+    /// Whether it fades.
     released: bool,
 }
 
-/// Where in a tick a moment of it stands: a sample, and the part of it that has passed by then.
+/// Time of a moment within a tick: a sample, and the part of this sample that has passed.
 fn sample(tick: u64, moment: f64, rate_hz: u32, tick_hz: u32) -> (u64, f64) {
     let place = u128::from(tick) * u128::from(rate_hz);
     let (whole, rest) = (place / u128::from(tick_hz), place % u128::from(tick_hz));
@@ -60,7 +60,7 @@ fn sample(tick: u64, moment: f64, rate_hz: u32, tick_hz: u32) -> (u64, f64) {
 }
 
 impl Tap {
-    /// Strikes a slot, as much as there is room.
+    /// Strikes a slot if there is room.
     fn strike(&mut self, slot: usize, (sample, part): (u64, f64), speed_mm_s: f64) {
         let forgotten = FORGOTTEN_S * u64::from(self.rate_hz);
         let Self { kernels, struck, .. } = self;
@@ -72,7 +72,7 @@ impl Tap {
         }
         let known = struck.iter().position(|s| s.is_some_and(|s| s.slot == slot));
         let place = known.or_else(|| struck.iter().position(Option::is_none)).or_else(|| {
-            // One that is silent, and only not forgotten yet.
+            // A slot that is silent, but not forgotten yet.
             let silent = |s: &Struck| kernels.get(s.slot).is_none_or(|k| !k.sounds());
             let all = struck.iter().enumerate().filter_map(|(i, s)| Some((i, s.filter(silent)?)));
             all.min_by_key(|(_, s)| s.at).map(|(i, _)| i)
@@ -101,7 +101,7 @@ impl Tap {
 
 /// Longest recording of a tap in samples: a minute and a half at 48 kHz.
 const MAX_RECORDED: u32 = 1 << 22;
-/// The loudest of a recording.
+/// Largest value of a recording.
 const MOST_M_S2: f32 = 1e6;
 
 fn effect() -> Effect {
@@ -134,7 +134,7 @@ fn effect() -> Effect {
         })
 }
 
-/// When a tap sounds.
+/// Conditions under which a tap sounds.
 fn of(settings: &Settings) -> TapSettings {
     TapSettings {
         min_speed_mm_s: settings.number("min_speed_mm_s"),
@@ -144,7 +144,7 @@ fn of(settings: &Settings) -> TapSettings {
     }
 }
 
-/// Sinusoids, or a recording whose file was not read yet.
+/// Sinusoids, or a recording whose file is not read yet.
 enum Sound {
     Sinusoids(Vec<DecayingSinusoid>),
     Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64, gain: f64 },

@@ -12,9 +12,9 @@ const MAX_SINUSOIDS: usize = 8;
 const VOICES: usize = 4;
 /// One more, that fades.
 const SLOTS: usize = VOICES + 1;
-/// How long a tap fades that has to make room \[s\], shorter than two taps can follow each other.
+/// Fade of a tap that makes room \[s\]. It is shorter than the least time between two taps.
 const FADE_S: f64 = 1e-3;
-/// No tap sounds longer \[s\].
+/// Longest duration of a tap \[s\].
 const LONGEST_S: f64 = 60.0;
 /// Most samples of a recording.
 const MAX_RECORDED: usize = 1 << 22;
@@ -55,16 +55,16 @@ pub enum Transient {
     Recorded(Recording),
 }
 
-/// When a tap sounds.
+/// Conditions under which a tap sounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TapSettings {
-    /// Slower contacts do not sound \[mm/s\], 0 to 1000.
+    /// Speed below which a contact does not sound \[mm/s\], 0 to 1000.
     pub min_speed_mm_s: f64,
-    /// Faster ones sound as this one \[mm/s\], 1 to 10 000.
+    /// Speed above which a contact sounds no louder \[mm/s\], 1 to 10 000.
     pub max_speed_mm_s: f64,
     /// Least time from one tap to the next \[ms\], 2 to 1000.
     pub debounce_ms: f64,
-    /// A tap whose envelope is below this is over \[m/s^2\], 10^-6 to 1.
+    /// Level of the envelope below which a tap is over \[m/s^2\], 10^-6 to 1.
     pub floor_m_s2: f64,
 }
 
@@ -218,7 +218,7 @@ impl Taps {
         true
     }
 
-    /// The samples in m/s^2 from number `first` on. Answers whether a tap goes on behind them.
+    /// Writes the samples in m/s^2 from number `first` on. Returns whether a tap continues after them.
     pub fn process<T: Sample>(&mut self, first: u64, out: &mut [T]) -> bool {
         let mut first = first;
         if !self.sounds() {
@@ -238,17 +238,17 @@ impl Taps {
         self.sounds()
     }
 
-    /// Whether a tap goes on.
+    /// Whether a tap still sounds.
     pub fn sounds(&self) -> bool {
         self.slots.iter().any(Voice::sounds)
     }
 
-    /// Samples of the longest tap, that of the greatest speed.
+    /// Samples of the longest tap, that of the highest speed.
     pub fn longest(&self) -> u64 {
         self.length(1e-3 * self.settings.max_speed_mm_s).unwrap_or(0)
     }
 
-    /// Fades out in a millisecond whatever sounds.
+    /// Fades out all taps in a millisecond.
     pub fn release(&mut self) {
         let fade = self.fade;
         for voice in self.slots.iter_mut().filter(|v| v.sounds() && v.fade == 0) {
@@ -256,7 +256,7 @@ impl Taps {
         }
     }
 
-    /// Ends all taps at once, and forgets when the last one was.
+    /// Ends all taps at once, and forgets the time of the last one.
     pub fn reset(&mut self) {
         self.slots = [Voice::default(); SLOTS];
         self.last = None;
@@ -301,7 +301,7 @@ impl Taps {
         Some(free)
     }
 
-    /// How loud a voice can still become \[m/s^2\].
+    /// Upper bound of a voice from now on \[m/s^2\].
     fn envelope(&self, voice: &Voice) -> f64 {
         self.bound(voice.age(voice.next).max(0.0)) * voice.speed_m_s
     }
@@ -337,7 +337,7 @@ impl Taps {
         let age = voice.age(voice.next);
         for (phasor, p) in voice.phasors.iter_mut().zip(&self.partials) {
             let size = (-p.decay * age).exp_e();
-            // Whole turns taken off, which are many.
+            // Without the whole turns, of which there are many.
             let (sin, cos) = ((p.turns * age).fract() * std::f64::consts::TAU).sine_cosine();
             *phasor = [size * cos, size * sin];
         }
@@ -453,7 +453,7 @@ impl Recorded {
             let index = usize::try_from(whole as i64 + by).ok();
             index.and_then(|i| self.samples.get(i)).map_or(0.0, |x| f64::from(*x))
         };
-        // Before the first it is as if it came up in a straight line.
+        // Before its first sample, the recording counts as a straight line.
         let a = if whole < 1.0 { 2.0 * at(0) - at(1) } else { at(-1) };
         let (b, c, d) = (at(0), at(1), at(2));
         b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))

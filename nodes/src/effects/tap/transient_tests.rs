@@ -1,4 +1,4 @@
-//! Taps against their closed form, as they overlap, end and make room.
+//! Compares taps with their closed form while they overlap, end and make room.
 
 use std::f64::consts::TAU;
 
@@ -21,7 +21,7 @@ fn closed(all: &[DecayingSinusoid], age: f64) -> f64 {
 }
 
 #[test]
-fn over_ten_seconds_it_is_the_closed_form_to_a_thousand_millionth() {
+fn tap_is_closed_form_within_1e_9_over_ten_seconds() {
     let all = [sinusoid(300.0, 1e5, 1.0), sinusoid(61.7, 1e4, 0.5), sinusoid(20_000.0, 1e5, -0.3)];
     let mut tap = tap(&all, TapSettings::default());
     assert!(tap.strike(7, 0.375, 1000.0));
@@ -70,8 +70,9 @@ fn it_ends_exactly_where_the_envelope_passes_the_floor() {
     assert!(!quiet.strike(0, 0.0, 50.0) && !quiet.sounds());
 }
 
+// Contacts that are too slow do not sound. Nor do contacts too soon after one that sounded.
 #[test]
-fn slow_contacts_do_not_sound_nor_do_those_too_soon_after_one_that_did() {
+fn slow_or_too_early_contacts_do_not_sound() {
     let mut tap = tap(&[sinusoid(180.0, 10.0, 200.0)], TapSettings::default());
     for speed in [1.99, 0.0, -50.0, f64::NAN, f64::INFINITY] {
         assert!(!tap.strike(0, 0.0, speed), "{speed}");
@@ -132,7 +133,7 @@ fn strikes_within_one_tick_leave_no_voice_fading_twice() {
 }
 
 #[test]
-fn samples_that_are_skipped_change_nothing_and_a_late_tap_begins_when_it_can() {
+fn skipped_samples_change_nothing_late_tap_begins_late() {
     let all = [sinusoid(100.0, 50.0, 100.0), sinusoid(333.0, 20.0, 70.0)];
     let mut whole = tap(&all, TapSettings::default());
     let mut late = whole.clone();
@@ -157,8 +158,9 @@ fn recording(phase: f64) -> Recording {
     Recording { samples: samples.map(|x| x as f32).collect(), rate_hz: 1e4, speed_mm_s: 80.0 }
 }
 
+// At its own speed, a recording sounds as it was; at other speeds, in proportion.
 #[test]
-fn a_recording_sounds_as_it_was_at_its_own_speed_and_in_proportion_at_others() {
+fn recording_scales_in_proportion_to_speed() {
     let mut tap = Taps::new(&Transient::Recorded(recording(0.0)), TapSettings::default(), RATE).unwrap();
     for (begin, part, speed) in [(0, 0.0, 80.0), (10_000, 0.5, 20.0)] {
         assert!(tap.strike(begin, part, speed));

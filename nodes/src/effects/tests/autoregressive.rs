@@ -130,8 +130,9 @@ fn it_is_its_kernels_begun_anew_with_every_slot() {
     }
 }
 
+// The models add whatever their rates are, and each has a noise of its own.
 #[test]
-fn models_of_one_text_add_whatever_their_rates_and_their_noise_is_not_the_same() {
+fn models_of_one_text_add_with_noise_of_their_own() {
     // One at another rate, between two of the same.
     let dir = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(format!("{MADE}ringing.ron")).unwrap();
@@ -220,7 +221,7 @@ fn thirds() -> impl Iterator<Item = (f64, f64)> {
 }
 
 #[test]
-fn the_spectrum_at_the_audio_rate_is_the_models_within_half_a_decibel() {
+fn spectrum_at_audio_rate_is_model_within_half_a_db() {
     for (name, tick_hz, rate) in [("rough", 500, 48_000), ("ringing", 500, 44_100)] {
         let (v, f) = (130.0, 1.3);
         let mut engine =

@@ -50,7 +50,7 @@ impl Processor for Playing {
     fn reset(&mut self) {}
 }
 
-/// A script, the node `it` with an input of each of the script's names, and what else stands behind it.
+/// A script, the node `it` with an input of each of the script's names, and the nodes after it.
 pub(super) struct Bench {
     script: Arc<Script>,
     graph: GraphFile,
@@ -67,7 +67,7 @@ impl Bench {
         Self::beside("bench.ron", tick_hz, audio_hz, kind, settings, script)
     }
 
-    /// The same, as if it stood in a file.
+    /// The same, as if the graph were a file in a folder.
     pub(super) fn beside(
         file: &str,
         tick_hz: u32,
@@ -90,7 +90,7 @@ impl Bench {
         Self { script: Arc::new(script), graph }
     }
 
-    /// Leaves out what leads to an input that the node does not have.
+    /// Leaves out wires to an input that the node does not have.
     pub(super) fn drop_wires(&mut self, to: &str) {
         self.graph.wires.retain(|w| w.to.port.as_deref() != Some(to));
     }

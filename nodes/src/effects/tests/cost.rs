@@ -15,7 +15,7 @@ impl Clock for Wall {
     }
 }
 
-/// The median of what a node takes in a tick, in microseconds, and how often it was called.
+/// Median time of a node in a tick, in microseconds, and the number of its calls.
 fn median(engine: &mut Engine, node: &str, ticks: u64) -> (f64, u64) {
     let clock = Wall(Instant::now());
     let it = engine.schedule().index_of(node).unwrap();

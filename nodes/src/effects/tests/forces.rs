@@ -41,7 +41,9 @@ fn normal_force(tick: u64) -> f64 {
 /// Two directions at right angles, aslant.
 const TANGENTS: [f64; 6] = [0.6, 0.8, 0.0, -0.48, 0.36, 0.8];
 
-const LAWS: &str = r#"["lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)", "viscous_coulomb(coefficient: 0.2)", "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)"]"#;
+const LAWS: &str = r#"["lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)",
+    "viscous_coulomb(coefficient: 0.2)",
+    "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)"]"#;
 
 fn friction(tick_hz: u32) -> Bench {
     let outputs = [
@@ -56,8 +58,9 @@ fn friction(tick_hz: u32) -> Bench {
     Bench::new(tick_hz, 48_000, "friction", &[("laws", LAWS)], script)
 }
 
+// Friction is its law along the tangents, starts anew with every contact and sleeps between contacts.
 #[test]
-fn friction_is_its_law_along_the_tangents_begun_anew_with_every_contact_and_sleeps_between() {
+fn friction_follows_law_restarts_at_contact_and_sleeps() {
     for tick_hz in [500, 4000] {
         let (run, calls) = friction(tick_hz).run("it", 250);
         let dt = 1.0 / f64::from(tick_hz);
@@ -178,7 +181,9 @@ fn drag_is_against_the_velocity_and_sleeps_outside() {
     let velocity = |tick: u64| [30.0 * (tick as f64 * 0.1).sin(), -400.0, 12.0];
     let outputs = [("slot", 1, Unit::NONE), ("velocity", 3, Unit::MILLIMETRE_PER_SECOND)];
     let script = Script::new(&outputs, move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()]);
-    let drags = r#"["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 8, max_force_n: 1.5)", "(viscosity_ns_per_m: 0)"]"#;
+    let drags = r#"["(viscosity_ns_per_m: 2)",
+        "(viscosity_ns_per_m: 8, max_force_n: 1.5)",
+        "(viscosity_ns_per_m: 0)"]"#;
     let (run, calls) = Bench::new(500, 48_000, "viscosity", &[("drags", drags)], script).run("it", 250);
     let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most).unwrap());
     for (tick, force) in run.control.iter().enumerate() {
@@ -229,7 +234,7 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
 }
 
 #[test]
-fn a_bad_text_is_told_with_its_place_its_slot_and_what_would_fit() {
+fn bad_text_error_names_position_slot_and_valid_values() {
     let e = refused::<effects::Friction>(&[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
     assert!(
         e.starts_with("folder/g.ron:1:") && e.contains("unknown friction `lugr` (did you mean `lugre`?"),

@@ -145,7 +145,7 @@ fn a_stroke_that_begins_elsewhere_is_no_way_between() {
 }
 
 #[test]
-fn a_relief_is_its_kernel_along_the_path_of_places_smoothed_or_not() {
+fn relief_is_its_kernel_along_path_smoothed_or_not() {
     let heights = Heights::parse(&ron::parse(&Source::new("", HEIGHTS)).unwrap()).unwrap();
     let spline = HeightSpline::new(&heights.field().unwrap());
     for (tick_hz, rate, smooth) in
@@ -211,8 +211,9 @@ fn heights_that_several_slots_want_are_there_once() {
     assert_eq!(facts, ["slots 4", "height_fields 2"]);
 }
 
+// Behind a level, `waveform` and `relief` start and stop without a click. They do the same asleep or not.
 #[test]
-fn they_start_and_stop_behind_a_level_without_a_click_the_same_asleep_or_not() {
+fn level_starts_and_stops_textures_without_click() {
     // Open for three quarters of a period of 400 ticks, with ramps of 20 ms.
     let level = |tick: u64, tick_hz: u32| {
         let (t, ramp) = ((tick % 400) as f64, 0.02 * f64::from(tick_hz));
@@ -248,7 +249,7 @@ fn they_start_and_stop_behind_a_level_without_a_click_the_same_asleep_or_not() {
 }
 
 #[test]
-fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
+fn no_slot_is_silent_and_texts_of_other_kinds_are_refused() {
     let loops = format!("[{LOOP:?}, \"[]\"]");
     let play = |tick: u64| ((tick / 10 % 4) as f64 - 1.0, place(tick, 500), 0.0, 1.0);
     let (run, _) = bench(500, 48_000, "waveform", &[("loops", &loops)], play).run("it", 80);
@@ -274,8 +275,9 @@ fn a_slot_that_is_none_is_silence_and_texts_of_other_kinds_are_refused() {
     );
 }
 
+// At its own speed, a recorded waveform is the recording. Faster, it is higher and louder.
 #[test]
-fn a_recorded_waveform_played_at_its_own_speed_is_the_recording_and_faster_is_higher_and_louder() {
+fn recorded_waveform_at_its_speed_is_the_recording() {
     let dir = tempfile::tempdir().unwrap();
     let spec = hound::WavSpec {
         channels: 1,

@@ -18,7 +18,7 @@ fn level(rate_hz: u32, tick_hz: u32) -> Box<dyn Processor> {
     kind.prepare(&setup).unwrap().processor
 }
 
-/// One tick: whether the input was wanted, the answer, and what came out.
+/// Runs one tick. Returns whether the input was wanted, the status, and the output.
 fn step(
     it: &mut dyn Processor,
     (index, tick_hz): (u64, u32),

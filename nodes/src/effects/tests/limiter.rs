@@ -26,8 +26,9 @@ fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
+// A force within the limit passes unchanged. A longer one is shortened and keeps its direction.
 #[test]
-fn a_force_within_the_limit_passes_as_it_is_and_a_longer_one_keeps_its_direction() {
+fn force_within_limit_passes_longer_keeps_direction() {
     let mut it = limiter(500, 1, 0.0);
     for force in [[0.1, -2.0, 1.5], [0.0; 3], [0.0, 3.0, 0.0], [-1e-300, 0.0, 1e-9]] {
         assert_eq!(step(&mut *it, force, true), force);
@@ -64,7 +65,7 @@ fn a_change_is_no_faster_than_the_slew_and_arrives() {
 }
 
 #[test]
-fn a_force_that_is_not_to_be_trusted_is_gone_in_20_ms_and_comes_back_as_slowly() {
+fn invalid_force_fades_in_20_ms_and_returns_as_slowly() {
     for (tick_hz, every, slew) in
         [(500, 1, 0.0), (4000, 1, 0.0), (500, 1, 1.0), (100, 1, 0.0), (1000, 100, 0.0)]
     {
@@ -95,7 +96,7 @@ fn a_force_that_is_not_to_be_trusted_is_gone_in_20_ms_and_comes_back_as_slowly()
         if slew == 0.0 {
             assert_eq!(step(&mut *it, force, true), force);
         }
-        // A force that is none counts as one not to be trusted.
+        // A force that is not a number counts as invalid.
         assert!(length(step(&mut *it, [f64::NAN, 0.0, 0.0], true)) < 2.5);
     }
     let mut it = limiter(500, 1, 0.0);

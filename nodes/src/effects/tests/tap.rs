@@ -82,7 +82,7 @@ fn contacts_that_are_none_do_not_sound() {
 }
 
 #[test]
-fn contacts_in_tick_after_tick_are_the_same_whether_it_sleeps_or_not() {
+fn contacts_in_successive_ticks_are_same_asleep_or_awake() {
     // Ticks of 10 ms and taps that are over within one: equal speeds are no change that wakes.
     let short = "(sinusoids: [(frequency_hz: 900, decay_ms: 0.2, gain: 40)], debounce_ms: 2)";
     let contacts = |tick: u64| match tick {
@@ -110,7 +110,7 @@ fn contacts_in_tick_after_tick_are_the_same_whether_it_sleeps_or_not() {
 }
 
 #[test]
-fn taps_of_several_slots_add_and_ring_on_when_another_is_touched() {
+fn taps_of_slots_add_and_ring_on_after_another_touch() {
     let contacts = |tick: u64| match tick {
         10 => Some((0.0, 100.0, 0.0)),
         13 => Some((1.0, 100.0, 0.5)),
@@ -124,8 +124,9 @@ fn taps_of_several_slots_add_and_ring_on_when_another_is_touched() {
     }
 }
 
+// Where more slots are struck than can sound, the first one fades and nothing steps.
 #[test]
-fn of_more_slots_than_can_sound_the_first_fades_and_nothing_steps() {
+fn too_many_slots_fade_the_first_without_step() {
     let long = "(sinusoids: [(frequency_hz: 60, decay_ms: 3000, gain: 40)])";
     let taps = format!("[{}]", vec![format!("{long:?}"); 40].join(", "));
     let contacts = |tick: u64| {
@@ -159,7 +160,7 @@ fn a_thousand_slots_call_for_no_more_than_one() {
 }
 
 #[test]
-fn a_recorded_tap_is_read_beside_the_graph_and_scaled_by_the_speed() {
+fn recorded_tap_is_read_beside_graph_and_scaled_by_speed() {
     let dir = tempfile::tempdir().unwrap();
     let spec = hound::WavSpec {
         channels: 2,

@@ -8,7 +8,9 @@ use super::bench::{Bench, Script, largest_step, refused};
 use crate::effects;
 use crate::effects::vibration::Sine;
 
-const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)", "(frequency_hz: 77.7, amplitude_m_s2: 3)", "(frequency_hz: 300, amplitude_m_s2: 1)"]"#;
+const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)",
+    "(frequency_hz: 77.7, amplitude_m_s2: 3)",
+    "(frequency_hz: 300, amplitude_m_s2: 1)"]"#;
 
 fn bench(tick_hz: u32, rate: u32, slot: impl Fn(u64) -> f64 + Send + Sync + 'static) -> Bench {
     let script = Script::new(&[("slot", 1, Unit::NONE)], move |tick| vec![vec![slot(tick)]]);
@@ -23,7 +25,7 @@ fn source(hz: f64, amplitude: f64, rate: u32, count: usize) -> Vec<f32> {
 }
 
 #[test]
-fn sources_are_faded_over_in_straight_lines_and_sleep_when_they_have_faded_out() {
+fn sources_crossfade_linearly_and_sleep_after_fading_out() {
     for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000)] {
         // Ticks of 20 ms.
         let fade = u64::from(tick_hz / 50);

@@ -2,26 +2,27 @@ use asperity_numbers::Elementary as _;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Values that make one.
+/// Values that are summed to one.
 pub(super) const TAPS: usize = 16;
-/// Of these, values before the place.
+/// Values of these before the position.
 pub(super) const BEFORE: usize = TAPS / 2 - 1;
-/// Places between two values for which weights are tabulated; between these they are mixed.
+/// Positions between two values for which weights are tabulated. Between these, weights are interpolated.
 const PHASES: usize = 256;
-/// Shape of Kaiser's window.
+/// Shape of the Kaiser window.
 const BETA: f64 = 11.0;
 
-/// Weights of a windowed sinc that reads between values whose band ends at half of what it could be.
+/// Weights of a windowed sinc that reads between values. Their band ends at half of the highest possible
+/// frequency.
 #[derive(Clone, Debug)]
 pub(super) struct Kernel {
     rows: Vec<[f32; TAPS]>,
 }
 
-/// The weights, which take a millisecond to make and 16 KiB.
+/// The weights. Making them takes a millisecond; they take 16 KiB.
 static KERNEL: LazyLock<Kernel> = LazyLock::new(Kernel::new);
 
 impl Kernel {
-    /// The one kernel there is.
+    /// The only kernel, shared by all.
     pub(super) fn shared() -> &'static Self {
         &KERNEL
     }

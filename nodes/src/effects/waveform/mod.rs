@@ -39,7 +39,7 @@ pub struct Waveform {
     tables: u64,
 }
 
-/// A loop as it is read.
+/// A loop with the state of its reading.
 #[derive(Clone)]
 struct Loop {
     waveform: Reader,
@@ -56,7 +56,7 @@ impl Voice for Loop {
     }
 }
 
-/// The place of the stylus along the surface, and which stroke it is.
+/// The position of the stylus along the surface, and the number of its stroke.
 pub(super) fn place() -> [Input; 2] {
     [
         Input::new("place", ShapeSpec::Control(2), Unit::MILLIMETRE).doc("of the stylus along the surface"),
@@ -66,7 +66,7 @@ pub(super) fn place() -> [Input; 2] {
     ]
 }
 
-/// The low-pass for places.
+/// The low-pass for positions.
 pub(super) fn smooth_hz() -> Param {
     Param::number(
         "smooth_hz",
@@ -172,7 +172,7 @@ fn recording(value: &Value) -> Result<Values, Diagnostic> {
     Ok(Values::Recorded { file, speed_mm_s, full_scale_m_s2 })
 }
 
-/// Spacing and crossfade \[mm\] of segments, and what their values are.
+/// Spacing and crossfade \[mm\] of segments, and the quantity of their values.
 fn read_as(settings: &Settings) -> (f64, f64, WaveformQuantity) {
     let quantity = match settings.text("quantity") {
         "height" => WaveformQuantity::Height,
@@ -275,7 +275,7 @@ impl Processor for Waveform {
         self.track.reset();
     }
 
-    /// Where the stylus was, and where in its loop. Another loop goes on at the same distance.
+    /// Last positions of the stylus, and position in its loop. Another loop continues at the same distance.
     fn state(&mut self, state: &mut State<'_>) {
         self.track.state(state);
         self.loops.state(state);

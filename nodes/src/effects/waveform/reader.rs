@@ -35,22 +35,22 @@ use super::table::{WaveformQuantity, WaveformTable};
 use crate::effects::bounds::length;
 use crate::effects::path::{Parts, Path};
 
-/// The fastest that counts for the level \[mm/s\].
+/// Highest speed that counts for the level \[mm/s\].
 const FASTEST_MM_S: f64 = 5000.0;
-/// Below this an exponent of less than 1 ends \[mm/s\].
+/// Speed below which the level of an exponent below 1 falls to nothing \[mm/s\].
 const STILL_MM_S: f64 = 1.0;
 
-/// A table as it is read along a path.
+/// A table that is read along a path.
 #[derive(Clone, Debug)]
 pub struct Reader {
     table: Arc<WaveformTable>,
-    /// In the loop, in mm.
+    /// Position in the loop, in mm.
     distance_mm: f64,
     last: Option<[f64; 2]>,
 }
 
 impl Reader {
-    /// A table that is read from its beginning.
+    /// A reader at the table's beginning.
     pub fn new(table: Arc<WaveformTable>) -> Self {
         Self { table, distance_mm: 0.0, last: None }
     }
@@ -60,7 +60,7 @@ impl Reader {
         &self.table
     }
 
-    /// The samples of a tick in m/s^2, along the path that [has been told](Path::advance) of it.
+    /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
     pub fn process<T: Sample>(&mut self, path: &Path, parts: &Parts, out: &mut [T]) {
         let rate = parts.rate_hz();
         for (n, out) in out.iter_mut().enumerate() {
@@ -85,12 +85,12 @@ impl Reader {
         self.last = None;
     }
 
-    /// Begins at the table's beginning again.
+    /// Goes back to the table's beginning.
     pub fn reset(&mut self) {
         (self.distance_mm, self.last) = (0.0, None);
     }
 
-    /// Where in the table it is. Another table goes on at the same distance.
+    /// Position in the table. Another table continues at the same distance.
     pub fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.distance_mm).keep(&mut self.last);
         if state.restores() {
@@ -105,7 +105,7 @@ impl Reader {
         }
     }
 
-    /// Factor of what the table holds at a speed.
+    /// Factor of the table's values at a speed.
     #[inline]
     fn level(&self, speed_mm_s: f64) -> f64 {
         let speed = speed_mm_s.min(FASTEST_MM_S);

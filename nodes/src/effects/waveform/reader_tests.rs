@@ -1,4 +1,4 @@
-//! Tables read at any speed against the waves they are made of.
+//! Compares tables, read at any speed, with the waves they are made of.
 
 use std::f64::consts::TAU;
 
@@ -49,8 +49,9 @@ fn decibels(ratio: f64) -> f64 {
     20.0 * ratio.log10()
 }
 
+// A wave comes out unchanged up to the edge of the band. Images and errors are 95 dB below it.
 #[test]
-fn a_wave_comes_out_as_it_is_up_to_the_edge_of_the_band_with_images_and_errors_95_db_below() {
+fn waves_in_band_are_exact_with_images_95_db_below() {
     let count = 1000;
     let mut worst = f64::NEG_INFINITY;
     for waves in [1.0, 37.0, 250.0, 430.0, 495.0] {
@@ -69,8 +70,9 @@ fn a_wave_comes_out_as_it_is_up_to_the_edge_of_the_band_with_images_and_errors_9
     assert!(worst < -95.0, "{worst} dB");
 }
 
+// At any speed, waves up to a sixth of the rate stay. Waves beyond half of it are left out.
 #[test]
-fn at_any_speed_waves_to_a_sixth_of_the_rate_stay_and_those_beyond_half_are_left_out() {
+fn waves_to_a_sixth_of_rate_stay_beyond_half_vanish() {
     let (count, waves) = (4000, 1900.0);
     let table = wave(count, waves, flat(100.0));
     let per_mm = waves / table.length_mm();
@@ -118,8 +120,9 @@ fn it_is_read_by_distance_whatever_the_speed_does_between_ticks() {
     }
 }
 
+// A recording has its own level at its reference speed; at others, the level follows a power of the speed.
 #[test]
-fn a_recording_has_its_own_level_at_its_reference_speed_and_goes_with_a_power_of_it() {
+fn recording_level_follows_power_of_speed() {
     let at = |exponent: f64, speed: f64| {
         let quantity =
             WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, speed_exponent: exponent };

@@ -11,9 +11,9 @@ use crate::effects::bounds::EffectError;
 const COUNT: (usize, usize) = (4, 1 << 22);
 /// Largest value.
 const MOST: f64 = 1e6;
-/// Where one copy goes over into the next, as the edge of its band in parts of the audio rate.
+/// Range over which one copy fades into the next: the edge of its band in parts of the audio rate.
 const OVER: (f64, f64) = (0.4, 0.5);
-/// From this part of its band on a copy is cut.
+/// Part of its band from which on a copy is cut.
 const CUT: f64 = 0.8;
 
 /// Quantity of a table's values.
@@ -23,8 +23,8 @@ pub enum WaveformQuantity {
     Acceleration {
         /// The speed at which it was recorded \[mm/s\], 0.1 to 5000.
         reference_speed_mm_s: f64,
-        /// The level's power of the speed, 0 to 2; 1 is usual. Below 1, the level falls to nothing under 1
-        /// mm/s.
+        /// The level's power of the speed, 0 to 2; 1 is usual. Below 1, the level falls to nothing under
+        /// 1 mm/s.
         speed_exponent: f64,
     },
     /// A height \[mm\].
@@ -45,7 +45,7 @@ pub struct WaveformTable {
 /// A copy of the loop with a part of its band.
 #[derive(Clone, Debug)]
 struct Level {
-    /// The loop with what is before its beginning and behind its end.
+    /// The loop, with copies of its values before its beginning and after its end.
     values: Vec<f32>,
     per_mm: f64,
 }
@@ -106,10 +106,10 @@ impl WaveformTable {
         Self::new(&values, cell, crossfade_mm, quantity)
     }
 
-    /// Whether [`from_segments`](Self::from_segments) would make a loop, without making one.
+    /// Checks whether [`from_segments`](Self::from_segments) would make a loop, without making one.
     ///
     /// # Errors
-    /// As of that.
+    /// Those of [`from_segments`](Self::from_segments).
     pub fn check_segments(
         pairs: &[(f64, f64)],
         spacing_mm: f64,
@@ -170,7 +170,7 @@ impl WaveformTable {
             if k == 0 {
                 *bin = Complex::<f64>::default();
             } else if 2 * k == count {
-                // The one wave that is its own mirror image is no longer.
+                // The Nyquist wave is its own mirror image here, but not in the copies: it counts half.
                 *bin *= 0.5;
             }
             if quantity == WaveformQuantity::Height {
