@@ -67,6 +67,7 @@ fuzz: setup-fuzz
 
 lint: setup
 	$(CARGO) fmt --all --check
+	sh scripts/words.sh
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 
 # One table: each node and the whole tick, beside a plain read of the network's weights.

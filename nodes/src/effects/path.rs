@@ -145,8 +145,8 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The samples from number `first` on of tick number `tick`; sample floor(tick number * rate / ticks a second) is its
-    /// first.
+    /// Samples of tick number `tick`, from number `first` on. The tick's first sample is
+    /// floor(`tick` `rate_hz` / `tick_hz`).
     pub fn new(tick: u64, first: u64, rate_hz: u32, tick_hz: u32) -> Self {
         let (rate, hz) = (i128::from(rate_hz.max(1)), i128::from(tick_hz.max(1)));
         let ahead = (i128::from(first) + 1) * hz - i128::from(tick) * rate;
