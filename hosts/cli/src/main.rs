@@ -6,7 +6,6 @@
 // Everything here is the one program; `pub` says what a module offers the others.
 #![allow(unreachable_pub)]
 
-mod args;
 mod card;
 mod commands;
 mod failure;
@@ -66,25 +65,15 @@ pub(crate) enum Command {
     Graph(graph::Args),
     Invert(invert::Args),
     Compare(compare::Args),
-    /// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
-    ///
-    /// Finished settings are kept in the folder: the same command continues a study that was stopped.
-    /// --shard splits a study between machines; `tradeoff merge` puts the parts together.
-    Tradeoff(args::Tradeoff),
-    /// Print the best setting that a budget of time and lag allows, as a fragment to paste into a graph
-    Choose(args::Choose),
+    Tradeoff(tradeoff::Args),
+    Choose(choose::Args),
     Encode(encode::Args),
     FitAr(Box<fit_ar::Args>),
     Materials(materials::Args),
     #[command(subcommand)]
     Scene(scene::Command),
-    /// Run hard cases over a graph and its plugins: all must stay finite and bounded, and recover
-    ///
-    /// Without a graph, only the cases that look at kinds of nodes are run, over all kinds that are found.
-    /// Check a plugin that may crash with `plugin check` first: here it runs in this process.
-    /// Exit code 0: all cases that apply hold; 1: one fails; 2: the graph does not load.
     #[command(name = "selftest")]
-    SelfTest(args::SelfTest),
+    SelfTest(selftest::Args),
     #[command(subcommand)]
     Plugin(plugin::Command),
     Trust(trust::Args),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
@@ -10,14 +10,41 @@ use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::{count, read_results};
-use crate::args::Choose;
 use crate::failure::{Failure, complain, print};
+use crate::number::{number, whole};
 
 /// Results of the shipped trade-off.
 const SHIPPED: &str = include_str!("../../../../graphs/tradeoffs/results.json");
 
+/// Print the best setting that a budget of time and lag allows, as a fragment to paste into a graph
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Results of `asperity tradeoff`: the folder, or its results.json; the shipped results, unless given
+    #[arg(value_name = "RESULTS", value_parser = crate::shipped::path())]
+    pub results: Option<PathBuf>,
+    /// Longest tick in microseconds: of its median, and of its 99.9th percentile without the machine's stalls
+    #[arg(long, value_name = "US", value_parser = number(1e-3, 1e9, "us"))]
+    pub budget_us: Option<f64>,
+    /// Longest response lag in milliseconds: 50 % of a step of the stylus's speed
+    #[arg(long, value_name = "MS", value_parser = number(0.0, 1e6, "ms"))]
+    pub max_lag_ms: Option<f64>,
+    /// Include the machine's stalls in the 99.9th percentile
+    #[arg(long)]
+    pub strict: bool,
+    /// Figures to rank by, the most important first: perceptual, modulation, spectrum, bands, level,
+    /// repetition, kurtosis, steadiness, pitch, convergence, precision; all but the last two, unless given
+    #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
+    pub by: Vec<String>,
+    /// Required tick rate in Hz
+    #[arg(long, value_name = "HZ", value_parser = whole(100_u32, 4000, "Hz"))]
+    pub tick_hz: Option<u32>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Runs the command. Exit code 1 where no setting is within the budget.
-pub fn run(args: &Choose) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
         None => {

@@ -1,29 +1,75 @@
 //! `asperity selftest`: runs the hard cases over a user's graph and all kinds of nodes.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
-use clap::ValueEnum as _;
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use crate::args::{EffortArg, GraphArgs, SelfTest};
 use crate::failure::{Failure, clean, print};
 use crate::kinds::Kinds;
-use crate::load;
+use crate::load::{self, GraphArgs, PluginArgs};
+
+/// Effort of each case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EffortOf {
+    /// A second or less per case
+    Quick,
+    /// Some seconds per case
+    Full,
+    /// Minutes per case and more
+    Long,
+}
+
+/// Run hard cases over a graph and its plugins: all must stay finite and bounded, and recover
+///
+/// Without a graph, only the cases that look at kinds of nodes are run, over all kinds that are found.
+/// Check a plugin that may crash with `plugin check` first: here it runs in this process.
+/// Exit code 0: all cases that apply hold; 1: one fails; 2: the graph does not load.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// A graph or scene file; without one, only kinds of nodes are checked
+    #[arg(value_parser = crate::shipped::path())]
+    pub graph: Option<PathBuf>,
+    /// Set a parameter of the graph: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE", requires = "graph")]
+    pub set: Vec<String>,
+    /// Run the cases of this family only; may be given more than once
+    #[arg(long = "family", value_name = "FAMILY")]
+    pub family: Vec<String>,
+    /// Run this case only; may be given more than once
+    #[arg(long = "case", value_name = "CASE")]
+    pub case: Vec<String>,
+    /// Effort of each case
+    #[arg(long, value_enum, default_value = "quick")]
+    pub effort: EffortOf,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print the difficulty and the requirement of each case
+    #[arg(long, short)]
+    pub verbose: bool,
+    /// Print JSON
+    #[arg(long, conflicts_with = "verbose")]
+    pub json: bool,
+    /// Show no progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
 
 /// Runs the command.
-pub fn run(args: &SelfTest) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let chosen = chosen(args)?;
     let (graph, registry) = subject(args)?;
     let mut subject = Subject::new(registry).effort(match args.effort {
-        EffortArg::Quick => Effort::Quick,
-        EffortArg::Full => Effort::Full,
-        EffortArg::Long => Effort::Long,
+        EffortOf::Quick => Effort::Quick,
+        EffortOf::Full => Effort::Full,
+        EffortOf::Long => Effort::Long,
     });
     if let Some(graph) = &graph {
         subject = subject.graph(graph);
@@ -63,7 +109,7 @@ pub fn run(args: &SelfTest) -> Result<ExitCode, Failure> {
 }
 
 /// The wanted cases.
-fn chosen(args: &SelfTest) -> Result<Vec<&'static Case>, Failure> {
+fn chosen(args: &Args) -> Result<Vec<&'static Case>, Failure> {
     let all = cases();
     let unknown = |what: &str, name: &str, names: Vec<&'static str>| {
         let message = format!("there is no {what} `{}`", clean(name));
@@ -86,7 +132,7 @@ fn chosen(args: &SelfTest) -> Result<Vec<&'static Case>, Failure> {
 }
 
 /// The graph, if there is one, and all kinds. Errors of loading and compiling come before any case.
-fn subject(args: &SelfTest) -> Result<(Option<GraphFile>, Registry), Failure> {
+fn subject(args: &Args) -> Result<(Option<GraphFile>, Registry), Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let Some(path) = &args.graph else { return Ok((None, kinds.registry(None)?)) };
     let of = GraphArgs {
@@ -157,7 +203,7 @@ impl Told {
     }
 }
 
-fn as_json(args: &SelfTest, rows: &[(&Case, Outcome)], failed: usize) -> Value {
+fn as_json(args: &Args, rows: &[(&Case, Outcome)], failed: usize) -> Value {
     let row = |(case, outcome): &(&Case, Outcome)| {
         json!({
             "family": case.family, "case": case.name, "verdict": word(outcome.verdict),

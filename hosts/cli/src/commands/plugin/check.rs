@@ -17,7 +17,7 @@ use serde_json::Value;
 use super::child::TIME;
 use super::report::{Report, Row};
 use super::surroundings::SURROUNDINGS;
-use crate::args::{Cases, CheckPlugin};
+use super::{Cases, CheckPlugin};
 use crate::failure::Failure;
 
 /// Name of the case that compares with another process.

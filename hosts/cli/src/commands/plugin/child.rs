@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use super::heap::Counter;
 use super::surroundings::{SURROUNDINGS, Surroundings};
-use crate::args::CasesOfPlugin;
+use super::CasesOfPlugin;
 
 /// Name of the row with the time of a tick.
 pub const TIME: &str = "time";

@@ -12,10 +12,10 @@ use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Options, compile};
 use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Row, Tradeoff, content};
 
-use crate::args::{self, Merge, PluginArgs, TradeoffCommand};
 use crate::failure::{Failure, be_quiet, print, warn};
 use crate::leave::stop_flag;
-use crate::load;
+use crate::load::{self, PluginArgs};
+use crate::number::whole;
 
 use bars::Bars;
 pub use folder::read as read_results;
@@ -26,9 +26,65 @@ const SHIPPED: (&str, &str) =
 /// Exit code after an interrupt, as of a shell.
 const INTERRUPTED: u8 = 130;
 
+/// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
+///
+/// Finished settings are kept in the folder: the same command continues a trade-off that was stopped.
+/// --shard splits it between machines; `tradeoff merge` puts the parts together.
+#[derive(Clone, Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Option<More>,
+    /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
+    #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE", value_parser = crate::shipped::path())]
+    pub files: Vec<PathBuf>,
+    /// Output folder: results.csv, results.json, REPORT.md, pictures, and progress.jsonl, which a stopped run
+    /// resumes from
+    #[arg(long, value_name = "DIR", required = true)]
+    pub out: Option<PathBuf>,
+    /// Threads for everything but times, which are always measured alone
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1_usize, 1024, "threads"))]
+    pub jobs: usize,
+    /// Run the I-th of N shards of the settings
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(usize, usize)>,
+    /// Skip the hard cases: settings that fail them can then be chosen
+    #[arg(long)]
+    pub no_cases: bool,
+    /// Set a parameter of the graphs before knobs are applied: NODE.PARAM=VALUE
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Show no progress and no chart
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Subcommands of `asperity tradeoff`.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum More {
+    /// Merge the results of shards; times are scaled by the default that each of them timed
+    Merge(Merge),
+}
+
+/// `asperity tradeoff merge`
+#[derive(Clone, Debug, clap::Args)]
+pub struct Merge {
+    /// Folders of results
+    #[arg(required = true, value_name = "DIR")]
+    pub from: Vec<PathBuf>,
+    /// Output folder
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Show no chart
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// Runs the command.
-pub fn run(args: &args::Tradeoff) -> Result<ExitCode, Failure> {
-    if let Some(TradeoffCommand::Merge(merge)) = &args.command {
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    if let Some(More::Merge(merge)) = &args.command {
         return self::merge(merge);
     }
     be_quiet(args.quiet);
@@ -107,7 +163,7 @@ fn named_here(e: Failure, place: Option<&Place>) -> Failure {
 type Graphs = Vec<(PathBuf, Option<Place>)>;
 
 /// The trade-off, and the graphs whose settings it varies.
-fn tradeoff(args: &args::Tradeoff) -> Result<(Tradeoff, Graphs), Failure> {
+fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
     let mut named = None;
     let mut graphs = Graphs::new();
     for path in &args.files {
@@ -152,7 +208,7 @@ fn tradeoff(args: &args::Tradeoff) -> Result<(Tradeoff, Graphs), Failure> {
 }
 
 /// A graph, or the graph that a scene lowers to, with the changes of `--set`. Wrong ones are errors.
-fn changed(path: &Path, args: &args::Tradeoff) -> Result<LoadedGraph, Failure> {
+fn changed(path: &Path, args: &Args) -> Result<LoadedGraph, Failure> {
     let mut base = loaded(path, &args.plugins)?;
     for assignment in &args.set {
         base.graph.set(assignment, "--set")?;
@@ -238,3 +294,11 @@ fn tidy(path: &Path) -> PathBuf {
 
 /// Set when the run is to stop.
 pub type Stop = Arc<AtomicBool>;
+
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let wrong = || format!("`{text}` is not a shard: I/N with I from 1 to N, such as 1/4");
+    let (i, n) = text.split_once('/').ok_or_else(wrong)?;
+    let (i, n): (usize, usize) =
+        (i.trim().parse().map_err(|_| wrong())?, n.trim().parse().map_err(|_| wrong())?);
+    if i >= 1 && i <= n && n <= 1_000_000 { Ok((i - 1, n)) } else { Err(wrong()) }
+}
