@@ -37,7 +37,11 @@ fn takes_energy() {
     let drag = wrap::after(subject.kind("viscosity").expect("the kind"), |tick| {
         tick.outputs.control(0).iter_mut().for_each(|f| *f = -*f);
     });
-    fails("friction_takes_energy", &subject.clone().with(drag), "drag at 100 Hz");
+    fails(
+        "friction_takes_energy",
+        &subject.clone().with(drag),
+        "viscosity: (viscosity_ns_per_m: 2, max_force_n: 1.5) at 100 Hz",
+    );
 }
 
 #[test]

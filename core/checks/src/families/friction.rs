@@ -314,7 +314,7 @@ fn laws(subject: &Subject<'_>) -> Vec<Rub> {
     let mut all = Vec::new();
     for kind in subject.registry().iter() {
         let d = kind.descriptor();
-        if ports(d).is_none() {
+        if ports(d).is_none() || has_to_be_set(d, &[]) {
             continue;
         }
         match &d.effect {
@@ -323,13 +323,12 @@ fn laws(subject: &Subject<'_>) -> Vec<Rub> {
                 let more = MORE.iter().filter(|(kind, _)| *kind == d.kind).map(|(_, text)| *text);
                 all.extend(examples.chain(more).map(|text| with_settings(&d.kind, effect, text)));
             }
-            None if !has_to_be_set(d, &[]) => all.push(Rub {
+            None => all.push(Rub {
                 name: d.kind.to_string(),
                 kind: d.kind.to_string(),
                 params: Vec::new(),
                 law: None,
             }),
-            None => {}
         }
     }
     all

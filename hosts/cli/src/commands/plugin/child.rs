@@ -15,9 +15,9 @@ use asperity_loader::Plugin;
 use asperity_node::NodeKind;
 use serde_json::{Value, json};
 
+use super::CasesOfPlugin;
 use super::heap::Counter;
 use super::surroundings::{SURROUNDINGS, Surroundings};
-use super::CasesOfPlugin;
 
 /// Name of the row with the time of a tick.
 pub const TIME: &str = "time";
