@@ -31,14 +31,17 @@ demo: setup
 	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
 	@echo "read       $(OUT)/demo.json  what it took"
 
-# Every test but the long ones and those of the training, which need a minute of building: `cargo test -p asperity-train`.
+# Every test but the long ones. Those of the training are left out, since its framework takes long to build; with
+# `make test WITHOUT=` they run too.
+WITHOUT ?= --exclude asperity-train
 test: setup-tests
-	$(CARGO) test --workspace --exclude asperity-train --no-fail-fast
+	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
 
-# The program as `make demo` builds it renders the same bytes as the whole one, and says what it refuses.
+# The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
+# refuses. The whole one is that of `make test`.
 test-demo: setup
 	mkdir -p $(OUT)
-	$(CARGO) build -p asperity
+	$(CARGO) test --workspace $(WITHOUT) --no-run
 	cp $(BUILT)/asperity $(OUT)/whole
 	$(CARGO) build -p asperity --no-default-features
 	cp $(BUILT)/asperity $(OUT)/plain
