@@ -5,9 +5,9 @@ use asperity_node::Registry;
 use super::contest::{Lag, Stimulus};
 use super::contest::{Outcome, Row, run};
 use super::report;
-use super::vectors::{Delay, Set, Vector, built_in};
+use super::vectors::{Published, Set, Vector, built_in};
 use crate::phase::Method;
-use crate::phase::testing::{Counter, Tone};
+use crate::phase::tests::{Counter, Tone};
 
 fn registry() -> Registry {
     asperity_nodes::registry().with::<Tone>().with::<Counter>()
@@ -18,7 +18,7 @@ fn set() -> Set {
     let sine = |i: u32| (std::f64::consts::TAU * 250.0 * f64::from(i) / 2500.0).sin();
     let signal: Vec<f64> = (0..1000).map(sine).collect();
     let vector = Vector::of_signal("sine_2500", 2500, &signal).unwrap();
-    Set { from: "a test".into(), vectors: vec![vector], published: Vec::new() }
+    Set::new("a test".into(), vec![vector], Published::default())
 }
 
 fn rows(labels: &[&str]) -> Vec<Row> {
@@ -68,13 +68,17 @@ fn failing_node_reports_in_its_row_and_others_go_on() {
         ("tone:how=clock", 0, "the same frames gave other samples the second time"),
     ] {
         let row = row(rows, label);
-        assert_eq!(row.faults, [faults], "{label}");
+        let score = row.scores["sine_2500"];
+        assert_eq!(score.map_or(0, |s| s.faults), faults, "{label}");
         assert!(row.notes.iter().any(|n| n.starts_with(says)), "{label}: {:?}", row.notes);
-        assert_eq!(row.scores[0].is_some(), label != "tone:how=prepare", "{label}");
+        assert_eq!(score.is_some(), label != "tone:how=prepare", "{label}");
     }
     for label in ["tone", "spsi"] {
         let row = row(rows, label);
-        assert!(row.notes.is_empty() && row.scores[0].is_some_and(|s| s.convergence_db < -50.0), "{row:?}");
+        assert!(
+            row.notes.is_empty() && row.scores["sine_2500"].is_some_and(|s| s.convergence_db < -50.0),
+            "{row:?}"
+        );
     }
     let set = set();
     let (text, svg) = (report::text(&set, &outcome, &[]), report::svg(&set, &outcome, &[]));
@@ -84,7 +88,7 @@ fn failing_node_reports_in_its_row_and_others_go_on() {
     }
     assert_eq!(json["methods"].as_array().unwrap().len(), labels.len());
     assert!(text.lines().any(|l| l.starts_with("  tone:how=error: it failed 8 times")), "{text}");
-    assert!(row(rows, "tone:how=error").frame_us.is_empty(), "the time of a failing run does not count");
+    assert!(row(rows, "tone:how=error").us_a_frame.is_empty(), "the time of a failing run does not count");
     assert!(text.contains("silent") && !svg.contains("300.00"), "nothing is measured of silence: {text}");
     assert!(text.contains(" !"), "a score of a node that failed is marked: {text}");
 }
@@ -112,7 +116,7 @@ fn best_on_most_vectors_comes_first() {
     let rows = rows(&["tone:delay=60", "tone:how=error", "tone"]);
     assert_eq!(rows[0].label, "tone");
     assert_eq!(rows[2].label, "tone:how=error");
-    assert_eq!(row(&rows, "tone").delay, Delay::Ms(0.0));
+    assert_eq!(row(&rows, "tone").latency_ms, Some(0.0));
 }
 
 fn lag(stimulus: &Stimulus, label: &str) -> Lag {
@@ -167,8 +171,7 @@ fn published_rows_are_those_with_a_score_on_the_vectors() {
     let rows = super::contest::published(&set);
     assert_eq!(rows.len(), 24);
     let row = row(&rows, "scr5x5_centre");
-    assert_eq!(row.delay, Delay::Ms(-50.0));
-    let texture = set.vectors.iter().position(|v| v.name == "texture_2500").unwrap();
-    assert_eq!(row.scores[texture].unwrap().convergence_db, -22.09);
+    assert_eq!(row.latency_ms, Some(-50.0));
+    assert_eq!(row.scores["texture_2500"].unwrap().convergence_db, -22.09);
     assert!(super::contest::published(&self::set()).is_empty());
 }

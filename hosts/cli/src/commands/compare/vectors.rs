@@ -1,13 +1,15 @@
 //! The vectors on which methods are compared: built in or from a folder, with the scores that others
 //! published.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_accuracy::{npy, phase};
 use asperity_diagnostics::{Diagnostic, Source};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::failure::{Failure, warn, wrong};
@@ -39,8 +41,9 @@ pub struct Set {
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
+    smoothest: usize,
     /// Published scores, if any.
-    pub published: Vec<Published>,
+    pub published: Published,
 }
 
 impl Vector {
@@ -109,12 +112,24 @@ impl Vector {
 }
 
 impl Set {
+    /// A set of at least one vector.
+    pub fn new(from: String, vectors: Vec<Vector>, published: Published) -> Self {
+        let all = vectors.iter().map(Vector::roughness).enumerate();
+        let smoothest = all.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i);
+        Self { from, vectors, smoothest, published }
+    }
+
+    /// The vector with the least roughness.
+    pub fn smoothest(&self) -> &Vector {
+        &self.vectors[self.smoothest]
+    }
+
     /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
     ///
     /// # Errors
     /// A mean spectrum that cannot be scored.
-    pub fn steady(&self) -> Result<Option<Vector>, Diagnostic> {
-        let Some(vector) = self.smoothest().and_then(|v| self.vectors.get(v)) else { return Ok(None) };
+    pub fn steady(&self) -> Result<Vector, Diagnostic> {
+        let vector = self.smoothest();
         let bins = vector.frames.layout().bins as usize;
         let mut powers = vec![0.0; bins];
         for frame in vector.unscaled.chunks_exact(bins) {
@@ -122,40 +137,38 @@ impl Set {
         }
         let mean = |power: f64| (power / vector.frames.count() as f64).sqrt() as f32;
         let frame: Vec<f32> = powers.into_iter().map(mean).collect();
-        Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins).map(Some)
-    }
-
-    /// Index of the vector with the least roughness.
-    pub fn smoothest(&self) -> Option<usize> {
-        let all = self.vectors.iter().map(Vector::roughness).enumerate();
-        all.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+        Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins)
     }
 
     /// Rates of the vectors \[Hz\], each once, rising.
-    pub fn rates(&self) -> Vec<u32> {
-        let mut rates: Vec<u32> = self.vectors.iter().map(|v| v.rate_hz).collect();
-        rates.sort_unstable();
-        rates.dedup();
-        rates
+    pub fn rates(&self) -> BTreeSet<u32> {
+        self.vectors.iter().map(|v| v.rate_hz).collect()
     }
 }
-
-/// Files of one vector: magnitudes and signal.
-type Files = [Option<PathBuf>; 2];
 
 /// Reads every vector of a folder, and `sc.json` if it exists.
 ///
 /// # Errors
 /// A folder that cannot be read or has no vectors; everything that is wrong with its files.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
-    let files = list(dir)?;
+    let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
+    let mut files: BTreeMap<String, PathBuf> = BTreeMap::new();
+    for entry in std::fs::read_dir(dir).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
+        if let Some(name) = file.strip_suffix(".mag.npy") {
+            files.insert(name.to_owned(), path);
+        } else if let Some(name) = file.strip_suffix(".sig.npy") {
+            files.entry(name.to_owned()).or_insert(path);
+        }
+    }
     if files.is_empty() {
         return Err(wrong(dir, "there are no vectors in this folder", NAMES));
     }
-    let index = json(&dir.join("index.json"))?;
+    let index: Value = json(&dir.join("index.json"))?;
     let (mut vectors, mut errors) = (Vec::new(), Vec::new());
-    for (name, files) in &files {
-        match vector(name, files, index.as_ref()) {
+    for (name, path) in &files {
+        match vector(name, path, &index) {
             Ok(vector) => vectors.push(vector),
             Err(e) => errors.push(e),
         }
@@ -164,145 +177,68 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
         return Err(errors.into());
     }
     vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
-    let path = dir.join("sc.json");
-    let published = match json(&path)? {
-        Some(scores) => read_published(&scores).map_err(|e| e.in_file(&path))?,
-        None => Vec::new(),
-    };
-    Ok(Set { from: dir.display().to_string(), vectors, published })
-}
-
-/// The files of every vector, by its name.
-fn list(dir: &Path) -> Result<BTreeMap<String, Files>, Failure> {
-    let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
-    let mut files: BTreeMap<String, Files> = BTreeMap::new();
-    for entry in std::fs::read_dir(dir).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
-        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
-        for (which, ending) in [".mag.npy", ".sig.npy"].into_iter().enumerate() {
-            if let Some(name) = file.strip_suffix(ending) {
-                files.entry(name.to_owned()).or_default()[which] = Some(path.clone());
-            }
-        }
-    }
-    Ok(files)
+    Ok(Set::new(dir.display().to_string(), vectors, json(&dir.join("sc.json"))?))
 }
 
 /// A JSON file, if it exists.
-fn json(path: &Path) -> Result<Option<Value>, Diagnostic> {
+fn json<T: DeserializeOwned + Default>(path: &Path) -> Result<T, Diagnostic> {
     if !path.exists() {
-        return Ok(None);
+        return Ok(T::default());
     }
-    serde_json::from_str(Source::read(path)?.text())
-        .map(Some)
-        .map_err(|e| Diagnostic::new(format!("this is no JSON: {e}")).in_file(path))
+    let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
+    serde_json::from_str(Source::read(path)?.text()).map_err(fail)
 }
 
-fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Diagnostic> {
-    let [magnitudes, signal] = files;
-    let Some(path) = magnitudes.as_ref().or(signal.as_ref()) else {
-        return Err(Diagnostic::new(format!("`{name}` has no file")));
-    };
-    let known = index.and_then(|i| i.get(name)?.get("fs")?.as_f64());
+fn vector(name: &str, path: &Path, index: &Value) -> Result<Vector, Diagnostic> {
     let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
-    let Some(rate) = known.or(ending).filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
+    let rate = index[name]["fs"].as_f64().or(ending);
+    let Some(rate) = rate.filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
         return Err(Diagnostic::new("nothing says at which rate this vector is")
             .in_file(path)
             .help("end its name in the rate, as in texture_2500.mag.npy, or give it an `fs` in index.json"));
     };
     let array = npy::read(path)?;
-    let rate_hz = rate as u32;
-    let vector = match (magnitudes.is_some(), array.shape.as_slice()) {
-        (true, &[_, bins]) => Vector::new(name, rate_hz, array.values.into_f32(), bins),
-        (false, &[_]) => Vector::of_signal(name, rate_hz, &array.values.into_f64()),
+    let magnitudes = path.to_string_lossy().ends_with(".mag.npy");
+    let vector = match (magnitudes, array.shape.as_slice()) {
+        (true, &[_, bins]) => Vector::new(name, rate as u32, array.values.into_f32(), bins),
+        (false, &[_]) => Vector::of_signal(name, rate as u32, &array.values.into_f64()),
         (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
     };
     vector.map_err(|e| e.in_file(path))
 }
 
-/// Where a method's samples lie in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Delay {
-    /// Late by this time \[ms\]; early where it is negative.
-    Ms(f64),
-    /// It needs the whole signal.
-    Offline,
-    /// Not published.
-    Unknown,
-}
-
 /// Agreement of one signal with one vector.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Spectral convergence \[dB\].
+    /// Spectral convergence.
+    #[serde(rename(deserialize = "SC_dB"))]
     pub convergence_db: f64,
-    /// Energy relative to that of the magnitudes \[dB\].
+    /// Energy relative to that of the magnitudes.
+    #[serde(rename(deserialize = "gain_dB"))]
     pub level_db: f64,
-    /// Root mean square error of the long-term spectrum \[dB\].
+    /// Root mean square error of the long-term spectrum.
+    #[serde(rename(deserialize = "LTAS_rms_dB"))]
     pub ltas_rms_db: f64,
+    /// How often the node failed.
+    #[serde(default)]
+    pub faults: u64,
 }
 
 impl Score {
-    /// Whether the signal is silent: its level and long-term spectrum then mean nothing.
-    pub fn is_silent(&self) -> bool {
-        self.level_db < -200.0
+    /// `None` for silence: its level and long-term spectrum mean nothing.
+    pub fn heard(self) -> Option<Self> {
+        (self.level_db >= -200.0).then_some(self)
     }
 }
 
-/// A published method.
-#[derive(Clone, Debug, PartialEq)]
+/// Published scores.
+#[derive(Default, Deserialize)]
 pub struct Published {
-    /// Its published name.
-    pub name: String,
-    /// Its latency.
-    pub delay: Delay,
-    scores: Vec<(String, Score)>,
-}
-
-impl Published {
-    /// Its score on a vector.
-    pub fn score(&self, vector: &Vector) -> Option<Score> {
-        self.scores.iter().find(|(name, _)| *name == vector.name).map(|(_, score)| *score)
-    }
-}
-
-/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}},
-/// "latency_frames": {METHOD: frames or "offline"}}`.
-///
-/// # Errors
-/// Another structure.
-fn read_published(json: &Value) -> Result<Vec<Published>, Diagnostic> {
-    let fail = |what: &str| Diagnostic::new(format!("these are no published scores: {what}"));
-    let vectors = json.get("sc").and_then(Value::as_object).ok_or_else(|| fail("no object `sc`"))?;
-    let mut all: Vec<Published> = Vec::new();
-    for (vector, methods) in vectors {
-        let methods = methods.as_object().ok_or_else(|| fail(&format!("`{vector}` is no object")))?;
-        for (name, figures) in methods {
-            let number = |key: &str| {
-                let missing = || fail(&format!("`{vector}`, `{name}` has no number `{key}`"));
-                figures.get(key).and_then(Value::as_f64).ok_or_else(missing)
-            };
-            let score = Score {
-                convergence_db: number("SC_dB")?,
-                level_db: number("gain_dB")?,
-                ltas_rms_db: number("LTAS_rms_dB")?,
-            };
-            let at = all.iter().position(|p| p.name == *name).unwrap_or_else(|| {
-                all.push(Published { name: name.clone(), delay: delay(json, name), scores: Vec::new() });
-                all.len() - 1
-            });
-            all[at].scores.push((vector.clone(), score));
-        }
-    }
-    Ok(all)
-}
-
-fn delay(json: &Value, name: &str) -> Delay {
-    match json.get("latency_frames").and_then(|l| l.get(name)) {
-        Some(Value::String(word)) if word == "offline" => Delay::Offline,
-        Some(frames) => frames.as_f64().map_or(Delay::Unknown, |f| Delay::Ms(f * 1e3 / f64::from(FRAME_HZ))),
-        None => Delay::Unknown,
-    }
+    /// Scores by the name of the vector, then of the method.
+    pub sc: BTreeMap<String, BTreeMap<String, Score>>,
+    /// Latencies by the name of the method: a number of frames, or "offline".
+    #[serde(default)]
+    pub latency_frames: BTreeMap<String, Value>,
 }
 
 /// Rate of the built-in vectors \[Hz\].
@@ -332,29 +268,24 @@ const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
 /// # Errors
 /// None, unless the program was built from broken files.
 pub fn built_in() -> Result<Set, Failure> {
-    let broken = |e: &dyn std::fmt::Display| Failure::Machine(format!("a built-in vector is broken: {e}"));
-    let kept = |name: &str, bytes: &[u8]| {
-        let array = npy::parse(bytes)?;
-        Vector::of_signal(name, RATE_HZ, &array.values.into_f64())
-    };
-    let made = |name: &str, seconds: f64, x: fn(f64) -> f64| {
+    let kept = |name, bytes| Vector::of_signal(name, RATE_HZ, &npy::parse(bytes)?.values.into_f64());
+    let made = |name, seconds: f64, x: fn(f64) -> f64| {
         let count = (seconds * f64::from(RATE_HZ)) as usize;
         let signal: Vec<f64> = (0..count).map(|i| x(i as f64 / f64::from(RATE_HZ))).collect();
         Vector::of_signal(name, RATE_HZ, &signal)
     };
-    let vectors = [
-        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin()),
-        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin()),
-        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin()),
-        kept("texture_2500", TEXTURE),
-        kept("contact_2500", CONTACT),
-        kept("taps_2500", TAPS),
-        smooth("nnsmooth_2500", 2.0),
+    let vectors = vec![
+        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin())?,
+        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin())?,
+        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin())?,
+        kept("texture_2500", TEXTURE)?,
+        kept("contact_2500", CONTACT)?,
+        kept("taps_2500", TAPS)?,
+        smooth("nnsmooth_2500", 2.0)?,
     ];
-    let vectors = vectors.into_iter().collect::<Result<_, _>>().map_err(|e| broken(&e))?;
-    let scores = serde_json::from_str(SCORES).map_err(|e| broken(&e))?;
-    let published = read_published(&scores).map_err(|e| broken(&e))?;
-    Ok(Set { from: "built in".into(), vectors, published })
+    let published = serde_json::from_str(SCORES);
+    let published = published.map_err(|e| Failure::Machine(format!("broken built-in scores: {e}")))?;
+    Ok(Set::new("built in".into(), vectors, published))
 }
 
 /// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in
@@ -432,7 +363,7 @@ mod tests {
         let have = &set.vectors.iter().find(|v| v.name == "chirp_2500").unwrap().unscaled;
         let off = have.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(have.len() == want.len() && off < 1e-3, "{off}");
-        assert!(set.vectors.iter().all(|v| set.published.iter().any(|p| p.score(v).is_some())));
-        assert_eq!(set.vectors[set.smoothest().unwrap()].name, "nnsmooth_2500");
+        assert!(set.vectors.iter().all(|v| set.published.sc.contains_key(&v.name)));
+        assert_eq!(set.smoothest().name, "nnsmooth_2500");
     }
 }
