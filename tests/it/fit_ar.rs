@@ -132,10 +132,7 @@ fn what_is_printed_as_json_is_what_was_found() {
     let told = told(dir.path(), &["s.csv", "--out", "m.ron", "--by", "bic", "--max-order", "12"]);
     let file = read(dir.path(), "m.ron");
     assert_eq!(told["models"].as_array().map(Vec::len), Some(9));
-    assert_eq!(
-        (&told["criterion"], &told["model_hz"], &told["axes"]),
-        (&"BIC".into(), &1000.0.into(), &1.into())
-    );
+    assert!(told["criterion"] == "BIC" && told["model_hz"] == 1000.0 && told["axes"] == 1, "{told}");
     assert_eq!(told["order"], file.texture.models()[0].ar.len());
     let curve = told["criterion_by_order"].as_array().expect("a curve");
     let least =
@@ -179,10 +176,7 @@ fn options_are_taken_to_the_fit() {
     let dir = folder();
     let of = |more: &[&str]| told(dir.path(), &[&["s.csv", "--out", "m.ron"], more].concat());
     let given = of(&["--order", "5", "--most-models", "3", "--high-pass-hz", "20"]);
-    assert_eq!(
-        (&given["order"], &given["criterion"], &given["high_pass_hz"]),
-        (&5.into(), &Value::Null, &20.0.into())
-    );
+    assert!(given["order"] == 5 && given["criterion"].is_null() && given["high_pass_hz"] == 20.0, "{given}");
     assert!(read(dir.path(), "m.ron").texture.models().len() <= 3);
     fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "5"])
         .ok()
@@ -290,10 +284,8 @@ fn a_band_that_is_far_off_is_warned_of() {
     let told = ran.out.split_once("dB, at most ").and_then(|(_, rest)| rest.split_once(" dB"));
     let told = told.and_then(|(db, _)| db.parse::<f64>().ok());
     assert!(told.is_some_and(|told| (told - db).abs() < 0.051), "{said}{}", ran.out);
-    assert!(
-        !files(dir.path()).contains(&"m.svg".to_owned())
-            && read(dir.path(), "m.ron").texture.models()[0].ar.len() == 1
-    );
+    assert!(files(dir.path()) == ["m.ron", "s.csv"]);
+    assert_eq!(read(dir.path(), "m.ron").texture.models()[0].ar.len(), 1);
 }
 
 /// Three corners at which nothing sounds, around all that the stroke does, and a loud one beyond.

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use asperity_accuracy::npy;
 use asperity_accuracy::phase::{self, Score};
-use asperity_dsp::{Framing, OverlapAdd};
 use asperity_engine::{Engine, Options};
 use asperity_graph::Compiled;
 use asperity_node::{NodeKind, Registry};
@@ -288,33 +287,14 @@ pub fn scored(method: &str, name: &str, rate_hz: u32) -> Score {
     score
 }
 
-/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its
-/// latency.
+/// The signal that a node makes of magnitudes of an unscaled DFT times `scale`, without its latency.
 pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
-    let framing: Framing = phase::framing(rate_hz, 101);
-    let mut rig = Rig::new::<N>(layout(rate_hz, 101), params);
-    let mut ola = OverlapAdd::<f32>::new(framing).expect("a framing");
-    let mut signal = Vec::new();
-    let mut emit = |ola: &mut OverlapAdd<f32>, len: usize| {
-        let mut out = vec![0.0; len];
-        ola.emit(signal.len() as u64, &mut out);
-        signal.extend(out.iter().map(|&y| y / scale));
-    };
-    let (late, per_second) = rig.latency().as_ratio();
-    let late = late as usize * rate_hz as usize / per_second as usize;
-    let silent_ticks = late.div_ceil(rate_hz as usize / 500);
-    let frames = magnitudes.chunks_exact(101).map(Some).chain(std::iter::repeat_n(None, silent_ticks));
-    for (n, frame) in frames.enumerate() {
-        let amplitudes = frame.map(|f| {
-            f.iter().map(|&m| (f64::from(m) * scale / framing.bin_scale()) as f32).collect::<Vec<_>>()
-        });
-        if let Some(out) = rig.frame(amplitudes.as_deref()) {
-            ola.add_frame(out.start, &out.bins).expect("in reach");
-        }
-        emit(&mut ola, (framing.start(n as u64 + 1) - framing.start(n as u64)) as usize);
-    }
-    emit(&mut ola, framing.fft_len);
-    signal.split_off(late)
+    let params: Vec<String> = params.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+    let method = format!("{}: {}", N::descriptor().kind, params.join(", "));
+    let scaled = scale / phase::framing(rate_hz, 101).bin_scale();
+    let frames: Vec<f32> = magnitudes.iter().map(|&m| (f64::from(m) * scaled) as f32).collect();
+    let heard = heard(&crate::registry().with::<N>(), &method, layout(rate_hz, 101), 0, &frames);
+    heard.into_iter().map(|y| y / scale).collect()
 }
 
 /// Spectral convergence in dB of what a node makes of a vector.

@@ -212,16 +212,17 @@ mod tests {
         let mut broken = row("c", 250);
         broken.faults = 1;
         let all = results(vec![row("a", 1000), row("b", 500), broken]);
-        let budget = Budget { tick_hz: Some(4000), ..Budget::default() };
-        assert!(all.choose(&budget).is_none());
-        let said = nothing(&all, &budget, "it");
-        assert!(
-            said.contains("of 3 settings") && said.contains("tick rates of settings: 500, 1000 Hz"),
-            "{said}"
-        );
-        let said = |strict| nothing(&all, &Budget { tick_us: Some(1.0), strict, ..Budget::default() }, "it");
-        assert!(said(false).contains("the shortest tick: 20.0 us") && !said(false).contains("tick rates"));
-        assert!(said(true).contains("the shortest tick: 4020.0 us"), "{}", said(true));
+        let of_rate = Budget { tick_hz: Some(4000), ..Budget::default() };
+        assert!(all.choose(&of_rate).is_none());
+        let of_time = |strict| Budget { tick_us: Some(1.0), strict, ..Budget::default() };
+        for (budget, says, not) in [
+            (of_rate, "tick rates of settings: 500, 1000 Hz", "shortest"),
+            (of_time(false), "the shortest tick: 20.0 us", "tick rates"),
+            (of_time(true), "the shortest tick: 4020.0 us", "tick rates"),
+        ] {
+            let said = nothing(&all, &budget, "it");
+            assert!(said.contains("of 3 settings") && said.contains(says) && !said.contains(not), "{said}");
+        }
     }
 
     #[test]
@@ -237,18 +238,19 @@ mod tests {
             timed("slower and soon", 1000, 400.0, 5.0),
             timed("not so slow, and late", 1000, 200.0, 90.0),
         ]);
-        let budget = Budget { tick_us: Some(100.0), tick_hz: Some(1000), ..Budget::default() };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("the shortest tick of those within the other limits: 200.0 us"), "{said}");
-        assert!(said.contains("tick rates of settings within the other limits: 500 Hz"), "{said}");
-        let budget = Budget { lag_ms: Some(30.0), ..budget };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("limits: 300.0 us") && !said.contains("tick rates"), "{said}");
-        let budget = Budget { tick_us: Some(250.0), lag_ms: Some(10.0), tick_hz: Some(1000), ..budget };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("limits: 400.0 us") && said.contains("limits: 90.0 ms"), "{said}");
-        let budget = Budget { tick_us: Some(1.0), lag_ms: Some(1.0), tick_hz: None, ..budget };
-        assert!(nothing(&all, &budget, "it").contains("misses several of the limits"));
+        for (tick_us, lag_ms, tick_hz, says) in [
+            (100.0, None, Some(1000), "the shortest tick of those within the other limits: 200.0 us"),
+            (100.0, None, Some(1000), "tick rates of settings within the other limits: 500 Hz"),
+            (100.0, Some(30.0), Some(1000), "limits: 300.0 us"),
+            (250.0, Some(10.0), Some(1000), "limits: 400.0 us"),
+            (250.0, Some(10.0), Some(1000), "limits: 90.0 ms"),
+            (1.0, Some(1.0), None, "misses several of the limits"),
+        ] {
+            let budget = Budget { tick_us: Some(tick_us), lag_ms, tick_hz, ..Budget::default() };
+            let said = nothing(&all, &budget, "it");
+            assert!(said.contains(says), "{says}: {said}");
+            assert_eq!(said.contains("tick rates"), tick_hz.is_some() && lag_ms.is_none(), "{said}");
+        }
     }
 
     #[test]

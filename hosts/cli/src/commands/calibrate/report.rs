@@ -87,7 +87,7 @@ impl Report<'_> {
         self.assumed().iter().for_each(|what| out += &format!("              - {what}\n"));
         self.written.iter().for_each(|path| out += &format!("wrote         {}\n", path.display()));
         if !trusted {
-            out += "the profile is not written, since it is not to be trusted (--anyway writes it all the same)\n";
+            out += "the profile is not written: the measurement is poor (--anyway writes it all the same)\n";
         }
         out
     }

@@ -18,7 +18,7 @@ use asperity_node::Registry;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use super::vectors::{Score, Set, Vector, band, mean_magnitudes};
+use super::vectors::{Score, Set, Vector};
 use crate::commands::render::ClockTime;
 use crate::failure::{Failure, progress};
 use crate::phase::{Chain, FRAME_HZ, Frames, Method};
@@ -347,12 +347,14 @@ pub struct Lag {
 }
 
 impl Stimulus {
-    /// A broad noise: mean magnitudes that fall slowly from 400 Hz on, with 120 steps.
+    /// A broad noise: magnitudes that fall slowly from 400 Hz on and end at 950 Hz, with 120 steps.
     pub fn texture() -> Result<Self, Diagnostic> {
-        let density = |hz: f64| (hz / 20.0).clamp(0.0, 1.0) * band(hz) / (hz / 400.0).hypot(1.0);
-        let spectrum = mean_magnitudes(&density);
-        let top = spectrum.iter().copied().fold(0.0, f64::max);
-        Self::new(&spectrum.iter().map(|x| (x / top) as f32).collect::<Vec<_>>(), 120)
+        let magnitude = |hz: f32| {
+            let end = ((950.0 - hz) / 76.0).clamp(0.0, 1.0);
+            let band = 0.5 - 0.5 * (std::f32::consts::PI * end).cos();
+            (hz / 20.0).clamp(0.0, 1.0) * band / (hz / 400.0).hypot(1.0)
+        };
+        Self::new(&Vec::from_iter((0..101).map(|bin| magnitude(10.0 * bin as f32))), 120)
     }
 
     /// A sine of 250 Hz, on a bin, with 10 steps.

@@ -152,6 +152,8 @@ fn silent_node_and_long_latency_have_no_lag() {
 #[test]
 fn published_rows_are_those_with_a_score_on_the_vectors() {
     let set = built_in().unwrap();
+    assert!(set.vectors.len() == 7 && set.vectors.iter().all(|v| set.published.sc.contains_key(&v.name)));
+    assert_eq!(set.smoothest().name, "nnsmooth_2500");
     let rows = super::contest::published(&set);
     assert_eq!(rows.len(), 24);
     let row = row(&rows, "scr5x5_centre");

@@ -1,22 +1,25 @@
 //! The vectors on which methods are compared: built in or from a folder, with the scores that others
 //! published.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_accuracy::{npy, phase};
-use asperity_diagnostics::{Diagnostic, Source};
+use asperity_diagnostics::{Diagnostic, file};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::failure::{Failure, warn, wrong};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
+use crate::shipped::{self, FILES};
 
 /// Frames of steady magnitudes for the rhythm: 8 s, and the edges that do not count.
 const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
+/// Longest file that is read.
+const MAX_BYTES: u64 = 8 * npy::MAX_VALUES as u64 + (1 << 16);
 /// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
@@ -146,65 +149,94 @@ impl Set {
     }
 }
 
+/// The built-in vectors, all at 2500 Hz, with their published scores: the files of `graphs/phase`.
+///
+/// - `sine_off`: a sine between two bins.
+/// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
+/// - `chirp`.
+/// - `texture`: a noise through three resonances.
+/// - `contact`: the same, switched on and off.
+/// - `taps`: decaying sines.
+/// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
+///   has them.
+///
+/// # Errors
+/// None, unless the program was built from broken files.
+pub fn built_in() -> Result<Set, Failure> {
+    let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
+    let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));
+    set("built in".into(), Path::new("phase"), files.collect())
+}
+
 /// Reads every vector of a folder, and `sc.json` if it exists.
 ///
 /// # Errors
 /// A folder that cannot be read or has no vectors; everything that is wrong with its files.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
-    let mut files: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let mut files = Files::new();
     for entry in std::fs::read_dir(dir).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
-        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
-        if let Some(name) = file.strip_suffix(".mag.npy") {
-            files.insert(name.to_owned(), path);
-        } else if let Some(name) = file.strip_suffix(".sig.npy") {
-            files.entry(name.to_owned()).or_insert(path);
+        let name = path.to_string_lossy();
+        if [".mag.npy", ".sig.npy", "index.json", "sc.json"].iter().any(|end| name.ends_with(end)) {
+            let bytes = file::read(&path, MAX_BYTES)?;
+            files.insert(path, bytes.into());
         }
     }
-    if files.is_empty() {
+    set(dir.display().to_string(), dir, files)
+}
+
+/// Content of files.
+type Files = BTreeMap<PathBuf, Cow<'static, [u8]>>;
+
+fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
+    let mut named: BTreeMap<&str, &Path> = BTreeMap::new();
+    for path in files.keys() {
+        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
+        if let Some(name) = file.strip_suffix(".mag.npy") {
+            named.insert(name, path);
+        } else if let Some(name) = file.strip_suffix(".sig.npy") {
+            named.entry(name).or_insert(path);
+        }
+    }
+    if named.is_empty() {
         return Err(wrong(dir, "there are no vectors in this folder", NAMES));
     }
-    let index: Value = json(&dir.join("index.json"))?;
+    let index: Value = json(&files, &dir.join("index.json"))?;
     let (mut vectors, mut errors) = (Vec::new(), Vec::new());
-    for (name, path) in &files {
-        match vector(name, path, &index) {
+    for (name, path) in named {
+        match vector(name, path, &files[path], &index) {
             Ok(vector) => vectors.push(vector),
-            Err(e) => errors.push(e),
+            Err(e) => errors.push(e.in_file(path)),
         }
     }
     if !errors.is_empty() {
         return Err(errors.into());
     }
     vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
-    Ok(Set::new(dir.display().to_string(), vectors, json(&dir.join("sc.json"))?))
+    Ok(Set::new(from, vectors, json(&files, &dir.join("sc.json"))?))
 }
 
 /// A JSON file, if it exists.
-fn json<T: DeserializeOwned + Default>(path: &Path) -> Result<T, Diagnostic> {
-    if !path.exists() {
-        return Ok(T::default());
-    }
+fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, Diagnostic> {
     let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
-    serde_json::from_str(Source::read(path)?.text()).map_err(fail)
+    files.get(path).map_or(Ok(T::default()), |bytes| serde_json::from_slice(bytes).map_err(fail))
 }
 
-fn vector(name: &str, path: &Path, index: &Value) -> Result<Vector, Diagnostic> {
+fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector, Diagnostic> {
     let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
     let rate = index[name]["fs"].as_f64().or(ending);
     let Some(rate) = rate.filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
         return Err(Diagnostic::new("nothing says at which rate this vector is")
-            .in_file(path)
             .help("end its name in the rate, as in texture_2500.mag.npy, or give it an `fs` in index.json"));
     };
-    let array = npy::read(path)?;
+    let array = npy::parse(bytes)?;
     let magnitudes = path.to_string_lossy().ends_with(".mag.npy");
-    let vector = match (magnitudes, array.shape.as_slice()) {
+    match (magnitudes, array.shape.as_slice()) {
         (true, &[_, bins]) => Vector::new(name, rate as u32, array.values.into_f32(), bins),
         (false, &[_]) => Vector::of_signal(name, rate as u32, &array.values.into_f64()),
         (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
-    };
-    vector.map_err(|e| e.in_file(path))
+    }
 }
 
 /// Agreement of one signal with one vector.
@@ -239,131 +271,4 @@ pub struct Published {
     /// Latencies by the name of the method: a number of frames, or "offline".
     #[serde(default)]
     pub latency_frames: BTreeMap<String, Value>,
-}
-
-/// Rate of the built-in vectors \[Hz\].
-const RATE_HZ: u32 = 2500;
-/// Samples of their window.
-const N: usize = RATE_HZ as usize / 10;
-
-const TEXTURE: &[u8] = include_bytes!("../../../../../graphs/phase/texture_2500.sig.npy");
-const CONTACT: &[u8] = include_bytes!("../../../../../graphs/phase/contact_2500.sig.npy");
-const TAPS: &[u8] = include_bytes!("../../../../../graphs/phase/taps_2500.sig.npy");
-const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
-
-/// The built-in vectors, all at 2500 Hz, with their published scores.
-///
-/// - `sine_off`: a sine between two bins.
-/// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
-/// - `chirp`.
-/// - `texture`: a noise through three resonances.
-/// - `contact`: the same, switched on and off.
-/// - `taps`: decaying sines.
-/// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
-///   has them.
-///
-/// Noise and taps are files of `graphs/phase`. The rest is made by the formulas of the published files, so
-/// that their scores hold.
-///
-/// # Errors
-/// None, unless the program was built from broken files.
-pub fn built_in() -> Result<Set, Failure> {
-    let kept = |name, bytes| Vector::of_signal(name, RATE_HZ, &npy::parse(bytes)?.values.into_f64());
-    let made = |name, seconds: f64, x: fn(f64) -> f64| {
-        let count = (seconds * f64::from(RATE_HZ)) as usize;
-        let signal: Vec<f64> = (0..count).map(|i| x(i as f64 / f64::from(RATE_HZ))).collect();
-        Vector::of_signal(name, RATE_HZ, &signal)
-    };
-    let vectors = vec![
-        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin())?,
-        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin())?,
-        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin())?,
-        kept("texture_2500", TEXTURE)?,
-        kept("contact_2500", CONTACT)?,
-        kept("taps_2500", TAPS)?,
-        smooth("nnsmooth_2500", 2.0)?,
-    ];
-    let published = serde_json::from_str(SCORES);
-    let published = published.map_err(|e| Failure::Machine(format!("broken built-in scores: {e}")))?;
-    Ok(Set::new("built in".into(), vectors, published))
-}
-
-/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in
-/// every bin.
-fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
-    let spectrum = mean_magnitudes(&resonances);
-    let level = |frame: usize| {
-        let t = (frame as f64 / f64::from(FRAME_HZ)) + 0.05;
-        1.0 + 0.5 * (TAU * 0.7 * t + 0.4).sin() + 0.25 * (TAU * 2.3 * t).sin()
-    };
-    let frames = ((seconds - 0.1) * f64::from(FRAME_HZ)).round() as usize + 1;
-    let frame_energy: f64 = spectrum.iter().map(|s| s * s).sum();
-    let mean_square = (0..frames).map(|n| level(n).powi(2)).sum::<f64>() / frames as f64;
-    let norm = 2.0 / N as f64 * (mean_square * frame_energy).sqrt();
-    let magnitudes = (0..frames).flat_map(|n| spectrum.iter().map(move |s| (level(n) * s / norm) as f32));
-    Vector::new(name, RATE_HZ, magnitudes.collect(), BINS)
-}
-
-/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a
-/// factor.
-pub fn mean_magnitudes(density: &dyn Fn(f64) -> f64) -> Vec<f64> {
-    const STEPS_A_HZ: i32 = 2;
-    const REACH: i32 = 60 * STEPS_A_HZ;
-    let hz = |i: i32| f64::from(i) / f64::from(STEPS_A_HZ);
-    let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / N as f64).cos();
-    // Power response of the window around a bin.
-    let response: Vec<f64> = (-REACH..=REACH)
-        .map(|d| {
-            let turn = |i: usize| TAU * hz(d) * i as f64 / f64::from(RATE_HZ);
-            let part = |f: fn(f64) -> f64| (0..N).map(|i| window(i) * f(turn(i))).sum::<f64>();
-            part(f64::cos).powi(2) + part(f64::sin).powi(2)
-        })
-        .collect();
-    let power = |bin: usize| -> f64 {
-        let centre = bin as i32 * 10 * STEPS_A_HZ;
-        let near = response.iter().zip(centre - REACH..=centre + REACH).filter(|(_, f)| *f >= 0);
-        near.map(|(r, f)| r * density(hz(f)).powi(2)).sum()
-    };
-    (0..BINS).map(|bin| (power(bin) * PI / 4.0).sqrt()).collect()
-}
-
-/// 1 in the band, falling as half a cosine to 0 at 950 Hz.
-pub fn band(hz: f64) -> f64 {
-    const EDGE_HZ: f64 = 950.0;
-    0.5 - 0.5 * (PI * ((EDGE_HZ - hz) / (0.08 * EDGE_HZ)).clamp(0.0, 1.0)).cos()
-}
-
-/// Amplitude density of the texture: resonances at 70, 190 and 420 Hz.
-fn resonances(hz: f64) -> f64 {
-    let one = |(at, width, gain): (f64, f64, f64)| gain * width / (2.0 * (hz - at)).hypot(width);
-    let sum: f64 = [(70.0, 30.0, 1.0), (190.0, 60.0, 0.7), (420.0, 140.0, 0.45)].map(one).iter().sum();
-    sum * (hz / 20.0).clamp(0.0, 1.0) * band(hz)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Against the published files, which were made by another program.
-    #[test]
-    fn built_in_vectors_match_published_files() {
-        let set = built_in().unwrap();
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase");
-        for name in ["sine_off_2500", "two25_2500", "texture_2500", "nnsmooth_2500"] {
-            let want = npy::read(format!("{folder}/{name}.mag.npy")).unwrap();
-            let have = set.vectors.iter().find(|v| v.name == name).unwrap();
-            assert_eq!(want.shape, [have.frames.count(), BINS], "{name}");
-            let want = want.values.into_f32();
-            let top = want.iter().copied().fold(0.0, f32::max);
-            let off = have.unscaled.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(off < 2e-5 * top, "{name}: {off} of {top}");
-        }
-        let chirp = npy::read(format!("{folder}/chirp_2500.sig.npy")).unwrap().values.into_f64();
-        let want = Vector::of_signal("chirp_2500", RATE_HZ, &chirp).unwrap().unscaled;
-        let have = &set.vectors.iter().find(|v| v.name == "chirp_2500").unwrap().unscaled;
-        let off = have.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(have.len() == want.len() && off < 1e-3, "{off}");
-        assert!(set.vectors.iter().all(|v| set.published.sc.contains_key(&v.name)));
-        assert_eq!(set.smoothest().name, "nnsmooth_2500");
-    }
 }

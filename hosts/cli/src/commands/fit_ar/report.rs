@@ -84,7 +84,8 @@ impl Report<'_> {
             let (Model { speed_mm_s, force_n, .. }, seconds) = (model, compared.seconds);
             let (rms, off, worst) = (level(model), compared.level_off_db(), compared.worst().map(worst));
             out += &format!(
-                "{i:7} {speed_mm_s:8.1} {force_n:8.3} {seconds:8.2} {segments:9} {rms:12.4} {off:+6.2} dB  {}\n",
+                "{i:7} {speed_mm_s:8.1} {force_n:8.3} {seconds:8.2} {segments:9} {rms:12.4} {off:+6.2} dB  \
+                 {}\n",
                 worst.unwrap_or("-".into())
             );
         }

@@ -63,7 +63,7 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let trial = Trial { path: copy.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL) };
     let mut disturbed = None;
     let ended = trial.process(&cases, 0, &mut |said| {
-        if let Said::Row(row) = said
+        if let Message::End(row) = said
             && row.case == SURROUNDINGS
             && row.verdict == "fail"
         {
@@ -129,11 +129,12 @@ impl Checker<'_> {
     ) -> Result<Ended, Failure> {
         let trial = self.trial.clone();
         trial.process(cases, skip, &mut |said| match said {
-            Said::Loaded(plugin) => self.open(plugin),
-            Said::Row(row) => {
+            Message::Loaded(plugin) => self.open(plugin),
+            Message::End(row) => {
                 rows.push(row.clone());
                 if shown { self.row(row) } else { Ok(()) }
             }
+            _ => Ok(()),
         })
     }
 
@@ -218,12 +219,6 @@ struct Trial {
     in_all: Option<Duration>,
 }
 
-/// Results of a process that runs cases.
-enum Said {
-    Loaded(Loaded),
-    Row(Row),
-}
-
 /// End of a process that runs cases.
 enum Ended {
     /// It ran all cases.
@@ -233,12 +228,12 @@ enum Ended {
 }
 
 impl Trial {
-    /// Runs one process to its end.
+    /// Runs one process to its end. Hands on that the plugin is loaded, and the results of cases.
     fn process(
         &self,
         cases: &Cases,
         skip: usize,
-        each: &mut dyn FnMut(Said) -> Result<(), Failure>,
+        each: &mut dyn FnMut(Message) -> Result<(), Failure>,
     ) -> Result<Ended, Failure> {
         let (mut child, lines) = self.spawn(cases, skip)?;
         let until = self.in_all.map(|span| Instant::now() + span);
@@ -248,15 +243,7 @@ impl Trial {
             match lines.recv_timeout(self.patience.min(left)) {
                 Ok(Message::Alive) => {}
                 Ok(Message::Doing(what)) => doing = what,
-                Ok(Message::Loaded(plugin)) => each(Said::Loaded(plugin))?,
-                Ok(Message::Begin { kind, case }) => {
-                    doing.clear();
-                    row = Some((kind, case));
-                }
-                Ok(Message::End(end)) => {
-                    row = None;
-                    each(Said::Row(end))?;
-                }
+                Ok(Message::Begin { kind, case }) => (row, doing) = (Some((kind, case)), String::new()),
                 Ok(Message::Refused { message, help }) => {
                     let d = Diagnostic::new(message).in_file(&self.path);
                     return Err(help.into_iter().fold(d, Diagnostic::help).into());
@@ -266,6 +253,10 @@ impl Trial {
                         Some(status) if status.success() => Ended::Done,
                         _ => Ended::Broke { row: None, doing, how: child.end(self.patience) },
                     });
+                }
+                Ok(said) => {
+                    row = row.filter(|_| !matches!(said, Message::End(_)));
+                    each(said)?;
                 }
                 Err(RecvTimeoutError::Disconnected) => {
                     return Ok(Ended::Broke { row, doing, how: child.end(self.patience) });

@@ -308,8 +308,11 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
 }
 
 fn json(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> Value {
-    let surface = |(s, ticks): (&Touchable, &u64)| json!({ "name": s.name, "shape": form(s), "effects": names(s), "ticks_touched": ticks });
-    let surfaces: Vec<Value> = of_scene.scene.surfaces.iter().zip(&account.touched).map(surface).collect();
+    let surfaces: Vec<Value> = (of_scene.scene.surfaces.iter().zip(&account.touched))
+        .map(|(s, ticks)| {
+            json!({ "name": s.name, "shape": form(s), "effects": names(s), "ticks_touched": ticks })
+        })
+        .collect();
     json!({
         "ticks": account.ticks, "tick_hz": schedule.tick_hz,
         "us_per_tick": { "touching": account.tick_us[0], "in_the_air": account.tick_us[1] },

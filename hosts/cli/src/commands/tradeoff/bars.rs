@@ -38,7 +38,7 @@ impl Monitor for Bars {
 
     fn advanced(&self, parts: u64) {
         let bar = self.bar.lock();
-        let tenth = || bar.length().map_or(0, |all| 10 * bar.position() / all.max(1));
+        let tenth = || bar.length().and_then(|all| (10 * bar.position()).checked_div(all)).unwrap_or(0);
         let before = tenth();
         bar.inc(parts);
         // Where standard error is no terminal, each tenth is a line.
