@@ -5,14 +5,10 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
-use asperity_engine::{Engine, Options};
-use asperity_graph::Compiled;
 use asperity_loader::Plugin;
-use asperity_node::{
-    Buffer, Descriptor, Diagnostic, FactValue, FrameLayout, FrameRate, LayoutSpec, Node, NodeKind, Output,
-    Param, Prepared, Processor, Registry, Setup, ShapeSpec, Status, Tick, Unit,
-};
-use harness::{graph, plugins};
+use asperity_node::{Buffer, FactValue, NodeKind, Registry};
+use harness::plugins;
+use harness::retrieval::{self, layout};
 
 const BINS: usize = 101;
 const FRAMES: u64 = 240;
@@ -21,8 +17,6 @@ const BAD: u64 = 120;
 const ONSET: u64 = 60;
 /// Where the tone lies: between bins, and off the middle between two.
 const TONE: f64 = 15.37;
-
-const CASES: [&str; 9] = ["tone", "tie", "plateau", "flat", "one bin", "floor", "bad", "zeroed", "onset"];
 
 /// A sinusoid at place `at` in a periodic Hann window, of amplitude 1, seen at bin `k`.
 fn lobe(at: f64, k: usize) -> f64 {
@@ -51,51 +45,8 @@ fn magnitude(case: &str, n: u64, k: usize) -> f64 {
     }
 }
 
-/// Frames of one of the cases, 500 a second.
-struct Given<const RATE_HZ: u32> {
-    case: String,
-    scale: f64,
-}
-
-fn layout(rate_hz: u32) -> FrameLayout {
-    let frame_rate = FrameRate::new(500, 1).expect("a rate");
-    FrameLayout { rate_hz, length: rate_hz / 10, bins: BINS as u32, frame_rate }
-}
-
-impl<const RATE_HZ: u32> Node for Given<RATE_HZ> {
-    fn descriptor() -> Descriptor {
-        Descriptor::new(format!("given_{RATE_HZ}"), "Plays frames.")
-            .output(Output::new(
-                "magnitude",
-                ShapeSpec::Magnitude(LayoutSpec::Is(layout(RATE_HZ))),
-                Unit::NONE,
-            ))
-            .param(Param::choice("case", &CASES, "Which."))
-            .param(Param::number("scale", 1.0, 0.0..=1e30, "How large."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self {
-            case: setup.params.text("case").to_owned(),
-            scale: setup.params.number("scale"),
-        }))
-    }
-}
-
-impl<const RATE_HZ: u32> Processor for Given<RATE_HZ> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let (n, start) = (tick.index, tick.samples(RATE_HZ).start);
-        for (k, m) in tick.outputs.magnitude(0, n, start).iter_mut().enumerate() {
-            *m = (magnitude(&self.case, n, k) * self.scale) as f32;
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
 fn registry() -> Registry {
-    let mut all = harness::registry().with::<Given<2500>>().with::<Given<44_000>>().with::<Given<44_100>>();
+    let mut all = harness::registry();
     for package in ["asperity-rtpghi", "asperity-gsrtisi-la", "my_phase"] {
         let plugin = Plugin::load(plugins::rust(package)).unwrap_or_else(|e| panic!("{e}"));
         for kind in plugin.kinds() {
@@ -105,84 +56,38 @@ fn registry() -> Registry {
     all
 }
 
-/// Every kind that takes magnitudes alone and answers one signal or spectrum, as it is and as it may be set.
-fn methods(registry: &Registry) -> Vec<(String, bool)> {
-    let retrieves = |d: &Descriptor| {
-        let mut required = d.inputs.iter().filter(|i| !i.optional);
-        match (required.next().map(|i| &i.shape), required.next(), d.outputs.as_slice()) {
-            (Some(ShapeSpec::Magnitude(_)), None, [out]) => match out.shape {
-                ShapeSpec::Spectrum(_) => Some(true),
-                ShapeSpec::Audio(_) => Some(false),
-                _ => None,
-            },
-            _ => None,
-        }
-    };
-    let mut all: Vec<(String, bool)> = registry
-        .iter()
-        .filter_map(|k| retrieves(k.descriptor()).map(|spectrum| (k.descriptor().kind.to_string(), spectrum)))
-        .collect();
-    for kind in [
-        "spsi",
-        "phase_vocoder",
-        "random_phase",
-        "oscillator_bank",
-        "sample_commit",
-        "rtpghi",
-        "gsrtisi_la",
-        "my_phase",
-    ] {
-        assert!(all.iter().any(|(k, _)| k == kind), "{kind} is missing: {all:?}");
+/// Every kind that retrieves phase, as it is and as it may be set.
+fn methods(registry: &Registry) -> Vec<String> {
+    let kinds = registry.iter().map(|k| k.descriptor()).filter(|d| d.retrieval().is_some());
+    let mut all: Vec<String> = kinds.map(|d| d.kind.to_string()).collect();
+    for kind in ["spsi", "sample_commit", "oscillator_bank", "rtpghi", "gsrtisi_la", "my_phase"] {
+        assert!(all.iter().any(|k| k == kind), "{kind} is missing: {all:?}");
     }
-    for (set, spectrum) in [
-        ("sample_commit: emission: 0", false),
-        ("sample_commit: emission: 4", false),
-        ("oscillator_bank: partials: tracked", false),
-        ("rtpghi: look_ahead: 0", true),
-        ("gsrtisi_la: look_ahead: 0", true),
-    ] {
-        all.push((set.to_owned(), spectrum));
-    }
+    let set = [
+        "sample_commit: emission: 0",
+        "sample_commit: emission: 4",
+        "oscillator_bank: partials: tracked",
+        "rtpghi: look_ahead: 0",
+        "gsrtisi_la: look_ahead: 0",
+    ];
+    all.extend(set.map(str::to_owned));
     all
 }
 
-/// A method between frames at a rate and what hears it.
-fn compiled(registry: &Registry, method: &(String, bool), given: &str, rate_hz: u32) -> Compiled {
-    let (kind, set) = method.0.split_once(": ").unwrap_or((&method.0, ""));
-    let (last, synthesis, wire) = match method.1 {
-        true => ("synthesis", "\"synthesis\": (kind: \"overlap_add\"),", "(\"phase\", \"synthesis\"),"),
-        false => ("phase", "", ""),
-    };
-    let text = format!(
-        "Graph(version: 1, nodes: {{\"given\": (kind: \"given_{rate_hz}\", params: ({given})), \
-         \"phase\": (kind: {kind:?}, params: ({set})), {synthesis} \"end\": (kind: \"probe\")}}, \
-         wires: [(\"given\", \"phase\"), {wire} ({last:?}, \"end\")])"
-    );
-    graph::compiled(&graph::parsed(text), registry)
+/// All frames of a case.
+fn frames(case: &str, scale: f64) -> Vec<f32> {
+    (0..FRAMES).flat_map(|n| (0..BINS).map(move |k| (magnitude(case, n, k) * scale) as f32)).collect()
 }
 
-/// Runs frames through a method, from frame `from` on; sample 0 is the first of that frame.
-fn heard(registry: &Registry, method: &(String, bool), given: &str, rate_hz: u32, from: u64) -> Vec<f64> {
-    let compiled = compiled(registry, method, given, rate_hz);
-    let (num, den) = compiled.schedule.latency().as_ratio();
-    let late = (num * i64::from(rate_hz)).div_euclid(den);
-    let mut engine = Engine::new(compiled, Options::default());
-    let end = engine.schedule().index_of("end").expect("a node");
-    engine.skip(from);
-    let mut samples = vec![0.0; usize::try_from(-late).unwrap_or(0)];
-    for _ in 0..FRAMES {
-        engine.tick();
-        let Some(Buffer::Audio { samples: new, len, .. }) = engine.input(end, 0) else { panic!("no audio") };
-        samples.extend(new[..*len].iter().map(|x| f64::from(*x)));
-    }
-    assert_eq!(engine.faults(), 0, "{method:?}, {given}");
-    samples.split_off(usize::try_from(late).unwrap_or(0))
+/// Runs the frames of a case through a method, as those from frame `from` on.
+fn heard(registry: &Registry, method: &str, case: &str, scale: f64, rate_hz: u32, from: u64) -> Vec<f64> {
+    retrieval::heard(registry, method, layout(rate_hz, BINS as u32), from, &frames(case, scale))
 }
 
 /// Calls the node itself, since the engine lets no NaN through to it. Answers all that it put out, as bits,
 /// and how many magnitudes it found to be none.
-fn called(registry: &Registry, method: &(String, bool), case: &str) -> (Vec<u32>, u64) {
-    let mut compiled = compiled(registry, method, &format!("case: {case:?}"), 2500);
+fn called(registry: &Registry, method: &str, case: &str) -> (Vec<u32>, u64) {
+    let mut compiled = retrieval::compiled(registry, method, layout(2500, BINS as u32), 0, &[]);
     let at = compiled.schedule.index_of("phase").expect("a node");
     let node = &compiled.schedule.nodes[at];
     let input = node.inputs[0].port.as_ref().expect("it is wired");
@@ -242,7 +147,7 @@ fn loss(method: &str, case: &str) -> (f64, f64) {
 }
 
 /// Runs a check over all methods.
-fn each(check: impl Fn(&Registry, &(String, bool))) {
+fn each(check: impl Fn(&Registry, &str)) {
     let registry = registry();
     methods(&registry).iter().for_each(|method| check(&registry, method));
 }
@@ -262,8 +167,8 @@ fn what_is_no_magnitude_is_taken_for_0_in_its_frame_and_counted() {
 fn ties_flat_spectra_single_bins_and_floors_keep_their_level() {
     each(|registry, method| {
         for case in ["tone", "tie", "plateau", "flat", "one bin", "floor"] {
-            let s = score(case, 1.0, 2500, &heard(registry, method, &format!("case: {case:?}"), 2500, 0));
-            let (least, most) = loss(&method.0, case);
+            let s = score(case, 1.0, 2500, &heard(registry, method, case, 1.0, 2500, 0));
+            let (least, most) = loss(method, case);
             assert!((least..most).contains(&s.gain_db), "{method:?}, {case}: {s:?}");
             // Flat amplitudes of 0.1 in phase are 10; nothing else comes near.
             assert!(s.nonfinite == 0 && s.peak < 10.0, "{method:?}, {case}: {s:?}");
@@ -274,10 +179,7 @@ fn ties_flat_spectra_single_bins_and_floors_keep_their_level() {
 #[test]
 fn magnitudes_of_1e_12_and_1e12_are_as_good_as_others() {
     each(|registry, method| {
-        let of = |scale: f64| {
-            let given = format!("case: \"tone\", scale: {scale:?}");
-            score("tone", scale, 2500, &heard(registry, method, &given, 2500, 0))
-        };
+        let of = |scale: f64| score("tone", scale, 2500, &heard(registry, method, "tone", scale, 2500, 0));
         let one = of(1.0);
         for scale in [1e-12, 1e12] {
             let s = of(scale);
@@ -292,11 +194,11 @@ fn magnitudes_of_1e_12_and_1e12_are_as_good_as_others() {
 #[test]
 fn silence_stays_silence_and_a_tone_after_it_is_there_at_once() {
     each(|registry, method| {
-        let h = heard(registry, method, "case: \"onset\"", 2500, 0);
+        let h = heard(registry, method, "onset", 1.0, 2500, 0);
         let first = 5 * ONSET as usize;
         assert!(h[..first].iter().all(|x| *x == 0.0), "{method:?} is heard before it is asked");
         let peak = |from: usize| h[from..from + 250].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        let (least, most) = match method.0.as_str() {
+        let (least, most) = match method {
             "random_phase" => (0.05, 0.4),
             // Noise: a quarter of a second of it seldom leaves these.
             "shaped_noise" => (0.4, 4.0),
@@ -313,7 +215,7 @@ fn silence_stays_silence_and_a_tone_after_it_is_there_at_once() {
 fn alternating_hop_and_late_start_are_as_good_as_any() {
     each(|registry, method| {
         let of = |rate, from| {
-            let h = heard(registry, method, "case: \"tone\"", rate, from);
+            let h = heard(registry, method, "tone", 1.0, rate, from);
             score("tone", 1.0, rate, &h).convergence_db
         };
         // 88 samples throughout, 88 and 89 in turn; the numbers say how well such a tone can be met at all.

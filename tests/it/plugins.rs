@@ -1,11 +1,11 @@
 //! Plugins through the program: found, refused, run beside built-in nodes, contained.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use asperity_accuracy::npy;
 use asperity_loader::Plugin;
-use harness::{graphs, json, plugins, root, run, wav};
+use harness::{graphs, json, plugins, root, run, run_line, wav};
 
 /// Error of loading a file.
 fn refusal(path: &Path) -> String {
@@ -19,6 +19,17 @@ fn refusal(path: &Path) -> String {
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")
 }
+
+/// Writes a graph `g.ron` that names plugins.
+fn graph(dir: &Path, plugins: &[&Path], nodes: &str, wires: &str) {
+    let plugins: Vec<_> = plugins.iter().map(|path| path.display().to_string()).collect();
+    let text = format!("Graph(version: 1, plugins: {plugins:?}, nodes: {{\n{nodes}}},\nwires: [{wires}])");
+    fs::write(dir.join("g.ron"), text).unwrap();
+}
+
+/// A node that leads to an output behind a limiter.
+const GUARDED: &str = "\"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")";
+const GUARDED_WIRES: &str = "(\"bad\", \"guard\"), (\"guard\", \"out\")";
 
 fn lie(dir: &Path, number: u32) -> std::path::PathBuf {
     let to = dir.join(format!("lie{number}.so"));
@@ -93,17 +104,11 @@ fn a_lie_that_shows_only_later_is_an_error_of_the_graph() {
     for (number, says) in
         [(40, "cannot make an instance"), (41, "cannot be prepared"), (42, "negative denominator")]
     {
-        let plugin = lie(dir.path(), number);
-        let graph = format!(
-            "Graph(version: 1, plugins: [{:?}], nodes: {{\n \"s\": (kind: \"stroke\"), \
-             \"f\": (kind: \"virtual_floor\"),\n \
-             \"it\": (kind: \"honest\"), \"p\": (kind: \"probe\")}}, \
-             wires: [(\"s\", \"f\"), (\"f.force\", \"it\"), (\"f.force\", \"p\")])",
-            plugin.display().to_string()
-        );
-        fs::write(dir.path().join("g.ron"), graph).unwrap();
-        let ran = run(dir.path(), &["check", "g.ron", "--no-prune"]);
-        assert!(ran.code == 2 && ran.err.contains(says) && ran.err.contains("g.ron:3:"), "{}", ran.err);
+        let nodes = r#""it": (kind: "honest"), "s": (kind: "stroke"), "f": (kind: "virtual_floor"),
+            "p": (kind: "probe")"#;
+        let wires = r#"("s", "f"), ("f.force", "it"), ("f.force", "p")"#;
+        graph(dir.path(), &[&lie(dir.path(), number)], nodes, wires);
+        run(dir.path(), &["check", "g.ron", "--no-prune"]).refused(says).says(&["g.ron:2:"]);
     }
 }
 
@@ -143,63 +148,49 @@ fn plugin_of_a_graph_is_found_by_file_or_name() {
     let dir = folder();
     fs::create_dir(dir.path().join("plugins")).unwrap();
     fs::copy(plugins::c("told"), dir.path().join("plugins/libtold.so")).unwrap();
-    let graph = |plugin: &str| {
-        let text = format!(
-            "Graph(version: 1,\n  plugins: [{plugin:?}],\n  nodes: {{\"t\": (kind: \"told\"), \
-             \"l\": (kind: \"limiter\"), \
-             \"o\": (kind: \"audio_out\")}},\n  wires: [(\"t\", \"l\"), (\"l\", \"o\")])"
-        );
-        fs::write(dir.path().join("g.ron"), text).unwrap();
+    let named = |plugin: &str| {
+        let nodes = format!("\"bad\": (kind: \"told\"), {GUARDED}");
+        graph(dir.path(), &[plugin.as_ref()], &nodes, GUARDED_WIRES);
     };
-    graph("plugins/libtold.so");
+    named("plugins/libtold.so");
     run(dir.path(), &["check", "g.ron"]).ok();
     // From another folder: relative to the graph, not to where the program runs.
     run(Path::new("/"), &["check", dir.path().join("g.ron").to_str().unwrap()]).ok();
-    graph("told");
-    let ran = run(dir.path(), &["check", "g.ron"]);
-    assert!(ran.code == 2 && ran.err.contains("g.ron:2:13: error: there is no plugin `told`"), "{}", ran.err);
-    assert!(ran.err.contains("libtold.so") && ran.err.contains("ASPERITY_PLUGIN_PATH"), "{}", ran.err);
-    let on_path = |path: &Path, args: &[&str]| {
+    named("told");
+    run(dir.path(), &["check", "g.ron"])
+        .refused("g.ron:1:29: error: there is no plugin `told`")
+        .says(&["libtold.so", "ASPERITY_PLUGIN_PATH"]);
+    let on_path = |folder: &str, args: &[&str]| {
+        let path = dir.path().join(folder);
         let out =
             harness::asperity(dir.path()).env("ASPERITY_PLUGIN_PATH", path).args(args).output().unwrap();
-        (
-            out.status.code(),
-            String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr),
-        )
+        let [said, err] = [&out.stdout, &out.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+        (out.status.code(), said + &err)
     };
-    assert_eq!(on_path(&dir.path().join("plugins"), &["check", "g.ron"]).0, Some(0));
-    let (code, said) = on_path(&dir.path().join("nowhere"), &["check", "g.ron"]);
+    assert_eq!(on_path("plugins", &["check", "g.ron"]).0, Some(0));
+    let (code, said) = on_path("nowhere", &["check", "g.ron"]);
     assert!(code == Some(2) && said.contains("there is no plugin `told`"), "{said}");
-    let (code, said) = on_path(&dir.path().join("nowhere"), &["nodes"]);
+    let (code, said) = on_path("nowhere", &["nodes"]);
     assert!(code == Some(0) && said.contains("nowhere: cannot look for plugins here"), "{said}");
-    graph("plugins/libtld.so");
-    let ran = run(dir.path(), &["check", "g.ron"]);
-    assert!(ran.code == 2 && ran.err.contains("libtld.so: error: cannot read this file"), "{}", ran.err);
-    assert!(ran.err.contains("g.ron:2:13"), "{}", ran.err);
+    named("plugins/libtld.so");
+    run(dir.path(), &["check", "g.ron"])
+        .refused("libtld.so: error: cannot read this file")
+        .says(&["g.ron:1:29"]);
     // A kind that is there twice, and one that is built in.
     fs::copy(plugins::rust("asperity-test-panics"), dir.path().join("libpanics.so")).unwrap();
     let spsi = lie(dir.path(), 8);
-    let ran = run(dir.path(), &["nodes", "--plugin", spsi.to_str().unwrap()]);
-    assert!(
-        ran.code == 2 && ran.err.contains("its kind `spsi` is there already: it is built in"),
-        "{}",
-        ran.err
-    );
+    run(dir.path(), &["nodes", "--plugin", spsi.to_str().unwrap()])
+        .refused("its kind `spsi` is there already: it is built in");
     let (honest, other) = (lie(dir.path(), 0), lie(dir.path(), 40));
-    let ran = run(
-        dir.path(),
-        &["nodes", "--plugin", honest.to_str().unwrap(), "--plugin", other.to_str().unwrap()],
-    );
-    assert!(ran.code == 2 && ran.err.contains("its kind `honest` is there already"), "{}", ran.err);
+    run(dir.path(), &["nodes", "--plugin", honest.to_str().unwrap(), "--plugin", other.to_str().unwrap()])
+        .refused("its kind `honest` is there already");
     // One that merely lies on the path is left out, and the rest goes on.
     fs::write(dir.path().join("plugins/libtext.so"), "text").unwrap();
-    let (code, said) = on_path(&dir.path().join("plugins"), &["nodes"]);
+    let (code, said) = on_path("plugins", &["nodes"]);
     assert!(code == Some(0) && said.contains("told") && said.contains("libtext.so: this is not"), "{said}");
-    let (code, said) = on_path(&dir.path().join("plugins"), &["plugin", "list", "--json"]);
-    assert!(
-        code == Some(0) && said.contains("\"told\"") && said.contains("this is not a shared library"),
-        "{said}"
-    );
+    let (code, said) = on_path("plugins", &["plugin", "list", "--json"]);
+    assert!(code == Some(0) && said.contains("\"told\""), "{said}");
+    assert!(said.contains("this is not a shared library"), "{said}");
 }
 
 /// The signal that a phase-retrieval node makes of the texture vector.
@@ -212,84 +203,72 @@ fn inverted(dir: &Path, kind: &str, plugin: &Path) -> Vec<f32> {
     npy::read(dir.join("y.npy")).unwrap().values.into_f32()
 }
 
+/// The template `like`/`name` in C and C++.
+fn compiled(dir: &Path, like: &str, name: &str) -> [PathBuf; 2] {
+    ["c", "cpp"].map(|language| {
+        let source = root().join(format!("plugins/template/{like}/{language}/{name}.{language}"));
+        let library = dir.join(format!("{language}.so"));
+        plugins::compile(&source, &library, &[]);
+        library
+    })
+}
+
+fn furthest(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
 #[test]
 fn the_same_node_in_rust_c_and_cpp_makes_the_same_signal() {
     let dir = folder();
     let rust = inverted(dir.path(), "my_phase", &plugins::rust("my_phase"));
     assert!(rust.iter().any(|x| x.abs() > 0.1));
-    for language in ["c", "cpp"] {
-        let source = root().join(format!("plugins/template/phase/{language}/my_phase.{language}"));
-        let library = dir.path().join(format!("{language}.so"));
-        plugins::compile(&source, &library, &[]);
-        let other = inverted(dir.path(), "my_phase", &library);
-        assert_eq!(rust.len(), other.len());
-        let worst = rust.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(worst < 1e-4, "{language} differs by {worst}");
+    for library in compiled(dir.path(), "phase", "my_phase") {
+        let worst = furthest(&rust, &inverted(dir.path(), "my_phase", &library));
+        assert!(worst < 1e-4, "{library:?} differs by {worst}");
     }
 }
 
 #[test]
 fn a_filter_in_rust_c_and_cpp_softens_alike() {
     let dir = folder();
-    let graph = |plugin: &Path| {
-        let text = format!(
-            "Graph(version: 1, plugins: [{:?}, {:?}], nodes: {{\"t\": (kind: \"told\"), \
-             \"f\": (kind: \"my_filter\"), \
-             \"p\": (kind: \"probe\", params: (file: \"y.npy\"))}}, wires: [(\"t\", \"f\"), (\"f\", \"p\")])",
-            plugins::c("told").display().to_string(),
-            plugin.display().to_string(),
-        );
-        fs::write(dir.path().join("g.ron"), text).unwrap();
+    let softened = |plugin: &Path| {
+        let nodes = r#""t": (kind: "told"), "f": (kind: "my_filter"),
+            "p": (kind: "probe", params: (file: "y.npy"))"#;
+        graph(dir.path(), &[&plugins::c("told"), plugin], nodes, r#"("t", "f"), ("f", "p")"#);
         run(dir.path(), &["render", "g.ron", "--seconds", "0.5"]).ok();
         npy::read(dir.path().join("y.npy")).unwrap().values.into_f32()
     };
-    let rust = graph(&plugins::rust("my_filter"));
+    let rust = softened(&plugins::rust("my_filter"));
     // The gain of a one-pole low pass at 0.01 rad a sample, in closed form.
     let (a, w) = (0.9_f32, 0.01_f32);
     let gain = (1.0 - a) / ((1.0 - a * w.cos()).powi(2) + (a * w.sin()).powi(2)).sqrt();
     let peak = rust[2000..].iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     assert!((peak / (0.1 * gain) - 1.0).abs() < 1e-3, "{peak} against {}", 0.1 * gain);
-    for language in ["c", "cpp"] {
-        let source = root().join(format!("plugins/template/audio/{language}/my_filter.{language}"));
-        let library = dir.path().join(format!("{language}.so"));
-        plugins::compile(&source, &library, &[]);
-        let worst = rust.iter().zip(&graph(&library)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(worst < 1e-6, "{language} differs by {worst}");
+    for library in compiled(dir.path(), "audio", "my_filter") {
+        let worst = furthest(&rust, &softened(&library));
+        assert!(worst < 1e-6, "{library:?} differs by {worst}");
     }
 }
 
-/// Renders a wave that goes wrong from tick `from` to tick `to`, beside one that does not.
-fn contained(
-    what: &str,
-    from: u64,
-    to: u64,
-    plugin: &Path,
-    kind: &str,
-) -> (Vec<f32>, serde_json::Value, String) {
+/// Renders a node of a plugin behind a limiter; samples, report and messages.
+fn contained(plugin: &Path, node: &str, more: &str) -> (Vec<f32>, serde_json::Value, String) {
     let dir = folder();
-    let params = match kind {
-        "told" => format!("from: {from}, to: {to}, what: {what}"),
-        _ => format!("at: {from}"),
-    };
-    let graph = format!(
-        "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: {kind:?}, params: ({params})), \
-         \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, wires: [(\"bad\", \"guard\"), \
-         (\"guard\", \"out\")])",
-        plugin.display().to_string()
-    );
-    fs::write(dir.path().join("g.ron"), graph).unwrap();
-    let args = ["render", "g.ron", "--seconds", "1", "--out", "o.wav", "--report", "r.json"];
-    let ran = run(dir.path(), &args);
+    graph(dir.path(), &[plugin], &format!("\"bad\": ({node}), {GUARDED}"), GUARDED_WIRES);
+    let ran = run_line(dir.path(), &format!("render g.ron --out o.wav --report r.json {more}"));
     let (samples, _) = wav(&dir.path().join("o.wav"));
     (samples, json(&dir.path().join("r.json")), ran.err)
 }
 
 #[test]
 fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
-    let told = plugins::c("told");
+    let told = |what: &str, from: u32, to: u32| {
+        let node = format!("kind: \"told\", params: (from: {from}, to: {to}, what: {what})");
+        contained(&plugins::c("told"), &node, "--seconds 1")
+    };
     for what in ["error", "nan", "exception", "nonsense"] {
-        let (good, ..) = contained(what, 0, 0, &told, "told");
-        let (samples, report, err) = contained(what, 200, 202, &told, "told");
+        let (good, ..) = told(what, 0, 0);
+        let (samples, report, err) = told(what, 200, 202);
         assert!(samples.iter().all(|x| x.is_finite()), "{what}");
         let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
         // The wave itself and a fade of 10 ms from its peak.
@@ -300,7 +279,7 @@ fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
         let text = report.to_string();
         assert!(text.contains("\"faults\":2"), "{what}: {text}");
         assert!(!err.contains("panicked at"), "{err}");
-        let (samples, report, _) = contained(what, 200, 1_000_000, &told, "told");
+        let (samples, report, _) = told(what, 200, 1_000_000);
         assert!(report.to_string().contains("\"faults\":8"), "{what}: quarantined after 8: {report}");
         assert!(samples[samples.len() / 2..].iter().all(|x| x.abs() < 1e-4), "{what} fades to silence");
     }
@@ -308,34 +287,13 @@ fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
 
 #[test]
 fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
-    let dir = folder();
     // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest
     // call.
     let render = |to: u32| {
-        let graph = format!(
-            "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"told\", params: (from: 20, to: \
-             {to}, what: overrun)), \
-             \"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")}}, \
-             wires: [(\"bad\", \"guard\"), (\"guard\", \"out\")])",
-            plugins::c("told").display().to_string()
-        );
-        fs::write(dir.path().join("g.ron"), graph).unwrap();
-        let args = [
-            "render",
-            "g.ron",
-            "--seconds",
-            "0.5",
-            "--limit-us",
-            "15000",
-            "--out",
-            "o.wav",
-            "--report",
-            "r.json",
-        ];
-        run(dir.path(), &args);
-        let report = json(&dir.path().join("r.json"));
+        let node = format!("kind: \"told\", params: (from: 20, to: {to}, what: overrun)");
+        let (samples, report, _) = contained(&plugins::c("told"), &node, "--seconds 0.5 --limit-us 15000");
         let bad = report["nodes"].as_array().unwrap().iter().find(|n| n["id"] == "bad").unwrap().clone();
-        (wav(&dir.path().join("o.wav")).0, bad)
+        (samples, bad)
     };
     let (samples, node) = render(22);
     assert!(node["faults"].as_u64().unwrap() >= 2 && node["quarantined"] == false, "{node}");
@@ -348,7 +306,11 @@ fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
 
 #[test]
 fn a_panic_in_a_plugin_is_silent_and_contained() {
-    let (samples, report, err) = contained("", 200, 0, &plugins::rust("asperity-test-panics"), "panics");
+    let (samples, report, err) = contained(
+        &plugins::rust("asperity-test-panics"),
+        "kind: \"panics\", params: (at: 200)",
+        "--seconds 1",
+    );
     assert!(samples.iter().all(|x| x.is_finite()) && samples.iter().any(|x| x.abs() > 0.01));
     assert!(report.to_string().contains("\"faults\":1"), "{report}");
     assert!(!err.contains("as told"), "{err}");
@@ -357,19 +319,11 @@ fn a_panic_in_a_plugin_is_silent_and_contained() {
 #[test]
 fn a_panic_while_a_plugin_is_prepared_is_an_error_of_the_graph() {
     let dir = folder();
-    let graph = format!(
-        "Graph(version: 1, plugins: [{:?}], nodes: {{\"bad\": (kind: \"panics\", params: (early: true)), \
-         \"p\": (kind: \"probe\")}}, wires: [(\"bad\", \"p\")])",
-        plugins::rust("asperity-test-panics").display().to_string()
-    );
-    fs::write(dir.path().join("g.ron"), graph).unwrap();
-    let ran = run(dir.path(), &["check", "g.ron"]);
-    assert!(
-        ran.code == 2 && ran.err.contains("the node panicked while it was prepared: as told, early"),
-        "{}",
-        ran.err
-    );
-    assert!(ran.err.contains("g.ron:1:") && !ran.err.contains("panicked at"), "{}", ran.err);
+    let node = r#""bad": (kind: "panics", params: (early: true)), "p": (kind: "probe")"#;
+    graph(dir.path(), &[&plugins::rust("asperity-test-panics")], node, r#"("bad", "p")"#);
+    run(dir.path(), &["check", "g.ron"])
+        .refused("the node panicked while it was prepared: as told, early")
+        .says(&["g.ron:2:"]);
 }
 
 #[test]
@@ -378,8 +332,7 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
     for like in ["phase", "audio", "effect"] {
         for (lang, kind) in [("c", "one_c"), ("cpp", "one_cpp")] {
             let name = format!("{kind}_{like}");
-            let ran = run(dir.path(), &["plugin", "new", &name, "--lang", lang, "--like", like]).ok();
-            assert!(ran.out.contains("make"), "{}", ran.out);
+            run(dir.path(), &["plugin", "new", &name, "--lang", lang, "--like", like]).ok().says(&["make"]);
             plugins::must(std::process::Command::new("make").arg("-s").current_dir(dir.path().join(&name)));
             let library = format!("{name}/lib{name}.so");
             let ran = run(dir.path(), &["nodes", &name, "--plugin", &library]).ok();
@@ -409,8 +362,7 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
         ("../x/../y z", "cannot be the name"),
         ("no/such/folder/mine", "cannot make this folder"),
     ] {
-        let ran = run(dir.path(), &["plugin", "new", name]);
-        assert!(ran.code == 2 && ran.err.contains(says), "{name}: {}", ran.err);
+        run(dir.path(), &["plugin", "new", name]).refused(says);
     }
     assert_eq!(harness::files(dir.path()), before, "nothing is left behind");
 }
@@ -448,11 +400,8 @@ fn a_minimal_node_takes_no_more_than_25_lines() {
 fn plugin_that_exits_is_no_success() {
     let dir = folder();
     fs::copy(plugins::c("told"), dir.path().join("libtold.so")).unwrap();
-    let graph = r#"Graph(version: 1, plugins: ["libtold.so"], nodes: {
-        "wave": (kind: "told", params: (from: 50, to: 51, what: "exit")), "guard": (kind: "limiter"),
-        "out": (kind: "audio_out"),
-    }, wires: [("wave", "guard"), ("guard", "out")])"#;
-    fs::write(dir.path().join("g.ron"), graph).unwrap();
+    let nodes = format!("\"bad\": (kind: \"told\", params: (from: 50, to: 51, what: \"exit\")), {GUARDED}");
+    graph(dir.path(), &["libtold.so".as_ref()], &nodes, GUARDED_WIRES);
     for command in [
         &["render", "g.ron", "--seconds", "1", "--out", "o.wav"][..],
         &["run", "g.ron", "--device", "simulated:frames=96"],
@@ -467,23 +416,17 @@ fn plugin_that_exits_is_no_success() {
 fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
     let dir = folder();
     // A filter rounds in every sample: with another rounding it would put out something else.
-    let graph = |what: &str| {
-        format!(
-            r#"Graph(version: 1, plugins: [{:?}],
-                nodes: {{"told": (kind: "told", params: (from: {what}, to: 1000000, what: rounding)),
-                "guard": (kind: "limiter"),
-                    "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
-                    "other": (kind: "limiter"),
-                    "left": (kind: "audio_out"), "right": (kind: "file_out", params: (file: "right.npy"))}},
-                wires: [("told", "guard"), ("guard", "left"), ("tone", "other"), ("other", "right")])"#,
-            plugins::c("told").display().to_string()
-        )
-    };
-    let right = |what: &str| {
-        fs::write(dir.path().join("g.ron"), graph(what)).unwrap();
+    let right = |from: u32| {
+        let nodes = format!(
+            r#""bad": (kind: "told", params: (from: {from}, to: 1000000, what: rounding)), {GUARDED},
+            "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
+            "other": (kind: "limiter"), "right": (kind: "file_out", params: (file: "right.npy"))"#
+        );
+        let wires = format!(r#"{GUARDED_WIRES}, ("tone", "other"), ("other", "right")"#);
+        graph(dir.path(), &[&plugins::c("told")], &nodes, &wires);
         run(dir.path(), &["render", "g.ron", "--seconds", "1", "--out", "left.wav"]).ok();
         (npy::read(dir.path().join("right.npy")).unwrap().values, wav(&dir.path().join("left.wav")).0)
     };
-    let (rounded, untouched) = (right("100"), right("900000"));
+    let (rounded, untouched) = (right(100), right(900_000));
     assert!(rounded == untouched);
 }

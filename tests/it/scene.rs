@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use harness::{csv, files, graphs, json, run, wav};
+use harness::{csv, files, graphs, json, run, run_line, wav};
 use serde_json::Value;
 
 /// A shipped scene.
@@ -56,7 +56,7 @@ fn along(speed_mm_s: f64) -> String {
 
 /// Writes a scene and its stroke, and renders it; the report.
 fn rendered(dir: &Path, scene: &str, stroke: &str, more: &[&str]) -> Value {
-    std::fs::write(dir.join("s.ron"), format!("Scene(\n{scene})\n")).unwrap();
+    write_text(dir, scene);
     std::fs::write(dir.join("t.csv"), stroke).unwrap();
     let mut args = vec!["render", "s.ron", "--out", "o.wav", "--report", "r.json", "--quiet"];
     args.extend(more);
@@ -80,8 +80,21 @@ fn kinds(report: &Value) -> Vec<String> {
     nodes.map(|n| n["kind"].as_str().unwrap().to_owned()).collect()
 }
 
+fn parsed(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
 fn check(dir: &Path, file: &str) -> Value {
-    serde_json::from_str(&run(dir, &["check", file, "--json"]).ok().out).unwrap()
+    parsed(&run(dir, &["check", file, "--json"]).ok().out)
+}
+
+/// Writes a scene at 48 kHz of tiles with these effects.
+fn write(dir: &Path, effects: &[&str]) {
+    write_text(dir, &format!("{}{STROKE}{}", parts(48_000), tiles(effects)));
+}
+
+fn write_text(dir: &Path, scene: &str) {
+    std::fs::write(dir.join("s.ron"), format!("Scene(\n{scene})\n")).unwrap();
 }
 
 #[test]
@@ -118,11 +131,9 @@ fn what_a_scene_expands_to_is_a_graph_that_sounds_the_same() {
     assert!(bytes("o.wav") == bytes("g.wav"));
     // Not over the scene itself, and not where its paths would mean other files.
     for (out, why) in [("s.ron", "overwritten"), ("..", "folder")] {
-        let ran = run(dir.path(), &["scene", "expand", "s.ron", "--out", out]);
-        assert!(ran.code == 2 && ran.err.contains(why), "{}", ran.err);
+        run(dir.path(), &["scene", "expand", "s.ron", "--out", out]).refused(why);
     }
-    let ran = run(dir.path(), &["scene", "explain", "g.ron"]);
-    assert!(ran.code == 2 && ran.err.contains("not a scene"), "{}", ran.err);
+    run(dir.path(), &["scene", "explain", "g.ron"]).refused("not a scene");
 }
 
 /// Sample for sample.
@@ -141,21 +152,8 @@ fn plane_with_the_model_equals_the_shipped_graph() {
     let report = rendered(dir.path(), &scene, &along(60.0), &[]);
     assert!(calls(&report, "texture") > 300);
     let graph = graphs("texture.ron").display().to_string();
-    run(
-        dir.path(),
-        &[
-            "render",
-            &graph,
-            "--input",
-            "t.csv",
-            "--set",
-            "stylus.interpolation=linear",
-            "--out",
-            "g.wav",
-            "--quiet",
-        ],
-    )
-    .ok();
+    let set = "--set stylus.interpolation=linear";
+    run_line(dir.path(), &format!("render {graph} --input t.csv {set} --out g.wav --quiet")).ok();
     let (of_scene, of_graph) = (wav(&dir.path().join("o.wav")).0, wav(&dir.path().join("g.wav")).0);
     assert!(of_graph.iter().any(|x| x.abs() > 0.01));
     assert!(of_scene == of_graph);
@@ -166,8 +164,7 @@ fn effects_that_no_surface_has_add_no_node_and_load_nothing() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
     let kinds_of = |effects: &[&str], parts: &str| {
-        let scene = format!("Scene(\n{parts}{STROKE}{})", tiles(effects));
-        std::fs::write(dir.path().join("s.ron"), scene).unwrap();
+        write_text(dir.path(), &format!("{parts}{STROKE}{}", tiles(effects)));
         kinds(&check(dir.path(), "s.ron"))
     };
     // The model is not even there.
@@ -185,8 +182,7 @@ fn effects_that_no_surface_has_add_no_node_and_load_nothing() {
         (0..4).map(|_| "stiffness: (stiffness_n_per_mm: 0.5), texture: network").collect();
     let four = kinds_of(&networks, &parts(48_000));
     assert_eq!((count(&four, "texture_network"), count(&four, "contact")), (1, 1));
-    let ran = run(dir.path(), &["check", "s.ron"]).ok();
-    assert!(ran.out.contains("canvas, oak, denim, hessian"), "{}", ran.out);
+    run(dir.path(), &["check", "s.ron"]).ok().says(&["canvas, oak, denim, hessian"]);
     // Every effect on its own adds its own nodes and no other's.
     for (effects, kind) in [
         ("friction: dahl", "friction"),
@@ -221,11 +217,7 @@ fn a_thousand_tiles_lower_to_no_more_nodes_than_four_of_them() {
     ];
     let effects: Vec<&str> = effects.iter().map(String::as_str).collect();
     std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
-    std::fs::write(
-        dir.path().join("s.ron"),
-        format!("Scene(\n{}{STROKE}{})", parts(48_000), tiles(&effects)),
-    )
-    .unwrap();
+    write(dir.path(), &effects);
     assert_eq!(nodes(&thousand), nodes(&check(dir.path(), "s.ron")));
     let count = |kind: &str| kinds(&thousand).iter().filter(|k| *k == kind).count();
     assert_eq!((count("texture_network"), count("waveform"), count("autoregressive")), (1, 2, 2));
@@ -240,17 +232,9 @@ fn effects_are_called_only_where_they_act() {
         "{WALL}, texture: [network, waveform(segments: [(0, 0), (0.5, 4), (1, 0)])], friction: dahl, {tap}"
     );
     let scene = parts(48_000) + STROKE + &tiles(&[&effects]);
-    let ids = [
-        "texture",
-        "phase",
-        "audio rate",
-        "network level",
-        "waveform a",
-        "waveform a level",
-        "friction",
-        "tap",
-    ];
-    let all = |report: &Value| ids.map(|id| calls(report, id));
+    let ids = "texture,phase,audio rate,network level,waveform a,waveform a level,friction,tap";
+    let ids: Vec<&str> = ids.split(',').collect();
+    let all = |report: &Value| -> Vec<u64> { ids.iter().map(|id| calls(report, id)).collect() };
     // Over it, never down: not once.
     let over = csv(2.0, |t| [-38.0 + 15.0 * t, 0.0, 0.5]);
     let report = rendered(dir.path(), &scene, &over, &[]);
@@ -327,7 +311,7 @@ fn sound_is_the_same_bits_with_everything_built_and_awake() {
         let x = -12.0 + 26.0 * (1.1 * t).sin() + 4.0 * (13.0 * t).sin();
         [x, 3.0 * t.cos(), -0.6 + 1.5 * (2.3 * t).sin()]
     });
-    std::fs::write(dir.path().join("s.ron"), format!("Scene(\n{scene})\n")).unwrap();
+    write_text(dir.path(), &scene);
     std::fs::write(dir.path().join("t.csv"), hops).unwrap();
     both_ways(dir.path(), "s.ron", None);
 }
@@ -419,20 +403,13 @@ fn unpassive_stiffness_is_a_warning_and_an_error_if_strict() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
     let stiff = "stiffness: (stiffness_n_per_mm: 5)";
-    let scene = format!("Scene(\n{}{STROKE}{})\n", parts(48_000), tiles(&[stiff, stiff, WALL]));
-    std::fs::write(dir.path().join("s.ron"), &scene).unwrap();
+    write(dir.path(), &[stiff, stiff, WALL]);
     let ran = run(dir.path(), &["check", "s.ron"]).ok();
     assert_eq!(ran.err.matches("warning").count(), 1, "once for both: {}", ran.err);
-    assert!(
-        ran.err.contains("warning") && ran.err.contains("s.ron:") && ran.err.contains("N/mm"),
-        "{}",
-        ran.err
-    );
-    let ran = run(dir.path(), &["check", "s.ron", "--strict"]);
-    assert!(ran.code == 2 && ran.err.contains("error") && ran.err.contains("N/mm"), "{}", ran.err);
+    ran.says(&["warning", "s.ron:", "N/mm"]);
+    run(dir.path(), &["check", "s.ron", "--strict"]).refused("error").says(&["N/mm"]);
     // 0.5 N/mm at 500 Hz asks for 0.5 N s/m of the device.
-    let scene = format!("Scene(\n{}{STROKE}{})\n", parts(48_000), tiles(&[WALL]));
-    std::fs::write(dir.path().join("s.ron"), &scene).unwrap();
+    write(dir.path(), &[WALL]);
     let ran = run(dir.path(), &["check", "s.ron", "--strict"]).ok();
     assert!(!ran.err.contains("warning"), "{}", ran.err);
 }
@@ -451,22 +428,18 @@ fn explain_tells_if_and_why_an_effect_is_built_and_its_cost() {
     }
     assert!(told.contains("texture.onnx: not loaded: no surface has a network texture"), "{told}");
     assert!(told.contains("no effect: it cannot be felt"), "{told}");
-    let json: Value =
-        serde_json::from_str(&run(dir.path(), &["scene", "explain", "s.ron", "--json"]).ok().out).unwrap();
+    let report = json(&dir.path().join("r.json"));
+    let json = parsed(&run(dir.path(), &["scene", "explain", "s.ron", "--json"]).ok().out);
     let effect = |name: &str| {
         json["effects"].as_array().unwrap().iter().find(|e| e["effect"] == name).cloned().unwrap()
     };
-    assert_eq!(
-        (&effect("waveform")["built"], &effect("relief")["built"]),
-        (&Value::from(true), &Value::from(false))
-    );
+    assert!(effect("waveform")["built"] == true && effect("relief")["built"] == false, "{json}");
     assert!(effect("waveform")["us_per_tick"].as_f64().unwrap() > 0.0);
     assert_eq!(effect("relief")["us_per_tick"], 0.0);
     assert!(effect("friction")["why"].as_str().unwrap().contains("1 surface, 1 setting"));
     assert!(effect("waveform")["why"].as_str().unwrap().contains("2 surfaces, 1 setting"));
     // 25 mm/s for 1.5 s from x = -38: 18 mm on the first tile.
     let touched = json["surfaces"][0]["ticks_touched"].as_u64().unwrap();
-    let report = json_of(dir.path());
     assert!(touched > 0);
     for (name, most) in
         [("stiffness", json["ticks"].as_u64().unwrap()), ("friction", touched), ("waveform", 2 * touched)]
@@ -478,8 +451,4 @@ fn explain_tells_if_and_why_an_effect_is_built_and_its_cost() {
     let friction = node(&json, "friction")["calls"].as_u64().unwrap();
     assert_eq!(friction, calls(&report, "friction"), "as a render counts them");
     assert_eq!(json["surfaces"][2]["effects"].as_array().unwrap().len(), 0);
-}
-
-fn json_of(dir: &Path) -> Value {
-    json(&dir.join("r.json"))
 }

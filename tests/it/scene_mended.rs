@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use harness::{Ran, graphs, json, run, wav};
+use harness::{Ran, graphs, json, run, run_line, wav};
 
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const FRAME: &str =
@@ -41,18 +41,13 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
         ("output: gain".to_owned(), "`gain` plays nothing"),
     ] {
         write(dir.path(), &format!("{FRAME},\n{part}"), TILE, WALL);
-        let ran = check(dir.path(), &[]);
-        assert!(
-            ran.code == 2 && ran.err.starts_with("s.ron:3:") && ran.err.contains(message),
-            "{part}: {}",
-            ran.err
-        );
+        let ran = check(dir.path(), &[]).refused(message);
+        assert!(ran.err.starts_with("s.ron:3:"), "{part}: {}", ran.err);
     }
     write(dir.path(), &format!("{FRAME},\nnetwork: (library: {library:?})"), TILE, WALL);
     let text = fs::read_to_string(dir.path().join("s.ron")).unwrap();
     fs::write(dir.path().join("s.ron"), text.replace("effects:", "material: \"canvass\", effects:")).unwrap();
-    let ran = check(dir.path(), &[]);
-    assert!(ran.code == 2 && ran.err.starts_with("s.ron:4:") && ran.err.contains("`canvas`"), "{}", ran.err);
+    check(dir.path(), &[]).refused("`canvas`").says(&["s.ron:4:"]);
 }
 
 /// Without force the scene is refused; without output there is a warning.
@@ -60,23 +55,12 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
 fn scene_without_force_or_sound_is_told() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), FRAME, TILE, "");
-    let ran = check(dir.path(), &[]);
-    assert!(
-        ran.code == 2 && ran.err.starts_with("s.ron:3:") && ran.err.contains("can be felt"),
-        "{}",
-        ran.err
-    );
+    check(dir.path(), &[]).refused("can be felt").says(&["s.ron:3:"]);
     write(dir.path(), FRAME, TILE, "vibration: (frequency_hz: 120, amplitude_m_s2: 2)");
-    let ran = check(dir.path(), &[]);
-    assert!(ran.code == 2 && ran.err.contains("output: audio_out"), "{}", ran.err);
-    write(
-        dir.path(),
-        FRAME,
-        TILE,
-        &format!("{WALL}, tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)])"),
-    );
-    let ran = check(dir.path(), &[]).ok();
-    assert!(ran.err.contains("warning: s.ron:3:") && ran.err.contains("output: audio_out"), "{}", ran.err);
+    check(dir.path(), &[]).refused("output: audio_out");
+    let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)])";
+    write(dir.path(), FRAME, TILE, &format!("{WALL}, {tap}"));
+    check(dir.path(), &[]).ok().says(&["warning: s.ron:3:", "output: audio_out"]);
     assert_eq!(check(dir.path(), &["--strict"]).code, 2);
     // An effect that is written as a call is that effect, and no list of none.
     write(dir.path(), FRAME, TILE, &format!("{WALL}, texture: dahl()"));
@@ -84,12 +68,8 @@ fn scene_without_force_or_sound_is_told() {
     write(dir.path(), FRAME, TILE, &format!("{WALL}, texture: []"));
     assert!(check(dir.path(), &[]).err.contains("no textures"));
     // A file that is not there is told of once, whoever reads it.
-    write(
-        dir.path(),
-        &format!("{FRAME}, {SOUND}"),
-        "box(size_mm: (50, 50, 5))",
-        &format!("{WALL}, texture: autoregressive(model: \"gone.ron\")"),
-    );
+    let gone = format!("{WALL}, texture: autoregressive(model: \"gone.ron\")");
+    write(dir.path(), &format!("{FRAME}, {SOUND}"), "box(size_mm: (50, 50, 5))", &gone);
     let ran = check(dir.path(), &[]);
     assert_eq!((ran.code, ran.err.matches("error:").count()), (2, 1), "{}", ran.err);
 }
@@ -99,8 +79,7 @@ fn passivity_counts_the_rate_that_the_command_line_sets() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), &FRAME.replace(": 2)", ": 0.6)"), TILE, WALL);
     check(dir.path(), &["--strict"]).ok();
-    let ran = check(dir.path(), &["--strict", "--set", "tick_hz=100"]);
-    assert!(ran.code == 2 && ran.err.contains("2.500 N s/m") && ran.err.contains("100 Hz"), "{}", ran.err);
+    check(dir.path(), &["--strict", "--set", "tick_hz=100"]).refused("2.500 N s/m").says(&["100 Hz"]);
     // Whoever wants to hear of errors alone does.
     for (more, warnings) in [(&[][..], 1), (&["--quiet"], 0)] {
         let args = ["render", "s.ron", "--set", "tick_hz=100", "--report", "r.json"];
@@ -117,10 +96,8 @@ fn tapped(dir: &Path, speed_mm_s: f64) -> f32 {
         let _ = writeln!(csv, "{},0,0,{}", f64::from(k) / 1000.0, 0.055 * (z / 0.055).round());
     }
     fs::write(dir.join("t.csv"), csv).unwrap();
-    let frame = FRAME.replace(
-        "stroke(extent_mm: 60, duration_s: 3)",
-        "trajectory(file: \"t.csv\", interpolation: linear)",
-    );
+    let input = "trajectory(file: \"t.csv\", interpolation: linear)";
+    let frame = FRAME.replace("stroke(extent_mm: 60, duration_s: 3)", input);
     let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)], min_speed_mm_s: 1)";
     write(dir, &format!("tick_hz: 1000, {frame}, gain: 0.02, {SOUND}"), TILE, &format!("{WALL}, {tap}"));
     run(dir, &["render", "s.ron", "--out", "o.wav", "--quiet"]).ok();
@@ -141,28 +118,22 @@ fn files_that_a_scene_reads_are_not_written_over() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     fs::copy(graphs("models/made_ar/rough.ron"), dir.join("m.ron")).unwrap();
-    image::GrayImage::from_fn(64, 64, |x, y| image::Luma([((x * y) % 200) as u8]))
-        .save(dir.join("h.png"))
-        .unwrap();
+    let picture = image::GrayImage::from_fn(64, 64, |x, y| image::Luma([((x * y) % 200) as u8]));
+    picture.save(dir.join("h.png")).unwrap();
     let shape = "relief(heights: picture(file: \"h.png\", step_mm: 1, height_mm: 1))";
-    write(
-        dir,
-        &format!("{FRAME}, {SOUND}"),
-        shape,
-        &format!("{WALL}, texture: autoregressive(model: \"m.ron\")"),
-    );
+    let effects = format!("{WALL}, texture: autoregressive(model: \"m.ron\")");
+    write(dir, &format!("{FRAME}, {SOUND}"), shape, &effects);
     let before = |name: &str| fs::read(dir.join(name)).unwrap();
     let files = ["m.ron", "h.png", "s.ron"].map(before);
-    for args in [
-        &["render", "s.ron", "--report", "h.png"][..],
-        &["render", "s.ron", "--plot", "m.ron"],
-        &["graph", "s.ron", "--svg", "h.png"],
-        &["scene", "expand", "s.ron", "--out", "m.ron"],
-        &["scene", "expand", "s.ron", "--out", "h.png"],
-        &["scene", "expand", "s.ron", "--out", "s.ron"],
+    for line in [
+        "render s.ron --report h.png",
+        "render s.ron --plot m.ron",
+        "graph s.ron --svg h.png",
+        "scene expand s.ron --out m.ron",
+        "scene expand s.ron --out h.png",
+        "scene expand s.ron --out s.ron",
     ] {
-        let ran = run(dir, args);
-        assert!(ran.code == 2 && ran.err.contains("overwritten"), "{args:?}: {}", ran.err);
+        run_line(dir, line).refused("overwritten");
     }
     assert!(files == ["m.ron", "h.png", "s.ron"].map(before));
     // And all are told of.
@@ -189,8 +160,7 @@ fn an_expanded_graph_finds_its_files_and_knows_its_scene() {
     fs::write(sub.join("s.ron"), scene.replace("(100, 60)", "(90, 60)")).unwrap();
     run(dir, &["check", "sub/g.ron"]).ok();
     fs::write(sub.join("s.ron"), scene.replace("(0.5, 4)", "(0.5, 5)")).unwrap();
-    let ran = run(dir, &["check", "sub/g.ron"]);
-    assert!(ran.code == 2 && ran.err.contains("expand it again"), "{}", ran.err);
+    run(dir, &["check", "sub/g.ron"]).refused("expand it again");
 }
 
 #[test]
@@ -199,15 +169,9 @@ fn network_without_phase_is_as_loud_at_every_rate() {
     let models = graphs("models/surfaces").display().to_string();
     let network = format!("network: (model: \"{models}/texture.onnx\", library: \"{models}/materials.ron\")");
     let level = |tick_hz: u32| {
-        write(
-            dir.path(),
-            &format!("tick_hz: {tick_hz}, {FRAME}, {network}, {SOUND}, gain: 0.2"),
-            TILE,
-            &format!("{WALL}, texture: network"),
-        );
-        let text = fs::read_to_string(dir.path().join("s.ron")).unwrap();
-        fs::write(dir.path().join("s.ron"), text.replace("effects:", "material: \"canvas\", effects:"))
-            .unwrap();
+        let parts = format!("tick_hz: {tick_hz}, {FRAME}, {network}, {SOUND}, gain: 0.2");
+        let tile = format!("{TILE}, material: \"canvas\"");
+        write(dir.path(), &parts, &tile, &format!("{WALL}, texture: network"));
         run(dir.path(), &["render", "s.ron", "--out", "o.wav", "--quiet"]).ok();
         let (x, _) = wav(&dir.path().join("o.wav"));
         (x.iter().map(|x| f64::from(x * x)).sum::<f64>() / x.len() as f64).sqrt()
@@ -235,43 +199,19 @@ fn the_picture_follows_a_scene_that_changes() {
     let frame = FRAME.replace("duration_s: 3", "duration_s: 600");
     write(dir.path(), &frame, TILE, WALL);
     let mut child = harness::asperity(dir.path())
-        .args([
-            "render",
-            "s.ron",
-            "--watch",
-            "--limit-us",
-            "9000000",
-            "--seconds",
-            "600",
-            "--plot",
-            "p.svg",
-            "--report",
-            "r.json",
-        ])
+        .args("render s.ron --watch --limit-us 9000000 --seconds 600 --plot p.svg --report r.json".split(' '))
         .stderr(std::process::Stdio::null())
         .spawn()
         .unwrap();
     std::thread::sleep(Duration::from_millis(800));
     let text = fs::read_to_string(dir.path().join("s.ron")).unwrap();
-    fs::write(
-        dir.path().join("new"),
-        text.replace("\"tile\"", "\"another\"").replace(WALL, &format!("{WALL}, friction: dahl")),
-    )
-    .unwrap();
+    let text = text.replace("\"tile\"", "\"another\"").replace(WALL, &format!("{WALL}, friction: dahl"));
+    fs::write(dir.path().join("new"), text).unwrap();
     fs::rename(dir.path().join("new"), dir.path().join("s.ron")).unwrap();
     std::thread::sleep(Duration::from_millis(1500));
-    assert!(
-        std::process::Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status()
-            .unwrap()
-            .success()
-    );
-    let begun = Instant::now();
-    while child.try_wait().unwrap().is_none() {
-        assert!(begun.elapsed() < Duration::from_secs(60));
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.unwrap().success());
+    harness::live::until("its end", || child.try_wait().unwrap().is_some());
     assert_eq!(json(&dir.path().join("r.json"))["swaps"].as_array().unwrap().len(), 1);
     let picture = fs::read_to_string(dir.path().join("p.svg")).unwrap();
     assert!(picture.contains(">another<") && !picture.contains(">tile<"), "the scene as it is now");

@@ -73,12 +73,8 @@ fn span(svg: &str, effect: &str) -> (f64, f64) {
     let d = before.rsplit_once("<path d=\"").unwrap().1.split_once('"').unwrap().0;
     let mut found = (f64::MAX, f64::MIN);
     for line in d.split('M').skip(1) {
-        let numbers: Vec<f64> = line
-            .replace('l', " ")
-            .replace('-', " -")
-            .split_whitespace()
-            .map(|n| n.parse().unwrap())
-            .collect();
+        let line = line.replace('l', " ").replace('-', " -");
+        let numbers: Vec<f64> = line.split_whitespace().map(|n| n.parse().unwrap()).collect();
         let mut x = 0.0;
         for step in numbers.chunks(2) {
             x += step[0];
@@ -101,20 +97,20 @@ fn every_effect_is_shown_where_and_as_long_as_it_was_felt() {
     }
 
     // Of 4 s: touched from 0.275 s, on the wall, to 3.025 s; honey, 5 mm high, for its half second.
-    let near = |effect: &str, want: f64, off: f64| {
+    for (effect, seconds, off) in [
+        ("stiffness", 3.025 - 0.275 - 0.5, 0.6),
+        ("touching", 3.025 - 0.275, 0.6),
+        ("in the air", 4.0 - (3.025 - 0.275), 0.6),
+        // From -45, where it rests without friction, to -30.
+        ("friction", 15.0 / 40.0, 0.6),
+        ("vibration", 20.0 / 40.0, 0.6),
+        ("viscosity", 20.0 / 40.0, 0.6),
+        // From 10 to 25, and as long as the gate closes.
+        ("waveform", 15.0 / 40.0, 1.0),
+    ] {
         let found = part(&svg, effect).unwrap_or_else(|| panic!("no {effect}"));
-        assert!((found - want).abs() <= off, "{effect}: {found} % for {want} %");
-    };
-    let seconds = 100.0 / 4.0;
-    near("stiffness", (3.025 - 0.275 - 0.5) * seconds, 0.6);
-    near("touching", (3.025 - 0.275) * seconds, 0.6);
-    near("in the air", 100.0 - (3.025 - 0.275) * seconds, 0.6);
-    // From -45, where it rests without friction, to -30.
-    near("friction", 15.0 / 40.0 * seconds, 0.6);
-    near("vibration", 20.0 / 40.0 * seconds, 0.6);
-    near("viscosity", 20.0 / 40.0 * seconds, 0.6);
-    // From 10 to 25, and as long as the gate closes.
-    near("waveform", 15.0 / 40.0 * seconds, 1.0);
+        assert!((found - 25.0 * seconds).abs() <= off, "{effect}: {found} % for {seconds} s");
+    }
     for effect in ["damping", "network", "autoregressive", "relief", "tap", "magnet"] {
         assert_eq!(part(&svg, effect), None, "{effect}");
     }

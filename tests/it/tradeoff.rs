@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use harness::{asperity, graphs, json, retrieving, run};
+use harness::{asperity, graphs, json, retrieving, run, run_line};
 use serde_json::Value;
 
 /// Writes a trade-off with one short stroke over one material.
@@ -34,6 +34,23 @@ const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "n
 const STILL: &str = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": (kind: "probe")},
     wires: [("tone", "out")])"#;
 
+const QUICK: [&str; 6] = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
+
+/// The results in a folder.
+fn stored(dir: &Path, folder: &str) -> Value {
+    json(&dir.join(folder).join("results.json"))
+}
+
+/// Runs the trade-off; its results.
+fn traded(dir: &Path) -> Value {
+    run(dir, &QUICK).ok();
+    stored(dir, "out")
+}
+
+fn figure(results: &Value, name: &str, figure: &str) -> f64 {
+    row(results, name)["figures"][figure].as_f64().expect("a figure")
+}
+
 fn names(results: &Value) -> Vec<String> {
     let rows = results["rows"].as_array().expect("rows");
     rows.iter().map(|r| r["name"].as_str().expect("a name").to_owned()).collect()
@@ -50,10 +67,8 @@ fn tradeoff_measures_each_setting_and_resumes() {
     let dir = tempfile::tempdir().expect("a folder");
     tradeoff(dir.path(), TWO);
     let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--jobs", "2", "--no-cases"];
-    let ran = run(dir.path(), &args).ok();
-    assert!(ran.err.contains("`no_such_kind` is left out"), "{}", ran.err);
-    assert!(ran.out.contains("D the default") && ran.out.contains("REPORT.md"), "{}", ran.out);
-    let results = json(&dir.path().join("out/results.json"));
+    run(dir.path(), &args).ok().says(&["`no_such_kind` is left out", "D the default", "REPORT.md"]);
+    let results = stored(dir.path(), "out");
     let found = names(&results);
     // Two frames and `kept` are the default, and no settings of their own.
     assert_eq!(
@@ -63,15 +78,11 @@ fn tradeoff_measures_each_setting_and_resumes() {
     for name in &found {
         let row = row(&results, name);
         assert!(row["error"].is_null(), "{row}");
-        for figure in
-            ["perceptual", "modulation", "spectrum", "repetition", "kurtosis", "steadiness", "convergence"]
-        {
+        let figures = "perceptual modulation spectrum repetition kurtosis steadiness convergence";
+        for figure in figures.split(' ') {
             assert!(row["figures"][figure].is_f64(), "{name} has no {figure}: {row}");
         }
-        assert!(
-            row["time"]["p50_us"].as_f64().expect("a time") > 0.0
-                && row["time"]["ticks"].as_u64() >= Some(40)
-        );
+        assert!(row["time"]["p50_us"].as_f64() > Some(0.0) && row["time"]["ticks"].as_u64() >= Some(40));
         assert!(row["time"]["memory_kib"].as_f64().expect("memory") > 20.0);
         assert!(row["lag_ms"][1].as_f64().expect("a lag") > 3.0, "{row}");
     }
@@ -86,18 +97,14 @@ fn tradeoff_measures_each_setting_and_resumes() {
     let figures = |name: &str| row(&results, name)["figures"].clone();
     assert_eq!(figures("guards=false"), figures("default"));
     assert!(results["model"]["spectrum"].is_f64() && results["noise_floor"]["spectrum"].is_f64());
-    for file in
-        ["results.csv", "REPORT.md", "perceptual_time.svg", "modulation_lag.svg", "convergence_time.svg"]
-    {
-        assert!(dir.path().join("out").join(file).exists(), "{file}");
-    }
+    let files = "results.csv REPORT.md perceptual_time.svg modulation_lag.svg convergence_time.svg";
+    files.split(' ').for_each(|file| assert!(dir.path().join("out").join(file).exists(), "{file}"));
     let csv = std::fs::read_to_string(dir.path().join("out/results.csv")).expect("a table");
     assert_eq!(csv.lines().count(), 1 + found.len());
 
     // Once more: everything is known, and equal to the last digit, times too.
-    let again = run(dir.path(), &args).ok();
-    assert!(again.out.contains("6 settings"), "{}", again.out);
-    assert_eq!(json(&dir.path().join("out/results.json")), results);
+    run(dir.path(), &args).ok().says(&["6 settings"]);
+    assert_eq!(stored(dir.path(), "out"), results);
 }
 
 #[test]
@@ -109,11 +116,9 @@ fn baseline_is_compared_with_its_share_of_the_physics() {
     let graph = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
     let baselines = format!("baselines: [(name: \"half\", graph: {graph:?}, strength: 0.5), ");
     std::fs::write(&path, text.replace("baselines: [", &baselines)).expect("a file");
-    run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"]).ok();
-    let results = json(&dir.path().join("out/results.json"));
-    let level = |name: &str| row(&results, name)["figures"]["level"].as_f64().expect("a level");
+    let results = traded(dir.path());
     // The error of the level is 6 dB smaller against half of the physics.
-    let less = level("paper") - level("half");
+    let less = figure(&results, "paper", "level") - figure(&results, "half", "level");
     assert!((less - 6.02).abs() < 0.1, "{less} dB");
 }
 
@@ -141,21 +146,17 @@ fn setting_is_compared_with_a_recorded_stroke() {
         );
         std::fs::write(dir.path().join("tradeoff.ron"), text).expect("a file");
     };
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
     recording(dir.path(), 30.0);
     write("");
-    let refused = run(dir.path(), &args);
-    assert_eq!(refused.code, 2, "{}", refused.err);
-    assert!(refused.err.contains("the recording `mine` does not say its material"), "{}", refused.err);
+    run(dir.path(), &QUICK).refused("the recording `mine` does not say its material");
     write(", material: \"canvas\"");
     let level = || {
-        run(dir.path(), &args).ok();
-        let results = json(&dir.path().join("out/results.json"));
+        let results = traded(dir.path());
         // It is played over its own material only.
         assert_eq!(results["materials"], serde_json::json!(["sandpaper P120", "canvas"]));
         let figures = &row(&results, "default")["figures"];
         assert!(figures["perceptual"].is_f64() && figures["precision"].is_f64(), "{figures}");
-        figures["level"].as_f64().expect("a level")
+        figure(&results, "default", "level")
     };
     let quiet = level();
     // The file has changed, and is measured again: all bins are four times as large.
@@ -177,29 +178,24 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         let part = ["tradeoff", "tradeoff.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"];
         run(dir.path(), &[&part[..], &["--set", "strength.gain=0.34"]].concat()).ok();
     }
-    let parts = ["1", "2"].map(|p| json(&dir.path().join(p).join("results.json")));
-    assert_eq!(names(&parts[0])[0], "default");
-    assert_eq!(names(&parts[1])[0], "default");
-    for (shards, want) in
-        [(&["1", "1"][..], "shard 1 of 2 is given twice"), (&["1", "gone"], "cannot read this file")]
-    {
-        let ran = run(dir.path(), &[&["tradeoff", "merge", "--out", "no"], shards].concat());
-        assert!(ran.code == 2 && ran.err.contains(want), "{shards:?}: {}", ran.err);
-    }
-    let lost = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "1", "--shard", "2/2", "--no-cases"]);
-    assert!(lost.code == 2 && lost.err.contains("has the results of shard 1/2"), "{}", lost.err);
+    let parts = ["1", "2"].map(|p| stored(dir.path(), p));
+    assert!(parts.iter().all(|part| names(part)[0] == "default"));
     std::fs::create_dir(dir.path().join("half")).expect("a folder");
-    for out in ["1", "half/../1"] {
-        let over = run(dir.path(), &["tradeoff", "merge", "2", "1/results.json", "--out", out]);
-        assert!(over.code == 2 && over.err.contains("would overwrite these results"), "{}", over.err);
+    for (line, why) in [
+        ("merge --out no 1 1", "shard 1 of 2 is given twice"),
+        ("merge --out no 1 gone", "cannot read this file"),
+        ("tradeoff.ron --out 1 --shard 2/2 --no-cases", "has the results of shard 1/2"),
+        ("merge 2 1/results.json --out 1", "would overwrite these results"),
+        ("merge 2 1/results.json --out half/../1", "would overwrite these results"),
+    ] {
+        run_line(dir.path(), &format!("tradeoff {line}")).refused(why);
     }
-    assert_eq!(json(&dir.path().join("1/results.json")), parts[0]);
-    let half = run(dir.path(), &["tradeoff", "merge", "1", "--out", "half", "-q"]).ok();
-    assert!(half.err.contains("missing shards: 2 of 2"), "{}", half.err);
+    assert_eq!(stored(dir.path(), "1"), parts[0]);
+    run_line(dir.path(), "tradeoff merge 1 --out half -q").ok().says(&["missing shards: 2 of 2"]);
     let report = std::fs::read_to_string(dir.path().join("half/REPORT.md")).expect("a report");
     assert!(report.contains("Missing shards: 2 of 2"), "{report}");
     run(dir.path(), &["tradeoff", "merge", "1", "2", "--out", "all", "-q"]).ok();
-    let all = json(&dir.path().join("all/results.json"));
+    let all = stored(dir.path(), "all");
     let mut found = names(&all);
     found.sort();
     assert_eq!(
@@ -229,16 +225,17 @@ fn shards_merge_and_the_choice_can_be_pasted() {
     std::fs::write(dir.path().join("pasted.ron"), pasted).expect("a graph");
     run(dir.path(), &["check", "pasted.ron"]).ok();
 
-    let spsi =
-        run(dir.path(), &["choose", "all", "--by", "convergence", "--tick-hz", "500", "--json"]).ok().out;
+    let spsi = run_line(dir.path(), "choose all --by convergence --tick-hz 500 --json").ok().out;
     let spsi: Value = serde_json::from_str(&spsi).expect("JSON");
     assert!(spsi["fit"].as_u64() >= Some(2), "{spsi}");
-    let none = run(dir.path(), &["choose", "all", "--budget-us", "0.01"]);
-    assert!(none.code == 1 && none.err.contains("the shortest tick:"), "{}", none.err);
-    let late = run(dir.path(), &["choose", "all", "--max-lag-ms", "0"]);
-    assert!(late.code == 1 && late.err.contains("the shortest response lag:"), "{}", late.err);
-    let unknown = run(dir.path(), &["choose", "all", "--by", "spectrm"]);
-    assert!(unknown.code == 2 && unknown.err.contains("spectrum"), "{}", unknown.err);
+    for (line, code, says) in [
+        ("--budget-us 0.01", 1, "the shortest tick:"),
+        ("--max-lag-ms 0", 1, "the shortest response lag:"),
+        ("--by spectrm", 2, "spectrum"),
+    ] {
+        let ran = run_line(dir.path(), &format!("choose all {line}"));
+        assert!(ran.code == code && ran.err.contains(says), "{line}: {}", ran.err);
+    }
 }
 
 #[test]
@@ -254,30 +251,24 @@ fn errors_have_a_place_and_nothing_is_written() {
         (r#"(name: "g")"#, "knobs"),
     ] {
         tradeoff(dir.path(), grids);
-        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]);
-        assert_eq!(ran.code, 2, "{grids}: {}", ran.err);
-        assert!(ran.err.contains(want) && ran.err.contains("tradeoff.ron"), "{grids}: {}", ran.err);
+        run_line(dir.path(), "tradeoff tradeoff.ron --out out").refused(want).says(&["tradeoff.ron"]);
         assert!(!dir.path().join("out").exists(), "{grids}");
     }
     // A value that a node refuses is a row with an error; the others run.
     tradeoff(dir.path(), r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
-    run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"]).ok();
-    let results = json(&dir.path().join("out/results.json"));
-    assert!(
-        row(&results, "phase.frames=0")["error"].as_str().expect("why").contains("out of range"),
-        "{results}"
-    );
+    let results = traded(dir.path());
+    let why = row(&results, "phase.frames=0")["error"].as_str().expect("why");
+    assert!(why.contains("out of range"), "{results}");
     assert!(row(&results, "default")["error"].is_null());
-    for (args, want) in [
-        (&["tradeoff", "tradeoff.ron", "tradeoff.ron", "--out", "o"][..], "a second trade-off file"),
-        (&["tradeoff", "--out", "o"], "no graph is given"),
-        (&["tradeoff", "tradeoff.ron", "--out", "o", "--shard", "3/2"], "is not a shard"),
-        (&["tradeoff", "gone.ron", "--out", "o"], "gone.ron"),
-        (&["tradeoff", "merge", "gone", "--out", "o"], "cannot read this file"),
-        (&["choose", "tradeoff.ron"], "these are no results"),
+    for (line, want) in [
+        ("tradeoff tradeoff.ron tradeoff.ron --out o", "a second trade-off file"),
+        ("tradeoff --out o", "no graph is given"),
+        ("tradeoff tradeoff.ron --out o --shard 3/2", "is not a shard"),
+        ("tradeoff gone.ron --out o", "gone.ron"),
+        ("tradeoff merge gone --out o", "cannot read this file"),
+        ("choose tradeoff.ron", "these are no results"),
     ] {
-        let ran = run(dir.path(), args);
-        assert!(ran.code == 2 && ran.err.contains(want), "{args:?}: {}", ran.err);
+        run_line(dir.path(), line).refused(want);
     }
 }
 
@@ -304,12 +295,7 @@ fn names_are_checked_before_anything_runs() {
         ("seconds: 1.5", "seconds: 1e6", "at most 600"),
     ] {
         text(from, to);
-        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]);
-        assert!(
-            ran.code == 2 && ran.err.contains(want) && ran.err.contains("tradeoff.ron"),
-            "{to}: {}",
-            ran.err
-        );
+        run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]).refused(want).says(&["tradeoff.ron"]);
         assert!(!dir.path().join("out").exists(), "{to}");
     }
 }
@@ -335,7 +321,7 @@ fn shipped_tradeoff_skips_knobs_that_a_graph_lacks() {
     for knob in ["phase", "texture.bins"] {
         assert!(ran.err.contains(&format!("`{knob}` is left out")), "{knob}: {}", ran.err);
     }
-    let results = json(&dir.path().join("out/results.json"));
+    let results = stored(dir.path(), "out");
     assert!(names(&results).contains(&"tick_hz=1000".to_owned()), "{results}");
     let report = std::fs::read_to_string(dir.path().join("out/REPORT.md")).expect("a report");
     assert!(report.contains("`texture.bins` is left out"), "{report}");
@@ -356,9 +342,10 @@ fn scene_is_measured_on_its_first_surface() {
     std::fs::write(dir.path().join("b.ron"), other).expect("a scene");
     let mut figures = Vec::new();
     for (name, out) in [("a.ron", "a"), ("b.ron", "b")] {
-        let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", name, "--out", out, "--no-cases"]).ok();
-        assert!(ran.err.contains("`circle` is shrunk") && ran.err.contains("`left`"), "{}", ran.err);
-        let results = json(&dir.path().join(out).join("results.json"));
+        run(dir.path(), &["tradeoff", "tradeoff.ron", name, "--out", out, "--no-cases"])
+            .ok()
+            .says(&["`circle` is shrunk", "`left`"]);
+        let results = stored(dir.path(), out);
         let row = row(&results, "default").clone();
         assert!(row["error"].is_null() && row["lag_ms"][1].is_f64(), "{row}");
         let level = row["figures"]["level"].as_f64().expect("a level");
@@ -381,8 +368,7 @@ fn interrupted_tradeoff_resumes() {
         dir.path(),
         r#"(name: "g", knobs: {"phase.frames": [1, 2, 3, 4, 6, 7, 8, 9], "phase.passes": [1, 2]})"#,
     );
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
-    let child = asperity(dir.path()).args(args).spawn().expect("it starts");
+    let child = asperity(dir.path()).args(QUICK).spawn().expect("it starts");
     // As soon as two parts are finished.
     while parts(dir.path()).len() < 2 {
         std::thread::sleep(std::time::Duration::from_millis(20));
@@ -391,21 +377,20 @@ fn interrupted_tradeoff_resumes() {
     assert!(killed.expect("kill").success());
     let ended = child.wait_with_output().expect("it ends");
     assert_eq!(ended.status.code(), Some(130));
-    let results = json(&dir.path().join("out/results.json"));
+    let results = stored(dir.path(), "out");
     let some = names(&results).len();
     assert!((1..17).contains(&some), "{some}");
-    run(dir.path(), &args).ok();
-    let results = json(&dir.path().join("out/results.json"));
+    let results = traded(dir.path());
     assert_eq!(names(&results).len(), 17);
     assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
     assert_eq!(results["unfinished"], 0);
     // Results stay where the same command is stopped at once, and where another one has finished nothing.
-    let code = interrupted(dir.path(), &args);
+    let code = interrupted(dir.path(), &QUICK);
     assert!(matches!(code, Some(0 | 130)), "{code:?}");
-    assert_eq!(json(&dir.path().join("out/results.json")), results);
-    let code = interrupted(dir.path(), &[&args[..], &["--set", "strength.gain=0.34"]].concat());
+    assert_eq!(stored(dir.path(), "out"), results);
+    let code = interrupted(dir.path(), &[&QUICK[..], &["--set", "strength.gain=0.34"]].concat());
     assert_eq!(code, Some(130));
-    assert_eq!(json(&dir.path().join("out/results.json")), results);
+    assert_eq!(stored(dir.path(), "out"), results);
 }
 
 /// Exit code of a run that is interrupted as soon as it opens its folder; none of one that was killed.
@@ -441,33 +426,29 @@ fn changed_input_is_measured_again() {
         )
     };
     tradeoff(dir.path(), &grid("1"));
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
-    run(dir.path(), &args).ok();
+    traded(dir.path());
     let first = parts(dir.path());
     // Four settings, and two batches of at most three.
     assert_eq!(first.len(), 6);
     // A comment changes nothing.
     let text = std::fs::read_to_string(dir.path().join("tradeoff.ron")).expect("the file");
     std::fs::write(dir.path().join("tradeoff.ron"), format!("// Mine.\n{text}")).expect("a file");
-    run(dir.path(), &args).ok();
+    traded(dir.path());
     assert_eq!(parts(dir.path()), first);
     tradeoff(dir.path(), &grid("1, 3"));
-    run(dir.path(), &args).ok();
+    traded(dir.path());
     let more = parts(dir.path());
     assert_eq!(more.len(), 7);
     // A file that one setting reads.
     let heavier = std::fs::read_to_string(&profile).expect("a profile").replace("g: 4.4,", "g: 5.4,");
     std::fs::write(dir.path().join("mine.ron"), heavier).expect("a profile");
-    run(dir.path(), &args).ok();
+    traded(dir.path());
     let now = parts(dir.path());
     let settings = |parts: &[String]| parts.iter().filter(|p| p.contains("\"Setting\"")).cloned().collect();
     let (before, after): (Vec<String>, Vec<String>) = (settings(&more), settings(&now));
     // All are measured again; the accuracy of one differs.
     assert_eq!((after.len(), after.iter().filter(|part| !before.contains(part)).count()), (5, 1));
-    let mine = || {
-        run(dir.path(), &args).ok();
-        row(&json(&dir.path().join("out/results.json")), "inverse.profile=mine.ron")["error"].clone()
-    };
+    let mine = || row(&traded(dir.path()), "inverse.profile=mine.ron")["error"].clone();
     std::fs::write(dir.path().join("mine.ron"), "nothing").expect("a profile");
     assert!(mine().is_string());
     std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
@@ -478,14 +459,11 @@ fn changed_input_is_measured_again() {
 fn damaged_part_is_measured_again() {
     let dir = tempfile::tempdir().expect("a folder");
     tradeoff(dir.path(), "");
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
-    run(dir.path(), &args).ok();
-    let results = json(&dir.path().join("out/results.json"));
+    let results = traded(dir.path());
     let path = dir.path().join("out/progress.jsonl");
     let text = std::fs::read_to_string(&path).expect("parts");
     std::fs::write(&path, &text[..text.len() - 20]).expect("parts");
-    run(dir.path(), &args).ok();
-    let now = json(&dir.path().join("out/results.json"));
+    let now = traded(dir.path());
     for name in names(&results) {
         assert_eq!(row(&now, &name)["figures"], row(&results, &name)["figures"]);
     }

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use asperity_actuator::ActuatorProfile;
 use harness::alone::real_time;
 use harness::live::told;
-use harness::{Ran, asperity, files, graphs, json, run, wav};
+use harness::{Ran, asperity, files, graphs, json, run, run_line, wav};
 
 /// A card with a Haptuator Mark II on 60 g, and the input's noise.
 const CARD: &str =
@@ -106,8 +106,7 @@ fn inverted_accelerometer_gives_the_same_figures() {
         .replace("haptuator_mark_ii", "hapcoil_one")
         .replace("=0.2", "=0.05,plant_volts=5,plant_invert=1");
     let more = ["--drive", "voltage", "--volts-per-volt", "5", "--volts", "0.5"];
-    let ran = calibrate(dir.path(), &card, &more).ok();
-    assert!(ran.out.contains("polarity is inverted"), "{}", ran.out);
+    calibrate(dir.path(), &card, &more).ok().says(&["polarity is inverted"]);
     let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
     let truth = ActuatorProfile::read(graphs("actuators/hapcoil_one.ron")).expect("a shipped profile");
     for (found, truth) in [
@@ -159,8 +158,9 @@ fn a_level_that_would_clip_is_lowered_and_said() {
     let dir = tempfile::tempdir().expect("a folder");
     let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,\
                 plant_full_scale=2,plant_noise=0.001";
-    let ran = calibrate(dir.path(), card, &["--accelerometer-full-scale", "2"]).ok();
-    assert!(ran.err.contains("the level is lowered to 0.0"), "{}", ran.err);
+    calibrate(dir.path(), card, &["--accelerometer-full-scale", "2"])
+        .ok()
+        .says(&["the level is lowered to 0.0"]);
     let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
     assert!((found.force_factor.value / 1.78 - 1.0).abs() < 0.05, "{:?}", found.force_factor);
 }
@@ -181,24 +181,15 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
         (&["--out", "no/such/folder.ron"], "cannot write here"),
     ];
     for (more, says) in cases {
-        let mut fixed = vec!["calibrate", "--device", CARD, "--handle-mass-g", "60"];
-        fixed.extend(["--accelerometer-full-scale", "100"]);
-        if !more.contains(&"--out") {
-            fixed.extend(["--out", "found.ron"]);
-        }
-        let ran = run(dir.path(), &[&fixed[..], more].concat());
-        assert_eq!(ran.code, 2, "{more:?}: {} {}", ran.out, ran.err);
-        assert!(ran.err.contains(says) && !ran.err.contains("sweep"), "{more:?}: {}", ran.err);
+        let out = if more.contains(&"--out") { "" } else { "--out found.ron" };
+        let fixed = format!("--handle-mass-g 60 --accelerometer-full-scale 100 {out}");
+        let more = more.join(" ");
+        let ran = run_line(dir.path(), &format!("calibrate --device {CARD} {fixed} {more}")).refused(says);
+        assert!(!ran.err.contains("sweep"), "{more}: {}", ran.err);
         assert_eq!(files(dir.path()), ["mine.ron"], "{more:?}");
     }
-    for device in ["simulated:plant=hapcoil_two", "simulated:plant=hapcoil_one,plant_colour=red"] {
-        let ran = calibrate(dir.path(), device, &[]);
-        assert!(
-            ran.code == 2 && ran.err.contains("hapcoil_one") | ran.err.contains("plant_noise"),
-            "{}",
-            ran.err
-        );
-    }
+    calibrate(dir.path(), "simulated:plant=hapcoil_two", &[]).refused("hapcoil_one");
+    calibrate(dir.path(), "simulated:plant=hapcoil_one,plant_colour=red", &[]).refused("plant_noise");
 }
 
 #[cfg(unix)]
@@ -208,16 +199,9 @@ fn ctrl_c_in_the_middle_leaves_nothing_behind() {
     let dir = tempfile::tempdir().expect("a folder");
     let device = CARD.replace("speed=10", "speed=4");
     let mut child = asperity(dir.path())
-        .args([
-            "calibrate",
-            "--device",
-            &device,
-            "--handle-mass-g",
-            "60",
-            "--accelerometer-full-scale",
-            "100",
-        ])
-        .args(["--out", "found.ron", "--plot", "found.svg", "--seconds", "120"])
+        .args(["calibrate", "--device", &device, "--handle-mass-g", "60"])
+        .args(["--accelerometer-full-scale", "100", "--out", "found.ron", "--plot", "found.svg"])
+        .args(["--seconds", "120"])
         .stderr(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()

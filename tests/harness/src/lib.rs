@@ -89,6 +89,29 @@ impl Ran {
         assert_eq!(self.code, 0, "stdout: {}\nstderr: {}", self.out, self.err);
         self
     }
+
+    /// Checks that output and messages contain these texts.
+    #[track_caller]
+    pub fn says(self, texts: &[&str]) -> Self {
+        let said = format!("{}{}", self.out, self.err);
+        let missing = texts.iter().find(|text| !said.contains(**text));
+        assert!(missing.is_none(), "no {missing:?} in: {said}");
+        self
+    }
+
+    /// Checks that the program refused its input for this reason.
+    #[track_caller]
+    pub fn refused(self, why: &str) -> Self {
+        let (code, out, err) = (self.code, &self.out, &self.err);
+        let meant = code == 2 && err.contains(why) && !err.contains("panicked at");
+        assert!(meant, "exit code {code}; wanted 2 and `{why}`: {err}\nstdout: {out}");
+        self
+    }
+}
+
+/// Runs the program to its end, with arguments separated by spaces.
+pub fn run_line(dir: &Path, line: &str) -> Ran {
+    run(dir, &line.split_whitespace().collect::<Vec<_>>())
 }
 
 /// Runs the program to its end.

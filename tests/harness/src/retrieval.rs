@@ -1,14 +1,20 @@
 //! Driving a phase-retrieval node tick by tick, and the shipped vectors.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use asperity_accuracy::npy;
 use asperity_accuracy::phase::{self, Score};
-use asperity_dsp::{Framing, OverlapAdd};
+use asperity_engine::{Engine, Options};
+use asperity_graph::Compiled;
+use asperity_node::{NodeKind, Registry};
 use asperity_sdk::{
-    Buffer, Complex, Config, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Latency, Node,
-    Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status, Tick, Unit, Wiring,
+    Buffer, Complex, Config, Descriptor, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Latency,
+    LayoutSpec, Node, Output, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup, Shape,
+    ShapeSpec, Status, Tick, Unit, Wiring,
 };
+
+use crate::graph;
 
 /// Frames of 0.1 s, 500 a second, one a tick.
 pub fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
@@ -200,33 +206,95 @@ pub fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
     phase::score(magnitudes, &phase::framing(rate_hz, 101), signal).expect("a score")
 }
 
-/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its
-/// latency.
-pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
-    let framing: Framing = phase::framing(rate_hz, 101);
-    let mut rig = Rig::new::<N>(layout(rate_hz, 101), params);
-    let mut ola = OverlapAdd::<f32>::new(framing).expect("a framing");
-    let mut signal = Vec::new();
-    let mut emit = |ola: &mut OverlapAdd<f32>, len: usize| {
-        let mut out = vec![0.0; len];
-        ola.emit(signal.len() as u64, &mut out);
-        signal.extend(out.iter().map(|&y| y / scale));
-    };
-    let (late, per_second) = rig.latency().as_ratio();
-    let late = late as usize * rate_hz as usize / per_second as usize;
-    let silent_ticks = late.div_ceil(rate_hz as usize / 500);
-    let frames = magnitudes.chunks_exact(101).map(Some).chain(std::iter::repeat_n(None, silent_ticks));
-    for (n, frame) in frames.enumerate() {
-        let amplitudes = frame.map(|f| {
-            f.iter().map(|&m| (f64::from(m) * scale / framing.bin_scale()) as f32).collect::<Vec<_>>()
-        });
-        if let Some(out) = rig.frame(amplitudes.as_deref()) {
-            ola.add_frame(out.start, &out.bins).expect("in reach");
+/// Plays frames, one a tick from tick `first` on.
+struct Given {
+    first: u64,
+    layout: FrameLayout,
+    frames: Arc<[f32]>,
+}
+
+impl Processor for Given {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let (n, bins) = (tick.index, self.layout.bins as usize);
+        let at = (n - self.first) as usize * bins;
+        if let Some(frame) = self.frames.get(at..at + bins) {
+            let start = self.layout.frame_rate.first_sample(n, self.layout.rate_hz);
+            tick.outputs.magnitude(0, n, start).copy_from_slice(frame);
         }
-        emit(&mut ola, (framing.start(n as u64 + 1) - framing.start(n as u64)) as usize);
+        Status::Continue
     }
-    emit(&mut ola, framing.fft_len);
+
+    fn reset(&mut self) {}
+}
+
+/// A kind that retrieves phase, named `KIND` or `KIND: PARAMS`, as node `phase` between frames of amplitudes
+/// from tick `first` on and the probe `end`.
+pub fn compiled(
+    registry: &Registry,
+    method: &str,
+    layout: FrameLayout,
+    first: u64,
+    frames: &[f32],
+) -> Compiled {
+    let (kind, params) = method.split_once(": ").unwrap_or((method, ""));
+    let frames: Arc<[f32]> = frames.into();
+    let output = Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE);
+    let given = Descriptor::new("given", "Plays frames.").output(output);
+    let prepare = move |_: &Setup<'_>| Ok(Prepared::new(Given { first, layout, frames: frames.clone() }));
+    let mut registry = registry.clone();
+    registry.add(Arc::new(NodeKind::new(given, prepare)));
+    let descriptor = registry.get(kind).unwrap_or_else(|| panic!("no kind {kind}")).descriptor();
+    let spectrum = descriptor.retrieval().unwrap_or_else(|| panic!("{kind} retrieves no phase")).spectrum;
+    let end = match spectrum {
+        true => "synthesis: overlap_add\nphase -> synthesis\nsynthesis -> end",
+        false => "phase -> end",
+    };
+    let lines = format!("given: given\nphase: {kind}({params})\nend: probe\ngiven -> phase\n{end}");
+    graph::compiled(&graph::of_lines(&lines), &registry)
+}
+
+/// The signal of a method for frames of amplitudes, without its latency; sample 0 is the first of frame
+/// `first`.
+pub fn heard(registry: &Registry, method: &str, layout: FrameLayout, first: u64, frames: &[f32]) -> Vec<f64> {
+    let compiled = compiled(registry, method, layout, first, frames);
+    let (num, den) = compiled.schedule.latency().as_ratio();
+    let late = (num * i64::from(layout.rate_hz)).div_euclid(den);
+    let mut engine = Engine::new(compiled, Options::default());
+    let end = engine.schedule().index_of("end").expect("a node");
+    engine.skip(first);
+    let start = |n: u64| layout.frame_rate.first_sample(n, layout.rate_hz);
+    let last = first + (frames.len() / layout.bins as usize) as u64 - 1;
+    let wanted = (start(last) - start(first)) as usize + layout.length as usize;
+    let mut signal = vec![0.0; usize::try_from(-late).unwrap_or(0)];
+    let late = usize::try_from(late).unwrap_or(0);
+    while signal.len() < wanted + late {
+        engine.tick();
+        let Some(Buffer::Audio { samples, len, .. }) = engine.input(end, 0) else { panic!("no audio") };
+        signal.extend(samples[..*len].iter().map(|x| f64::from(*x)));
+    }
+    assert_eq!(engine.faults(), 0, "{method}");
+    signal.truncate(wanted + late);
     signal.split_off(late)
+}
+
+/// Score of a built-in method on a vector.
+pub fn scored(method: &str, name: &str, rate_hz: u32) -> Score {
+    let magnitudes = vector(name, rate_hz);
+    let frames = amplitudes(&magnitudes, rate_hz);
+    let score =
+        score(&magnitudes, rate_hz, &heard(&crate::registry(), method, layout(rate_hz, 101), 0, &frames));
+    assert_eq!(score.nonfinite, 0, "{method} on {name}");
+    score
+}
+
+/// The signal that a node makes of magnitudes of an unscaled DFT times `scale`, without its latency.
+pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
+    let params: Vec<String> = params.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+    let method = format!("{}: {}", N::descriptor().kind, params.join(", "));
+    let scaled = scale / phase::framing(rate_hz, 101).bin_scale();
+    let frames: Vec<f32> = magnitudes.iter().map(|&m| (f64::from(m) * scaled) as f32).collect();
+    let heard = heard(&crate::registry().with::<N>(), &method, layout(rate_hz, 101), 0, &frames);
+    heard.into_iter().map(|y| y / scale).collect()
 }
 
 /// Spectral convergence in dB of what a node makes of a vector.

@@ -46,12 +46,12 @@ pub fn stroke() -> &'static Stroke {
 }
 
 pub fn table(columns: &str, row: impl Fn(usize) -> Vec<f64>) -> String {
-    let mut text = format!("# made\nt_s,{columns}\n");
-    for n in 0..stroke().force.len() {
-        let cells: Vec<String> = row(n).iter().map(|x| format!("{x:?}")).collect();
-        text.push_str(&format!("{:?},{}\n", n as f64 / 1000.0, cells.join(",")));
-    }
-    text
+    format!("# made\nt_s,{columns}\n{}", rows(stroke().force.len(), row))
+}
+
+fn rows(count: usize, row: impl Fn(usize) -> Vec<f64>) -> String {
+    let cells = |n: usize| row(n).iter().map(|x| format!(",{x:?}")).collect::<String>();
+    (0..count).map(|n| format!("{:?}{}\n", n as f64 / 1000.0, cells(n))).collect()
 }
 
 pub const COLUMNS: &str = "force_n,speed_mm_s,acceleration_m_s2";
@@ -81,10 +81,5 @@ pub fn write_npy(path: &Path) {
 
 /// A table of so many rows.
 pub fn table_of(count: usize, row: impl Fn(usize) -> Vec<f64>) -> String {
-    let mut text = format!("t_s,{COLUMNS}\n");
-    for n in 0..count {
-        let cells: Vec<String> = row(n).iter().map(|x| format!("{x:?}")).collect();
-        text.push_str(&format!("{:?},{}\n", n as f64 / 1000.0, cells.join(",")));
-    }
-    text
+    format!("t_s,{COLUMNS}\n{}", rows(count, row))
 }

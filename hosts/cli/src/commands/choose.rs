@@ -1,16 +1,15 @@
 //! `asperity choose`: the best setting within a budget, ready to paste.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_diagnostics::one_of;
 use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::{count, read_results};
-use crate::failure::{Failure, complain, print};
+use crate::failure::{Failure, complain, print, wrong};
 use crate::number::{number, whole};
 
 /// Results of the shipped trade-off.
@@ -47,10 +46,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
-        None => {
-            let parsed = Results::parse(SHIPPED).map_err(Failure::Machine)?;
-            (parsed, "the shipped trade-off".to_owned())
-        }
+        None => (Results::parse(SHIPPED).map_err(Failure::Machine)?, "the shipped trade-off".to_owned()),
     };
     let budget = Budget {
         tick_us: args.budget_us,
@@ -68,8 +64,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let row = choice.row;
         let out = json!({
             "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
-            "lag_ms": row.lag_ms,
-            "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
+            "lag_ms": row.lag_ms, "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
         });
         print(&format!("{out:#}\n"))?;
     } else {
@@ -79,12 +74,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
-    let known = || Figure::all().map(Figure::name);
     let of = |name: &String| {
-        Figure::from_name(name.trim()).ok_or_else(|| {
-            let d = Diagnostic::new(format!("there is no figure `{name}`")).in_file("--by");
-            Failure::from(d.help(one_of(name, known())))
-        })
+        let help = || one_of(name, Figure::all().map(Figure::name));
+        let figure = Figure::from_name(name.trim());
+        figure.ok_or_else(|| wrong("--by", format!("there is no figure `{name}`"), help()))
     };
     names.iter().map(of).collect()
 }
@@ -94,22 +87,20 @@ fn known(results: &Results, by: &[Figure], from: &str) -> Result<(), Failure> {
     let Some(missing) = by.iter().find(|f| !results.knows(**f)) else { return Ok(()) };
     let there: Vec<&str> = Figure::all().filter(|f| results.knows(*f)).map(Figure::name).collect();
     let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
-    let d = Diagnostic::new(format!("no setting of {from} has the figure `{}`", missing.name()));
-    Err(d.in_file("--by").help(format!("known figures: {there}")).into())
+    let what = format!("no setting of {from} has the figure `{}`", missing.name());
+    Err(wrong("--by", what, format!("known figures: {there}")))
 }
 
 /// The setting as a fragment of a graph, with its cost and figures as comments.
 fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
-    let row = choice.row;
-    let mut out = format!("// {}: of {} of {from} {}.\n", row.name, count(results), fit(choice.fit));
-    if let Some(t) = row.time {
-        let _ = writeln!(
-            out,
-            "// A tick: median {:.1} us, 99.9 % within {:.1} us; {:.2} % of a core; response lag {}.",
-            t.p50_us,
-            t.p999_us,
-            t.load_percent,
-            row.lag50().map_or("unknown".into(), |ms| format!("{ms:.1} ms"))
+    let (row, all) = (choice.row, count(results));
+    let fit = if choice.fit == 1 { "one is".to_owned() } else { format!("{} are", choice.fit) };
+    let mut out = format!("// {}: of {all} of {from} {fit} within the budget.\n", row.name);
+    if let Some(Time { p50_us, p999_us, load_percent, .. }) = row.time {
+        let lag = row.lag50().map_or("unknown".into(), |ms| format!("{ms:.1} ms"));
+        out += &format!(
+            "// A tick: median {p50_us:.1} us, 99.9 % within {p999_us:.1} us; \
+             {load_percent:.2} % of a core; response lag {lag}.\n"
         );
     }
     let figure = |f: Figure| {
@@ -118,71 +109,48 @@ fn text(results: &Results, choice: &Choice<'_>, from: &str) -> String {
     };
     let figures: Vec<String> = Figure::all().filter_map(figure).collect();
     if !figures.is_empty() {
-        let _ = writeln!(out, "// {}.", figures.join(", "));
+        out += &format!("// {}.\n", figures.join(", "));
     }
-    out += &why(choice);
+    // The figures that decided, each with the number of settings left.
+    let decided = choice.steps.iter().position(|(_, left)| *left == 1).map_or(choice.steps.len(), |i| i + 1);
+    let steps = choice.steps[..decided].iter().map(|(figure, left)| format!("{} ({left})", figure.name()));
+    let steps = steps.collect::<Vec<_>>().join(", then ");
+    if choice.fit >= 2 && !steps.is_empty() {
+        let rest = match choice.equals {
+            1 => String::new(),
+            n => format!("; the lowest load of {n} that are as good in all of them"),
+        };
+        out += &format!("// The best by {steps} (settings that tie within noise){rest}.\n");
+    }
     if row.turned.iter().any(|(knob, _)| knob == "guards") {
         out += "// `guards` is not part of a graph: it can only be turned off to be measured.\n";
     }
-    if row.fragment.is_empty() {
-        let _ = writeln!(out, "// It is {}, unchanged.", row.graph);
-        return out;
-    }
-    if row.fragment.scene {
-        let to = Path::new(&row.graph).with_extension("graph.ron");
-        let _ =
-            writeln!(out, "// {} is a scene. This command writes the graph that it lowers to:", row.graph);
-        let _ = writeln!(out, "//     asperity scene expand {} --out {}", row.graph, to.display());
-        let _ = write!(out, "// Put this into that graph:\n{}", row.fragment);
+    let (graph, fragment) = (&row.graph, &row.fragment);
+    if fragment.is_empty() {
+        out += &format!("// It is {graph}, unchanged.\n");
+    } else if fragment.scene {
+        let to = Path::new(graph).with_extension("graph.ron");
+        out += &format!(
+            "// {graph} is a scene. This command writes the graph that it lowers to:\n\
+             //     asperity scene expand {graph} --out {}\n\
+             // Put this into that graph:\n{fragment}",
+            to.display()
+        );
     } else {
-        let _ = write!(out, "// Put this into {}:\n{}", row.graph, row.fragment);
+        out += &format!("// Put this into {graph}:\n{fragment}");
     }
     out
 }
 
-fn fit(n: usize) -> String {
-    if n == 1 { "one is within the budget".to_owned() } else { format!("{n} are within the budget") }
-}
-
-/// The figures that decided, each with the number of settings left.
-fn why(choice: &Choice<'_>) -> String {
-    let mut words = Vec::new();
-    for (figure, left) in &choice.steps {
-        words.push(format!("{} ({left})", figure.name()));
-        if *left == 1 {
-            break;
-        }
-    }
-    if choice.fit < 2 || words.is_empty() {
-        return String::new();
-    }
-    let best = format!("// The best by {} (settings that tie within noise)", words.join(", then "));
-    match choice.equals {
-        1 => format!("{best}.\n"),
-        n => format!("{best}; the lowest load of {n} that are as good in all of them.\n"),
-    }
-}
-
 /// Why no setting is within the budget, and the nearest ones.
 fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
-    let mut counts = [0; 4];
-    for row in &results.rows {
-        match results.fits(row, budget) {
-            Err(Misfit::Unsound) => counts[0] += 1,
-            Err(Misfit::Time) => counts[1] += 1,
-            Err(Misfit::Lag) => counts[2] += 1,
-            Err(Misfit::TickRate) => counts[3] += 1,
-            Ok(()) => {}
-        }
-    }
+    let misfits: Vec<Misfit> = results.rows.iter().filter_map(|r| results.fits(r, budget).err()).collect();
+    let [unsound, slow, late, other] = [Misfit::Unsound, Misfit::Time, Misfit::Lag, Misfit::TickRate]
+        .map(|why| misfits.iter().filter(|misfit| **misfit == why).count());
     let mut out = format!(
-        "error: no setting of {from} is within the budget: of {}, {} cannot be chosen, {} take too long, \
-         {} have a longer lag, {} have another tick rate\n",
-        count(results),
-        counts[0],
-        counts[1],
-        counts[2],
-        counts[3]
+        "error: no setting of {from} is within the budget: of {}, {unsound} cannot be chosen, \
+         {slow} take too long, {late} have a longer lag, {other} have another tick rate\n",
+        count(results)
     );
     // Settings that only miss one of the limits.
     let but_for = |budget: Budget| results.rows.iter().filter(move |row| results.fits(row, &budget).is_ok());
@@ -195,24 +163,21 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
     let other = but_for(Budget { tick_hz: None, ..budget.clone() });
     let rates: BTreeSet<u32> = other.map(|r| r.tick_hz).collect();
     let given = [budget.tick_us.is_some(), budget.lag_ms.is_some(), budget.tick_hz.is_some()];
-    let rest = if given.iter().filter(|given| **given).count() > 1 {
-        " of those within the other limits"
-    } else {
-        ""
-    };
-    let which = if rest.is_empty() { "" } else { " within the other limits" };
+    let several = given.iter().filter(|given| **given).count() > 1;
+    let (rest, which) =
+        if several { (" of those within the other limits", " within the other limits") } else { ("", "") };
     if let Some(us) = quickest {
         let without = if budget.strict { "" } else { ", without the machine's stalls" };
-        let _ = writeln!(out, "  the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}");
+        out += &format!("  the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}\n");
     }
     if let Some(ms) = soonest {
-        let _ = writeln!(out, "  the shortest response lag{rest}: {ms:.1} ms");
+        out += &format!("  the shortest response lag{rest}: {ms:.1} ms\n");
     }
     if !rates.is_empty() {
         let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
-        let _ = writeln!(out, "  tick rates of settings{which}: {} Hz", rates.join(", "));
+        out += &format!("  tick rates of settings{which}: {} Hz\n", rates.join(", "));
     }
-    if quickest.is_none() && soonest.is_none() && rates.is_empty() && !rest.is_empty() {
+    if quickest.is_none() && soonest.is_none() && rates.is_empty() && several {
         out += "  each setting misses several of the limits\n";
     }
     out
@@ -247,16 +212,17 @@ mod tests {
         let mut broken = row("c", 250);
         broken.faults = 1;
         let all = results(vec![row("a", 1000), row("b", 500), broken]);
-        let budget = Budget { tick_hz: Some(4000), ..Budget::default() };
-        assert!(all.choose(&budget).is_none());
-        let said = nothing(&all, &budget, "it");
-        assert!(
-            said.contains("of 3 settings") && said.contains("tick rates of settings: 500, 1000 Hz"),
-            "{said}"
-        );
-        let said = |strict| nothing(&all, &Budget { tick_us: Some(1.0), strict, ..Budget::default() }, "it");
-        assert!(said(false).contains("the shortest tick: 20.0 us") && !said(false).contains("tick rates"));
-        assert!(said(true).contains("the shortest tick: 4020.0 us"), "{}", said(true));
+        let of_rate = Budget { tick_hz: Some(4000), ..Budget::default() };
+        assert!(all.choose(&of_rate).is_none());
+        let of_time = |strict| Budget { tick_us: Some(1.0), strict, ..Budget::default() };
+        for (budget, says, not) in [
+            (of_rate, "tick rates of settings: 500, 1000 Hz", "shortest"),
+            (of_time(false), "the shortest tick: 20.0 us", "tick rates"),
+            (of_time(true), "the shortest tick: 4020.0 us", "tick rates"),
+        ] {
+            let said = nothing(&all, &budget, "it");
+            assert!(said.contains("of 3 settings") && said.contains(says) && !said.contains(not), "{said}");
+        }
     }
 
     #[test]
@@ -272,18 +238,19 @@ mod tests {
             timed("slower and soon", 1000, 400.0, 5.0),
             timed("not so slow, and late", 1000, 200.0, 90.0),
         ]);
-        let budget = Budget { tick_us: Some(100.0), tick_hz: Some(1000), ..Budget::default() };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("the shortest tick of those within the other limits: 200.0 us"), "{said}");
-        assert!(said.contains("tick rates of settings within the other limits: 500 Hz"), "{said}");
-        let budget = Budget { lag_ms: Some(30.0), ..budget };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("limits: 300.0 us") && !said.contains("tick rates"), "{said}");
-        let budget = Budget { tick_us: Some(250.0), lag_ms: Some(10.0), tick_hz: Some(1000), ..budget };
-        let said = nothing(&all, &budget, "it");
-        assert!(said.contains("limits: 400.0 us") && said.contains("limits: 90.0 ms"), "{said}");
-        let budget = Budget { tick_us: Some(1.0), lag_ms: Some(1.0), tick_hz: None, ..budget };
-        assert!(nothing(&all, &budget, "it").contains("misses several of the limits"));
+        for (tick_us, lag_ms, tick_hz, says) in [
+            (100.0, None, Some(1000), "the shortest tick of those within the other limits: 200.0 us"),
+            (100.0, None, Some(1000), "tick rates of settings within the other limits: 500 Hz"),
+            (100.0, Some(30.0), Some(1000), "limits: 300.0 us"),
+            (250.0, Some(10.0), Some(1000), "limits: 400.0 us"),
+            (250.0, Some(10.0), Some(1000), "limits: 90.0 ms"),
+            (1.0, Some(1.0), None, "misses several of the limits"),
+        ] {
+            let budget = Budget { tick_us: Some(tick_us), lag_ms, tick_hz, ..Budget::default() };
+            let said = nothing(&all, &budget, "it");
+            assert!(said.contains(says), "{says}: {said}");
+            assert_eq!(said.contains("tick rates"), tick_hz.is_some() && lag_ms.is_none(), "{said}");
+        }
     }
 
     #[test]

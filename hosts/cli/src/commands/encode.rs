@@ -1,6 +1,5 @@
 //! `asperity encode`: finds materials like pictures of a surface, and adds one to a library.
 
-use std::fmt::Write as _;
 use std::fs::File;
 #[cfg(unix)]
 use std::fs::Metadata;
@@ -8,9 +7,9 @@ use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
-use asperity_texture::Encoder;
-use asperity_texture::picture;
-use asperity_texture::{Assignment, BLENDED, Library, LibraryMaterial, Neighbour, VECTOR_LEN};
+use asperity_texture::{
+    Assignment, BLENDED, Encoder, Library, LibraryMaterial, Neighbour, VECTOR_LEN, picture,
+};
 use clap::ValueEnum;
 
 use crate::failure::{Failure, clean, print, warn, wrong};
@@ -88,24 +87,23 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut vectors = Vec::with_capacity(args.images.len());
     for path in &args.images {
         let picture = picture::read(path)?;
-        for note in &picture.notes {
-            let _ = writeln!(out, "{}: {note}", clean(&path.display().to_string()));
-        }
+        let path = clean(&path.display().to_string());
+        picture.notes.iter().for_each(|note| out += &format!("{path}: {note}\n"));
         vectors.push(encoder.encode(&picture.image)?);
     }
-    let mean = mean(&vectors);
+    let sum = |i: usize| vectors.iter().map(|v| f64::from(v[i])).sum::<f64>();
+    let mean: Vector = std::array::from_fn(|i| (sum(i) / vectors.len().max(1) as f64) as f32);
     if vectors.len() > 1 {
-        spread(&mut out, args, &library, &vectors, &mean);
+        out += &spread(args, &library, &vectors, &mean);
     }
-    list(&mut out, &library.nearest(&mean, args.neighbours.unwrap_or(LISTED)));
+    out += &list(&library.nearest(&mean, args.neighbours.unwrap_or(LISTED)));
+    let nearest = library.nearest(&mean, 1);
+    let nearest = nearest.first().map(|n| n.material);
     let (how, gets) = match args.how {
-        As::Nearest => (
-            Assignment::Nearest,
-            library
-                .nearest(&mean, 1)
-                .first()
-                .map_or_else(String::new, |n| format!("the vector of `{}`", n.material.name)),
-        ),
+        As::Nearest => {
+            let gets = nearest.map_or_else(String::new, |m| format!("the vector of `{}`", m.name));
+            (Assignment::Nearest, gets)
+        }
         As::Raw => (Assignment::Raw, "its own vector".to_owned()),
         As::Blend => {
             let count = args.neighbours.unwrap_or(BLENDED);
@@ -113,95 +111,86 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             (Assignment::Blend(count), format!("a blend of the nearest {found}"))
         }
     };
+    let (shown, will) = (clean(&name), clean(&gets));
     if args.dry_run {
-        let _ = writeln!(out, "\n`{}` would get {}; nothing was added", clean(&name), clean(&gets));
-        print(&out)?;
+        print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let from =
-        if vectors.len() == 1 { "a picture".to_owned() } else { format!("{} pictures", vectors.len()) };
-    let description = args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}."));
-    let images = args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?;
-    let family = args.family.clone();
-    let vector = library.assign(&mean, how);
-    // A picture does not show where ridges and bumps are: the nearest material's are taken.
-    let pattern = library.nearest(&mean, 1).first().map(|n| n.material.pattern.clone()).unwrap_or_default();
-    let material = LibraryMaterial { name, description, family, images, pattern, vector };
+    let from = match vectors.len() {
+        1 => "a picture".to_owned(),
+        n => format!("{n} pictures"),
+    };
+    let material = LibraryMaterial {
+        name,
+        description: args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}.")),
+        family: args.family.clone(),
+        images: args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?,
+        // A picture does not show where ridges and bumps are: the nearest material's are taken.
+        pattern: nearest.map(|m| m.pattern.clone()).unwrap_or_default(),
+        vector: library.assign(&mean, how),
+    };
     add(&args.library, &material)?;
-    let _ =
-        writeln!(out, "\nadded `{}` to {}: {}", clean(&material.name), args.library.display(), clean(&gets));
-    print(&out)?;
+    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Name of the material.
 fn name(args: &Args) -> Result<String, Failure> {
-    let stem =
-        || args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy().into_owned();
-    match args.name.clone().unwrap_or_else(stem) {
-        name if name.trim().is_empty() => {
-            Err(Diagnostic::new("a material without a name").help("give it one by --name").into())
-        }
-        name => Ok(name),
+    let stem = args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy();
+    let name = args.name.clone().unwrap_or_else(|| stem.into_owned());
+    if name.trim().is_empty() {
+        return Err(Diagnostic::new("a material without a name").help("give it one by --name").into());
     }
+    Ok(name)
 }
 
 fn encoder(args: &Args, library: &Library) -> Result<Encoder, Failure> {
     let own = library.encoder();
-    match (&args.encoder, own) {
+    let (path, by) = match (args.encoder.clone(), own) {
         (Some(given), own) => {
-            if let Some(own) = own.filter(|own| resolved(own) != resolved(given)) {
+            if let Some(own) = own.filter(|own| resolved(own) != resolved(&given)) {
                 let own = own.display();
                 warn(&format!(
                     "the library names another encoder, {own}: distances mean little unless it is the same"
                 ));
             }
-            Encoder::load(given).map_err(|e| Failure::from(e).named_by("--encoder"))
+            (given, "--encoder".to_owned())
         }
-        (None, Some(own)) => {
-            Encoder::load(own).map_err(|e| Failure::from(e).named_by(&args.library.display().to_string()))
+        (None, Some(own)) => (own, args.library.display().to_string()),
+        (None, None) => {
+            let help = "name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`";
+            return Err(wrong(&args.library, "this library names no encoder", help));
         }
-        (None, None) => Err(wrong(
-            &args.library,
-            "this library names no encoder",
-            "name one by --encoder FILE.onnx, or in the library by `encoder: \"FILE.onnx\"`",
-        )),
-    }
+    };
+    Encoder::load(&path).map_err(|e| Failure::from(e).named_by(&by))
 }
 
-fn mean(vectors: &[Vector]) -> Vector {
-    let sum = |i: usize| vectors.iter().map(|v| f64::from(v[i])).sum::<f64>();
-    std::array::from_fn(|i| (sum(i) / vectors.len().max(1) as f64) as f32)
-}
-
-fn distance(a: &Vector, b: &Vector) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>().sqrt()
-}
-
-/// Reports the nearest material of each picture, and the spread of the pictures.
-fn spread(out: &mut String, args: &Args, library: &Library, vectors: &[Vector], mean: &Vector) {
+/// The nearest material of each picture, and the spread of the pictures.
+fn spread(args: &Args, library: &Library, vectors: &[Vector], mean: &Vector) -> String {
+    let mut out = String::new();
     for (path, vector) in args.images.iter().zip(vectors) {
         if let Some(first) = library.nearest(vector, 1).first() {
-            let (name, far) = (clean(&first.material.name), first.distance);
-            let _ = writeln!(out, "{}: nearest `{name}`, at {far:.4}", path.display());
+            let (path, name, far) = (path.display(), clean(&first.material.name), first.distance);
+            out += &format!("{path}: nearest `{name}`, at {far:.4}\n");
         }
     }
-    let far: Vec<f64> = vectors.iter().map(|v| distance(v, mean)).collect();
-    let rms = (far.iter().map(|x| x * x).sum::<f64>() / far.len() as f64).sqrt();
-    let most = far.iter().fold(0.0, |a: f64, b| a.max(*b));
-    let _ =
-        writeln!(out, "spread of {} pictures around their mean: {rms:.4} rms, {most:.4} at most", far.len());
+    let square = |v: &Vector| v.iter().zip(mean).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    let squares: Vec<f64> = vectors.iter().map(square).collect();
+    let count = squares.len();
+    let rms = (squares.iter().sum::<f64>() / count as f64).sqrt();
+    let most = squares.iter().copied().fold(0.0, f64::max).sqrt();
+    out + &format!("spread of {count} pictures around their mean: {rms:.4} rms, {most:.4} at most\n")
 }
 
-fn list(out: &mut String, near: &[Neighbour<'_>]) {
+fn list(near: &[Neighbour<'_>]) -> String {
     let names: Vec<String> = near.iter().map(|n| clean(&n.material.name)).collect();
     let width = names.iter().map(|n| n.chars().count()).max().unwrap_or(0).max(7);
-    let _ = writeln!(out, "{:width$}  distance", "nearest");
-    for (neighbour, name) in near.iter().zip(names) {
-        let family =
-            neighbour.material.family.as_deref().map(|f| format!("  {}", clean(f))).unwrap_or_default();
-        let _ = writeln!(out, "{name:width$}  {:8.4}{family}", neighbour.distance);
+    let mut out = format!("{:width$}  distance\n", "nearest");
+    for (Neighbour { material, distance }, name) in near.iter().zip(names) {
+        let family = material.family.as_deref().map(|f| format!("  {}", clean(f))).unwrap_or_default();
+        out += &format!("{name:width$}  {distance:8.4}{family}\n");
     }
+    out
 }
 
 /// Adds a material to the file as it is now, or nothing.
@@ -249,11 +238,10 @@ fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
     let folder = library.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (folder, image) = (whole(folder)?, whole(image)?);
     let shared = folder.components().zip(image.components()).take_while(|(a, b)| a == b).count();
-    let path = if shared == 0 {
-        image.clone()
-    } else {
-        let up = folder.components().skip(shared).map(|_| Component::ParentDir);
-        up.chain(image.components().skip(shared)).collect::<PathBuf>()
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    let path = match shared {
+        0 => image.clone(),
+        _ => up.chain(image.components().skip(shared)).collect::<PathBuf>(),
     };
     let text = path.to_str().ok_or_else(|| {
         Diagnostic::new("this picture's path is not UTF-8, and cannot stand in a library").in_file(&image)

@@ -4,12 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
+use asperity_accuracy::npy;
+use asperity_engine::NoClock;
+
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
-use crate::output::Format;
-use crate::output::{Pending, Rows, ending, resolved};
-use crate::phase::{Chain, Frames, How, Method, check_rate};
+use crate::output::{Format, Pending, Rows, ending, resolved};
+use crate::phase::{Frames, Method, Played, check_rate};
 
 /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
 #[derive(Debug, clap::Args)]
@@ -43,16 +45,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
     let registry = kinds::registry(&args.plugins.plugin)?;
-    let (frames, bad) = Frames::read(&args.magnitudes, rate)?;
+    let array = npy::read(&args.magnitudes)?;
+    let &[_, bins] = array.shape.as_slice() else {
+        let what = format!("an array of shape {:?} does not fit", array.shape);
+        return Err(wrong(&args.magnitudes, what, "two dimensions: [frames, bins]"));
+    };
+    let (frames, bad) = Frames::from_unscaled(array.values.into_f32(), bins, rate)
+        .map_err(|e| e.in_file(&args.magnitudes))?;
     if bad > 0 {
         warn(&format!("{bad} magnitudes are negative or not finite and are taken as 0"));
     }
     let frames = Arc::new(frames);
     let method = Method::parse(&args.phase, &registry)?;
-    let mut chain = match &method.how {
-        How::Node(_) => Some(Chain::new(&registry, &method, &frames, args.seed)?),
-        How::Offline(_) => None,
-    };
     let mut rows = match ending(&args.out).as_str() {
         "wav" => Rows::wav(Pending::create(&args.out)?, 1, rate, Format::F32)?,
         "npy" => Rows::npy(Pending::create(&args.out)?, None)?,
@@ -60,20 +64,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             return Err(wrong(&args.out, "cannot tell the format from this name", "a .wav or .npy file"));
         }
     };
-    let signal = match (&method.how, &mut chain) {
-        (How::Offline(offline), _) => offline.signal(&frames, args.seed)?,
-        (How::Node(_), Some(chain)) => chain.signal(),
-        (How::Node(_), None) => Vec::new(),
-    };
+    let Played { signal, faults, .. } = method.play(&registry, &frames, args.seed, &NoClock, |_| {})?;
     rows.append(&signal, 1, |_| 0.0)?;
     rows.finish()?.keep()?;
-    print(&format!(
-        "wrote {}: {} samples at {rate} Hz from {} frames\n",
-        args.out.display(),
-        signal.len(),
-        frames.count()
-    ))?;
-    match chain.map_or(0, |c| c.faults().0) {
+    let (out, samples, count) = (args.out.display(), signal.len(), frames.count());
+    print(&format!("wrote {out}: {samples} samples at {rate} Hz from {count} frames\n"))?;
+    match faults {
         0 => Ok(ExitCode::SUCCESS),
         n => Err(Failure::Machine(format!("the node failed {n} times; these ticks are silent"))),
     }

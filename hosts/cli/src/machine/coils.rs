@@ -88,26 +88,20 @@ struct Clock {
     up: f64,
 }
 
-/// Heat of a coil \[A^2\].
+/// Heat of a coil.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Warm {
-    Known(f64),
-    /// At least this, and at least its rating.
-    AtLeast(f64),
+struct Warm {
+    /// Mean of the square of the current \[A^2\].
+    heat: f64,
+    /// Else the coil may be hotter: it counts as at least at its rating.
+    known: bool,
 }
 
 impl Coils {
     /// For a run of this graph.
     pub fn new(share: bool, machine: Option<Arc<Machine>>, schedule: Arc<Schedule>) -> Self {
-        Self {
-            share,
-            machine,
-            schedule,
-            seats: Vec::new(),
-            actuators: Vec::new(),
-            device: Arc::default(),
-            told: false,
-        }
+        let (seats, actuators, device) = (Vec::new(), Vec::new(), Arc::default());
+        Self { share, machine, schedule, seats, actuators, device, told: false }
     }
 
     /// Check for graphs that contradict the machine's file.
@@ -118,12 +112,12 @@ impl Coils {
     /// Takes seats on a channel. Answers them, and the heat of the coil.
     fn sit(&self, folder: &Path, device: &Opened, i: usize) -> Result<(Vec<Seat>, Warm), Diagnostic> {
         let channel = device.channels[i].0;
-        let mut taken = Vec::new();
-        let mut warm = Warm::Known(0.0);
-        let mut by = None;
-        for seat in 0..SEATS {
-            let path = folder.join(format!("{}.{}", file_name(device, channel), seat + 1));
-            let (mut file, new) = open(&path)?;
+        let (rating, cools_in) = self.actuators[i];
+        let (mut taken, mut by) = (Vec::new(), None);
+        let mut warm = Warm { heat: 0.0, known: true };
+        for seat in 1..=SEATS {
+            let path = folder.join(format!("{}.{seat}", file_name(device, channel)));
+            let (mut file, new) = open(&path).map_err(|e| unusable(&path, &e))?;
             let free = match file.try_lock() {
                 Ok(()) => true,
                 Err(TryLockError::WouldBlock) => false,
@@ -132,34 +126,30 @@ impl Coils {
             let mut bytes = Vec::new();
             let read = file.read_to_end(&mut bytes);
             let text = String::from_utf8_lossy(&bytes);
-            let record = Record::parse(&text).filter(|_| read.is_ok());
-            let stands = match record {
-                _ if new => Warm::Known(0.0),
+            let stands = match Record::parse(&text).filter(|_| read.is_ok()) {
+                _ if new => Warm { heat: 0.0, known: true },
                 // A run under way keeps its record up to date.
-                Some(record) if !free => Warm::Known(record.heat),
+                Some(record) if !free => Warm { heat: record.heat, known: true },
                 Some(record) => record.now(&Clock::now()),
-                None => Warm::AtLeast(0.0),
+                None => Warm { heat: 0.0, known: false },
             };
             warm = warm.or(stands);
             if !free {
                 by = by.or_else(|| text.lines().find_map(|l| l.strip_prefix("process: ")).map(str::to_owned));
             } else if !self.share || taken.is_empty() {
                 taken.push(Seat { file, last: None });
-            } else if let Warm::AtLeast(heat) = stands {
+            } else if !stands.known {
                 // The other seat is free: from now on the heat is known, and falls.
-                let (rating, cools_in) = self.actuators[i];
-                let heat = heat.max(rating);
-                let record = Record { heat, rating, cools_in, clock: Clock::now(), running: false };
-                let _ = Seat { file, last: None }.write(record);
+                let (heat, clock) = (stands.heat.max(rating), Clock::now());
+                let _ =
+                    Seat { file, last: None }.write(Record { heat, rating, cools_in, clock, running: false });
             }
         }
-        let wanted = if self.share { 1 } else { SEATS };
-        if taken.len() < wanted {
+        if taken.len() < if self.share { 1 } else { SEATS } {
             let process = by.map_or("another process".to_owned(), |id| format!("process {}", id.trim()));
-            let help = if self.share {
-                "end it: it does not share, or two that share are there already"
-            } else {
-                "end it; or start both with --share: each has half of every limit"
+            let help = match self.share {
+                true => "end it: it does not share, or two that share are there already",
+                false => "end it; or start both with --share: each has half of every limit",
             };
             let message = format!("channel {channel} of `{}` is driven by {process}", device.name);
             return Err(Diagnostic::new(message).in_file("--channel").help(help));
@@ -196,9 +186,8 @@ impl CoilMonitor for Coils {
         start.notices.extend(self.unprotected(device).filter(|_| !simulated));
         let Some(folder) = folder(simulated) else {
             if !simulated && std::env::var_os(FOLDER).is_none() {
-                start
-                    .notices
-                    .push("this system has no state folder: the coils count as being at their rating".into());
+                let notice = "this system has no state folder: the coils count as being at their rating";
+                start.notices.push(notice.into());
                 start.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
             }
             return Ok(start);
@@ -207,16 +196,13 @@ impl CoilMonitor for Coils {
         for (i, (channel, _)) in device.channels.iter().enumerate() {
             let (seats, warm) = self.sit(&folder, device, i)?;
             self.seats.push(seats);
-            start.heat.push(match warm {
-                Warm::Known(heat) => heat,
-                Warm::AtLeast(heat) => {
-                    start.notices.push(format!(
-                        "the coil on channel {channel} counts as being at its rating: \
-                         the last run was killed, or the clock went back"
-                    ));
-                    heat.max(self.actuators[i].0)
-                }
-            });
+            start.heat.push(if warm.known { warm.heat } else { warm.heat.max(self.actuators[i].0) });
+            if !warm.known {
+                start.notices.push(format!(
+                    "the coil on channel {channel} counts as being at its rating: \
+                     the last run was killed, or the clock went back"
+                ));
+            }
         }
         self.note(&start.heat);
         for seat in self.seats.iter().flatten() {
@@ -244,23 +230,15 @@ impl Coils {
     /// Rating of a channel's coil \[A^2\], and the time constant with which it cools \[s\].
     fn actuator(&self, device: &Opened, i: usize) -> (f64, f64) {
         let machine = self.machine.as_ref().and_then(|m| m.output(device, device.channels[i].0));
-        let of_machine =
-            machine.map(|o| (o.actuator.rated_current.powi(2), o.actuator.thermal_time_constant));
+        let machine = machine.map(|o| (o.actuator.rated_current.powi(2), o.actuator.thermal_time_constant));
         let of_graph = || device.coils.get(i).copied().flatten().map(|c| (c.rating, c.cools_in));
-        of_machine.or_else(of_graph).unwrap_or((0.0, 1.0))
+        machine.or_else(of_graph).unwrap_or((0.0, 1.0))
     }
 
     /// Warns of a channel that the machine's file does not protect.
     fn unprotected(&self, device: &Opened) -> Option<String> {
-        let unknown = |m: &Machine| {
-            let mut unknown =
-                device.channels.iter().filter(|(channel, _)| m.output(device, *channel).is_none());
-            unknown.next().map(|(channel, _)| *channel)
-        };
-        let channel = match &self.machine {
-            Some(machine) => unknown(machine)?,
-            None => device.channels.first()?.0,
-        };
+        let known = |channel| self.machine.as_ref().is_some_and(|m| m.output(device, channel).is_some());
+        let channel = device.channels.iter().map(|(channel, _)| *channel).find(|channel| !known(*channel))?;
         Some(format!(
             "only the graph's word protects the actuator on channel {channel} of `{}`: \
              `asperity setup` writes down what stands there",
@@ -312,8 +290,10 @@ impl Record {
     /// Heat of the coil now. It is not known if a run was killed or the clock went back.
     fn now(&self, now: &Clock) -> Warm {
         match now.since(&self.clock) {
-            Some(since) if !self.running => Warm::Known(self.heat * (-since / self.cools_in.max(1e-3)).exp()),
-            _ => Warm::AtLeast(self.heat.max(self.rating)),
+            Some(since) if !self.running => {
+                Warm { heat: self.heat * (-since / self.cools_in.max(1e-3)).exp(), known: true }
+            }
+            _ => Warm { heat: self.heat.max(self.rating), known: false },
         }
     }
 }
@@ -321,10 +301,7 @@ impl Record {
 impl Warm {
     /// Joins the heat of two records of one coil: the larger one holds.
     fn or(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::Known(a), Self::Known(b)) => Self::Known(a.max(b)),
-            (Self::Known(a) | Self::AtLeast(a), Self::Known(b) | Self::AtLeast(b)) => Self::AtLeast(a.max(b)),
-        }
+        Self { heat: self.heat.max(other.heat), known: self.known && other.known }
     }
 }
 
@@ -366,13 +343,11 @@ fn file_name(device: &Opened, channel: u16) -> String {
 }
 
 /// A seat's file, and whether it is new.
-fn open(path: &Path) -> Result<(File, bool), Diagnostic> {
-    let options = || OpenOptions::new().read(true).write(true).clone();
-    match options().create_new(true).open(path) {
-        Err(e) if e.kind() == ErrorKind::AlreadyExists => {
-            options().open(path).map(|file| (file, false)).map_err(|e| unusable(path, &e))
-        }
-        other => other.map(|file| (file, true)).map_err(|e| unusable(path, &e)),
+fn open(path: &Path) -> std::io::Result<(File, bool)> {
+    let mut options = OpenOptions::new();
+    match options.read(true).write(true).create_new(true).open(path) {
+        Err(e) if e.kind() == ErrorKind::AlreadyExists => Ok((options.create_new(false).open(path)?, false)),
+        new => Ok((new?, true)),
     }
 }
 
@@ -394,14 +369,15 @@ mod tests {
 
     #[test]
     fn coil_cools_by_its_profile_between_runs() {
-        let Warm::Known(heat) = record(2.0, false).now(&Clock::now()) else { panic!("it is known") };
-        assert!((heat / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-2, "{heat}");
+        let Warm { heat, known } = record(2.0, false).now(&Clock::now());
+        assert!(known && (heat / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-2, "{heat}");
     }
 
     #[test]
     fn coil_of_a_killed_run_or_a_clock_gone_back_is_at_its_rating() {
-        assert_eq!(record(100.0, true).now(&Clock::now()), Warm::AtLeast(0.03));
-        assert_eq!(record(-100.0, false).now(&Clock::now()), Warm::AtLeast(0.03));
+        let unknown = Warm { heat: 0.03, known: false };
+        assert_eq!(record(100.0, true).now(&Clock::now()), unknown);
+        assert_eq!(record(-100.0, false).now(&Clock::now()), unknown);
     }
 
     #[test]
@@ -415,8 +391,9 @@ mod tests {
 
     #[test]
     fn one_unknown_record_makes_the_coil_unknown() {
-        assert_eq!(Warm::Known(1.0).or(Warm::Known(2.0)), Warm::Known(2.0));
-        assert_eq!(Warm::Known(3.0).or(Warm::AtLeast(2.0)), Warm::AtLeast(3.0));
+        let warm = |heat, known| Warm { heat, known };
+        assert_eq!(warm(1.0, true).or(warm(2.0, true)), warm(2.0, true));
+        assert_eq!(warm(3.0, true).or(warm(2.0, false)), warm(3.0, false));
     }
 
     #[test]

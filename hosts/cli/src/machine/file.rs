@@ -50,11 +50,9 @@ pub fn default_path() -> Option<PathBuf> {
 impl Machine {
     /// Reads the named file; else the user's own, if it exists.
     pub fn find(named: Option<&Path>) -> Result<Option<Self>, Diagnostic> {
-        if let Some(path) = named {
-            return Self::read(path).map(Some);
-        }
         let there = |path: &PathBuf| !matches!(path.try_exists(), Ok(false));
-        default_path().filter(there).map(|path| Self::read(&path)).transpose()
+        let path = named.map(Path::to_path_buf).or_else(|| default_path().filter(there));
+        path.map(|path| Self::read(&path)).transpose()
     }
 
     /// Reads a file.
@@ -73,22 +71,17 @@ impl Machine {
         let list = record.required("outputs")?;
         record.finish()?;
         let base = source.path().parent().unwrap_or(Path::new(""));
-        let outputs: Vec<Output> =
-            list.list()?.iter().map(|value| output(value, base)).collect::<Result<_, _>>()?;
-        for (i, twice) in outputs.iter().enumerate() {
-            if let Some(first) =
-                outputs[..i].iter().find(|o| o.device == twice.device && o.channel == twice.channel)
-            {
-                let message = format!("channel {} of `{}` stands here twice", twice.channel, twice.device);
-                return Err(Diagnostic::new(message).at(&twice.place.source, twice.place.span).related(
-                    &first.place.source,
-                    first.place.span,
-                    "first here",
-                ));
+        let mut outputs: Vec<Output> = Vec::new();
+        for value in list.list()? {
+            let new = output(value, base)?;
+            if let Some(first) = outputs.iter().find(|o| o.device == new.device && o.channel == new.channel) {
+                let what = format!("channel {} of `{}` stands here twice", new.channel, new.device);
+                let place = &first.place;
+                return Err(new.error(what).related(&place.source, place.span, "first here"));
             }
+            outputs.push(new);
         }
-        let list = list.place();
-        Ok(Self { source: source.clone(), outputs, list })
+        Ok(Self { source: source.clone(), outputs, list: list.place() })
     }
 
     /// The entry for a channel of a device.
@@ -114,11 +107,8 @@ impl Machine {
             let mut entries = self.outputs_of(device, *channel);
             if let (Some(first), Some(second)) = (entries.next(), entries.next()) {
                 let message = format!("two entries are about channel {channel} of `{}`", device.name);
-                return Err(second.error(message).related(
-                    &first.place.source,
-                    first.place.span,
-                    "the other one",
-                ));
+                let place = &first.place;
+                return Err(second.error(message).related(&place.source, place.span, "the other one"));
             }
             let node = schedule.index_of(id).map(|i| &schedule.nodes[i]);
             if let (Some(output), Some(node)) = (self.output(device, *channel), node) {
@@ -163,16 +153,15 @@ impl Output {
         let (name, unit) = if amps { ("amps_per_volt", "A/V") } else { ("volts_per_volt", "V/V") };
         if amps != (drive == Drive::Current) {
             let (graph, machine) = if amps { ("current", "voltage") } else { ("voltage", "current") };
-            let message =
-                format!("`{}` plays a {graph}, and a {machine} amplifier stands behind its channel", out.id);
-            return Err(self.contradicts(out, "", message));
+            let id = &out.id;
+            let what = format!("`{id}` plays a {graph}, and a {machine} amplifier stands behind its channel");
+            return Err(self.contradicts(out, "", what));
         }
         for (name, is, unit) in [("volts_at_full_scale", self.volts_at_full_scale, "V"), (name, gain, unit)] {
-            let said = out.params.number(name);
+            let (said, id) = (out.params.number(name), &out.id);
             if (said - is).abs() > SAME * is {
-                let message =
-                    format!("`{}.{name}` is {said} {unit}, and the machine's file says {is} {unit}", out.id);
-                return Err(self.contradicts(out, name, message));
+                let what = format!("`{id}.{name}` is {said} {unit}, and the machine's file says {is} {unit}");
+                return Err(self.contradicts(out, name, what));
             }
         }
         let limiter = out.inputs.first().and_then(|i| i.from).map(|(node, _)| &schedule.nodes[node]);
@@ -186,7 +175,7 @@ impl Output {
         let profile = ActuatorProfile::find(limiter.params.text("profile"), base)?;
         let said = Dynamics::new(&profile, limiter.params.number("handle_mass_g"))
             .map_err(|e| limiter.params.node_error(e.to_string()))?;
-        let is = &self.actuator;
+        let (is, id) = (&self.actuator, &limiter.id);
         let same = [
             ("handle mass", said.handle_mass, is.handle_mass),
             ("moving mass", said.moving_mass, is.moving_mass),
@@ -197,12 +186,10 @@ impl Output {
             ("inductance", said.inductance, is.inductance),
             ("thermal time constant", said.thermal_time_constant, is.thermal_time_constant),
         ];
-        let other = same.into_iter().find(|(_, said, is)| (said - is).abs() > SAME * is);
-        if let Some((what, ..)) = other {
-            let message =
-                format!("the {what} of `{}`'s actuator is not that of the machine's file", limiter.id);
+        if let Some((what, ..)) = same.into_iter().find(|(_, said, is)| (said - is).abs() > SAME * is) {
             let param = if what == "handle mass" { "handle_mass_g" } else { "profile" };
-            return Err(self.contradicts(limiter, param, message));
+            let what = format!("the {what} of `{id}`'s actuator is not that of the machine's file");
+            return Err(self.contradicts(limiter, param, what));
         }
         let most = [
             ("rated current", said.rated_current, is.rated_current),
@@ -211,21 +198,18 @@ impl Output {
             ("stroke", said.stroke, is.stroke),
         ];
         if let Some((what, ..)) = most.into_iter().find(|(_, said, is)| *said > is * (1.0 + SAME)) {
-            let message =
-                format!("the {what} of `{}`'s profile is above that of the machine's file", limiter.id);
-            return Err(self.contradicts(limiter, "profile", message));
+            let what = format!("the {what} of `{id}`'s profile is above that of the machine's file");
+            return Err(self.contradicts(limiter, "profile", what));
         }
         let own = LimiterSettings::default();
         let (slew_hz, dc_hz) = (limiter.params.number("slew_hz"), limiter.params.number("dc_corner_hz"));
-        for (param, laxer, is) in [
+        let laxer = [
             ("slew_hz", slew_hz > own.slew_hz * (1.0 + SAME), own.slew_hz),
             ("dc_corner_hz", dc_hz < own.dc_corner_hz * (1.0 - SAME), own.dc_corner_hz),
-        ] {
-            if laxer {
-                let message =
-                    format!("`{}.{param}` is laxer than the {is} Hz that hold on this machine", limiter.id);
-                return Err(self.contradicts(limiter, param, message));
-            }
+        ];
+        if let Some((param, _, is)) = laxer.into_iter().find(|(_, laxer, _)| *laxer) {
+            let what = format!("`{id}.{param}` is laxer than the {is} Hz that hold on this machine");
+            return Err(self.contradicts(limiter, param, what));
         }
         Ok(())
     }

@@ -1,15 +1,11 @@
 //! Magnitude frames in memory, and a node that plays them.
 
-use std::path::Path;
 use std::sync::Arc;
 
-use asperity_accuracy::npy;
 use asperity_node::{
     Descriptor, Diagnostic, FrameLayout, FrameRate, LayoutSpec, NodeKind, Output, Prepared, Processor,
     ShapeSpec, Status, Tick, Unit, time,
 };
-
-use crate::failure::{Failure, wrong};
 
 /// Frames a second of magnitudes from NumPy.
 pub const FRAME_HZ: u32 = 500;
@@ -63,22 +59,6 @@ impl Frames {
             }
         }
         Ok((Self { layout: layout(bins, rate_hz)?, bins: values }, bad))
-    }
-
-    /// The same from a file of shape [frames, bins].
-    ///
-    /// # Errors
-    /// The file is no such array.
-    pub fn read(path: &Path, rate_hz: u32) -> Result<(Self, u64), Failure> {
-        let array = npy::read(path)?;
-        let &[_, bins] = array.shape.as_slice() else {
-            return Err(wrong(
-                path,
-                format!("an array of shape {:?} does not fit", array.shape),
-                "two dimensions: [frames, bins]",
-            ));
-        };
-        Ok(Self::from_unscaled(array.values.into_f32(), bins, rate_hz).map_err(|e| e.in_file(path))?)
     }
 
     /// Frames of amplitudes; a whole number, at least one.

@@ -14,18 +14,18 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use asperity_actuator::ActuatorProfile;
-use asperity_actuator::identify::{Findings, IdentifySettings, Trust, identify, write_profile};
+use asperity_actuator::identify::{IdentifySettings, Trust, identify, write_profile};
+use asperity_actuator::{ActuatorProfile, Drive};
 use asperity_diagnostics::Source;
 use clap::ValueEnum;
 
 use crate::card::{OutputArgs, actuator, range};
-use crate::failure::{Failure, complain, print, warn, wrong};
+use crate::failure::{Failure, complain, print, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
 use crate::output::{Pending, keep_all, resolved};
 use report::Report;
-use sweeps::{Bench, Outcome, Tape};
+use sweeps::{Bench, Tape, refused};
 
 /// Output of the amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -117,8 +117,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Longest quiet sweep \[s\].
-const QUIET_S: f64 = 2.0;
 /// Least ratio of the masses of two handles.
 const APART: f64 = 1.05;
 
@@ -136,8 +134,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 /// Measures and writes. Calls `change` with the mass that the handle must get \[g\].
 fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<ExitCode, Failure> {
-    let bench = Bench::new(args)?;
-    let level = check(args, &bench)?;
+    let amplifier = amplifier(args)?;
+    check(args)?;
     let handles = [("--handle-mass-g", Some(args.handle_mass_g)), ("--second-mass-g", args.second_mass_g)];
     let handles: Vec<_> = handles.into_iter().filter_map(|(option, g)| Some((option, g?))).collect();
     let base = actuator(("--base", &args.base), &handles)?;
@@ -146,29 +144,32 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
     let plot_file = args.plot.as_deref().map(|path| create(path, "--plot")).transpose()?;
 
     let settings = IdentifySettings {
-        drive: bench.drive(),
+        drive: amplifier.drive,
         band_hz: (args.from_hz, args.to_hz),
         handle_mass_uncertainty: args.mass_uncertainty / 100.0,
         ..IdentifySettings::default()
     };
-    let session = Session { args, bench: &bench, base: &base, settings };
-    let mut tapes = vec![session.measure(args.handle_mass_g, level)?];
+    let bench = Bench::new(args, &amplifier, &base, settings)?;
+    let mut tapes = vec![bench.measure(args.handle_mass_g)?];
     if let Some(grams) = args.second_mass_g {
         change(grams)?;
-        tapes.push(session.measure(grams, level)?);
+        tapes.push(bench.measure(grams)?);
     }
     let recordings: Vec<_> = tapes.iter().map(Tape::recording).collect();
-    let findings = identify(&recordings, &base, settings)
-        .map_err(|e| Failure::Machine(format!("{e}\nnothing was written")))?;
+    let findings = identify(&recordings, &base, settings).map_err(|e| refused(e.to_string()))?;
 
-    let mut report = Report { args, base: &base, findings: &findings, tapes: &tapes, written: Vec::new() };
+    let written = Vec::new();
+    let mut report = Report { args, amplifier, base: &base, findings: &findings, tapes: &tapes, written };
     let trusted = findings.trust > Trust::Poor || args.anyway;
-    let text = trusted.then(|| profile(&findings, &base)).transpose()?;
     let mut files = Vec::new();
     if let Some(file) = plot_file {
         files.push(file.fill(&report.picture())?);
     }
-    if let Some(text) = text {
+    if trusted {
+        let text = write_profile(&findings, &base, Some(&today()));
+        // It must be possible to read it again.
+        ActuatorProfile::parse(&Source::new("the measured profile", text.clone()))
+            .map_err(|d| refused(format!("the measured figures are those of no usable actuator: {d}")))?;
         files.push(profile_file.fill(&text)?);
     }
     report.written = keep_all(files)?;
@@ -176,60 +177,22 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
     Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Settings that the measurements of a run share.
-struct Session<'a> {
-    args: &'a Args,
-    bench: &'a Bench<'a>,
-    base: &'a ActuatorProfile,
-    settings: IdentifySettings,
-}
-
-impl Session<'_> {
-    /// Plays a quiet sweep and, if the input follows it without clipping, the measurement.
-    fn measure(&self, handle_mass_g: f64, level: f64) -> Result<Tape, Failure> {
-        let (args, unit) = (self.args, unit(self.args));
-        let quiet = sweeps::QUIET * level;
-        complain(&format!("quiet sweep: {quiet:.3} {unit}, on {handle_mass_g} g\n"));
-        let heard = match self.bench.play(quiet, args.seconds.min(QUIET_S), handle_mass_g)? {
-            Outcome::Whole(tape) => tape,
-            Outcome::Clipped(hz) => return Err(sweeps::clips_already(args, quiet, hz)),
-        };
-        let chosen = sweeps::level(args, &heard, level, self.base, self.settings)?;
-        if let Some(note) = &chosen.note {
-            warn(note);
-        }
-        let amplitude = chosen.amplitude;
-        complain(&format!(
-            "heard; measuring: {amplitude:.3} {unit}, {} to {} Hz in {} s, on {}\n",
-            args.from_hz, args.to_hz, args.seconds, heard.device
-        ));
-        match self.bench.play(amplitude, args.seconds, handle_mass_g)? {
-            Outcome::Whole(tape) => Ok(tape),
-            Outcome::Clipped(hz) => Err(sweeps::clipped(args, amplitude, hz)),
-        }
-    }
-}
-
-/// Refuses options that contradict each other. Answers the requested level \[A or V\].
-fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
+/// Refuses options that contradict each other.
+fn check(args: &Args) -> Result<(), Failure> {
     let rate = f64::from(args.rate);
     range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
     let (least, most) = (4.0 * args.from_hz, (0.45 * rate).min(20_000.0));
     if !(least..=most).contains(&args.to_hz) {
         let help = format!("{least} to {most} Hz: at least 4 times --from-hz, at most 0.45 of --rate");
-        return Err(wrong("--to-hz", format!("{} Hz is out of range", args.to_hz), &help));
+        return Err(wrong("--to-hz", format!("{} Hz is out of range", args.to_hz), help));
     }
-    if let Some(grams) = args.second_mass_g {
-        let ratio = (grams / args.handle_mass_g).max(args.handle_mass_g / grams);
-        if ratio < APART {
-            let what =
-                format!("{grams} g and {} g are too much alike to tell the moving mass", args.handle_mass_g);
-            return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
-        }
+    let first = args.handle_mass_g;
+    if let Some(grams) = args.second_mass_g.filter(|g| (g / first).max(first / g) < APART) {
+        let what = format!("{grams} g and {first} g are too much alike to tell the moving mass");
+        return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
     }
-    let level = level(args, bench)?;
-    let out = resolved(&args.out);
-    if args.base.ends_with(".ron") && resolved(Path::new(&args.base)) == out {
+    let (out, base) = (resolved(&args.out), resolved(Path::new(&args.base)));
+    if args.base.ends_with(".ron") && base == out {
         let help = "give the new profile a name of its own";
         return Err(wrong("--out", "the base profile is read, and would be overwritten", help));
     }
@@ -237,79 +200,49 @@ fn check(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
         let what = format!("{} would not be found as a profile", args.out.display());
         return Err(wrong("--out", what, "a profile's name ends in .ron"));
     }
-    if let Some(plot) = &args.plot {
-        let plot = resolved(plot);
-        if plot == out || plot == resolved(Path::new(&args.base)) {
-            return Err(wrong("--plot", "this file is the profile", "give the picture a name of its own"));
+    if args.plot.as_deref().map(resolved).is_some_and(|plot| plot == out || plot == base) {
+        return Err(wrong("--plot", "this file is the profile", "give the picture a name of its own"));
+    }
+    Ok(())
+}
+
+/// The amplifier behind the card, and the level of the measurement.
+#[derive(Clone, Copy)]
+struct Amplifier {
+    drive: Drive,
+    /// Unit of the drive.
+    unit: &'static str,
+    /// Drive for a volt of the card \[A/V or V/V\].
+    gain: f64,
+    /// The option that sets the level.
+    option: &'static str,
+    /// Requested peak of the sweep \[A or V\].
+    level: f64,
+}
+
+/// The amplifier of the options. Refuses those of the other kind, and a level above full scale.
+fn amplifier(args: &Args) -> Result<Amplifier, Failure> {
+    let amps = ("--amps", args.amps, "--amps-per-volt", args.amps_per_volt, 0.1);
+    let volts = ("--volts", args.volts, "--volts-per-volt", args.volts_per_volt, 0.5);
+    let (drive, own, other, word) = match args.drive {
+        DriveKind::Current => (Drive::Current, amps, volts, "voltage"),
+        DriveKind::Voltage => (Drive::Voltage, volts, amps, "current"),
+    };
+    for (option, given, instead) in [(other.0, other.1, own.0), (other.2, other.3, own.2)] {
+        if given.is_some() {
+            let help = format!("{instead}, or --drive {word}");
+            return Err(wrong(option, "this is an option of the other kind of amplifier", help));
         }
     }
-    Ok(level)
-}
-
-/// The requested level \[A or V\]. Refuses options of the other kind of amplifier.
-fn level(args: &Args, bench: &Bench<'_>) -> Result<f64, Failure> {
-    let voltage = args.drive == DriveKind::Voltage;
-    let (amps, gain) = (args.amps.is_some(), args.amps_per_volt.is_some());
-    let (volts, volts_gain) = (args.volts.is_some(), args.volts_per_volt.is_some());
-    let others = [
-        ("--amps", voltage && amps, "a voltage is measured in volts", "--volts, or --drive current"),
-        (
-            "--amps-per-volt",
-            voltage && gain,
-            "a voltage amplifier has none",
-            "--volts-per-volt, or --drive current",
-        ),
-        ("--volts", !voltage && volts, "a current is measured in amperes", "--amps, or --drive voltage"),
-        (
-            "--volts-per-volt",
-            !voltage && volts_gain,
-            "a current amplifier has none",
-            "--amps-per-volt, or --drive voltage",
-        ),
-    ];
-    if let Some((option, _, what, help)) = others.into_iter().find(|(_, given, ..)| *given) {
-        return Err(wrong(option, what, help));
-    }
-    let level = if voltage { args.volts.unwrap_or(0.5) } else { args.amps.unwrap_or(0.1) };
-    let most = bench.most();
+    let (option, level, gain_option, gain, by_default) = own;
+    let unit = drive.unit();
+    let (level, gain) = (level.unwrap_or(by_default), gain.unwrap_or(1.0));
+    let most = gain * args.volts_at_full_scale;
     if level > most {
-        let (option, unit) = (option(args), unit(args));
-        let gain = if voltage { "--volts-per-volt" } else { "--amps-per-volt" };
-        let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain}");
+        let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain_option}");
         return Err(wrong(option, format!("{level} {unit} is out of range"), help));
     }
-    Ok(level)
-}
-
-/// Unit of the drive.
-fn unit(args: &Args) -> &'static str {
-    if args.drive == DriveKind::Current { "A" } else { "V" }
-}
-
-/// The option that sets the level.
-fn option(args: &Args) -> &'static str {
-    if args.drive == DriveKind::Current { "--amps" } else { "--volts" }
-}
-
-/// Gain of a current amplifier \[A/V\].
-fn amps_per_volt(args: &Args) -> f64 {
-    args.amps_per_volt.unwrap_or(1.0)
-}
-
-/// Gain of a voltage amplifier.
-fn volts_per_volt(args: &Args) -> f64 {
-    args.volts_per_volt.unwrap_or(1.0)
-}
-
-/// The profile's text. It must be possible to read it again.
-fn profile(findings: &Findings, base: &ActuatorProfile) -> Result<String, Failure> {
-    let text = write_profile(findings, base, Some(&today()));
-    ActuatorProfile::parse(&Source::new("the measured profile", text.clone())).map_err(|d| {
-        Failure::Machine(format!(
-            "the measured figures are those of no usable actuator: {d}\nnothing was written"
-        ))
-    })?;
-    Ok(text)
+    Ok(Amplifier { drive, unit, gain, option, level })
 }
 
 /// The date in UTC, such as 2026-03-01.
@@ -344,13 +277,11 @@ fn wait_for_enter(grams: f64) -> Result<(), Failure> {
         // Nobody waits any more where this fails.
         let _ = sent.send(read.is_ok_and(|n| n > 0));
     });
-    let ended = || Failure::Machine("stopped before the second measurement; nothing was written".into());
     loop {
         match came.recv_timeout(Duration::from_millis(50)) {
             Ok(true) => return Ok(()),
-            Ok(false) | Err(RecvTimeoutError::Disconnected) => return Err(ended()),
-            Err(RecvTimeoutError::Timeout) if stop.load(Relaxed) => return Err(ended()),
-            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Timeout) if !stop.load(Relaxed) => {}
+            _ => return Err(refused("stopped before the second measurement".into())),
         }
     }
 }

@@ -1,19 +1,19 @@
 //! The result as text, JSON and picture.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use asperity_actuator::ActuatorProfile;
-use asperity_actuator::identify::{Estimate, Findings, Measurement};
+use asperity_actuator::identify::{Estimate, Findings};
+use asperity_actuator::{ActuatorProfile, Drive};
 use asperity_plot::{Measured, Response};
 use serde_json::{Map, Value, json};
 
 use super::sweeps::Tape;
-use super::{Args, DriveKind, amps_per_volt, unit, volts_per_volt};
+use super::{Amplifier, Args};
 
 /// A calibration that is over.
-pub struct Report<'a> {
+pub(super) struct Report<'a> {
     pub args: &'a Args,
+    pub amplifier: Amplifier,
     pub base: &'a ActuatorProfile,
     pub findings: &'a Findings,
     pub tapes: &'a [Tape],
@@ -44,104 +44,71 @@ impl Report<'_> {
         ];
         all.map(|(name, key, unit, found, base, factor)| {
             let measured = f.moving_mass_measured || name != "moving mass";
+            let (base, estimate) = (base.value * factor, base.estimate);
             // The fit may have moved it within its uncertainty; the profile has the base's.
-            let value = if measured { found.value } else { base.value * factor };
-            Figure {
-                name,
-                key,
-                unit,
-                found: Estimate { value, ..found },
-                base: base.value * factor,
-                estimate: base.estimate,
-                measured,
-            }
+            let value = if measured { found.value } else { base };
+            Figure { name, key, unit, found: Estimate { value, ..found }, base, estimate, measured }
         })
     }
 
     /// The result as text.
     pub fn text(&self, trusted: bool) -> String {
-        let mut out = String::new();
-        let _ = writeln!(out, "{:<14}{:>18}   {:<24}{}", "", "measured", "95 % interval", self.base.name);
+        let f = self.findings;
+        let mut out = format!("{:<14}{:>18}   {:<24}{}\n", "", "measured", "95 % interval", self.base.name);
         for f in self.figures() {
             let value = format!("{} {}", digits(f.found.value), f.unit);
             let within = if f.measured { interval(&f.found) } else { "the base's".into() };
-            let base = format!("{}{}", digits(f.base), if f.estimate { " (an estimate)" } else { "" });
-            let _ = writeln!(out, "{:<14}{value:>18}   {within:<24}{base}", f.name);
+            let estimate = if f.estimate { " (an estimate)" } else { "" };
+            out += &format!("{:<14}{value:>18}   {within:<24}{}{estimate}\n", f.name, digits(f.base));
         }
-        for (m, tape) in self.findings.recordings.iter().zip(self.tapes) {
-            let _ = writeln!(
-                out,
-                "\non {} g, {:.3} {} peak",
-                tape.handle_mass_g,
-                tape.amplitude,
-                unit(self.args)
+        for (m, tape) in f.recordings.iter().zip(self.tapes) {
+            let (grams, level, unit) = (tape.handle_mass_g, tape.amplitude, self.amplifier.unit);
+            out += &format!("\non {grams} g, {level:.3} {unit} peak\n");
+            let mut line = |name, value: String, within: String| {
+                out += &format!("  {name:<12}{value:>18}   {within}\n");
+            };
+            let ratio = &m.damping_ratio;
+            line("resonance", format!("{} Hz", digits(m.natural_hz.value)), interval(&m.natural_hz));
+            line("damping", format!("{} ratio", digits(ratio.value)), interval(ratio));
+            line("gain", format!("{} m/s^2/A", digits(m.gain.value)), interval(&m.gain));
+            let polarity = if m.inverted { ", polarity inverted" } else { "" };
+            let within = format!("within {:.1} us{polarity}", 1e6 * m.latency_within_s);
+            line("latency", format!("{:.3} ms", 1e3 * m.latency_s), within);
+            let (snr_db, coherence, misfit) = (m.snr_db, m.coherence, 100.0 * m.misfit);
+            let distortion = m.distortion.map(|d| format!(", distortion {:.1} %", 100.0 * d));
+            out += &format!(
+                "  {snr_db:.0} dB signal to noise, coherence {coherence:.3}, {misfit:.1} % unexplained{}\n",
+                distortion.unwrap_or_default()
             );
-            for (name, value, within) in self.measurement(m) {
-                let _ = writeln!(out, "  {name:<12}{value:>18}   {within}");
-            }
-            let distortion =
-                m.distortion.map_or(String::new(), |d| format!(", distortion {:.1} %", 100.0 * d));
-            let _ = writeln!(
-                out,
-                "  {:.0} dB signal to noise, coherence {:.3}, {:.1} % unexplained{distortion}",
-                m.snr_db,
-                m.coherence,
-                100.0 * m.misfit
-            );
         }
-        let _ = writeln!(out, "\ntrust         {}", self.findings.trust.word());
-        for note in &self.findings.notes {
-            let _ = writeln!(out, "              - {note}");
-        }
-        let _ = writeln!(out, "assumed");
-        for what in self.assumed() {
-            let _ = writeln!(out, "              - {what}");
-        }
-        for path in &self.written {
-            let _ = writeln!(out, "wrote         {}", path.display());
-        }
+        out += &format!("\ntrust         {}\n", f.trust.word());
+        f.notes.iter().for_each(|note| out += &format!("              - {note}\n"));
+        out += "assumed\n";
+        self.assumed().iter().for_each(|what| out += &format!("              - {what}\n"));
+        self.written.iter().for_each(|path| out += &format!("wrote         {}\n", path.display()));
         if !trusted {
-            let _ = writeln!(
-                out,
-                "the profile is not written, since it is not to be trusted (--anyway writes it all the same)"
-            );
+            out += "the profile is not written: the measurement is poor (--anyway writes it all the same)\n";
         }
         out
     }
 
-    /// Figures of one recording: name, value, interval.
-    fn measurement(&self, m: &Measurement) -> [(&'static str, String, String); 4] {
-        let gain = format!("{} m/s^2/A", digits(m.gain.value));
-        let polarity = if m.inverted { ", polarity inverted" } else { "" };
-        let latency = format!("{:.3} ms", 1e3 * m.latency_s);
-        [
-            ("resonance", format!("{} Hz", digits(m.natural_hz.value)), interval(&m.natural_hz)),
-            ("damping", format!("{} ratio", digits(m.damping_ratio.value)), interval(&m.damping_ratio)),
-            ("gain", gain, interval(&m.gain)),
-            ("latency", latency, format!("within {:.1} us{polarity}", 1e6 * m.latency_within_s)),
-        ]
-    }
-
     /// Assumptions behind the figures.
     fn assumed(&self) -> Vec<String> {
-        let a = self.args;
+        let Args { mass_uncertainty, accelerometer_full_scale, volts_at_full_scale, .. } = self.args;
         let masses: Vec<String> = self.tapes.iter().map(|t| format!("{} g", t.handle_mass_g)).collect();
+        let gain = self.amplifier.gain;
         let mut all = vec![
-            format!("the handle weighs {} within {} %", masses.join(" and "), a.mass_uncertainty),
-            format!("the input is at full scale at {} m/s^2", a.accelerometer_full_scale),
+            format!("the handle weighs {} within {mass_uncertainty} %", masses.join(" and ")),
+            format!("the input is at full scale at {accelerometer_full_scale} m/s^2"),
         ];
-        all.push(match a.drive {
-            DriveKind::Current => format!(
-                "full scale of the output is {} V, and the amplifier gives {} A/V: \
-                 an error of either is one of the force factor",
-                a.volts_at_full_scale,
-                amps_per_volt(a)
+        all.push(match self.amplifier.drive {
+            Drive::Current => format!(
+                "full scale of the output is {volts_at_full_scale} V, and the amplifier gives {gain} A/V: \
+                 an error of either is one of the force factor"
             ),
-            DriveKind::Voltage => format!(
-                "full scale of the output is {} V, the amplifier gives {} V/V, \
+            Drive::Voltage => format!(
+                "full scale of the output is {volts_at_full_scale} V, the amplifier gives {gain} V/V, \
                  and the coil has {} ohm, known within 3 %, and {} uH",
-                a.volts_at_full_scale,
-                volts_per_volt(a),
                 digits(self.base.resistance.value),
                 digits(self.base.inductance.value * 1e6)
             ),
@@ -156,49 +123,37 @@ impl Report<'_> {
 
     /// The result as JSON.
     pub fn json(&self, trusted: bool) -> String {
+        let found = self.findings;
         let estimate = |e: &Estimate| json!({ "value": e.value, "low": e.low, "high": e.high });
-        let figures: Map<String, Value> = self
-            .figures()
-            .iter()
-            .map(|f| {
-                let value = json!({
-                    "value": f.found.value, "low": f.found.low, "high": f.found.high, "measured": f.measured,
-                    "base": f.base, "base_is_estimate": f.estimate,
-                });
-                (f.key.to_owned(), value)
-            })
-            .collect();
-        let recordings: Vec<Value> = self
-            .findings
-            .recordings
-            .iter()
-            .zip(self.tapes)
-            .zip(&self.findings.curves)
-            .map(|((m, tape), curve)| {
-                let points: Vec<Value> = curve
-                    .iter()
-                    .map(|p| {
-                        json!({
-                            "hz": p.hz, "measured_db": p.measured_db, "measured_rad": p.measured_phase,
-                            "fitted_db": p.fitted_db, "fitted_rad": p.fitted_phase, "coherence": p.coherence,
-                        })
-                    })
-                    .collect();
+        let figures = self.figures().map(|f| {
+            let value = json!({
+                "value": f.found.value, "low": f.found.low, "high": f.found.high, "measured": f.measured,
+                "base": f.base, "base_is_estimate": f.estimate,
+            });
+            (f.key.to_owned(), value)
+        });
+        let of = found.recordings.iter().zip(self.tapes).zip(&found.curves);
+        let recordings = of.map(|((m, tape), curve)| {
+            let points = curve.iter().map(|p| {
                 json!({
-                    "handle_mass_g": tape.handle_mass_g, "level": tape.amplitude, "limited": tape.limited,
-                    "resonance_hz": estimate(&m.natural_hz), "damping_ratio": estimate(&m.damping_ratio),
-                    "gain_m_s2_per_a": estimate(&m.gain), "latency_ms": 1e3 * m.latency_s,
-                    "inverted": m.inverted, "snr_db": m.snr_db, "coherence": m.coherence,
-                    "misfit": m.misfit, "distortion": m.distortion,
-                    "band_hz": [m.band_hz.0, m.band_hz.1], "points": points,
+                    "hz": p.hz, "measured_db": p.measured_db, "measured_rad": p.measured_phase,
+                    "fitted_db": p.fitted_db, "fitted_rad": p.fitted_phase, "coherence": p.coherence,
                 })
+            });
+            json!({
+                "handle_mass_g": tape.handle_mass_g, "level": tape.amplitude, "limited": tape.limited,
+                "resonance_hz": estimate(&m.natural_hz), "damping_ratio": estimate(&m.damping_ratio),
+                "gain_m_s2_per_a": estimate(&m.gain), "latency_ms": 1e3 * m.latency_s,
+                "inverted": m.inverted, "snr_db": m.snr_db, "coherence": m.coherence,
+                "misfit": m.misfit, "distortion": m.distortion,
+                "band_hz": [m.band_hz.0, m.band_hz.1], "points": points.collect::<Vec<Value>>(),
             })
-            .collect();
+        });
         let report = json!({
-            "asperity": env!("CARGO_PKG_VERSION"), "base": self.base.name, "drive": unit(self.args),
-            "figures": figures, "moving_mass_measured": self.findings.moving_mass_measured,
-            "recordings": recordings,
-            "trust": self.findings.trust.word(), "notes": self.findings.notes, "assumed": self.assumed(),
+            "asperity": env!("CARGO_PKG_VERSION"), "base": self.base.name, "drive": self.amplifier.unit,
+            "figures": Map::from_iter(figures), "moving_mass_measured": found.moving_mass_measured,
+            "recordings": recordings.collect::<Vec<Value>>(),
+            "trust": found.trust.word(), "notes": found.notes, "assumed": self.assumed(),
             "profile_written": trusted, "written": self.written,
         });
         format!("{report:#}\n")
@@ -206,9 +161,8 @@ impl Report<'_> {
 
     /// Measured and fitted response as SVG.
     pub fn picture(&self) -> String {
-        let f = self.findings;
-        let device = self.tapes.first().map_or("", |t| &t.device);
-        let level = self.tapes.first().map_or(0.0, |t| t.amplitude);
+        let (f, unit) = (self.findings, self.amplifier.unit);
+        let (device, level) = self.tapes.first().map_or(("", 0.0), |t| (t.device.as_str(), t.amplitude));
         let figures = self.figures().map(|f| {
             let within =
                 if f.measured { format!("95 %: {}", interval(&f.found)) } else { "not measured".into() };
@@ -227,12 +181,8 @@ impl Report<'_> {
         });
         Response {
             title: format!("{}: acceleration of the handle", self.base.name),
-            subtitle: format!(
-                "Sweep of {level:.3} {} on {device}. Trust: {}.",
-                unit(self.args),
-                f.trust.word()
-            ),
-            unit: format!("dB re 1 m/s\u{b2} per {}", unit(self.args)),
+            subtitle: format!("Sweep of {level:.3} {unit} on {device}. Trust: {}.", f.trust.word()),
+            unit: format!("dB re 1 m/s\u{b2} per {unit}"),
             runs: runs.collect(),
             figures: figures.into(),
         }

@@ -3,7 +3,7 @@
 //! Methods take turns on each vector, and all that is repeated in rounds: disturbances by other programs
 //! fall on all methods alike.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Instant;
@@ -13,12 +13,15 @@ use asperity_accuracy::phase;
 use asperity_accuracy::response::{Steps, lag_ms};
 use asperity_accuracy::timing::Timing;
 use asperity_diagnostics::Diagnostic;
+use asperity_engine::NoClock;
 use asperity_node::Registry;
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 
-use super::vectors::{Delay, Score, Set, Vector, band, mean_magnitudes};
+use super::vectors::{Score, Set, Vector};
 use crate::commands::render::ClockTime;
 use crate::failure::{Failure, progress};
-use crate::phase::{Chain, FRAME_HZ, Frames, How, Method};
+use crate::phase::{Chain, FRAME_HZ, Frames, Method};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
@@ -26,28 +29,63 @@ const ROUNDS: usize = 3;
 const SEED: u64 = 1;
 
 /// Figures of a method, measured or published.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Name of the method.
     pub label: String,
     /// The node's kind; `None` for a published method.
     pub kind: Option<String>,
-    /// Score on each vector of the set, if there is one.
-    pub scores: Vec<Option<Score>>,
-    /// How often the node failed on each vector.
-    pub faults: Vec<u64>,
-    /// Declared latency.
-    pub delay: Delay,
-    /// Response lag on a texture \[ms\]: 10, 50 and 90 % of the way.
-    pub texture_lag_ms: Option<[f64; 3]>,
-    /// Response lag on a tone \[ms\], likewise.
-    pub tone_lag_ms: Option<[f64; 3]>,
+    /// Score on each vector, by the vector's name.
+    pub scores: BTreeMap<String, Option<Score>>,
+    /// Declared latency; early where it is negative.
+    pub latency_ms: Option<f64>,
+    /// Whether it needs the whole signal.
+    pub offline: bool,
+    /// Response lag on `texture` and `tone`: 10, 50 and 90 % of the way. `None` if it does not follow.
+    pub lag_ms: BTreeMap<&'static str, Option<[f64; 3]>>,
     /// Median time from a frame to its samples \[us\], by the rate of the vectors \[Hz\].
-    pub frame_us: BTreeMap<u32, f64>,
+    pub us_a_frame: BTreeMap<u32, f64>,
     /// Rhythm of the output for [steady magnitudes](Set::steady); `None` for published methods and silence.
+    #[serde(serialize_with = "serialize_rhythm")]
     pub rhythm: Option<Rhythm>,
     /// Remarks for the user.
     pub notes: Vec<String>,
+}
+
+fn serialize_rhythm<S: Serializer>(rhythm: &Option<Rhythm>, to: S) -> Result<S::Ok, S::Error> {
+    rhythm_json(*rhythm).serialize(to)
+}
+
+/// A rhythm as JSON.
+pub fn rhythm_json(rhythm: Option<Rhythm>) -> Option<Value> {
+    let r = rhythm?;
+    Some(json!({
+        "modulation": r.modulation, "pulses": r.pulses(), "envelope_repetition": r.envelope_repetition,
+        "wave_repetition": r.wave_repetition, "repetition": r.repetition(), "kurtosis": r.kurtosis,
+        "level_deviation_db": r.level_deviation_db,
+    }))
+}
+
+impl Row {
+    /// A row without figures.
+    pub fn new(label: &str, set: &Set) -> Self {
+        Self {
+            label: label.to_owned(),
+            kind: None,
+            scores: set.vectors.iter().map(|v| (v.name.clone(), None)).collect(),
+            latency_ms: None,
+            offline: false,
+            lag_ms: [("texture", None), ("tone", None)].into(),
+            us_a_frame: BTreeMap::new(),
+            rhythm: None,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Its score on a vector.
+    pub fn score(&self, vector: &Vector) -> Option<Score> {
+        self.scores.get(&vector.name).copied().flatten()
+    }
 }
 
 /// The result of all methods.
@@ -59,63 +97,40 @@ pub struct Outcome {
     pub noise: Option<Rhythm>,
 }
 
-/// A method while it is measured.
-struct Entry<'a> {
-    method: &'a Method,
-    row: Row,
-    timing: BTreeMap<u32, Timing>,
-    /// Its signal for each vector, from the first round.
-    signals: Vec<Option<Vec<f32>>>,
-    differs: bool,
-    /// Problems, each with the runs in which it occurred.
-    problems: Vec<(String, Vec<String>)>,
-}
-
 /// Runs all methods over all vectors.
 ///
 /// # Errors
 /// None that comes from a method: its row says how it failed.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
-    let (texture, tone) = (Stimulus::texture()?, Stimulus::tone()?);
-    let steps = methods.len() * (ROUNDS * set.vectors.len() + 3);
+    let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
+    let steady = set.steady()?;
+    let steps = methods.len() * (ROUNDS * set.vectors.len() + 1);
     let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
-    let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, set.vectors.len())).collect();
+    let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, registry, set)).collect();
     let clock = ClockTime(Instant::now());
     for round in 0..ROUNDS {
-        for (v, vector) in set.vectors.iter().enumerate() {
+        for vector in &set.vectors {
             for entry in &mut entries {
-                entry.play(registry, &clock, vector, v, round == 0);
+                entry.play(&clock, vector, round == 0);
                 bar.inc(1);
             }
         }
     }
-    let steady = set.steady()?;
     for entry in &mut entries {
-        if let Some(steady) = &steady {
-            entry.hold(registry, steady);
+        entry.hold(&steady);
+        for (name, stimulus) in &stimuli {
+            entry.follow(name, stimulus);
         }
         bar.inc(1);
-        let [over_texture, over_tone] = [("texture", &texture), ("tone", &tone)].map(|(name, stimulus)| {
-            let lag = entry.lag(registry, name, stimulus);
-            bar.inc(1);
-            lag
-        });
-        (entry.row.texture_lag_ms, entry.row.tone_lag_ms) = (over_texture.ms, over_tone.ms);
-        entry.differs |= over_texture.differs || over_tone.differs;
     }
     bar.finish_and_clear();
     let mut rows: Vec<Row> = entries.into_iter().map(Entry::into_row).collect();
     sort(&mut rows);
-    let noise = steady.as_ref().and_then(noise);
-    Ok(Outcome { rows, noise })
-}
-
-/// Rhythm of Gaussian noise of the same length as the steady magnitudes, whose bins are 10 Hz apart.
-fn noise(steady: &Vector) -> Option<Rhythm> {
-    let frame = steady.unscaled.get(..steady.frames.layout().bins as usize)?;
+    // Gaussian noise of the same length as the steady magnitudes, whose bins are 10 Hz apart.
+    let frame = &steady.unscaled[..steady.frames.layout().bins as usize];
     let powers: Vec<f64> = frame.iter().map(|x| f64::from(*x).powi(2)).collect();
-    let inner = inner(steady);
-    Rhythm::of_noise(&powers, 10.0, inner.len() as f64 / f64::from(steady.rate_hz)).ok()
+    let seconds = inner(&steady).len() as f64 / f64::from(steady.rate_hz);
+    Ok(Outcome { rows, noise: Rhythm::of_noise(&powers, 10.0, seconds).ok() })
 }
 
 /// Samples without those of the frames at each end, which no score counts.
@@ -126,169 +141,176 @@ fn inner(vector: &Vector) -> std::ops::Range<usize> {
 
 /// Rows of the published methods with a score on any of the vectors, the best first.
 pub fn published(set: &Set) -> Vec<Row> {
-    let rows = set.published.iter().map(|p| {
-        let scores: Vec<Option<Score>> = set.vectors.iter().map(|v| p.score(v)).collect();
-        Row { delay: p.delay, scores, ..Row::new(&p.name, set.vectors.len()) }
-    });
-    let mut rows: Vec<Row> = rows.filter(|r| r.scores.iter().any(Option::is_some)).collect();
+    let theirs = |v: &Vector| set.published.sc.get(&v.name);
+    let names: BTreeSet<&String> = set.vectors.iter().filter_map(theirs).flat_map(BTreeMap::keys).collect();
+    let row = |name: &String| {
+        let score = |v: &Vector| (v.name.clone(), theirs(v).and_then(|all| all.get(name)).copied());
+        let frames = set.published.latency_frames.get(name);
+        Row {
+            scores: set.vectors.iter().map(score).collect(),
+            latency_ms: frames.and_then(Value::as_f64).map(|f| f * 1e3 / f64::from(FRAME_HZ)),
+            offline: frames.is_some_and(|f| f == "offline"),
+            ..Row::new(name, set)
+        }
+    };
+    let mut rows: Vec<Row> = names.into_iter().map(row).collect();
     sort(&mut rows);
     rows
-}
-
-/// Catches a panic of a node that is prepared, which the engine does not.
-fn contained<T>(f: impl FnOnce() -> Result<T, Failure>) -> Result<T, String> {
-    match catch_unwind(AssertUnwindSafe(f)) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(failure)) => Err(failure.reason()),
-        Err(_) => Err("it panicked outside a tick".into()),
-    }
-}
-
-impl Row {
-    /// A row without figures.
-    pub fn new(label: &str, vectors: usize) -> Self {
-        Self {
-            label: label.to_owned(),
-            kind: None,
-            scores: vec![None; vectors],
-            faults: vec![0; vectors],
-            delay: Delay::Unknown,
-            texture_lag_ms: None,
-            tone_lag_ms: None,
-            frame_us: BTreeMap::new(),
-            rhythm: None,
-            notes: Vec::new(),
-        }
-    }
-}
-
-impl<'a> Entry<'a> {
-    fn new(method: &'a Method, vectors: usize) -> Self {
-        let row = Row { kind: Some(method.kind().to_owned()), ..Row::new(&method.label, vectors) };
-        let (timing, signals) = (BTreeMap::new(), vec![None; vectors]);
-        Self { method, row, timing, signals, differs: false, problems: Vec::new() }
-    }
-
-    /// Notes a problem of a run. The same problem of several runs is reported once.
-    fn problem(&mut self, what: String, run: &str) {
-        match self.problems.iter_mut().find(|(known, _)| *known == what) {
-            Some((_, runs)) => runs.push(run.to_owned()),
-            None => self.problems.push((what, vec![run.to_owned()])),
-        }
-    }
-
-    /// Plays a vector. The first time it is scored; later the samples must be the same.
-    fn play(&mut self, registry: &Registry, clock: &ClockTime, vector: &Vector, v: usize, first: bool) {
-        // An offline method has no time per frame, and is not repeated.
-        let again = !first && matches!(self.method.how, How::Offline(_));
-        if again || !first && self.signals[v].is_none() {
-            return;
-        }
-        let mut took = Vec::with_capacity(vector.frames.count());
-        let played = contained(|| {
-            if let How::Offline(offline) = &self.method.how {
-                return Ok((offline.signal(&vector.frames, SEED)?, Delay::Offline, 0, None, false));
-            }
-            let mut chain = Chain::new(registry, self.method, &vector.frames, SEED)?;
-            let signal = chain.timed_signal(clock, |ns| took.push(ns));
-            let (faults, report) = chain.faults();
-            let why = report.and_then(|r| r.last_fault).map(|f| f.to_string());
-            let gone = report.is_some_and(|r| r.quarantined);
-            Ok((signal, Delay::Ms(chain.latency().ms()), faults, why, gone))
-        });
-        let (signal, delay, faults, why, gone) = match played {
-            Ok(played) => played,
-            Err(why) => return self.problem(why, vector.short_name()),
-        };
-        // The time of a run with failures does not count.
-        if faults == 0 && !took.is_empty() {
-            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
-            took.into_iter().for_each(|ns| timing.record(ns));
-        }
-        if let Some(before) = &self.signals[v] {
-            self.differs |= before.iter().map(|x| x.to_bits()).ne(signal.iter().map(|x| x.to_bits()));
-            return;
-        }
-        self.row.delay = delay;
-        self.row.faults[v] = faults;
-        if faults > 0 {
-            let times = if faults == 1 { "once".into() } else { format!("{faults} times") };
-            let when = if faults == 1 { ":" } else { ", the last time" };
-            let why = why.map(|w| format!("{when} it {w}")).unwrap_or_default();
-            let gone = if gone { ", and was called no more" } else { "" };
-            self.problem(format!("it failed {times}{why}{gone}"), vector.short_name());
-        }
-        let bins = vector.frames.layout().bins as usize;
-        let wide: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
-        match phase::score(&vector.unscaled, &phase::framing(vector.rate_hz, bins), &wide) {
-            Ok(s) => {
-                self.row.scores[v] = Some(Score {
-                    convergence_db: s.convergence_db,
-                    level_db: s.gain_db,
-                    ltas_rms_db: s.ltas_rms_db,
-                });
-            }
-            Err(e) => self.problem(e.to_string(), vector.short_name()),
-        }
-        self.signals[v] = Some(signal);
-    }
-
-    /// Plays steady magnitudes, for the rhythm.
-    fn hold(&mut self, registry: &Registry, steady: &Vector) {
-        let signal = contained(|| match &self.method.how {
-            How::Offline(offline) => offline.signal(&steady.frames, SEED),
-            How::Node(_) => Ok(Chain::new(registry, self.method, &steady.frames, SEED)?.signal()),
-        });
-        match signal {
-            Ok(signal) => {
-                let wide: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();
-                let part = wide.get(inner(steady)).unwrap_or_default();
-                let rhythm = Rhythm::new(&[part], f64::from(steady.rate_hz)).ok();
-                self.row.rhythm = rhythm.filter(|r| r.rms >= SILENCE_M_S2);
-            }
-            Err(why) => self.problem(why, steady.short_name()),
-        }
-    }
-
-    fn lag(&mut self, registry: &Registry, name: &str, stimulus: &Stimulus) -> Lag {
-        if matches!(self.method.how, How::Offline(_)) {
-            return Lag::default();
-        }
-        match contained(|| stimulus.drive(registry, self.method)) {
-            Ok(lag) => lag,
-            Err(why) => {
-                self.problem(why, &format!("response to a {name}"));
-                Lag::default()
-            }
-        }
-    }
-
-    fn into_row(mut self) -> Row {
-        let timed = self.timing.iter().map(|(&rate, t)| (rate, t.summary()));
-        let us = timed.filter(|(_, s)| s.count > 0).map(|(rate, s)| (rate, s.p50_ns as f64 / 1e3));
-        self.row.frame_us = us.collect();
-        let problems = self.problems.iter().map(|(what, runs)| format!("{what} ({})", runs.join(", ")));
-        self.row.notes.extend(problems);
-        if self.differs {
-            self.row.notes.push("the same frames gave other samples the second time".into());
-        }
-        self.row
-    }
 }
 
 /// Sorts rows by their mean rank in spectral convergence over the vectors. A missing score is the last
 /// rank.
 fn sort(rows: &mut [Row]) {
-    let db = |row: &Row, v: usize| row.scores[v].map_or(f64::INFINITY, |s| s.convergence_db);
-    let vectors = rows.first().map_or(0, |r| r.scores.len());
-    let ranks: BTreeMap<String, usize> = rows
-        .iter()
-        .map(|row| {
-            let better = |v: usize| rows.iter().filter(|other| db(other, v) < db(row, v)).count();
-            (row.label.clone(), (0..vectors).map(better).sum())
-        })
-        .collect();
-    rows.sort_by_key(|row| ranks.get(&row.label).copied().unwrap_or(usize::MAX));
+    let db = |row: &Row| -> Vec<f64> {
+        row.scores.values().map(|s| s.map_or(f64::INFINITY, |s| s.convergence_db)).collect()
+    };
+    let all: Vec<Vec<f64>> = rows.iter().map(db).collect();
+    rows.sort_by_cached_key(|row| {
+        let own = db(row);
+        all.iter().map(|other| other.iter().zip(&own).filter(|(a, b)| a < b).count()).sum::<usize>()
+    });
+}
+
+/// A method while it is measured.
+struct Entry<'a> {
+    method: &'a Method,
+    registry: &'a Registry,
+    row: Row,
+    timing: BTreeMap<u32, Timing>,
+    /// Its signal for each vector, from the first round.
+    signals: BTreeMap<String, Vec<f32>>,
+    /// Problems, each with the runs in which it occurred.
+    problems: Vec<(String, Vec<String>)>,
+}
+
+impl<'a> Entry<'a> {
+    fn new(method: &'a Method, registry: &'a Registry, set: &Set) -> Self {
+        let row = Row {
+            kind: Some(method.kind.clone()),
+            offline: method.is_offline(),
+            ..Row::new(&method.label, set)
+        };
+        let (timing, signals) = (BTreeMap::new(), BTreeMap::new());
+        Self { method, registry, row, timing, signals, problems: Vec::new() }
+    }
+
+    /// Notes a problem of a run. The same problem of several runs is reported once.
+    fn problem(&mut self, what: String, run: &str) {
+        match self.problems.iter_mut().find(|(known, _)| *known == what) {
+            Some((_, runs)) if runs.iter().any(|known| known == run) => {}
+            Some((_, runs)) => runs.push(run.to_owned()),
+            None => self.problems.push((what, vec![run.to_owned()])),
+        }
+    }
+
+    /// Notes why `f` fails. Catches a panic of a node that is prepared, which the engine does not.
+    fn attempt<T>(
+        &mut self,
+        run: &str,
+        f: impl FnOnce(&Registry, &Method) -> Result<T, Failure>,
+    ) -> Option<T> {
+        let why = match catch_unwind(AssertUnwindSafe(|| f(self.registry, self.method))) {
+            Ok(Ok(value)) => return Some(value),
+            Ok(Err(failure)) => failure.reason(),
+            Err(_) => "it panicked outside a tick".into(),
+        };
+        self.problem(why, run);
+        None
+    }
+
+    /// Plays a vector. The first time it is scored; later the samples must be the same.
+    fn play(&mut self, clock: &ClockTime, vector: &Vector, first: bool) {
+        // An offline method has no time per frame, and is not repeated.
+        if !first && (self.row.offline || !self.signals.contains_key(&vector.name)) {
+            return;
+        }
+        let name = vector.short_name();
+        let mut took = Vec::with_capacity(vector.frames.count());
+        let played = self.attempt(name, |registry, method| {
+            method.play(registry, &vector.frames, SEED, clock, |ns| took.push(ns))
+        });
+        let Some(played) = played else { return };
+        let faults = played.faults;
+        // The time of a run with failures does not count.
+        if faults == 0 && !took.is_empty() {
+            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+            took.into_iter().for_each(|ns| timing.record(ns));
+        }
+        if let Some(before) = self.signals.get(&vector.name) {
+            if differ(before, &played.signal) {
+                self.problem(DIFFERS.into(), name);
+            }
+            return;
+        }
+        self.row.latency_ms = played.latency_ms;
+        if faults > 0 {
+            let times = if faults == 1 { "once:".into() } else { format!("{faults} times, the last time") };
+            let why = played.report.as_ref().and_then(|r| r.last_fault);
+            let why = why.map_or("unknown".into(), |fault| fault.to_string());
+            let gone = played.report.is_some_and(|r| r.quarantined);
+            let gone = if gone { ", and was called no more" } else { "" };
+            self.problem(format!("it failed {times} it {why}{gone}"), name);
+        }
+        let framing = phase::framing(vector.rate_hz, vector.frames.layout().bins as usize);
+        match phase::score(&vector.unscaled, &framing, &wide(&played.signal)) {
+            Ok(s) => {
+                let score = Score {
+                    convergence_db: s.convergence_db,
+                    level_db: s.gain_db,
+                    ltas_rms_db: s.ltas_rms_db,
+                    faults,
+                };
+                self.row.scores.insert(vector.name.clone(), Some(score));
+            }
+            Err(e) => self.problem(e.to_string(), name),
+        }
+        self.signals.insert(vector.name.clone(), played.signal);
+    }
+
+    /// Plays steady magnitudes, for the rhythm.
+    fn hold(&mut self, steady: &Vector) {
+        let played = self.attempt(steady.short_name(), |registry, method| {
+            method.play(registry, &steady.frames, SEED, &NoClock, |_| {})
+        });
+        self.row.rhythm = played.and_then(|played| {
+            let wide = wide(&played.signal);
+            let part = wide.get(inner(steady)).unwrap_or_default();
+            Rhythm::new(&[part], f64::from(steady.rate_hz)).ok().filter(|r| r.rms >= SILENCE_M_S2)
+        });
+    }
+
+    /// Measures its response lag.
+    fn follow(&mut self, name: &'static str, stimulus: &Stimulus) {
+        if self.row.offline {
+            return;
+        }
+        let run = format!("response to a {name}");
+        let Some(lag) = self.attempt(&run, |registry, method| stimulus.drive(registry, method)) else {
+            return;
+        };
+        self.row.lag_ms.insert(name, lag.ms);
+        if lag.differs {
+            self.problem(DIFFERS.into(), &run);
+        }
+    }
+
+    fn into_row(self) -> Row {
+        let timed = self.timing.iter().map(|(&rate, t)| (rate, t.summary()));
+        let us_a_frame = timed.filter(|(_, s)| s.count > 0).map(|(rate, s)| (rate, s.p50_ns as f64 / 1e3));
+        let notes = self.problems.iter().map(|(what, runs)| format!("{what} ({})", runs.join(", ")));
+        Row { us_a_frame: us_a_frame.collect(), notes: notes.collect(), ..self.row }
+    }
+}
+
+const DIFFERS: &str = "the same frames gave other samples the second time";
+
+/// Whether any bit differs.
+fn differ(a: &[f32], b: &[f32]) -> bool {
+    a.iter().map(|x| x.to_bits()).ne(b.iter().map(|x| x.to_bits()))
+}
+
+fn wide(signal: &[f32]) -> Vec<f64> {
+    signal.iter().map(|x| f64::from(*x)).collect()
 }
 
 // Response lag. The method is given magnitudes whose level steps up by 12 dB and down again every 0.2 to
@@ -317,30 +339,25 @@ pub struct Stimulus {
 }
 
 /// Response lag.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lag {
-    /// Times until 10, 50 and 90 % of the way \[ms\]; `None` if the method did not follow.
+    /// Times until 10, 50 and 90 % of the way; `None` if the method did not follow.
     pub ms: Option<[f64; 3]>,
     /// Whether the same frames gave other samples the second time.
     pub differs: bool,
 }
 
 impl Stimulus {
-    /// A broad noise: mean magnitudes that fall slowly from 400 Hz on, with 120 steps.
-    ///
-    /// # Errors
-    /// None.
+    /// A broad noise: magnitudes that fall slowly from 400 Hz on and end at 950 Hz, with 120 steps.
     pub fn texture() -> Result<Self, Diagnostic> {
-        let density = |hz: f64| (hz / 20.0).clamp(0.0, 1.0) * band(hz) / (hz / 400.0).hypot(1.0);
-        let spectrum = mean_magnitudes(&density);
-        let top = spectrum.iter().copied().fold(0.0, f64::max);
-        Self::new(&spectrum.iter().map(|x| (x / top) as f32).collect::<Vec<_>>(), 120)
+        let magnitude = |hz: f32| {
+            let end = ((950.0 - hz) / 76.0).clamp(0.0, 1.0);
+            let band = 0.5 - 0.5 * (std::f32::consts::PI * end).cos();
+            (hz / 20.0).clamp(0.0, 1.0) * band / (hz / 400.0).hypot(1.0)
+        };
+        Self::new(&Vec::from_iter((0..101).map(|bin| magnitude(10.0 * bin as f32))), 120)
     }
 
     /// A sine of 250 Hz, on a bin, with 10 steps.
-    ///
-    /// # Errors
-    /// None.
     pub fn tone() -> Result<Self, Diagnostic> {
         let mut spectrum = [0.0; 101];
         spectrum[24..27].copy_from_slice(&[0.5, 1.0, 0.5]);
@@ -367,25 +384,23 @@ impl Stimulus {
     /// Plays the stimulus through a method.
     ///
     /// # Errors
-    /// A method that refuses the frames.
+    /// A method that refuses the frames, or is too late.
     pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
         let hear = |frames| {
             let mut chain = Chain::new(registry, method, frames, SEED)?;
-            let latency = chain.latency().ms();
-            if latency > MOST_LATENCY_MS {
-                return Err(Failure::Machine(format!(
-                    "its {latency:.0} ms of latency are too many to see it"
-                )));
+            match chain.latency.ms() {
+                ms if ms > MOST_LATENCY_MS => {
+                    Err(Failure::Machine(format!("its {ms:.0} ms of latency are too many to see it")))
+                }
+                _ => Ok(chain.live()),
             }
-            Ok(chain.live())
         };
         let (stepped, still) = (hear(&self.stepped)?, hear(&self.still)?);
         let samples = |frames: usize| frames * (RATE_HZ / FRAME_HZ) as usize;
         let steps =
             Steps { rate_hz: RATE_HZ, at: &self.steps, before: samples(BEFORE), after: samples(AFTER) };
         // Up to the first step, both inputs are the same.
-        let first = self.steps.first().copied().unwrap_or(0);
-        let bits = |signal: &[f32]| signal.iter().take(first).map(|x| x.to_bits()).collect::<Vec<_>>();
-        Ok(Lag { ms: lag_ms(&stepped, &still, &steps), differs: bits(&stepped) != bits(&still) })
+        let same = ..self.steps.first().copied().unwrap_or(0);
+        Ok(Lag { ms: lag_ms(&stepped, &still, &steps), differs: differ(&stepped[same], &still[same]) })
     }
 }

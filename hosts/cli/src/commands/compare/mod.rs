@@ -8,7 +8,6 @@ mod report;
 mod tests;
 mod vectors;
 
-use std::path::Path;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -19,7 +18,8 @@ use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
 use crate::output::{Pending, keep_all, resolved};
-use crate::phase::{Chain, How, Method, retrievers};
+use crate::phase::{Chain, Method, retrievers};
+use contest::{Outcome, Row};
 use vectors::Set;
 
 /// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
@@ -49,6 +49,9 @@ pub struct Args {
     pub quiet: bool,
 }
 
+/// Writes the result in one form.
+type Text = fn(&Set, &Outcome, &[Row]) -> String;
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
@@ -58,39 +61,35 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         None => vectors::built_in()?,
     };
     let methods = methods(&registry, &args.phase, &set)?;
-    let (svg, csv) = (args.svg.as_deref(), args.csv.as_deref());
-    if let (Some(a), Some(b)) = (svg, csv)
+    let files: Vec<(&PathBuf, Text)> = [(&args.svg, report::svg as Text), (&args.csv, report::csv)]
+        .into_iter()
+        .filter_map(|(path, text)| Some((path.as_ref()?, text)))
+        .collect();
+    if let [(a, _), (b, _)] = files[..]
         && resolved(a) == resolved(b)
     {
         return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
     }
-    // A file in the folder of vectors is harmless, unless it overwrites one that is read.
-    for path in [svg, csv].into_iter().flatten() {
+    // Opened before minutes of work, so that a missing folder is an error at once.
+    let mut pending = Vec::new();
+    for (path, text) in files {
+        // A file in the folder of vectors is harmless, unless it overwrites one that is read.
         let at = resolved(path);
         let plugin = kinds.files().iter().any(|f| resolved(f) == at);
-        let vectors =
-            args.vectors.as_ref().is_some_and(|dir| at.parent() == Some(&resolved(dir)) && at.exists());
-        if plugin || vectors {
-            return Err(wrong(
-                path,
-                "this file is there already, and may be one that is compared",
-                "name another file",
-            ));
+        let within = |dir: &PathBuf| at.parent() == Some(&resolved(dir)) && at.exists();
+        if plugin || args.vectors.as_ref().is_some_and(within) {
+            let what = "this file is there already, and may be one that is compared";
+            return Err(wrong(path, what, "name another file"));
         }
+        pending.push((Pending::create(path)?, path, text));
     }
-    // Opened before minutes of work, so that a missing folder is an error at once.
-    let pending = |path: Option<&Path>| path.map(Pending::create).transpose();
-    let (svg, csv) = (pending(svg)?, pending(csv)?);
 
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
     let (mut files, mut wrote) = (Vec::new(), String::new());
-    let texts = [(svg, &args.svg, report::svg as fn(_, _, _) -> _), (csv, &args.csv, report::csv)];
-    for (pending, path, text) in texts {
-        if let (Some(pending), Some(path)) = (pending, path) {
-            files.push(pending.fill(&text(&set, &outcome, &published[..]))?);
-            wrote += &format!("wrote {}\n", path.display());
-        }
+    for (pending, path, text) in pending {
+        files.push(pending.fill(&text(&set, &outcome, &published))?);
+        wrote += &format!("wrote {}\n", path.display());
     }
     keep_all(files)?;
     if args.json {
@@ -111,8 +110,8 @@ fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Metho
     for text in asked {
         let method = Method::parse(text, registry)?;
         if all.iter().all(|m| m.label != method.label) {
-            if let (How::Node(_), Some(vector)) = (&method.how, set.vectors.first()) {
-                Chain::new(registry, &method, &vector.frames, 1)?;
+            if !method.is_offline() {
+                Chain::new(registry, &method, &set.vectors[0].frames, 1)?;
             }
             all.push(method);
         }

@@ -1,20 +1,25 @@
 //! The vectors on which methods are compared: built in or from a folder, with the scores that others
 //! published.
 
-use std::collections::BTreeMap;
-use std::f64::consts::{PI, TAU};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_accuracy::{npy, phase};
-use asperity_diagnostics::{Diagnostic, Source};
+use asperity_diagnostics::{Diagnostic, file};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::failure::{Failure, warn, wrong};
 use crate::phase::{FRAME_HZ, Frames, check_rate};
+use crate::shipped::{self, FILES};
 
 /// Frames of steady magnitudes for the rhythm: 8 s, and the edges that do not count.
 const STEADY: usize = 8 * FRAME_HZ as usize + 2 * phase::EDGE_FRAMES;
+/// Longest file that is read.
+const MAX_BYTES: u64 = 8 * npy::MAX_VALUES as u64 + (1 << 16);
 /// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
@@ -39,8 +44,9 @@ pub struct Set {
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
+    smoothest: usize,
     /// Published scores, if any.
-    pub published: Vec<Published>,
+    pub published: Published,
 }
 
 impl Vector {
@@ -109,12 +115,24 @@ impl Vector {
 }
 
 impl Set {
+    /// A set of at least one vector.
+    pub fn new(from: String, vectors: Vec<Vector>, published: Published) -> Self {
+        let all = vectors.iter().map(Vector::roughness).enumerate();
+        let smoothest = all.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i);
+        Self { from, vectors, smoothest, published }
+    }
+
+    /// The vector with the least roughness.
+    pub fn smoothest(&self) -> &Vector {
+        &self.vectors[self.smoothest]
+    }
+
     /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
     ///
     /// # Errors
     /// A mean spectrum that cannot be scored.
-    pub fn steady(&self) -> Result<Option<Vector>, Diagnostic> {
-        let Some(vector) = self.smoothest().and_then(|v| self.vectors.get(v)) else { return Ok(None) };
+    pub fn steady(&self) -> Result<Vector, Diagnostic> {
+        let vector = self.smoothest();
         let bins = vector.frames.layout().bins as usize;
         let mut powers = vec![0.0; bins];
         for frame in vector.unscaled.chunks_exact(bins) {
@@ -122,200 +140,16 @@ impl Set {
         }
         let mean = |power: f64| (power / vector.frames.count() as f64).sqrt() as f32;
         let frame: Vec<f32> = powers.into_iter().map(mean).collect();
-        Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins).map(Some)
-    }
-
-    /// Index of the vector with the least roughness.
-    pub fn smoothest(&self) -> Option<usize> {
-        let all = self.vectors.iter().map(Vector::roughness).enumerate();
-        all.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+        Vector::new("steady", vector.rate_hz, frame.repeat(STEADY), bins)
     }
 
     /// Rates of the vectors \[Hz\], each once, rising.
-    pub fn rates(&self) -> Vec<u32> {
-        let mut rates: Vec<u32> = self.vectors.iter().map(|v| v.rate_hz).collect();
-        rates.sort_unstable();
-        rates.dedup();
-        rates
+    pub fn rates(&self) -> BTreeSet<u32> {
+        self.vectors.iter().map(|v| v.rate_hz).collect()
     }
 }
 
-/// Files of one vector: magnitudes and signal.
-type Files = [Option<PathBuf>; 2];
-
-/// Reads every vector of a folder, and `sc.json` if it exists.
-///
-/// # Errors
-/// A folder that cannot be read or has no vectors; everything that is wrong with its files.
-pub fn read(dir: &Path) -> Result<Set, Failure> {
-    let files = list(dir)?;
-    if files.is_empty() {
-        return Err(wrong(dir, "there are no vectors in this folder", NAMES));
-    }
-    let index = json(&dir.join("index.json"))?;
-    let (mut vectors, mut errors) = (Vec::new(), Vec::new());
-    for (name, files) in &files {
-        match vector(name, files, index.as_ref()) {
-            Ok(vector) => vectors.push(vector),
-            Err(e) => errors.push(e),
-        }
-    }
-    if !errors.is_empty() {
-        return Err(errors.into());
-    }
-    vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
-    let path = dir.join("sc.json");
-    let published = match json(&path)? {
-        Some(scores) => read_published(&scores).map_err(|e| e.in_file(&path))?,
-        None => Vec::new(),
-    };
-    Ok(Set { from: dir.display().to_string(), vectors, published })
-}
-
-/// The files of every vector, by its name.
-fn list(dir: &Path) -> Result<BTreeMap<String, Files>, Failure> {
-    let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
-    let mut files: BTreeMap<String, Files> = BTreeMap::new();
-    for entry in std::fs::read_dir(dir).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
-        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
-        for (which, ending) in [".mag.npy", ".sig.npy"].into_iter().enumerate() {
-            if let Some(name) = file.strip_suffix(ending) {
-                files.entry(name.to_owned()).or_default()[which] = Some(path.clone());
-            }
-        }
-    }
-    Ok(files)
-}
-
-/// A JSON file, if it exists.
-fn json(path: &Path) -> Result<Option<Value>, Diagnostic> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    serde_json::from_str(Source::read(path)?.text())
-        .map(Some)
-        .map_err(|e| Diagnostic::new(format!("this is no JSON: {e}")).in_file(path))
-}
-
-fn vector(name: &str, files: &Files, index: Option<&Value>) -> Result<Vector, Diagnostic> {
-    let [magnitudes, signal] = files;
-    let Some(path) = magnitudes.as_ref().or(signal.as_ref()) else {
-        return Err(Diagnostic::new(format!("`{name}` has no file")));
-    };
-    let known = index.and_then(|i| i.get(name)?.get("fs")?.as_f64());
-    let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
-    let Some(rate) = known.or(ending).filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
-        return Err(Diagnostic::new("nothing says at which rate this vector is")
-            .in_file(path)
-            .help("end its name in the rate, as in texture_2500.mag.npy, or give it an `fs` in index.json"));
-    };
-    let array = npy::read(path)?;
-    let rate_hz = rate as u32;
-    let vector = match (magnitudes.is_some(), array.shape.as_slice()) {
-        (true, &[_, bins]) => Vector::new(name, rate_hz, array.values.into_f32(), bins),
-        (false, &[_]) => Vector::of_signal(name, rate_hz, &array.values.into_f64()),
-        (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
-    };
-    vector.map_err(|e| e.in_file(path))
-}
-
-/// Where a method's samples lie in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Delay {
-    /// Late by this time \[ms\]; early where it is negative.
-    Ms(f64),
-    /// It needs the whole signal.
-    Offline,
-    /// Not published.
-    Unknown,
-}
-
-/// Agreement of one signal with one vector.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Score {
-    /// Spectral convergence \[dB\].
-    pub convergence_db: f64,
-    /// Energy relative to that of the magnitudes \[dB\].
-    pub level_db: f64,
-    /// Root mean square error of the long-term spectrum \[dB\].
-    pub ltas_rms_db: f64,
-}
-
-impl Score {
-    /// Whether the signal is silent: its level and long-term spectrum then mean nothing.
-    pub fn is_silent(&self) -> bool {
-        self.level_db < -200.0
-    }
-}
-
-/// A published method.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Published {
-    /// Its published name.
-    pub name: String,
-    /// Its latency.
-    pub delay: Delay,
-    scores: Vec<(String, Score)>,
-}
-
-impl Published {
-    /// Its score on a vector.
-    pub fn score(&self, vector: &Vector) -> Option<Score> {
-        self.scores.iter().find(|(name, _)| *name == vector.name).map(|(_, score)| *score)
-    }
-}
-
-/// Reads `{"sc": {VECTOR: {METHOD: {"SC_dB", "gain_dB", "LTAS_rms_dB"}}},
-/// "latency_frames": {METHOD: frames or "offline"}}`.
-///
-/// # Errors
-/// Another structure.
-fn read_published(json: &Value) -> Result<Vec<Published>, Diagnostic> {
-    let fail = |what: &str| Diagnostic::new(format!("these are no published scores: {what}"));
-    let vectors = json.get("sc").and_then(Value::as_object).ok_or_else(|| fail("no object `sc`"))?;
-    let mut all: Vec<Published> = Vec::new();
-    for (vector, methods) in vectors {
-        let methods = methods.as_object().ok_or_else(|| fail(&format!("`{vector}` is no object")))?;
-        for (name, figures) in methods {
-            let number = |key: &str| {
-                let missing = || fail(&format!("`{vector}`, `{name}` has no number `{key}`"));
-                figures.get(key).and_then(Value::as_f64).ok_or_else(missing)
-            };
-            let score = Score {
-                convergence_db: number("SC_dB")?,
-                level_db: number("gain_dB")?,
-                ltas_rms_db: number("LTAS_rms_dB")?,
-            };
-            let at = all.iter().position(|p| p.name == *name).unwrap_or_else(|| {
-                all.push(Published { name: name.clone(), delay: delay(json, name), scores: Vec::new() });
-                all.len() - 1
-            });
-            all[at].scores.push((vector.clone(), score));
-        }
-    }
-    Ok(all)
-}
-
-fn delay(json: &Value, name: &str) -> Delay {
-    match json.get("latency_frames").and_then(|l| l.get(name)) {
-        Some(Value::String(word)) if word == "offline" => Delay::Offline,
-        Some(frames) => frames.as_f64().map_or(Delay::Unknown, |f| Delay::Ms(f * 1e3 / f64::from(FRAME_HZ))),
-        None => Delay::Unknown,
-    }
-}
-
-/// Rate of the built-in vectors \[Hz\].
-const RATE_HZ: u32 = 2500;
-/// Samples of their window.
-const N: usize = RATE_HZ as usize / 10;
-
-const TEXTURE: &[u8] = include_bytes!("../../../../../graphs/phase/texture_2500.sig.npy");
-const CONTACT: &[u8] = include_bytes!("../../../../../graphs/phase/contact_2500.sig.npy");
-const TAPS: &[u8] = include_bytes!("../../../../../graphs/phase/taps_2500.sig.npy");
-const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
-
-/// The built-in vectors, all at 2500 Hz, with their published scores.
+/// The built-in vectors, all at 2500 Hz, with their published scores: the files of `graphs/phase`.
 ///
 /// - `sine_off`: a sine between two bins.
 /// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
@@ -326,113 +160,115 @@ const SCORES: &str = include_str!("../../../../../graphs/phase/sc.json");
 /// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
 ///   has them.
 ///
-/// Noise and taps are files of `graphs/phase`. The rest is made by the formulas of the published files, so
-/// that their scores hold.
-///
 /// # Errors
 /// None, unless the program was built from broken files.
 pub fn built_in() -> Result<Set, Failure> {
-    let broken = |e: &dyn std::fmt::Display| Failure::Machine(format!("a built-in vector is broken: {e}"));
-    let kept = |name: &str, bytes: &[u8]| {
-        let array = npy::parse(bytes)?;
-        Vector::of_signal(name, RATE_HZ, &array.values.into_f64())
-    };
-    let made = |name: &str, seconds: f64, x: fn(f64) -> f64| {
-        let count = (seconds * f64::from(RATE_HZ)) as usize;
-        let signal: Vec<f64> = (0..count).map(|i| x(i as f64 / f64::from(RATE_HZ))).collect();
-        Vector::of_signal(name, RATE_HZ, &signal)
-    };
-    let vectors = [
-        made("sine_off_2500", 1.0, |t| (TAU * 153.7 * t + 0.3).sin()),
-        made("two25_2500", 2.0, |t| (TAU * 150.0 * t + 0.3).sin() + (TAU * 175.0 * t + 1.1).sin()),
-        made("chirp_2500", 3.0, |t| (TAU * (20.0 * t + 380.0 / 6.0 * t * t)).sin()),
-        kept("texture_2500", TEXTURE),
-        kept("contact_2500", CONTACT),
-        kept("taps_2500", TAPS),
-        smooth("nnsmooth_2500", 2.0),
-    ];
-    let vectors = vectors.into_iter().collect::<Result<_, _>>().map_err(|e| broken(&e))?;
-    let scores = serde_json::from_str(SCORES).map_err(|e| broken(&e))?;
-    let published = read_published(&scores).map_err(|e| broken(&e))?;
-    Ok(Set { from: "built in".into(), vectors, published })
+    let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
+    let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));
+    set("built in".into(), Path::new("phase"), files.collect())
 }
 
-/// Mean magnitudes of a Gaussian noise whose level wavers: the square root of pi/4 of its mean power in
-/// every bin.
-fn smooth(name: &str, seconds: f64) -> Result<Vector, Diagnostic> {
-    let spectrum = mean_magnitudes(&resonances);
-    let level = |frame: usize| {
-        let t = (frame as f64 / f64::from(FRAME_HZ)) + 0.05;
-        1.0 + 0.5 * (TAU * 0.7 * t + 0.4).sin() + 0.25 * (TAU * 2.3 * t).sin()
-    };
-    let frames = ((seconds - 0.1) * f64::from(FRAME_HZ)).round() as usize + 1;
-    let frame_energy: f64 = spectrum.iter().map(|s| s * s).sum();
-    let mean_square = (0..frames).map(|n| level(n).powi(2)).sum::<f64>() / frames as f64;
-    let norm = 2.0 / N as f64 * (mean_square * frame_energy).sqrt();
-    let magnitudes = (0..frames).flat_map(|n| spectrum.iter().map(move |s| (level(n) * s / norm) as f32));
-    Vector::new(name, RATE_HZ, magnitudes.collect(), BINS)
-}
-
-/// Mean magnitude in each bin of a Gaussian noise of this amplitude density over frequency in Hz, up to a
-/// factor.
-pub fn mean_magnitudes(density: &dyn Fn(f64) -> f64) -> Vec<f64> {
-    const STEPS_A_HZ: i32 = 2;
-    const REACH: i32 = 60 * STEPS_A_HZ;
-    let hz = |i: i32| f64::from(i) / f64::from(STEPS_A_HZ);
-    let window = |i: usize| 0.5 - 0.5 * (TAU * i as f64 / N as f64).cos();
-    // Power response of the window around a bin.
-    let response: Vec<f64> = (-REACH..=REACH)
-        .map(|d| {
-            let turn = |i: usize| TAU * hz(d) * i as f64 / f64::from(RATE_HZ);
-            let part = |f: fn(f64) -> f64| (0..N).map(|i| window(i) * f(turn(i))).sum::<f64>();
-            part(f64::cos).powi(2) + part(f64::sin).powi(2)
-        })
-        .collect();
-    let power = |bin: usize| -> f64 {
-        let centre = bin as i32 * 10 * STEPS_A_HZ;
-        let near = response.iter().zip(centre - REACH..=centre + REACH).filter(|(_, f)| *f >= 0);
-        near.map(|(r, f)| r * density(hz(f)).powi(2)).sum()
-    };
-    (0..BINS).map(|bin| (power(bin) * PI / 4.0).sqrt()).collect()
-}
-
-/// 1 in the band, falling as half a cosine to 0 at 950 Hz.
-pub fn band(hz: f64) -> f64 {
-    const EDGE_HZ: f64 = 950.0;
-    0.5 - 0.5 * (PI * ((EDGE_HZ - hz) / (0.08 * EDGE_HZ)).clamp(0.0, 1.0)).cos()
-}
-
-/// Amplitude density of the texture: resonances at 70, 190 and 420 Hz.
-fn resonances(hz: f64) -> f64 {
-    let one = |(at, width, gain): (f64, f64, f64)| gain * width / (2.0 * (hz - at)).hypot(width);
-    let sum: f64 = [(70.0, 30.0, 1.0), (190.0, 60.0, 0.7), (420.0, 140.0, 0.45)].map(one).iter().sum();
-    sum * (hz / 20.0).clamp(0.0, 1.0) * band(hz)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Against the published files, which were made by another program.
-    #[test]
-    fn built_in_vectors_match_published_files() {
-        let set = built_in().unwrap();
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase");
-        for name in ["sine_off_2500", "two25_2500", "texture_2500", "nnsmooth_2500"] {
-            let want = npy::read(format!("{folder}/{name}.mag.npy")).unwrap();
-            let have = set.vectors.iter().find(|v| v.name == name).unwrap();
-            assert_eq!(want.shape, [have.frames.count(), BINS], "{name}");
-            let want = want.values.into_f32();
-            let top = want.iter().copied().fold(0.0, f32::max);
-            let off = have.unscaled.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(off < 2e-5 * top, "{name}: {off} of {top}");
+/// Reads every vector of a folder, and `sc.json` if it exists.
+///
+/// # Errors
+/// A folder that cannot be read or has no vectors; everything that is wrong with its files.
+pub fn read(dir: &Path) -> Result<Set, Failure> {
+    let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
+    let mut files = Files::new();
+    for entry in std::fs::read_dir(dir).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        let name = path.to_string_lossy();
+        if [".mag.npy", ".sig.npy", "index.json", "sc.json"].iter().any(|end| name.ends_with(end)) {
+            let bytes = file::read(&path, MAX_BYTES)?;
+            files.insert(path, bytes.into());
         }
-        let chirp = npy::read(format!("{folder}/chirp_2500.sig.npy")).unwrap().values.into_f64();
-        let want = Vector::of_signal("chirp_2500", RATE_HZ, &chirp).unwrap().unscaled;
-        let have = &set.vectors.iter().find(|v| v.name == "chirp_2500").unwrap().unscaled;
-        let off = have.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(have.len() == want.len() && off < 1e-3, "{off}");
-        assert!(set.vectors.iter().all(|v| set.published.iter().any(|p| p.score(v).is_some())));
-        assert_eq!(set.vectors[set.smoothest().unwrap()].name, "nnsmooth_2500");
     }
+    set(dir.display().to_string(), dir, files)
+}
+
+/// Content of files.
+type Files = BTreeMap<PathBuf, Cow<'static, [u8]>>;
+
+fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
+    let mut named: BTreeMap<&str, &Path> = BTreeMap::new();
+    for path in files.keys() {
+        let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
+        if let Some(name) = file.strip_suffix(".mag.npy") {
+            named.insert(name, path);
+        } else if let Some(name) = file.strip_suffix(".sig.npy") {
+            named.entry(name).or_insert(path);
+        }
+    }
+    if named.is_empty() {
+        return Err(wrong(dir, "there are no vectors in this folder", NAMES));
+    }
+    let index: Value = json(&files, &dir.join("index.json"))?;
+    let (mut vectors, mut errors) = (Vec::new(), Vec::new());
+    for (name, path) in named {
+        match vector(name, path, &files[path], &index) {
+            Ok(vector) => vectors.push(vector),
+            Err(e) => errors.push(e.in_file(path)),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(errors.into());
+    }
+    vectors.sort_by(|a, b| (a.rate_hz, &a.name).cmp(&(b.rate_hz, &b.name)));
+    Ok(Set::new(from, vectors, json(&files, &dir.join("sc.json"))?))
+}
+
+/// A JSON file, if it exists.
+fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, Diagnostic> {
+    let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
+    files.get(path).map_or(Ok(T::default()), |bytes| serde_json::from_slice(bytes).map_err(fail))
+}
+
+fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector, Diagnostic> {
+    let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
+    let rate = index[name]["fs"].as_f64().or(ending);
+    let Some(rate) = rate.filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
+        return Err(Diagnostic::new("nothing says at which rate this vector is")
+            .help("end its name in the rate, as in texture_2500.mag.npy, or give it an `fs` in index.json"));
+    };
+    let array = npy::parse(bytes)?;
+    let magnitudes = path.to_string_lossy().ends_with(".mag.npy");
+    match (magnitudes, array.shape.as_slice()) {
+        (true, &[_, bins]) => Vector::new(name, rate as u32, array.values.into_f32(), bins),
+        (false, &[_]) => Vector::of_signal(name, rate as u32, &array.values.into_f64()),
+        (_, shape) => Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit")).help(NAMES)),
+    }
+}
+
+/// Agreement of one signal with one vector.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Spectral convergence.
+    #[serde(rename(deserialize = "SC_dB"))]
+    pub convergence_db: f64,
+    /// Energy relative to that of the magnitudes.
+    #[serde(rename(deserialize = "gain_dB"))]
+    pub level_db: f64,
+    /// Root mean square error of the long-term spectrum.
+    #[serde(rename(deserialize = "LTAS_rms_dB"))]
+    pub ltas_rms_db: f64,
+    /// How often the node failed.
+    #[serde(default)]
+    pub faults: u64,
+}
+
+impl Score {
+    /// `None` for silence: its level and long-term spectrum mean nothing.
+    pub fn heard(self) -> Option<Self> {
+        (self.level_db >= -200.0).then_some(self)
+    }
+}
+
+/// Published scores.
+#[derive(Default, Deserialize)]
+pub struct Published {
+    /// Scores by the name of the vector, then of the method.
+    pub sc: BTreeMap<String, BTreeMap<String, Score>>,
+    /// Latencies by the name of the method: a number of frames, or "offline".
+    #[serde(default)]
+    pub latency_frames: BTreeMap<String, Value>,
 }

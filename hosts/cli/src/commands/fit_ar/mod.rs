@@ -133,22 +133,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         texture: (*texture).clone(),
     };
     let text = file.to_ron().map_err(fail)?;
-    let mut report = Report {
-        args,
-        recorded: &recorded,
-        texture: &texture,
-        fitted: &fitted,
-        compared: &compared,
-        written: Vec::new(),
-    };
     let all = &compared.all;
     let far_off = |band: &&Band| band.off_db().abs() > FAR_OFF_DB.max(CHANCES * band.chance_db(all.seconds));
     if let Some(worst) = all.worst().filter(far_off) {
-        warn(&format!(
-            "the band at {:.0} Hz is rendered {:+.1} dB off the recording",
-            worst.centre_hz,
-            worst.off_db()
-        ));
+        let (hz, off) = (worst.centre_hz, worst.off_db());
+        warn(&format!("the band at {hz:.0} Hz is rendered {off:+.1} dB off the recording"));
     }
     let whole_s = recorded.force_n.len() as f64 / recorded.rate_hz;
     if seconds < LITTLE * whole_s {
@@ -156,6 +145,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             "only {seconds:.1} s of {whole_s:.1} s are used; the report says what is dropped, and why"
         ));
     }
+    let (recorded, texture, fitted) = (&recorded, &texture, &fitted);
+    let mut report = Report { args, recorded, texture, fitted, compared: &compared, written: Vec::new() };
     let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
     print(&if args.json { report.json() } else { report.text() })?;
@@ -167,18 +158,14 @@ fn check(args: &Args) -> Result<(), Failure> {
     let (out, recording) = (resolved(&args.out), resolved(&args.recording));
     let names = resolved(&recordings::channels_file(&args.recording));
     let own = "give the texture a name of its own";
-    if out == recording {
-        return Err(wrong("--out", "the recording is read, and would be overwritten", own));
-    }
-    if out == names {
-        return Err(wrong("--out", "this is where the channels of a WAV file are named", own));
+    if out == recording || out == names {
+        return Err(wrong("--out", "this file is read, and would be overwritten", own));
     }
     if ending(&args.out) != "ron" {
         let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
         return Err(wrong("--out", what, "a texture's name ends in .ron"));
     }
-    let plot = args.plot.as_deref().map(resolved);
-    if plot.as_ref().is_some_and(|plot| [&out, &recording, &names].contains(&plot)) {
+    if args.plot.as_deref().map(resolved).is_some_and(|plot| [out, recording, names].contains(&plot)) {
         let help = "give the picture a name of its own";
         return Err(wrong("--plot", "this file is read, or is the texture", help));
     }
@@ -209,12 +196,13 @@ fn settings(args: &Args) -> Settings {
 /// Reads the recording, by the ending of its name.
 fn read(args: &Args) -> Result<Recorded, Failure> {
     let path = &args.recording;
-    let array = ending(path) == "npy";
+    let is_array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
-        if array {
+        if is_array {
+            let what = "nothing says what the columns of this array are";
             return Err(wrong(
                 path,
-                "nothing says what the columns of this array are",
+                what,
                 "--columns force_n,speed_mm_s,ax_m_s2 --rate-hz 1000, for example",
             ));
         }
@@ -224,23 +212,18 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
             _ => e,
         })?);
     };
-    if !array {
+    if !is_array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
         return Err(wrong("--columns", what, "for a .npy array only"));
     }
-    let array = npy::read(path)?;
-    let count = args.columns.len();
+    let (array, count) = (npy::read(path)?, args.columns.len());
     let [_, columns] = array.shape[..] else {
-        return Err(Diagnostic::new("an array of one dimension, where a row of several columns is a sample")
-            .in_file(path)
-            .into());
+        let what = "an array of one dimension, where a row of several columns is a sample";
+        return Err(Diagnostic::new(what).in_file(path).into());
     };
     if columns != count {
-        return Err(wrong(
-            path,
-            format!("{columns} columns, and {count} are named"),
-            "--columns names all, those to be left out as `none`",
-        ));
+        let what = format!("{columns} columns, and {count} are named");
+        return Err(wrong(path, what, "--columns names all, those to be left out as `none`"));
     }
     let values = array.values.into_f64();
     let of = |(i, name)| (name, values.iter().skip(i).step_by(count).copied().collect());

@@ -1,15 +1,15 @@
 //! Response lag of a graph after a step of speed.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::low_pass::opened_hz;
-use asperity_graph::{GraphFile, Schedule, ScheduledNode};
-use asperity_node::{Latency, Registry, Role};
+use asperity_graph::{Schedule, ScheduledNode};
+use asperity_node::{Latency, Role};
 use asperity_tradeoff::Response;
 
 use super::Args;
-use crate::failure::{Failure, complain};
+use crate::failure::{Failure, complain, wrong};
 use crate::load;
 
 /// Steps of speed: more make the level of a random texture more certain.
@@ -36,83 +36,59 @@ pub struct Ready {
 /// Prepares every graph, so that errors come before any measurement. A setting changes only the graphs that
 /// have its parameter; a note names the others. If no graph has it, that is an error.
 pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
-    let drafts = args.graphs.iter().map(|path| Draft::read(path, args));
-    let drafts: Vec<Draft> = drafts.collect::<Result<_, _>>()?;
-    let mut sets = vec![Vec::new(); drafts.len()];
+    let mut drafts = Vec::new();
+    for path in &args.graphs {
+        drafts.push((path, load::offline(path, &args.plugins)?));
+    }
     for assignment in &args.set {
-        let has: Vec<bool> = drafts.iter().map(|draft| draft.has(assignment)).collect();
+        let has: Vec<bool> = drafts.iter().map(|(_, draft)| has(draft, assignment)).collect();
         let nowhere = !has.contains(&true);
-        for (sets, _) in sets.iter_mut().zip(&has).filter(|(_, has)| nowhere || **has) {
-            sets.push(assignment.as_str());
-        }
-        let others = drafts.iter().zip(&has).filter(|(_, has)| !**has && !nowhere);
-        for (draft, _) in others {
-            complain(&format!(
-                "note: {} has no such parameter and is measured without --set {assignment}\n",
-                draft.path.display()
-            ));
+        for ((path, draft), has) in drafts.iter_mut().zip(has) {
+            if has || nowhere {
+                draft.graph.set(assignment, "--set")?;
+            } else {
+                let path = path.display();
+                complain(&format!(
+                    "note: {path} has no such parameter and is measured without --set {assignment}\n"
+                ));
+            }
         }
     }
-    let ready = |(draft, sets): (Draft, Vec<&str>)| -> Result<Ready, Failure> {
-        let path = draft.path.clone();
-        let response = draft.response(&sets)?;
+    let ready = |(path, draft): (&PathBuf, load::Offline)| {
+        let response = Response::new(&draft.graph, &draft.registry)?;
         let nothing = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
-        let (end, _) = response.output().ok_or_else(|| Diagnostic::new(nothing).in_file(&path))?;
-        Ok(Ready { path, response, end })
+        let (end, _) = response.output().ok_or_else(|| Diagnostic::new(nothing).in_file(path))?;
+        Ok(Ready { path: path.clone(), response, end })
     };
-    drafts.into_iter().zip(sets).map(ready).collect()
+    drafts.into_iter().map(ready).collect()
+}
+
+/// Whether a graph has the parameter of an assignment. Every graph has the graph's own settings, such as
+/// `seed`.
+fn has(draft: &load::Offline, assignment: &str) -> bool {
+    let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
+    let Some((id, name)) = target.trim().split_once('.') else { return true };
+    let kind = draft.graph.node(id).and_then(|node| draft.registry.get(&node.kind));
+    kind.is_some_and(|kind| name == "every" || kind.descriptor().params.iter().any(|p| p.name == name))
 }
 
 /// Runs a graph offline over strokes whose speed steps.
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     let Ready { path, response, end } = ready;
     let schedule = response.schedule().clone();
-    let of_scene = schedule.with_role(Role::Contact).next().is_some();
-    let lag_ms = response.lag_ms(STEPS).ok_or_else(|| {
-        Failure::from(
-            Diagnostic::new("the level does not rise with speed, so no answer to a step of it can be seen")
-                .in_file(&path)
-                .help(if of_scene {
-                    "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface a `plane`, or \
-                     a rectangle of that length, of a material whose level follows speed"
-                } else {
-                    "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\""
-                }),
-        )
-    })?;
+    let Some(lag_ms) = response.lag_ms(STEPS) else {
+        let what = "the level does not rise with speed, so no answer to a step of it can be seen";
+        let help = match schedule.with_role(Role::Contact).next() {
+            Some(_) => {
+                "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface a `plane`, or \
+                 a rectangle of that length, of a material whose level follows speed"
+            }
+            None => "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
+        };
+        return Err(wrong(path, what, help));
+    };
     let items = items(&schedule, end, lag_ms[1]);
     Ok(Chain { graph: path.display().to_string(), lag_ms, items })
-}
-
-/// A graph, and the kinds that it may use.
-struct Draft {
-    path: PathBuf,
-    graph: GraphFile,
-    registry: Registry,
-}
-
-impl Draft {
-    fn read(path: &Path, args: &Args) -> Result<Self, Failure> {
-        let load::Offline { graph, registry, .. } = load::offline(path, &args.plugins)?;
-        Ok(Self { path: path.to_owned(), graph, registry })
-    }
-
-    /// Whether it has the parameter of an assignment. Every graph has the graph's own settings, such as
-    /// `seed`.
-    fn has(&self, assignment: &str) -> bool {
-        let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
-        let Some((id, name)) = target.trim().split_once('.') else { return true };
-        let kind = self.graph.node(id).and_then(|node| self.registry.get(&node.kind));
-        kind.is_some_and(|kind| name == "every" || kind.descriptor().params.iter().any(|p| p.name == name))
-    }
-
-    /// Compiles it with the settings, for measurement.
-    fn response(mut self, sets: &[&str]) -> Result<Response, Failure> {
-        for assignment in sets {
-            self.graph.set(assignment, "--set")?;
-        }
-        Ok(Response::new(&self.graph, &self.registry)?)
-    }
 }
 
 /// Known parts of the lag up to a node, and the rest. Of parallel paths the slowest counts.

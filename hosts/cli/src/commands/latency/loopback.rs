@@ -12,7 +12,7 @@ use asperity_live::{DeviceQueues, Listener, Sample, SampleWriter, now_ns, sample
 
 use super::Args;
 use crate::card::{TICK_HZ, Watching, graph, output_nodes, play};
-use crate::failure::Failure;
+use crate::failure::{Failure, warn};
 
 /// Interval of a hand's samples.
 const HAND: Duration = Duration::from_millis(1);
@@ -34,13 +34,14 @@ pub struct Loopback {
     pub clock: String,
     /// Frames of a callback.
     pub period_frames: u32,
-    /// Length of a tick \[ms\].
-    pub tick_ms: f64,
     /// Declared items, each in words and \[ms\].
     pub items: Vec<(String, f64)>,
     /// Latency of each trial \[ms\].
     pub measured_ms: Vec<f64>,
 }
+
+/// Length of a tick \[ms\].
+pub const TICK_MS: f64 = 1e3 / TICK_HZ;
 
 impl Loopback {
     /// Sum of the declared items.
@@ -48,26 +49,22 @@ impl Loopback {
         self.items.iter().map(|(_, ms)| ms).sum()
     }
 
-    /// Median of the trials.
-    pub fn median_ms(&self) -> f64 {
+    /// Shortest trial, median and longest trial.
+    pub fn range_ms(&self) -> [f64; 3] {
         let mut sorted = self.measured_ms.clone();
         sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+        let last = sorted.len().saturating_sub(1);
+        [0, sorted.len() / 2, last].map(|i| sorted.get(i).copied().unwrap_or(f64::NAN))
     }
 
-    /// Shortest trial.
-    pub fn least_ms(&self) -> f64 {
-        self.measured_ms.iter().copied().fold(f64::NAN, f64::min)
-    }
-
-    /// Longest trial.
-    pub fn most_ms(&self) -> f64 {
-        self.measured_ms.iter().copied().fold(f64::NAN, f64::max)
+    /// Median less the sum.
+    pub fn off_ms(&self) -> f64 {
+        self.range_ms()[1] - self.declared_ms()
     }
 
     /// Whether the median and the sum agree within a tick.
     pub fn agrees(&self) -> bool {
-        (self.median_ms() - self.declared_ms()).abs() <= self.tick_ms
+        self.off_ms().abs() <= TICK_MS
     }
 }
 
@@ -94,9 +91,14 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let hand = Hand::start(writer);
     let mut trials = Trials::new(args.trials, args.level);
     let mut last = View::default();
+    let (channel, wanted) = (args.input_channel, args.trials);
     let mut view = |view: &View, listener: &Listener| {
         if last.device.is_empty() && view.device.ends_with("(jack)") {
-            crate::failure::warn(&ports(args));
+            let (id, out, into) = (std::process::id(), args.output.channel() - 1, channel - 1);
+            warn(&format!(
+                "JACK leads clicks back only where ports are joined, here or behind a card: \
+                 jack_connect cpal_client_{id}_out:out_{out} cpal_client_{id}_in:in_{into}"
+            ));
         }
         if !view.clock.is_empty() && view.seconds > SETTLE_S {
             trials.step(&hand, listener, view);
@@ -107,27 +109,23 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let watching = Watching { view: &mut view, recorded: &mut |_, _, _| {} };
     let card = args.output.recording_from(args.input_device.as_deref());
     // Long enough for every trial; it ends when they are over.
-    let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + args.trials)) * TICK_HZ) as u64;
+    let ticks = ((SETTLE_S + 3.0 * f64::from(SILENT + wanted)) * TICK_HZ) as u64;
     let played = play(made, &card, START_S, queues, ticks, watching);
     drop(hand);
     let (ended, whole) = played?;
+    let heard = trials.measured_ms.len();
     if !whole && !trials.over() {
-        let heard = trials.measured_ms.len();
-        return Err(Failure::Machine(format!("stopped after {heard} of {} clicks", args.trials)));
+        return Err(Failure::Machine(format!("stopped after {heard} of {wanted} clicks")));
     }
-    if trials.measured_ms.len() < args.trials as usize / 2 + 1 {
-        let heard = trials.measured_ms.len();
-        let of = if heard == 0 {
-            "no click was".to_owned()
-        } else {
-            format!("only {heard} of {} clicks were", args.trials)
+    if heard < wanted as usize / 2 + 1 {
+        let of = match heard {
+            0 => "no click was".to_owned(),
+            _ => format!("only {heard} of {wanted} clicks were"),
         };
         return Err(Failure::Machine(format!(
-            "{of} heard at input channel {}: join the output to it, and see --level and --amps",
-            args.input_channel
+            "{of} heard at input channel {channel}: join the output to it, and see --level and --amps"
         )));
     }
-    let tick_ms = 1e3 / TICK_HZ;
     let mut items = trials.items();
     if args.inside {
         // A loopback inside a server goes through no card.
@@ -135,64 +133,52 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     } else if let Some(ms) = args.input_latency_ms {
         items.push(("input: from sound to callback, as given".to_owned(), ms));
     }
-    Ok(Loopback {
-        device: ended.view.device.clone(),
-        clock: ended.view.clock.clone(),
-        period_frames: last.period_frames,
-        tick_ms,
-        items,
-        measured_ms: trials.measured_ms,
-    })
-}
-
-/// Says how to connect the ends of a loopback on JACK.
-fn ports(args: &Args) -> String {
-    let (id, out, into) = (std::process::id(), args.output.channel() - 1, args.input_channel - 1);
-    format!(
-        "JACK leads clicks back only where ports are joined, here or behind a card: \
-         jack_connect cpal_client_{id}_out:out_{out} cpal_client_{id}_in:in_{into}"
-    )
+    let (device, clock) = (ended.view.device.clone(), ended.view.clock.clone());
+    let (period_frames, measured_ms) = (last.period_frames, trials.measured_ms);
+    Ok(Loopback { device, clock, period_frames, items, measured_ms })
 }
 
 /// A simulated hand that touches on command.
 struct Hand {
-    down: Arc<AtomicBool>,
-    /// When it last touched.
-    touched_ns: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
+    shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Default)]
+struct Shared {
+    down: AtomicBool,
+    /// When it last touched.
+    touched_ns: AtomicU64,
+    stop: AtomicBool,
 }
 
 impl Hand {
     fn start(mut writer: SampleWriter) -> Self {
-        let (down, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-        let touched_ns = Arc::new(AtomicU64::new(0));
-        let (is_down, stopped, touched) = (down.clone(), stop.clone(), touched_ns.clone());
+        let shared = Arc::new(Shared::default());
+        let hand = shared.clone();
         let thread = std::thread::spawn(move || {
             let (mut was, mut stroke) = (false, 0);
-            while !stopped.load(Relaxed) {
-                let now = is_down.load(Acquire);
+            while !hand.stop.load(Relaxed) {
+                let now = hand.down.load(Acquire);
                 let time_ns = now_ns();
-                if now != was {
-                    // A new stroke: nothing is interpolated between air and touch.
-                    stroke += 1;
-                    was = now;
-                    if now {
-                        touched.store(time_ns, Release);
-                    }
+                if now && !was {
+                    hand.touched_ns.store(time_ns, Release);
                 }
+                // A new stroke: nothing is interpolated between air and touch.
+                stroke += u32::from(now != was);
+                was = now;
                 let force = f64::from(u8::from(now));
                 writer.send(Sample { time_ns, arrived_ns: now_ns(), force, stroke, ..Sample::default() });
                 std::thread::sleep(HAND);
             }
         });
-        Self { down, touched_ns, stop, thread: Some(thread) }
+        Self { shared, thread: Some(thread) }
     }
 }
 
 impl Drop for Hand {
     fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
+        self.shared.stop.store(true, Relaxed);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -218,18 +204,9 @@ struct Trials {
 
 impl Trials {
     fn new(wanted: u32, level: f64) -> Self {
-        let since = Instant::now();
-        Self {
-            wanted,
-            level: level as f32,
-            measured_ms: Vec::new(),
-            declared: Vec::new(),
-            missed: 0,
-            silent: 0,
-            since,
-            down: false,
-            phase: 0,
-        }
+        let (measured_ms, declared) = (Vec::new(), Vec::new());
+        let (level, since) = (level as f32, Instant::now());
+        Self { wanted, level, measured_ms, declared, missed: 0, silent: 0, since, down: false, phase: 0 }
     }
 
     fn over(&self) -> bool {
@@ -242,7 +219,7 @@ impl Trials {
         let wait = Duration::from_micros(120_000 + u64::from(self.phase.wrapping_mul(1236) % 2000));
         if !self.down && self.since.elapsed() >= wait {
             listener.listen(self.level);
-            hand.down.store(true, Release);
+            hand.shared.down.store(true, Release);
             (self.down, self.since, self.phase) = (true, Instant::now(), self.phase + 1);
         } else if self.down {
             let heard = listener.heard_ns();
@@ -251,14 +228,14 @@ impl Trials {
             }
             match heard {
                 Some(ns) => {
-                    let touched = hand.touched_ns.load(Acquire);
+                    let touched = hand.shared.touched_ns.load(Acquire);
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
                     self.declared.push(view.latency_ms.clone());
                 }
                 None if self.measured_ms.is_empty() => self.silent += 1,
                 None => self.missed += 1,
             }
-            hand.down.store(false, Release);
+            hand.shared.down.store(false, Release);
             (self.down, self.since) = (false, Instant::now());
         }
     }

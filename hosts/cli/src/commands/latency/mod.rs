@@ -7,7 +7,6 @@
 mod chain;
 mod loopback;
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -19,7 +18,7 @@ use crate::failure::{Failure, print, wrong};
 use crate::load::PluginArgs;
 use crate::number::{channel, number, whole};
 use chain::Chain;
-use loopback::Loopback;
+use loopback::{Loopback, TICK_MS};
 
 /// Report the response lag of graphs, and measure the latency of a device over a loopback from output to
 /// input
@@ -102,51 +101,37 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
     let mut out = String::new();
+    let items = |items: &[(String, f64)]| -> String {
+        items.iter().map(|(what, ms)| format!("  {ms:8.2} ms  {what}\n")).collect()
+    };
     if let Some(a) = around {
-        let _ = writeln!(
-            out,
-            "from a hand to the output, on {}, {} clock, {} frames",
-            a.device, a.clock, a.period_frames
-        );
-        for (what, ms) in &a.items {
-            let _ = writeln!(out, "  {ms:8.2} ms  {what}");
-        }
-        let _ = writeln!(out, "  {:8.2} ms  declared in all", a.declared_ms());
-        let _ = writeln!(
-            out,
-            "  {:8.2} ms  measured over the loopback: median of {}, from {:.2} to {:.2} ms",
-            a.median_ms(),
-            a.measured_ms.len(),
-            a.least_ms(),
-            a.most_ms()
-        );
+        let (device, clock, frames) = (&a.device, &a.clock, a.period_frames);
+        let [least, median, most] = a.range_ms();
         let verdict = if a.agrees() { "they agree within a tick" } else { "THEY DO NOT AGREE within a tick" };
-        let _ = writeln!(
-            out,
-            "  {:8.2} ms  between them: {verdict} ({:.2} ms)\n",
-            a.median_ms() - a.declared_ms(),
-            a.tick_ms
+        out += &format!("from a hand to the output, on {device}, {clock} clock, {frames} frames\n");
+        out += &items(&a.items);
+        out += &format!(
+            "  {:8.2} ms  declared in all\n  \
+             {median:8.2} ms  measured over the loopback: median of {}, from {least:.2} to {most:.2} ms\n  \
+             {:8.2} ms  between them: {verdict} ({TICK_MS:.2} ms)\n\n",
+            a.declared_ms(),
+            a.measured_ms.len(),
+            a.off_ms()
         );
     }
-    if !chains.is_empty() {
-        let _ = writeln!(
-            out,
-            "answer to a step of speed, of the acceleration that goes to the actuator's inverse"
-        );
-        let width = chains.iter().map(|c| c.graph.chars().count()).max().unwrap_or(0).max(5);
-        let total = if around.is_some() { "   50 % with the above" } else { "" };
-        let _ = writeln!(out, "  {:width$}      10 %      50 %      90 %{total}", "graph");
-        for c in chains {
-            let [a, b, d] = c.lag_ms;
-            let total = around.map_or(String::new(), |a| format!("   {:8.1} ms", a.declared_ms() + b));
-            let _ = writeln!(out, "  {:width$}  {a:5.1} ms  {b:5.1} ms  {d:5.1} ms{total}", c.graph);
-        }
-        for c in chains {
-            let _ = writeln!(out, "\nof these {:.1} ms, in {}", c.lag_ms[1], c.graph);
-            for (what, ms) in &c.items {
-                let _ = writeln!(out, "  {ms:8.2} ms  {what}");
-            }
-        }
+    if chains.is_empty() {
+        return out;
+    }
+    let width = chains.iter().map(|c| c.graph.chars().count()).max().unwrap_or(0).max(5);
+    let total = if around.is_some() { "   50 % with the above" } else { "" };
+    out += "answer to a step of speed, of the acceleration that goes to the actuator's inverse\n";
+    out += &format!("  {:width$}      10 %      50 %      90 %{total}\n", "graph");
+    for Chain { graph, lag_ms: [a, b, c], .. } in chains {
+        let total = around.map_or(String::new(), |a| format!("   {:8.1} ms", a.declared_ms() + b));
+        out += &format!("  {graph:width$}  {a:5.1} ms  {b:5.1} ms  {c:5.1} ms{total}\n");
+    }
+    for c in chains {
+        out += &format!("\nof these {:.1} ms, in {}\n{}", c.lag_ms[1], c.graph, items(&c.items));
     }
     out
 }
@@ -161,9 +146,9 @@ fn as_json(chains: &[Chain], around: Option<&Loopback>) -> Value {
         .collect();
     let around = around.map(|a| {
         json!({
-            "device": a.device, "clock": a.clock, "period_frames": a.period_frames, "tick_ms": a.tick_ms,
+            "device": a.device, "clock": a.clock, "period_frames": a.period_frames, "tick_ms": TICK_MS,
             "items": items(&a.items), "declared_ms": a.declared_ms(), "measured_ms": a.measured_ms,
-            "median_ms": a.median_ms(), "agrees": a.agrees(),
+            "median_ms": a.range_ms()[1], "agrees": a.agrees(),
         })
     });
     json!({ "graphs": chains, "around": around })

@@ -12,13 +12,12 @@ use std::time::{Duration, Instant};
 
 use asperity_checks::node_cases;
 use asperity_diagnostics::{Diagnostic, one_of};
-use serde_json::Value;
+use serde_json::json;
 
-use super::child::TIME;
-use super::report::{Report, Row};
+use super::child::{Loaded, Message, Row, TIME};
 use super::surroundings::SURROUNDINGS;
 use super::{Cases, CheckPlugin};
-use crate::failure::Failure;
+use crate::failure::{Failure, print};
 
 /// Name of the case that compares with another process.
 const OTHER_PROCESS: &str = "other_process";
@@ -26,51 +25,32 @@ const OTHER_PROCESS: &str = "other_process";
 const DETERMINISM: &str = "determinism";
 /// Time between the two, so that outputs that follow from the time of day differ.
 const APART: Duration = Duration::from_millis(1100);
-
-/// Runs the command.
-pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
-    let names: Vec<&str> =
-        node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]).collect();
-    if let Some(unknown) = args.cases.case.iter().find(|c| !names.contains(&c.as_str())) {
-        let help = one_of(unknown, names.iter().copied());
-        return Err(Diagnostic::new(format!("there is no case `{unknown}`")).help(help).into());
-    }
-    let list = std::env::var_os(asperity_loader::PATH_VARIABLE);
-    let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
-    let mut checker = Checker {
-        cases: Cases { plugin: path.display().to_string(), ..args.cases.clone() },
-        trial: Trial { path, patience: Duration::from_secs(args.patience.max(1)), in_all: None },
-        report: Report::new(args.json),
-    };
-    let begun = Instant::now();
-    let asked = |case: &str| args.cases.case.is_empty() || args.cases.case.iter().any(|c| c == case);
-    if args.cases.case.is_empty() || args.cases.case.iter().any(|c| c != OTHER_PROCESS) {
-        checker.run_all()?;
-    }
-    if asked(OTHER_PROCESS) {
-        checker.compare(begun)?;
-    }
-    checker.report.finish(&checker.trial.path, args.cases.ticks)
-}
-
-/// Runs a plugin's file in another process.
-struct Trial {
-    path: PathBuf,
-    patience: Duration,
-    /// Time limit of all cases together.
-    in_all: Option<Duration>,
-}
-
-struct Checker {
-    cases: Cases,
-    trial: Trial,
-    report: Report,
-}
-
 /// Cases that call all functions that a graph calls first.
 const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
+
+/// Runs the command.
+pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
+    let asked = &args.cases.case;
+    let names = || node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]);
+    if let Some(unknown) = asked.iter().find(|asked| names().all(|name| name != *asked)) {
+        let help = one_of(unknown, names());
+        return Err(Diagnostic::new(format!("there is no case `{unknown}`")).help(help).into());
+    }
+    let list = std::env::var_os(asperity_loader::PATH_VARIABLE);
+    let path = asperity_loader::find(&args.cases.plugin, "".as_ref(), list)?;
+    let trial = Trial { path, patience: Duration::from_secs(args.patience.max(1)), in_all: None };
+    let mut checker = Checker { cases: &args.cases, trial, json: args.json, plugin: None, rows: Vec::new() };
+    let begun = Instant::now();
+    if asked.is_empty() || asked.iter().any(|case| case != OTHER_PROCESS) {
+        checker.run_all()?;
+    }
+    if asked.is_empty() || asked.iter().any(|case| case == OTHER_PROCESS) {
+        checker.compare(begun)?;
+    }
+    checker.finish()
+}
 
 /// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
 /// leave the process as it was. Other failures do not matter here.
@@ -78,48 +58,165 @@ const TRIAL: Duration = Duration::from_secs(5);
 /// # Errors
 /// The way in which the process ended or changed.
 pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
-    let cases = Cases {
-        plugin: copy.display().to_string(),
-        kind: None,
-        case: FIRST.map(str::to_owned).to_vec(),
-        set: Vec::new(),
-        ticks: 500,
-    };
-    let refuse = |what: String| Diagnostic::new(what).in_file(path);
+    let case = FIRST.map(str::to_owned).to_vec();
+    let cases = Cases { plugin: String::new(), kind: None, case, set: Vec::new(), ticks: 500 };
     let trial = Trial { path: copy.to_owned(), patience: TRIAL, in_all: Some(2 * TRIAL) };
     let mut disturbed = None;
-    let mut each = |said| {
-        if let Said::Row(row) = said
+    let ended = trial.process(&cases, 0, &mut |said| {
+        if let Message::End(row) = said
             && row.case == SURROUNDINGS
             && row.verdict == "fail"
         {
             disturbed = Some(row.found);
         }
         Ok(())
-    };
-    match (trial.process(&cases, 0, &mut each), disturbed) {
-        (Ok(Ended::Done), Some(found)) => Err(refuse(format!(
-            "tried in another process, this plugin does not leave the process as it was: {found}"
-        ))
-        .help("`asperity plugin check` says more")),
-        (Ok(Ended::Done), None) => Ok(()),
-        (Ok(Ended::Broke { row, how, .. }), _) => {
-            let during = row.map_or(String::new(), |(kind, case)| format!(" in case `{case}` of `{kind}`"));
-            Err(refuse(format!("tried in another process, this plugin {how}{during}"))
-                .help("`asperity plugin check` says more"))
+    });
+    let did = match (ended, disturbed) {
+        (Ok(Ended::Done), None) => return Ok(()),
+        (Ok(Ended::Done), Some(found)) => format!("does not leave the process as it was: {found}"),
+        (Ok(Ended::Broke { row: Some((kind, case)), how, .. }), _) => {
+            format!("{how} in case `{case}` of `{kind}`")
         }
+        (Ok(Ended::Broke { how, .. }), _) => how,
         // The loader reports a plugin that does not load.
-        (Err(Failure::Input(_)), _) => Ok(()),
-        (Err(Failure::Machine(what)), _) => Err(refuse(what)),
+        (Err(Failure::Input(_)), _) => return Ok(()),
+        (Err(Failure::Machine(what)), _) => return Err(Diagnostic::new(what).in_file(path)),
+    };
+    let what = format!("tried in another process, this plugin {did}");
+    Err(Diagnostic::new(what).in_file(path).help("`asperity plugin check` says more"))
+}
+
+/// Runs cases, and prints a table row by row, or JSON at the end.
+struct Checker<'a> {
+    cases: &'a Cases,
+    trial: Trial,
+    json: bool,
+    plugin: Option<Loaded>,
+    rows: Vec<Row>,
+}
+
+impl Checker<'_> {
+    /// Runs all cases. After a crash it goes on with the next case.
+    fn run_all(&mut self) -> Result<(), Failure> {
+        let mut done = 0;
+        loop {
+            let mut rows = Vec::new();
+            let ended = self.process(self.cases, done, &mut rows, true)?;
+            done += rows.len();
+            match ended {
+                Ended::Done => return Ok(()),
+                Ended::Broke { row: Some((kind, case)), doing, how } => {
+                    let during = if doing.is_empty() { doing } else { format!(", at: {doing}") };
+                    let found = format!("{how} in case `{case}`{during}");
+                    self.row(Row::new(&kind, &case, "fail", found))?;
+                    done += 1;
+                }
+                Ended::Broke { row: None, how, .. } => {
+                    let when = if self.plugin.is_some() { "exit" } else { "load" };
+                    return self.row(Row::new("", when, "fail", format!("{how} outside of any case")));
+                }
+            }
+        }
+    }
+
+    /// Runs a process to its end and collects its rows; `shown` ones are results of the check.
+    fn process(
+        &mut self,
+        cases: &Cases,
+        skip: usize,
+        rows: &mut Vec<Row>,
+        shown: bool,
+    ) -> Result<Ended, Failure> {
+        let trial = self.trial.clone();
+        trial.process(cases, skip, &mut |said| match said {
+            Message::Loaded(plugin) => self.open(plugin),
+            Message::End(row) => {
+                rows.push(row.clone());
+                if shown { self.row(row) } else { Ok(()) }
+            }
+            _ => Ok(()),
+        })
+    }
+
+    /// Runs the case of determinism in another process, or in two if it has not run yet, and compares.
+    fn compare(&mut self, begun: Instant) -> Result<(), Failure> {
+        let cases = Cases { case: vec![DETERMINISM.to_owned()], ..self.cases.clone() };
+        let mut before: Vec<Row> = self.rows.iter().filter(|r| r.case == DETERMINISM).cloned().collect();
+        let since = if before.is_empty() {
+            self.process(&cases, 0, &mut before, false)?;
+            Instant::now()
+        } else {
+            begun
+        };
+        before.retain(|row| row.verdict == "pass");
+        if before.is_empty() {
+            return Ok(());
+        }
+        std::thread::sleep(APART.saturating_sub(since.elapsed()));
+        let mut again = Vec::new();
+        self.process(&cases, 0, &mut again, false)?;
+        for row in before {
+            let same = again.iter().any(|other| other.kind == row.kind && other.found == row.found);
+            let (verdict, found) = match same {
+                true => ("pass", "the same"),
+                false => ("fail", "another process puts out something else for the same input"),
+            };
+            self.row(Row::new(&row.kind, OTHER_PROCESS, verdict, found.to_owned()))?;
+        }
+        Ok(())
+    }
+
+    /// Prints the heading when the plugin is first loaded.
+    fn open(&mut self, plugin: Loaded) -> Result<(), Failure> {
+        if self.plugin.is_some() {
+            return Ok(());
+        }
+        let heading = format!("{} {}\n\n", plugin.name, plugin.version);
+        self.plugin = Some(plugin);
+        let line = self.line("kind", "case", "verdict", "found");
+        if self.json { Ok(()) } else { print(&(heading + &line)) }
+    }
+
+    fn line(&self, kind: &str, case: &str, verdict: &str, found: &str) -> String {
+        let kinds = self.plugin.iter().flat_map(|p| &p.kinds).map(String::len).max().unwrap_or(0).max(4);
+        let cases = node_cases().iter().map(|c| c.name.len()).max().unwrap_or(0);
+        let text = format!("{kind:kinds$}  {case:cases$}  {verdict:14}  {found}");
+        format!("{}\n", text.trim_end())
+    }
+
+    fn row(&mut self, row: Row) -> Result<(), Failure> {
+        let line = self.line(&row.kind, &row.case, &row.verdict, &row.found);
+        self.rows.push(row);
+        if self.json { Ok(()) } else { print(&line) }
+    }
+
+    /// Prints the summary. Answers the exit code.
+    fn finish(&self) -> Result<ExitCode, Failure> {
+        let count = |verdict: &str| self.rows.iter().filter(|r| r.verdict == verdict).count();
+        let (passed, failed, other) = (count("pass"), count("fail"), count("not applicable"));
+        if self.json {
+            let plugin = self.plugin.as_ref();
+            let all = json!({
+                "file": self.trial.path.display().to_string(), "name": plugin.map(|p| &p.name),
+                "version": plugin.map(|p| &p.version), "heap_counted": plugin.map(|p| p.heap),
+                "random_ticks": self.cases.ticks, "verdict": if failed == 0 { "pass" } else { "fail" },
+                "cases": self.rows,
+            });
+            print(&format!("{all:#}\n"))?;
+        } else {
+            print(&format!("\n{passed} passed, {failed} failed, {other} not applicable\n"))?;
+        }
+        Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
     }
 }
 
-/// A message of the process that runs cases.
-enum Said {
-    /// The plugin is loaded.
-    Plugin(Value),
-    /// A case is over.
-    Row(Row),
+/// Runs a plugin's file in another process.
+#[derive(Clone)]
+struct Trial {
+    path: PathBuf,
+    patience: Duration,
+    /// Time limit of all cases together.
+    in_all: Option<Duration>,
 }
 
 /// End of a process that runs cases.
@@ -130,93 +227,37 @@ enum Ended {
     Broke { row: Option<(String, String)>, doing: String, how: String },
 }
 
-impl Checker {
-    /// Runs all cases. After a crash it goes on with the next case.
-    fn run_all(&mut self) -> Result<(), Failure> {
-        let mut done = 0;
-        loop {
-            let mut rows = Vec::new();
-            let cases = self.cases.clone();
-            let ended = self.trial.process(&cases, done, &mut |said| match said {
-                Said::Plugin(plugin) => self.report.open(&plugin),
-                Said::Row(row) => {
-                    self.report.row(&row)?;
-                    rows.push(row);
-                    Ok(())
-                }
-            })?;
-            done += rows.len();
-            match ended {
-                Ended::Done => return Ok(()),
-                Ended::Broke { row: Some((kind, case)), doing, how } => {
-                    let during = if doing.is_empty() { String::new() } else { format!(", at: {doing}") };
-                    let found = format!("{how} in case `{case}`{during}");
-                    self.report.row(&Row::new(kind, case, "fail", found))?;
-                    done += 1;
-                }
-                Ended::Broke { row: None, how, .. } => {
-                    let when = if self.report.is_open() { "exit" } else { "load" };
-                    let found = format!("{how} outside of any case");
-                    return self.report.row(&Row::new("".into(), when.into(), "fail", found));
-                }
-            }
-        }
-    }
-
-    /// Runs the case of determinism in another process, or in two if it has not run yet, and compares.
-    fn compare(&mut self, begun: Instant) -> Result<(), Failure> {
-        let mut before = self.report.rows_of(DETERMINISM);
-        if before.is_empty() {
-            before = self.determinism()?;
-            std::thread::sleep(APART);
-        } else {
-            std::thread::sleep(APART.saturating_sub(begun.elapsed()));
-        }
-        if !before.iter().any(|row| row.verdict == "pass") {
-            return Ok(());
-        }
-        let again = self.determinism()?;
-        for row in before.iter().filter(|row| row.verdict == "pass") {
-            let same = again.iter().any(|other| other.kind == row.kind && other.found == row.found);
-            let (verdict, found) = if same {
-                ("pass", "the same".to_owned())
-            } else {
-                ("fail", "another process puts out something else for the same input".to_owned())
-            };
-            self.report.row(&Row::new(row.kind.clone(), OTHER_PROCESS.into(), verdict, found))?;
-        }
-        Ok(())
-    }
-
-    fn determinism(&mut self) -> Result<Vec<Row>, Failure> {
-        let cases = Cases { case: vec![DETERMINISM.to_owned()], ..self.cases.clone() };
-        let mut rows = Vec::new();
-        self.trial.process(&cases, 0, &mut |said| {
-            match said {
-                Said::Plugin(plugin) => self.report.open(&plugin)?,
-                Said::Row(row) => rows.push(row),
-            }
-            Ok(())
-        })?;
-        Ok(rows)
-    }
-}
-
 impl Trial {
-    /// Runs one process to its end.
+    /// Runs one process to its end. Hands on that the plugin is loaded, and the results of cases.
     fn process(
         &self,
         cases: &Cases,
         skip: usize,
-        each: &mut dyn FnMut(Said) -> Result<(), Failure>,
+        each: &mut dyn FnMut(Message) -> Result<(), Failure>,
     ) -> Result<Ended, Failure> {
         let (mut child, lines) = self.spawn(cases, skip)?;
         let until = self.in_all.map(|span| Instant::now() + span);
         let (mut row, mut doing) = (None, String::new());
         loop {
             let left = until.map_or(self.patience, |until| until.saturating_duration_since(Instant::now()));
-            let line = match lines.recv_timeout(self.patience.min(left)) {
-                Ok(line) => line,
+            match lines.recv_timeout(self.patience.min(left)) {
+                Ok(Message::Alive) => {}
+                Ok(Message::Doing(what)) => doing = what,
+                Ok(Message::Begin { kind, case }) => (row, doing) = (Some((kind, case)), String::new()),
+                Ok(Message::Refused { message, help }) => {
+                    let d = Diagnostic::new(message).in_file(&self.path);
+                    return Err(help.into_iter().fold(d, Diagnostic::help).into());
+                }
+                Ok(Message::Done) => {
+                    return Ok(match child.status(self.patience) {
+                        Some(status) if status.success() => Ended::Done,
+                        _ => Ended::Broke { row: None, doing, how: child.end(self.patience) },
+                    });
+                }
+                Ok(said) => {
+                    row = row.filter(|_| !matches!(said, Message::End(_)));
+                    each(said)?;
+                }
                 Err(RecvTimeoutError::Disconnected) => {
                     return Ok(Ended::Broke { row, doing, how: child.end(self.patience) });
                 }
@@ -224,65 +265,33 @@ impl Trial {
                     let how = format!("did not answer within {} s", self.patience.as_secs());
                     return Ok(Ended::Broke { row, doing, how });
                 }
-            };
-            let text = |v: &Value| v.as_str().unwrap_or_default().to_owned();
-            if let Some(begin) = line.get("begin") {
-                doing.clear();
-                row = Some((text(&begin["kind"]), text(&begin["case"])));
-            } else if let Some(what) = line.get("doing") {
-                doing = text(what);
-            } else if let (Some(end), Some((kind, case))) = (line.get("end"), row.clone()) {
-                row = None;
-                let mut of = Row::new(kind, case, &text(&end["verdict"]), text(&end["found"]));
-                of.figures = end.clone();
-                each(Said::Row(of))?;
-            } else if let Some(plugin) = line.get("plugin") {
-                each(Said::Plugin(plugin.clone()))?;
-            } else if let Some(refused) = line.get("refused") {
-                let d = Diagnostic::new(text(&refused["message"])).in_file(&self.path);
-                return Err(match refused["help"].as_str() {
-                    Some(help) => d.help(help),
-                    None => d,
-                }
-                .into());
-            } else if line.get("done").is_some() {
-                return Ok(match child.status(self.patience) {
-                    Some(status) if status.success() => Ended::Done,
-                    _ => Ended::Broke { row: None, doing, how: child.end(self.patience) },
-                });
             }
         }
     }
 
-    fn spawn(&self, cases: &Cases, skip: usize) -> Result<(Running, Receiver<Value>), Failure> {
-        let fail = |e: &std::io::Error| machine("cannot start the process that checks", e);
-        let program = std::env::current_exe().map_err(|e| fail(&e))?;
-        let (reader, writer) = std::io::pipe().map_err(|e| fail(&e))?;
+    fn spawn(&self, cases: &Cases, skip: usize) -> Result<(Running, Receiver<Message>), Failure> {
+        let fail = |e: std::io::Error| Failure::Machine(format!("cannot start the process that checks: {e}"));
+        let program = std::env::current_exe().map_err(fail)?;
+        let (reader, writer) = std::io::pipe().map_err(fail)?;
         let mut command = Command::new(program);
         command.args(["plugin", "cases", "--ticks", &cases.ticks.to_string(), "--skip", &skip.to_string()]);
-        for (option, values) in [("--case", &cases.case), ("--set", &cases.set)] {
+        let kind = Vec::from_iter(cases.kind.clone());
+        for (option, values) in [("--case", &cases.case), ("--set", &cases.set), ("--kind", &kind)] {
             for value in values {
                 command.arg(option).arg(value);
             }
         }
-        if let Some(kind) = &cases.kind {
-            command.arg("--kind").arg(kind);
-        }
         command.arg("--").arg(&self.path);
         // The plugin may print: that is not part of the answer.
         command.stdin(Stdio::from(writer)).stdout(Stdio::from(std::io::stderr()));
-        let child = command.spawn().map_err(|e| fail(&e))?;
+        let child = command.spawn().map_err(fail)?;
         // Closes this end of the pipe, or it never ends.
         drop(command);
         let (send, receive) = channel();
         std::thread::spawn(move || {
-            for line in BufReader::new(reader).lines().map_while(Result::ok) {
-                if let Ok(value) = serde_json::from_str(&line)
-                    && send.send(value).is_err()
-                {
-                    return;
-                }
-            }
+            let lines = BufReader::new(reader).lines().map_while(Result::ok);
+            let mut messages = lines.filter_map(|line| serde_json::from_str(&line).ok());
+            messages.all(|message| send.send(message).is_ok())
         });
         Ok((Running(child), receive))
     }
@@ -306,7 +315,17 @@ impl Running {
 
     /// Its end in words.
     fn end(&mut self, patience: Duration) -> String {
-        self.status(patience).map_or_else(|| format!("did not end within {} s", patience.as_secs()), how)
+        let Some(status) = self.status(patience) else {
+            return format!("did not end within {} s", patience.as_secs());
+        };
+        #[cfg(unix)]
+        if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+            return format!("crashed by {}", signal_name(signal));
+        }
+        match status.code() {
+            Some(code) => format!("ended the process with code {code}"),
+            None => "ended the process".to_owned(),
+        }
     }
 }
 
@@ -317,37 +336,20 @@ impl Drop for Running {
     }
 }
 
-fn machine(what: &str, e: &std::io::Error) -> Failure {
-    Failure::Machine(format!("{what}: {e}"))
-}
-
-/// The end of a process in words.
-fn how(status: ExitStatus) -> String {
-    #[cfg(unix)]
-    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
-        return match signal_name(signal) {
-            Some(name) => format!("crashed by signal {signal} ({name})"),
-            None => format!("crashed by signal {signal}"),
-        };
-    }
-    match status.code() {
-        Some(code) => format!("ended the process with code {code}"),
-        None => "ended the process".to_owned(),
-    }
-}
-
-pub(super) fn signal_name(signal: i32) -> Option<&'static str> {
+/// A signal's number and name.
+pub(super) fn signal_name(signal: i32) -> String {
     // Other numbers differ between systems.
     let bus = if cfg!(target_os = "linux") { 7 } else { 10 };
-    match signal {
-        4 => Some("illegal instruction"),
-        5 => Some("trap"),
-        6 => Some("abort"),
-        8 => Some("arithmetic error"),
-        9 => Some("killed"),
-        11 => Some("segmentation fault"),
-        15 => Some("terminated"),
-        n if n == bus => Some("bus error"),
-        _ => None,
-    }
+    let name = match signal {
+        4 => "illegal instruction",
+        5 => "trap",
+        6 => "abort",
+        8 => "arithmetic error",
+        9 => "killed",
+        11 => "segmentation fault",
+        15 => "terminated",
+        n if n == bus => "bus error",
+        _ => return format!("signal {signal}"),
+    };
+    format!("signal {signal} ({name})")
 }

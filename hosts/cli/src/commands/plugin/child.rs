@@ -13,7 +13,8 @@ use asperity_checks::{Subject, Verdict, Witness, node_cases, tick_time};
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_loader::Plugin;
 use asperity_node::NodeKind;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use super::CasesOfPlugin;
 use super::heap::Counter;
@@ -24,6 +25,56 @@ pub const TIME: &str = "time";
 
 /// Interval of the signs of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(200);
+
+/// A message to the process that started this one.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Message {
+    Alive,
+    /// A step of a case.
+    Doing(String),
+    Loaded(Loaded),
+    Begin {
+        kind: String,
+        case: String,
+    },
+    End(Row),
+    /// The plugin does not load, or the arguments are wrong.
+    Refused {
+        message: String,
+        help: Option<String>,
+    },
+    Done,
+}
+
+/// A plugin that is loaded.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Loaded {
+    pub name: String,
+    pub version: String,
+    pub kinds: Vec<String>,
+    /// Whether its allocations are counted.
+    pub heap: bool,
+}
+
+/// The result of a case for a kind.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    pub kind: String,
+    pub case: String,
+    about: Option<String>,
+    pub verdict: String,
+    pub found: String,
+    #[serde(flatten)]
+    figures: Map<String, Value>,
+}
+
+impl Row {
+    pub fn new(kind: &str, case: &str, verdict: &str, found: String) -> Self {
+        let about = node_cases().iter().find(|c| c.name == case).map(|c| format!("{}: {}", c.hard, c.must));
+        let (kind, case, verdict) = (kind.to_owned(), case.to_owned(), verdict.to_owned());
+        Self { kind, case, about, verdict, found, figures: Map::new() }
+    }
+}
 
 /// The way to the process that started this one.
 struct Line {
@@ -40,9 +91,10 @@ impl Line {
         Ok(Self { out: RefCell::new(File::from(handle)), last: Cell::new(Instant::now()) })
     }
 
-    fn say(&self, what: &Value) {
+    fn say(&self, what: &Message) {
+        let line = serde_json::to_string(what).unwrap_or_default();
         // Without a reader there is nothing left to do.
-        if writeln!(self.out.borrow_mut(), "{what}").is_err() {
+        if writeln!(self.out.borrow_mut(), "{line}").is_err() {
             crate::leave::now(1);
         }
         self.last.set(Instant::now());
@@ -52,12 +104,12 @@ impl Line {
 impl Witness for Line {
     fn alive(&self) {
         if self.last.get().elapsed() > SIGN_OF_LIFE {
-            self.say(&json!({ "alive": true }));
+            self.say(&Message::Alive);
         }
     }
 
     fn doing(&self, what: &str) {
-        self.say(&json!({ "doing": what }));
+        self.say(&Message::Doing(what.to_owned()));
     }
 }
 
@@ -84,7 +136,7 @@ pub fn run(args: &CasesOfPlugin) -> ExitCode {
     match checked(args, &line) {
         Ok(()) => ExitCode::SUCCESS,
         Err(d) => {
-            line.say(&json!({ "refused": { "message": d.message, "help": d.help } }));
+            line.say(&Message::Refused { message: d.message, help: d.help });
             ExitCode::from(2)
         }
     }
@@ -93,83 +145,76 @@ pub fn run(args: &CasesOfPlugin) -> ExitCode {
 /// The wanted kinds.
 fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<NodeKind>>, Diagnostic> {
     let name = |k: &Arc<NodeKind>| k.descriptor().kind.to_string();
-    let kinds: Vec<_> =
-        plugin.kinds().iter().filter(|k| wanted.is_none_or(|w| w == name(k))).cloned().collect();
-    match (kinds.is_empty(), wanted) {
-        (true, Some(wanted)) => {
-            let names: Vec<String> = plugin.kinds().iter().map(name).collect();
-            let help = one_of(wanted, names.iter().map(String::as_str));
-            Err(Diagnostic::new(format!("this plugin has no kind `{wanted}`")).help(help))
-        }
-        _ => Ok(kinds),
-    }
+    let is_wanted = |k: &&Arc<NodeKind>| wanted.is_none_or(|wanted| wanted == name(k));
+    let kinds: Vec<_> = plugin.kinds().iter().filter(is_wanted).cloned().collect();
+    let Some(wanted) = wanted.filter(|_| kinds.is_empty()) else { return Ok(kinds) };
+    let names: Vec<String> = plugin.kinds().iter().map(name).collect();
+    let help = one_of(wanted, names.iter().map(String::as_str));
+    Err(Diagnostic::new(format!("this plugin has no kind `{wanted}`")).help(help))
 }
 
-/// The settings. Each must be a parameter of some kind.
-fn settings(args: &CasesOfPlugin, kinds: &[Arc<NodeKind>]) -> Result<Vec<(String, String)>, Diagnostic> {
-    let mut out = Vec::new();
-    for text in &args.cases.set {
-        let Some((name, value)) = text.split_once('=') else {
-            return Err(Diagnostic::new(format!("there is no `=` in `{text}`")).help("PARAM=VALUE"));
-        };
-        let params = || kinds.iter().flat_map(|k| k.descriptor().params.iter());
-        if !params().any(|p| p.name == name.trim()) {
-            let names: Vec<&str> = params().map(|p| p.name.as_ref()).collect();
-            let help = one_of(name.trim(), names.iter().copied());
-            return Err(Diagnostic::new(format!("no kind here has a parameter `{}`", name.trim())).help(help));
-        }
-        out.push((name.trim().to_owned(), value.trim().to_owned()));
+/// A setting of `--set`. It must be a parameter of some kind.
+fn setting<'a>(text: &'a str, kinds: &[Arc<NodeKind>]) -> Result<(&'a str, &'a str), Diagnostic> {
+    let Some((name, value)) = text.split_once('=') else {
+        return Err(Diagnostic::new(format!("there is no `=` in `{text}`")).help("PARAM=VALUE"));
+    };
+    let (name, value) = (name.trim(), value.trim());
+    let params = || kinds.iter().flat_map(|k| k.descriptor().params.iter().map(|p| p.name.as_ref()));
+    if params().any(|param| param == name) {
+        return Ok((name, value));
     }
-    Ok(out)
+    Err(Diagnostic::new(format!("no kind here has a parameter `{name}`")).help(one_of(name, params())))
 }
 
 fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
     let mut surroundings = Surroundings::now();
     let plugin = Plugin::load(Path::new(&args.cases.plugin))?;
     let kinds = kinds(&plugin, args.cases.kind.as_deref())?;
-    let settings = settings(args, &kinds)?;
+    let settings = args.cases.set.iter().map(|text| setting(text, &kinds)).collect::<Result<Vec<_>, _>>()?;
     let heap = Counter::find();
-    let names: Vec<_> = kinds.iter().map(|k| k.descriptor().kind.to_string()).collect();
-    line.say(&json!({ "plugin": {
-        "name": plugin.name(), "version": plugin.version(), "kinds": names, "heap": heap.is_some(),
-    } }));
+    line.say(&Message::Loaded(Loaded {
+        name: plugin.name().to_string(),
+        version: plugin.version().to_string(),
+        kinds: kinds.iter().map(|k| k.descriptor().kind.to_string()).collect(),
+        heap: heap.is_some(),
+    }));
     let mut skip = args.skip;
     for kind in &kinds {
         let d = kind.descriptor();
         let mut subject = Subject::one(kind.clone()).ticks(args.cases.ticks).witness(line);
         for (name, value) in settings.iter().filter(|(n, _)| d.params.iter().any(|p| p.name == *n)) {
-            subject = subject.set(name, value);
+            subject = subject.set(*name, *value);
         }
         if let Some(heap) = &heap {
             subject = subject.heap(heap);
         }
-        for name in node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
-            if !args.cases.case.is_empty() && !args.cases.case.iter().any(|c| c == name) {
+        for case in node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
+            if !args.cases.case.is_empty() && !args.cases.case.iter().any(|c| c == case) {
                 continue;
             }
             if skip > 0 {
                 skip -= 1;
                 continue;
             }
-            line.say(&json!({ "begin": { "kind": d.kind, "case": name } }));
-            let end = if name == SURROUNDINGS {
+            line.say(&Message::Begin { kind: d.kind.to_string(), case: case.to_owned() });
+            let end = if case == SURROUNDINGS {
                 let found = surroundings.disturbed_by(&subject);
                 surroundings = Surroundings::now();
                 match found.is_empty() {
-                    true => json!({ "verdict": "pass", "found": "as they were" }),
-                    false => json!({ "verdict": "fail", "found": found.join("; ") }),
+                    true => Row::new(&d.kind, case, "pass", "as they were".into()),
+                    false => Row::new(&d.kind, case, "fail", found.join("; ")),
                 }
             } else {
-                outcome(&subject, name)
+                outcome(&subject, &d.kind, case)
             };
-            line.say(&json!({ "end": end }));
+            line.say(&Message::End(end));
         }
     }
-    line.say(&json!({ "done": true }));
+    line.say(&Message::Done);
     Ok(())
 }
 
-fn outcome(subject: &Subject<'_>, name: &str) -> Value {
+fn outcome(subject: &Subject<'_>, kind: &str, name: &str) -> Row {
     if let Some(case) = node_cases().iter().find(|c| c.name == name) {
         let outcome = case.run(subject);
         let verdict = match outcome.verdict {
@@ -177,17 +222,16 @@ fn outcome(subject: &Subject<'_>, name: &str) -> Value {
             Verdict::Fails => "fail",
             Verdict::NotApplicable => "not applicable",
         };
-        return json!({ "verdict": verdict, "found": outcome.found });
+        return Row::new(kind, name, verdict, outcome.found);
     }
-    match tick_time(subject) {
-        Ok(t) => json!({
-            "verdict": "measured",
-            "found": format!(
-                "median {:.2} us, 99 % {:.2} us, longest {:.1} us in {} calls",
-                t.median_us, t.p99_us, t.max_us, t.calls
-            ),
-            "median_us": t.median_us, "p99_us": t.p99_us, "max_us": t.max_us, "calls": t.calls,
-        }),
-        Err(why) => json!({ "verdict": "not applicable", "found": why }),
-    }
+    let t = match tick_time(subject) {
+        Ok(t) => t,
+        Err(why) => return Row::new(kind, name, "not applicable", why),
+    };
+    let (median, p99, max, calls) = (t.median_us, t.p99_us, t.max_us, t.calls);
+    let found = format!("median {median:.2} us, 99 % {p99:.2} us, longest {max:.1} us in {calls} calls");
+    let figures = [("median_us", median), ("p99_us", p99), ("max_us", max)];
+    let figures = figures.map(|(name, us)| (name.to_owned(), us.into()));
+    let figures = figures.into_iter().chain([("calls".to_owned(), calls.into())]).collect();
+    Row { figures, ..Row::new(kind, name, "measured", found) }
 }

@@ -1,11 +1,8 @@
 //! `asperity plugin list`: the plugins that are found, and where.
 
-use std::fmt::Write as _;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
-use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin};
+use asperity_loader::{Found, Loader, PATH_VARIABLE};
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, print};
@@ -22,73 +19,42 @@ pub struct Args {
     pub json: bool,
 }
 
-/// A file, the place that names it, and its plugin or why it does not load.
-struct Row {
-    path: PathBuf,
-    by: String,
-    plugin: Result<Plugin, Diagnostic>,
-}
-
 /// Runs the command. A plugin that does not load is a row like any other.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut loader = Loader::default();
-    let mut rows = Vec::new();
+    let mut files = Vec::new();
     for name in &args.plugins.plugin {
-        rows.push((named_plugin(name)?, "--plugin".to_owned()));
+        files.push((named_plugin(name)?, "--plugin".to_owned()));
     }
     for Found { path, by } in plugins_on_path() {
-        rows.push((path, format!("{PATH_VARIABLE}, {}", by.display())));
+        files.push((path, format!("{PATH_VARIABLE}, {}", by.display())));
     }
-    let rows: Vec<Row> =
-        rows.into_iter().map(|(path, by)| Row { plugin: loader.load(&path), path, by }).collect();
-    if args.json {
-        print(&format!("{:#}\n", Value::Array(rows.iter().map(as_json).collect())))?;
-    } else {
-        print(&text_of(&rows))?;
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-fn text_of(rows: &[Row]) -> String {
-    let mut out = String::new();
-    for Row { path, by, plugin } in rows {
-        match plugin {
+    let (mut out, mut all) = (String::new(), Vec::new());
+    for (path, by) in files {
+        let file = path.display().to_string();
+        match loader.load(&path) {
             Ok(plugin) => {
-                let _ =
-                    writeln!(out, "{} {}\n  {}  (by {by})", plugin.name(), plugin.version(), path.display());
-                let width = plugin.kinds().iter().map(|k| k.descriptor().kind.len()).max().unwrap_or(0);
-                for kind in plugin.kinds() {
-                    let d = kind.descriptor();
-                    let _ = writeln!(out, "    {:width$}  {}", d.kind, d.summary);
-                }
+                let (name, version) = (plugin.name(), plugin.version());
+                out += &format!("{name} {version}\n  {file}  (by {by})\n");
+                let kinds: Vec<_> = plugin.kinds().iter().map(|k| k.descriptor()).collect();
+                let width = kinds.iter().map(|d| d.kind.len()).max().unwrap_or(0);
+                kinds.iter().for_each(|d| out += &format!("    {:width$}  {}\n", d.kind, d.summary));
+                let kinds: Vec<String> = kinds.iter().map(|d| d.kind.to_string()).collect();
+                all.push(json!({ "file": file, "by": by, "name": name, "version": version, "kinds": kinds }));
             }
             Err(e) => {
                 let help = e.help.as_ref().map(|h| format!("\n    {h}")).unwrap_or_default();
-                let _ =
-                    writeln!(out, "does not load\n  {}  (by {by})\n    {}{help}", path.display(), e.message);
+                out += &format!("does not load\n  {file}  (by {by})\n    {}{help}\n", e.message);
+                all.push(json!({ "file": file, "by": by, "error": e.message, "help": e.help }));
             }
         }
     }
-    if rows.is_empty() {
-        let _ = writeln!(
-            out,
+    if all.is_empty() {
+        out = format!(
             "no plugins: {PATH_VARIABLE} names no folder with a shared library in it\n\
-             asperity plugin new NAME makes one; a graph file names its own: plugins: [\"libmine.so\"]"
+             asperity plugin new NAME makes one; a graph file names its own: plugins: [\"libmine.so\"]\n"
         );
     }
-    out
-}
-
-fn as_json(row: &Row) -> Value {
-    let Row { path, by, plugin } = row;
-    match plugin {
-        Ok(plugin) => json!({
-            "file": path.display().to_string(),
-            "by": by,
-            "name": plugin.name(),
-            "version": plugin.version(),
-            "kinds": plugin.kinds().iter().map(|k| k.descriptor().kind.to_string()).collect::<Vec<_>>(),
-        }),
-        Err(e) => json!({ "file": path.display().to_string(), "by": by, "error": e.message, "help": e.help }),
-    }
+    print(&if args.json { format!("{:#}\n", Value::Array(all)) } else { out })?;
+    Ok(ExitCode::SUCCESS)
 }

@@ -6,7 +6,6 @@ mod child;
 mod heap;
 mod list;
 mod new;
-mod report;
 mod surroundings;
 
 use std::process::ExitCode;

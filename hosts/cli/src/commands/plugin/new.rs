@@ -1,9 +1,8 @@
 //! `asperity plugin new`: a folder with a plugin that builds, to be changed.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
+use std::{fs, io};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_loader::file_name;
@@ -87,11 +86,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let part = tempfile::Builder::new().prefix(&format!(".{name}.")).suffix(".part").tempdir_in(parent);
     let made = part.map_err(cannot)?;
     let failed = |e: io::Error| Failure::writing(folder, e);
-    let library = write(&Plan { name, like: args.like, lang: args.lang }, made.path()).map_err(failed)?;
+    let library = write(name, args, made.path()).map_err(failed)?;
     open_to_others(made.path()).map_err(failed)?;
     fs::rename(made.path(), folder).map_err(failed)?;
     let _ = made.keep();
-    print(&text(args, folder, &library))?;
+    let build = if args.lang == Lang::Rust { "cargo build --release" } else { "make" };
+    let compare = match args.like {
+        Like::Phase => format!("    asperity compare --plugin {library}\n"),
+        Like::Audio | Like::Effect => String::new(),
+    };
+    let folder = folder.display();
+    print(&format!(
+        "made {folder}: a plugin with the kind `{name}`. Next:\n\n    cd {folder}\n    {build}\n    \
+         asperity plugin check {library}\n{compare}"
+    ))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -117,86 +125,56 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
     Ok(name)
 }
 
-/// The plugin to make.
-struct Plan<'a> {
-    name: &'a str,
-    like: Like,
-    lang: Lang,
-}
-
-impl Plan<'_> {
-    /// The name in the template.
-    fn old(&self) -> (&'static str, &'static str) {
-        match self.like {
-            Like::Phase => ("my_phase", "MyPhase"),
-            Like::Audio => ("my_filter", "MyFilter"),
-            Like::Effect => ("my_effect", "MyEffect"),
-        }
-    }
-
-    /// A template's text with the plugin's own name.
-    fn named(&self, text: &str) -> String {
-        let (snake, camel) = self.old();
-        let ours: String = self.name.split('_').map(capital).collect();
-        text.replace(snake, self.name).replace(camel, &ours)
-    }
-}
-
-fn capital(word: &str) -> String {
-    let mut chars = word.chars();
-    chars.next().map(|c| c.to_ascii_uppercase()).into_iter().chain(chars).collect()
+/// A text among the templates.
+fn template(path: &str) -> io::Result<&'static str> {
+    let file = TEMPLATES.get_file(path).and_then(|f| f.contents_utf8());
+    file.ok_or_else(|| io::Error::other(format!("the template {path} is missing")))
 }
 
 /// Writes the folder and answers where the library will be in it.
-fn write(plan: &Plan<'_>, to: &Path) -> io::Result<String> {
-    let like = match plan.like {
-        Like::Phase => "phase",
-        Like::Audio => "audio",
-        Like::Effect => "effect",
+fn write(name: &str, args: &Args, to: &Path) -> io::Result<String> {
+    let (like, snake, camel) = match args.like {
+        Like::Phase => ("phase", "my_phase", "MyPhase"),
+        Like::Audio => ("audio", "my_filter", "MyFilter"),
+        Like::Effect => ("effect", "my_effect", "MyEffect"),
     };
-    let (lang, readme) = match plan.lang {
-        Lang::Rust => ("rust", "README.rust.md"),
-        Lang::C => ("c", "README.make.md"),
-        Lang::Cpp => ("cpp", "README.make.md"),
+    let (lang, readme, language) = match args.lang {
+        Lang::Rust => ("rust", "README.rust.md", "Rust"),
+        Lang::C => ("c", "README.make.md", "C"),
+        Lang::Cpp => ("cpp", "README.make.md", "C++"),
     };
-    let missing = || io::Error::other("a template is missing");
-    let template = TEMPLATES.get_dir(format!("{like}/{lang}")).ok_or_else(missing)?;
-    for file in files(template) {
-        let path = file.path().strip_prefix(template.path()).map_err(io::Error::other)?;
-        let text = file.contents_utf8().ok_or_else(missing)?;
-        let path = plan.named(&path.display().to_string());
-        // A workspace of its own, wherever it lies; the SDK's crates have another one.
-        let text = match path.as_str() {
-            "Cargo.toml" => {
-                plan.named(text).replace("../../../sdk", "sdk/plugins/sdk")
-                    + "\n[workspace]\nexclude = [\"sdk\"]\n"
-            }
-            _ => plan.named(text),
-        };
+    let capital = |word: &str| word[..1].to_ascii_uppercase() + &word[1..];
+    let ours: String = name.split('_').filter(|word| !word.is_empty()).map(capital).collect();
+    let named = |text: &str| text.replace(snake, name).replace(camel, &ours);
+    let folder = format!("{like}/{lang}");
+    for file in TEMPLATES.get_dir(&folder).map(files).unwrap_or_default() {
+        let path = file.path().to_string_lossy();
+        let mut text = named(template(&path)?);
+        let path = named(path.trim_start_matches(&folder).trim_start_matches('/'));
+        if path == "Cargo.toml" {
+            // A workspace of its own, wherever it lies; the SDK's crates have another one.
+            text = text.replace("../../../sdk", "sdk/plugins/sdk") + "\n[workspace]\nexclude = [\"sdk\"]\n";
+        }
         put(&to.join(path), &text)?;
     }
-    let (library, source) = match plan.lang {
+    let (library, source, ignored) = match args.lang {
         Lang::Rust => {
             sdk(&to.join("sdk"))?;
-            let lock = TEMPLATES.get_file("rust.lock").and_then(|f| f.contents_utf8()).ok_or_else(missing)?;
-            put(&to.join("Cargo.lock"), &locked(lock, plan.name))?;
-            put(&to.join(".gitignore"), "/target/\n")?;
-            (format!("target/release/{}", file_name(plan.name)), "src/lib.rs".to_owned())
+            put(&to.join("Cargo.lock"), &locked(template("rust.lock")?, name))?;
+            (format!("target/release/{}", file_name(name)), "src/lib.rs".to_owned(), "/target/\n")
         }
         Lang::C | Lang::Cpp => {
             put(&to.join("asperity.h"), HEADER)?;
-            put(&to.join(".gitignore"), "*.so\n")?;
-            (format!("./lib{}.so", plan.name), format!("{}.{lang}", plan.name))
+            (format!("./lib{name}.so"), format!("{name}.{lang}"), "*.so\n")
         }
     };
-    let part = |name: &str| TEMPLATES.get_file(name).and_then(|f| f.contents_utf8()).ok_or_else(missing);
-    let mut text = part(readme)?.replace("my_phase", plan.name);
-    match plan.like {
-        Like::Phase => text += part("README.phase.md")?,
+    put(&to.join(".gitignore"), ignored)?;
+    let mut text = template(readme)?.replace("my_phase", name);
+    match args.like {
+        Like::Phase => text += template("README.phase.md")?,
         Like::Audio => {}
-        Like::Effect => text += &plan.named(part("README.effect.md")?),
+        Like::Effect => text += &named(template("README.effect.md")?),
     }
-    let language = if plan.lang == Lang::C { "C" } else { "C++" };
     let text = text
         .replace("target/release/LIBRARY", &library)
         .replace("LIBRARY_PATH", &library)
@@ -220,8 +198,7 @@ fn locked(lock: &str, name: &str) -> String {
 
 /// Writes the crates of the SDK, without their tests.
 fn sdk(to: &Path) -> io::Result<()> {
-    let root = TEMPLATES.get_file("sdk.toml").and_then(|f| f.contents_utf8());
-    put(&to.join("Cargo.toml"), root.ok_or_else(|| io::Error::other("the SDK's manifest is missing"))?)?;
+    put(&to.join("Cargo.toml"), template("sdk.toml")?)?;
     for (folder, dir) in &SDK {
         for file in files(dir) {
             let path = file.path();
@@ -251,20 +228,4 @@ fn open_to_others(path: &Path) -> io::Result<()> {
 #[cfg(not(unix))]
 fn open_to_others(_: &Path) -> io::Result<()> {
     Ok(())
-}
-
-fn text(args: &Args, folder: &Path, library: &str) -> String {
-    let build = if args.lang == Lang::Rust { "cargo build --release" } else { "make" };
-    let compare = match args.like {
-        Like::Phase => format!("    asperity compare --plugin {library}\n"),
-        Like::Audio | Like::Effect => String::new(),
-    };
-    let folder: PathBuf = folder.into();
-    format!(
-        "made {}: a plugin with the kind `{}`. Next:\n\n    cd {}\n    {build}\n    \
-         asperity plugin check {library}\n{compare}",
-        folder.display(),
-        folder.file_name().unwrap_or_default().display(),
-        folder.display(),
-    )
 }

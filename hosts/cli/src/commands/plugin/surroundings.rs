@@ -7,6 +7,8 @@ use asperity_checks::{Subject, node_cases};
 use asperity_loader::float_changes;
 use asperity_numbers::denormals::FloatControl;
 
+use super::check::signal_name;
+
 /// Name of the row of this check.
 pub const SURROUNDINGS: &str = "surroundings";
 
@@ -56,7 +58,8 @@ impl Surroundings {
             found.push(format!("it changed the working directory, to {at}"));
         }
         let signals = now.handlers.iter().zip(&self.handlers).enumerate().filter(|(_, (a, b))| a != b);
-        found.extend(signals.map(|(i, _)| format!("it changed the handler of {}", signal(i as i32 + 1))));
+        found
+            .extend(signals.map(|(i, _)| format!("it changed the handler of {}", signal_name(i as i32 + 1))));
         if let (Some(now), Some(before)) = (now.threads, self.threads)
             && now > before
         {
@@ -82,11 +85,6 @@ fn handlers() -> Vec<(usize, i64)> {
 #[cfg(not(unix))]
 fn handlers() -> Vec<(usize, i64)> {
     Vec::new()
-}
-
-fn signal(number: i32) -> String {
-    super::check::signal_name(number)
-        .map_or_else(|| format!("signal {number}"), |name| format!("signal {number} ({name})"))
 }
 
 /// Number of threads of this process, where the system tells.

@@ -1,40 +1,26 @@
 //! Progress bars, and the stop flag of a run.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use asperity_tradeoff::Monitor;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
+use parking_lot::Mutex;
 
-use super::Stop;
-use crate::failure::complain;
+use crate::failure::{complain, progress};
 use crate::heap;
 
 /// A bar for each stage.
 pub struct Bars {
-    stop: Stop,
+    /// Set when the run is to stop.
+    pub stop: Arc<AtomicBool>,
     /// Counts of parts: of accuracy, and of times.
-    lengths: (u64, u64),
-    quiet: bool,
-    /// Prints a line for each tenth instead, where standard error is no terminal.
-    lines: bool,
-    bar: Mutex<ProgressBar>,
-    told: AtomicBool,
-}
-
-impl Bars {
-    pub fn new(accuracy: u64, times: u64, quiet: bool, stop: Stop) -> Self {
-        let lines = !quiet && !std::io::stderr().is_terminal();
-        let (bar, told) = (Mutex::new(ProgressBar::hidden()), AtomicBool::new(false));
-        Self { stop, lengths: (accuracy, times), quiet, lines, bar, told }
-    }
-
-    pub fn finish(&self) {
-        if let Ok(bar) = self.bar.lock() {
-            bar.finish_and_clear();
-        }
-    }
+    pub parts: (u64, u64),
+    pub quiet: bool,
+    pub bar: Mutex<ProgressBar>,
+    /// Whether the end was said.
+    pub told: AtomicBool,
 }
 
 impl Monitor for Bars {
@@ -43,43 +29,34 @@ impl Monitor for Bars {
     }
 
     fn stopped(&self) -> bool {
-        let stop = self.stop.load(Ordering::Relaxed);
-        if stop && !self.told.swap(true, Ordering::Relaxed) {
+        let stop = self.stop.load(Relaxed);
+        if stop && !self.told.swap(true, Relaxed) {
             complain("stopping after the current part; finished parts are kept\n");
         }
         stop
     }
 
     fn advanced(&self, parts: u64) {
-        if let Ok(bar) = self.bar.lock() {
-            let tenth = |bar: &ProgressBar| bar.length().map_or(0, |all| 10 * bar.position() / all.max(1));
-            let before = tenth(&bar);
-            bar.inc(parts);
-            let now = tenth(&bar);
-            if self.lines && now > before {
-                complain(&format!("{}: {} %\n", bar.message(), 10 * now.min(10)));
-            }
+        let bar = self.bar.lock();
+        let tenth = || bar.length().and_then(|all| (10 * bar.position()).checked_div(all)).unwrap_or(0);
+        let before = tenth();
+        bar.inc(parts);
+        // Where standard error is no terminal, each tenth is a line.
+        if !self.quiet && !std::io::stderr().is_terminal() && tenth() > before {
+            complain(&format!("{}: {} %\n", bar.message(), 10 * tenth().min(10)));
         }
     }
 
     fn doing(&self, stage: &str) {
-        let Ok(mut bar) = self.bar.lock() else { return };
+        let mut bar = self.bar.lock();
         bar.finish_and_clear();
-        if self.quiet {
-            return;
-        }
-        let length = match stage {
-            "accuracy" => self.lengths.0,
-            "times" => self.lengths.1,
+        let parts = match stage {
+            "accuracy" => self.parts.0,
+            "times" => self.parts.1,
             _ => 0,
         };
-        *bar = if length > 0 { ProgressBar::new(length) } else { ProgressBar::new_spinner() };
-        let template = "{msg} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} left";
-        if length > 0
-            && let Ok(style) = ProgressStyle::with_template(template)
-        {
-            bar.set_style(style);
-        }
+        let whole = "{msg} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} left";
+        *bar = progress(parts, if parts > 0 { whole } else { "{msg}" }, self.quiet);
         bar.set_message(stage.to_owned());
         bar.tick();
     }

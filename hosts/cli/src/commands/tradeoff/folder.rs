@@ -5,39 +5,37 @@ use std::path::{Path, PathBuf};
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_tradeoff::{Figure, Results};
 
-use crate::failure::Failure;
-use crate::output::{Pending, keep_all};
+use crate::failure::{Failure, wrong};
+use crate::output::{Pending, keep_all, resolved};
 
 /// The file that other commands read.
 const JSON: &str = "results.json";
 
 /// Makes the folder where it does not exist.
 pub fn make(folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::from(Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder)))
+    let fail = |e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder);
+    Ok(std::fs::create_dir_all(folder).map_err(fail)?)
 }
 
 /// Refuses a folder with the results of another shard, and one that cannot take the files.
 pub fn check(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
-    for name in [JSON, "results.csv", "REPORT.md"] {
-        let path = folder.join(name);
-        if path.is_dir() {
-            return Err(Diagnostic::new("this must be a file, and is a folder").in_file(&path).into());
-        }
+    let files = [JSON, "results.csv", "REPORT.md"].map(|name| folder.join(name));
+    if let Some(path) = files.iter().find(|path| path.is_dir()) {
+        return Err(Diagnostic::new("this must be a file, and is a folder").in_file(path).into());
     }
     let there = Source::read(folder.join(JSON)).ok().and_then(|text| Results::parse(text.text()).ok());
-    let split = |of: usize| of > 1;
-    if let Some((number, of)) = there.and_then(|r| r.shards.first().copied().filter(|_| r.shards.len() == 1))
-        && (split(of) || split(shard.1))
-        && (number, of) != shard
-    {
-        let here = if split(of) { format!("shard {number}/{of}") } else { "a run without shards".into() };
-        return Err(Diagnostic::new(format!("this folder has the results of {here}"))
-            .in_file(folder)
-            .help("each shard needs its own --out folder")
-            .into());
+    let Some(&[(number, of)]) = there.as_ref().map(|results| results.shards.as_slice()) else {
+        return Ok(());
+    };
+    if (number, of) == shard || of.max(shard.1) <= 1 {
+        return Ok(());
     }
-    Ok(())
+    let here = if of > 1 { format!("shard {number}/{of}") } else { "a run without shards".into() };
+    Err(wrong(
+        folder,
+        format!("this folder has the results of {here}"),
+        "each shard needs its own --out folder",
+    ))
 }
 
 /// Whether there are results.
@@ -47,13 +45,13 @@ pub fn has_results(folder: &Path) -> bool {
 
 /// Refuses to overwrite results that are to be read.
 pub fn keep_apart(from: &[PathBuf], out: &Path) -> Result<(), Failure> {
-    let Ok(written) = out.join(JSON).canonicalize() else { return Ok(()) };
-    match from.iter().find(|from| file(from).canonicalize().is_ok_and(|read| read == written)) {
+    let written = resolved(&out.join(JSON));
+    match from.iter().find(|from| resolved(&file(from)) == written) {
         None => Ok(()),
-        Some(from) => Err(Diagnostic::new("the merged results would overwrite these results")
-            .in_file(from)
-            .help("choose another --out folder")
-            .into()),
+        Some(from) => {
+            let what = "the merged results would overwrite these results";
+            Err(wrong(from, what, "choose another --out folder"))
+        }
     }
 }
 

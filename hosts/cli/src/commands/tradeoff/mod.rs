@@ -5,14 +5,15 @@ mod folder;
 
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place, Source};
 use asperity_graph::{Options, compile};
 use asperity_tradeoff::{Figure, Job, LoadedGraph, Machine, Prepared, Results, Row, Tradeoff, content};
+use indicatif::ProgressBar;
+use parking_lot::Mutex;
 
-use crate::failure::{Failure, be_quiet, print, warn};
+use crate::failure::{Failure, be_quiet, print, warn, wrong};
 use crate::leave::stop_flag;
 use crate::load::{self, PluginArgs};
 use crate::number::whole;
@@ -92,12 +93,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (tradeoff, graphs) = tradeoff(args)?;
     let mut bases = Vec::new();
     for (path, place) in &graphs {
-        let base = changed(path, args).map_err(|e| named_here(e, place.as_ref()))?;
+        let base = loaded(path, &args.plugins, &args.set).map_err(|e| named_here(e, place.as_ref()))?;
         bases.push(LoadedGraph { strength: tradeoff.strength, ..base });
     }
     let mut baselines = Vec::new();
     for baseline in &tradeoff.baselines {
-        let loaded = loaded(&baseline.graph.path, &args.plugins)
+        let loaded = loaded(&baseline.graph.path, &args.plugins, &[])
             .map_err(|e| named_here(e, Some(&baseline.graph.place)))?;
         baselines.push(LoadedGraph { name: baseline.name.clone(), strength: baseline.strength, ..loaded });
     }
@@ -117,14 +118,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         warn("this program was built without optimisation: its times mean little (cargo build --release)");
     }
     let prepared = Prepared::new(&job)?;
-    let (accuracy, times) = prepared.parts();
     prepared.notes().iter().for_each(|note| warn(note));
     folder::make(out)?;
     folder::check(out, (job.shard.0 + 1, job.shard.1.max(1)))?;
     let stop = stop_flag();
-    let bars = Bars::new(accuracy, times, args.quiet, stop.clone());
+    let (bar, told) = (Mutex::new(ProgressBar::hidden()), AtomicBool::new(false));
+    let bars = Bars { stop: stop.clone(), parts: prepared.parts(), quiet: args.quiet, bar, told };
     let results = prepared.run(&bars);
-    bars.finish();
+    bars.bar.lock().finish_and_clear();
     let results = results?;
     let stopped = results.unfinished > 0 || stop.load(Ordering::Relaxed);
     // Earlier results stay where this run has finished nothing.
@@ -151,12 +152,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 /// An error in a file, with the place where the trade-off names that file.
 fn named_here(e: Failure, place: Option<&Place>) -> Failure {
-    match (e, place) {
-        (Failure::Input(all), Some(place)) => Failure::Input(
-            all.into_iter().map(|d| d.related(&place.source, place.span, "named here")).collect(),
-        ),
-        (e, _) => e,
-    }
+    let (Failure::Input(all), Some(place)) = (&e, place) else { return e };
+    let named = |d: &Diagnostic| d.clone().related(&place.source, place.span, "named here");
+    Failure::Input(all.iter().map(named).collect())
 }
 
 /// Files of graphs, with the place where a trade-off names them.
@@ -171,10 +169,7 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
         if !Tradeoff::is_meant(&source) {
             graphs.push((path.clone(), None));
         } else if named.replace(source).is_some() {
-            return Err(Diagnostic::new("this is a second trade-off file")
-                .in_file(path)
-                .help("give one trade-off file at a time")
-                .into());
+            return Err(wrong(path, "this is a second trade-off file", "give one trade-off file at a time"));
         }
     }
     let shipped = named.is_none();
@@ -185,42 +180,35 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
     if shipped {
         // An installed program does not have the files of the baselines.
         tradeoff.baselines.clear();
-        if graphs.is_empty() {
-            return Err(Diagnostic::new("no graph is given")
-                .in_file("asperity tradeoff")
-                .help(
-                    "name a graph or scene; or a trade-off file that names one: \
-                     asperity tradeoff graphs/tradeoffs/shipped.ron --out out/tradeoff",
-                )
-                .into());
-        }
     }
-    if graphs.is_empty() {
-        let Some(named) = &tradeoff.graph else {
-            return Err(Diagnostic::new("this trade-off names no graph")
-                .in_file(source.path())
-                .help("graph: \"../texture.ron\"; or name one on the command line")
-                .into());
-        };
-        graphs.push((named.path.clone(), Some(named.place.clone())));
+    match &tradeoff.graph {
+        _ if !graphs.is_empty() => {}
+        Some(named) if !shipped => graphs.push((named.path.clone(), Some(named.place.clone()))),
+        _ if shipped => {
+            return Err(wrong(
+                "asperity tradeoff",
+                "no graph is given",
+                "name a graph or scene; or a trade-off file that names one: \
+                 asperity tradeoff graphs/tradeoffs/shipped.ron --out out/tradeoff",
+            ));
+        }
+        _ => {
+            let help = "graph: \"../texture.ron\"; or name one on the command line";
+            return Err(wrong(source.path(), "this trade-off names no graph", help));
+        }
     }
     Ok((tradeoff, graphs))
 }
 
-/// A graph, or the graph that a scene lowers to, with the changes of `--set`. Wrong ones are errors.
-fn changed(path: &Path, args: &Args) -> Result<LoadedGraph, Failure> {
-    let mut base = loaded(path, &args.plugins)?;
-    for assignment in &args.set {
-        base.graph.set(assignment, "--set")?;
+/// A graph, or the graph that a scene lowers to, with these changes. Wrong ones are errors.
+fn loaded(path: &Path, plugins: &PluginArgs, set: &[String]) -> Result<LoadedGraph, Failure> {
+    let load::Offline { whole, mut graph, registry, plugins } = load::offline(path, plugins)?;
+    for assignment in set {
+        graph.set(assignment, "--set")?;
     }
-    if !args.set.is_empty() {
-        compile(&base.graph, &base.registry, Options::default())?;
+    if !set.is_empty() {
+        compile(&graph, &registry, Options::default())?;
     }
-    Ok(base)
-}
-
-fn loaded(path: &Path, plugins: &PluginArgs) -> Result<LoadedGraph, Failure> {
-    let load::Offline { whole, graph, registry, plugins } = load::offline(path, plugins)?;
     let name = tidy(path).display().to_string();
     Ok(LoadedGraph { name, graph, file: whole, registry, strength: 1.0, plugins })
 }
@@ -247,9 +235,7 @@ fn summary(results: &Results, written: &[PathBuf]) -> String {
         .into_iter()
         .find(|f| !results.pareto_front(*f).is_empty());
     let mut out = shown.map_or(String::new(), |figure| results.chart(figure) + "\n");
-    for path in written {
-        out += &format!("wrote {}\n", path.display());
-    }
+    written.iter().for_each(|path| out += &format!("wrote {}\n", path.display()));
     let unsound = results.rows.iter().filter(|r| !r.sound()).count();
     let settings = count(results);
     out + &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n")
@@ -281,24 +267,19 @@ pub fn machine() -> Machine {
 fn tidy(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {
-        let back = part == Component::ParentDir
-            && matches!(out.components().next_back(), Some(Component::Normal(_)));
-        if back {
-            out.pop();
-        } else {
-            out.push(part);
+        match (part, out.components().next_back()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => drop(out.pop()),
+            _ => out.push(part),
         }
     }
     out
 }
 
-/// Set when the run is to stop.
-pub type Stop = Arc<AtomicBool>;
-
 fn shard(text: &str) -> Result<(usize, usize), String> {
-    let wrong = || format!("`{text}` is not a shard: I/N with I from 1 to N, such as 1/4");
-    let (i, n) = text.split_once('/').ok_or_else(wrong)?;
-    let (i, n): (usize, usize) =
-        (i.trim().parse().map_err(|_| wrong())?, n.trim().parse().map_err(|_| wrong())?);
-    if i >= 1 && i <= n && n <= 1_000_000 { Ok((i - 1, n)) } else { Err(wrong()) }
+    let parts =
+        text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+    match parts {
+        Some((i @ 1.., n @ ..=1_000_000)) if i <= n => Ok((i - 1, n)),
+        _ => Err(format!("`{text}` is not a shard: I/N with I from 1 to N, such as 1/4")),
+    }
 }
