@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use harness::alone::real_time;
+use harness::alone::{real_time, stage};
 use harness::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
 use harness::{asperity, json, run};
 use tungstenite::Message;
@@ -218,9 +218,7 @@ const PIPE: usize = 65_536;
 
 #[test]
 fn unread_messages_delay_neither_mute_ticks_nor_end() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*stage();
     write_graph(dir);
     let mut child = asperity(dir)
         .args(["run", "g.ron", "--page", "--watch", "--device", CARD])
@@ -268,9 +266,7 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
 
 #[test]
 fn unwritable_report_keeps_recordings_and_summary() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*stage();
     write_graph(dir);
     std::fs::create_dir(dir.join("gone")).expect("a folder");
     let mut live =
@@ -292,24 +288,23 @@ fn samples(path: &Path) -> Vec<f32> {
 /// Once, a recording whose run was killed lay in a hidden file whose header said 0 samples.
 #[test]
 fn recording_of_a_killed_run_is_recovered() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*stage();
     let text = r#"Graph(version: 1, nodes: {"sine": (kind: "sine", params: (frequency_hz: 80.0)),
         "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
         "take": (kind: "file_out", params: (file: "take.wav"))}, wires: [("sine", "limiter"),
         ("limiter", "out"), ("limiter", "take")])"#;
-    std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
-    let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.path().join(f));
+    std::fs::write(dir.join("g.ron"), text).expect("a graph");
+    let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.join(f));
     let args = ["g.ron", "--device", CARD];
-    let live = Live::start(dir.path(), &args);
+    let live = Live::start(dir, &args);
     until("it records", || std::fs::metadata(&growing).is_ok_and(|meta| meta.len() > 0));
-    let recover = |what: &str| run(dir.path(), &["recover", what]);
+    let recover = |what: &str| run(dir, &["recover", what]);
     assert!(recover(".").ok().err.contains("still records"));
     std::thread::sleep(Duration::from_millis(2500));
     live.stop_by("KILL");
     // A program that reads it as it is finds what its header says.
-    std::fs::copy(&growing, dir.path().join("as_it_is.wav")).expect("a recording");
-    assert!(samples(&dir.path().join("as_it_is.wav")).len() > 72_000);
+    std::fs::copy(&growing, dir.join("as_it_is.wav")).expect("a recording");
+    assert!(samples(&dir.join("as_it_is.wav")).len() > 72_000);
     assert!(!take.exists());
     assert!(recover("take.wav.recording").ok().out.contains("take.wav"));
     let kept = samples(&take);
@@ -317,8 +312,8 @@ fn recording_of_a_killed_run_is_recovered() {
     assert!(!growing.exists());
 
     // The next run to that name completes what was left there, too.
-    std::fs::copy(dir.path().join("as_it_is.wav"), &growing).expect("a recording");
-    let mut next = Live::start(dir.path(), &[&args[..], &["--seconds", "0.2"]].concat());
+    std::fs::copy(dir.join("as_it_is.wav"), &growing).expect("a recording");
+    let mut next = Live::start(dir, &[&args[..], &["--seconds", "0.2"]].concat());
     let ended = next.end();
     assert!(ended.code == 0 && ended.err.contains("take-1.wav"), "{}", ended.err);
     assert!(samples(&other).len() > 72_000 && samples(&take).len() < 48_000);

@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Block, Process, Request, events, open};
+use asperity_audio::{Block, Process, Request, open};
 use asperity_engine::Options as EngineOptions;
 use asperity_graph::GraphFile;
-use asperity_live::driver::{Callback, Clock, Controls, Options, Rates, TickThread, Ticker, paced};
+use asperity_live::driver::{Clock, Options, Rates, Ticker, callback, paced};
 use asperity_live::realtime::Machine;
 use asperity_live::{DeviceQueues, Meters, Player, prepare_live};
 use asperity_node::time;
@@ -133,27 +133,6 @@ fn player(tick_hz: u32) -> (asperity_live::GraphController, Player) {
     prepare_live(compiled, &graph, EngineOptions::default(), DeviceQueues::default(), None, Vec::new())
 }
 
-enum Driver {
-    Callback(Callback<Numbered>),
-    Paced(TickThread<Numbered>),
-}
-
-impl Driver {
-    fn controls(&self) -> &Arc<Controls> {
-        match self {
-            Self::Callback(d) => d.controls(),
-            Self::Paced(d) => d.controls(),
-        }
-    }
-
-    fn stop(self) -> Option<Numbered> {
-        match self {
-            Self::Callback(d) => d.stop(),
-            Self::Paced(d) => d.stop(),
-        }
-    }
-}
-
 /// One run of so many ticks; a line of the table.
 fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let what = format!("{} {tick_hz} Hz, {frames} frames", clock.name());
@@ -163,19 +142,15 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let meters = Arc::new(Meters::new(tick_hz));
     let options = Options { start_s: 0.0, ..Options::new(meters.clone()) };
     let heard = Arc::new(Heard::default());
-    let (driver, process): (Driver, Box<dyn Process>) = match clock {
-        Clock::Callback => {
-            let (driver, half) = Callback::new(Numbered(player), &options);
-            (Driver::Callback(driver), Box::new(Ear::new(half, &heard)))
-        }
-        _ => {
-            let (driver, half) = paced(Numbered(player), &options).expect("a thread");
-            (Driver::Paced(driver), Box::new(Ear::new(half, &heard)))
-        }
+    let (driver, process): (_, Box<dyn Process>) = if clock == Clock::Callback {
+        let (driver, half) = callback(Numbered(player), &options);
+        (driver, Box::new(Ear::new(half, &heard)))
+    } else {
+        let (driver, half) = paced(Numbered(player), &options).expect("a thread");
+        (driver, Box::new(Ear::new(half, &heard)))
     };
-    let (to, _events) = events();
     let request = Request { device: Some(card.id()), ..Request::default() };
-    let stream = open(&request, process, None, to).expect("the card");
+    let stream = open(&request, process, None).expect("the card");
     stream.play().expect("it plays");
     let wait = |until: u64, graph_controller: &mut asperity_live::GraphController| {
         let (began, mut view) = (Instant::now(), asperity_live::view::View::default());

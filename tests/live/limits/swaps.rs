@@ -1,5 +1,6 @@
 //! Graphs that change while they play.
 
+use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::Request;
@@ -8,8 +9,8 @@ use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
 use asperity_live::{DeviceQueues, Session, SessionOptions};
-use harness::alone::real_time;
-use harness::live::Live;
+use harness::alone::{beside_others, real_time, shared_stage, stage};
+use harness::live::{Live, npy, told, until};
 use harness::stage::{by_hand, channel, graph, options, poll, start, timed};
 use harness::{self, json};
 
@@ -63,7 +64,7 @@ fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -
 
 #[test]
 fn renaming_the_limiter_lifts_no_limit_at_any_interval() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for every_s in [0.05, 0.1, 0.3, 0.7, 1.5, 5.0] {
         let played =
             play("renamed", every_s, |session, n| swap(session, attacking(&format!("limiter {n}"), "")));
@@ -81,7 +82,7 @@ fn renaming_the_limiter_lifts_no_limit_at_any_interval() {
 
 #[test]
 fn other_settings_of_the_limiter_lift_no_limit() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for every_s in [0.05, 0.3, 1.5] {
         let played = play("set otherwise", every_s, |session, n| {
             let release = if n % 2 == 0 { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
@@ -93,7 +94,7 @@ fn other_settings_of_the_limiter_lift_no_limit() {
 
 #[test]
 fn limiter_that_goes_and_comes_back_lifts_no_limit() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let silent = || {
         let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
                        "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
@@ -111,13 +112,12 @@ fn limiter_that_goes_and_comes_back_lifts_no_limit() {
 
 #[test]
 fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
+    let dir = &*shared_stage();
     // Half the rated current, for the same coil: what warmed it before counts.
     let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
     let weak = text.replace("ma_rms: 147.8", "ma_rms: 74").replace("HapCoil-One", "weak");
     assert_ne!(text, weak);
-    let file = dir.path().join("weak.ron");
+    let file = dir.join("weak.ron");
     std::fs::write(&file, weak).unwrap();
     for every_s in [0.05, 0.3, 1.5] {
         let profile = |n: usize| {
@@ -148,7 +148,7 @@ fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
 
 #[test]
 fn two_outputs_that_change_names_stay_within_their_limits() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let both = |n: usize| {
         let voice = |id: &str, hz: f64| {
             let nodes = format!(
@@ -204,21 +204,60 @@ fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
     assert!(coil.used.rms > 0.9, "{:?}", coil.used);
 }
 
+/// The attack as a file, heard by the card's own input.
+fn write(dir: &Path, n: usize) {
+    let (nodes, wires) = attack(&format!("limiter {n}"), "");
+    let ear = r#""card": (kind: "audio_in", params: (unit: "A")),
+        "heard": (kind: "file_out", params: (file: "heard.npy")),"#;
+    let text = format!(r#"Graph(version: 1, nodes: {{{nodes}{ear}}}, wires: [{wires}("card", "heard")])"#);
+    std::fs::write(dir.join("new"), text).unwrap();
+    std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
+}
+
+#[test]
+fn renamed_limiter_lifts_no_limit_of_run_watch_on_any_clock() {
+    let _alone = real_time();
+    told(|| {
+        let runs = ["callback", "paced"].map(|clock| {
+            let dir = tempfile::tempdir().unwrap();
+            write(dir.path(), 0);
+            let card = ["--device", "simulated:frames=96,loopback=1", "--clock", clock, "--report", "r.json"];
+            let run = Live::start(dir.path(), &[&["g.ron", "--watch"], &card[..]].concat());
+            (dir, run)
+        });
+        for n in 1..=40 {
+            runs.iter().for_each(|(dir, _)| write(dir.path(), n));
+            std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
+        }
+        for (dir, run) in runs {
+            let swaps = run.stop().ok().err.matches("changed:").count();
+            let report = json(&dir.path().join("r.json"));
+            let gaps = ["underruns", "xruns", "recording_gaps"].map(|name| report[name].as_u64().unwrap());
+            if gaps.iter().sum::<u64>() > 0 {
+                return Err(format!("{gaps:?} gaps"));
+            }
+            let heard = npy(&dir.path().join("heard.npy"));
+            let used = Coil::new(RATE).play(heard.iter().map(|x| f64::from(*x))).used;
+            used.assert_within("run --watch");
+            assert!(used.rms > 0.85 && swaps > 4, "{swaps} swaps, {used:?}");
+        }
+        Ok(())
+    });
+}
+
 #[test]
 fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
+    let dir = &*stage();
     let write = |n: usize| {
         let (nodes, wires) = attack(&format!("limiter {n}"), "");
         let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        let new = dir.path().join("new");
-        std::fs::write(&new, text).unwrap();
-        std::fs::rename(new, dir.path().join("g.ron")).unwrap();
+        std::fs::write(dir.join("new"), text).unwrap();
+        std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
     };
     write(0);
     let seconds = seconds().to_string();
     let args = ["render", "g.ron", "--watch", "--seconds", &seconds, "--out", "o.wav", "--report", "o.json"];
-    let mut child = harness::asperity(dir.path()).args(args).arg("--quiet").spawn().unwrap();
+    let mut child = harness::asperity(dir).args(args).arg("--quiet").spawn().unwrap();
     let mut n = 0;
     while child.try_wait().unwrap().is_none() {
         n += 1;
@@ -226,9 +265,9 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
         std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
     }
     assert!(child.wait().unwrap().success());
-    let swaps = json(&dir.path().join("o.json"))["swaps"].as_array().map_or(0, Vec::len);
+    let swaps = json(&dir.join("o.json"))["swaps"].as_array().map_or(0, Vec::len);
     assert!(swaps > 8, "{swaps} swaps");
-    let (samples, _) = harness::wav(&dir.path().join("o.wav"));
+    let (samples, _) = harness::wav(&dir.join("o.wav"));
     let used = Coil::new(RATE).play(samples.iter().map(|x| f64::from(*x))).used;
     used.assert_within("render --watch");
     assert!(used.rms > 0.9, "too careful: {used:?}");
@@ -238,24 +277,14 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
 
 #[test]
 fn file_that_is_written_all_the_time_is_taken_each_second() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    let write = |n: usize| {
-        let (nodes, wires) = attack(&format!("limiter {n}"), "");
-        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.path().join("new"), text).unwrap();
-        std::fs::rename(dir.path().join("new"), dir.path().join("g.ron")).unwrap();
-    };
-    write(0);
-    let run = Live::start(dir.path(), &["g.ron", "--watch", "--device", "simulated:frames=96"]);
-    let begun = std::time::Instant::now();
-    for n in 1.. {
-        write(n);
-        if run.said().matches("changed:").count() >= 2 {
-            break;
-        }
-        assert!(begun.elapsed() < Duration::from_secs(30), "{}", run.said());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let dir = &*stage();
+    write(dir, 0);
+    let run = Live::start(dir, &["g.ron", "--watch", "--device", "simulated:frames=96"]);
+    let mut n = 0;
+    until("two changes", || {
+        n += 1;
+        write(dir, n);
+        run.said().matches("changed:").count() >= 2
+    });
     run.stop().ok();
 }

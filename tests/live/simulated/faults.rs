@@ -5,15 +5,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Request, events, open};
-use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, timer};
+use asperity_audio::{Request, open};
+use asperity_live::driver::{Clock, Options, Rates, Ticker, callback, paced, timer};
 use asperity_live::view::Condition;
 use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status, Tick,
     Unit, time,
 };
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::live::told;
 use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, poll, start, timed};
 
@@ -45,7 +45,7 @@ fn playing(session: &mut asperity_live::Session) -> bool {
 
 #[test]
 fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
@@ -117,8 +117,11 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
         let mut session = start(one_voice(), options(&card, Clock::Callback));
         poll(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
         let xruns = session.view().xruns;
-        card.xrun();
-        poll(&mut session, "the underrun", |s| s.view().xruns > xruns);
+        // A gap that the loop saw before may stand for some of them.
+        poll(&mut session, "the underrun", |s| {
+            card.xrun();
+            s.view().xruns > xruns
+        });
         let before = session.view();
         // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is
         // no loss: then another.
@@ -216,13 +219,12 @@ impl Ticker for Panics {
 /// There is no step.
 #[test]
 fn panicking_engine_is_silent_within_20_ms_and_says_so() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("panic", by_hand()).expect("a card");
     let options = Options { start_s: 0.0, priority: None, ..Options::new(Arc::new(Meters::new(500))) };
-    let (driver, half) = Callback::new(Panics(0), &options);
-    let (to, _events) = events();
+    let (driver, half) = callback(Panics(0), &options);
     let request = Request { device: Some(card.id()), ..Request::default() };
-    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    let stream = open(&request, Box::new(half), None).expect("the card");
     stream.play().expect("it plays");
     (0..300).for_each(|_| card.step(64));
     assert!(driver.controls().failed());
@@ -255,9 +257,8 @@ fn panic_under_the_paced_clock_is_silent_within_20_ms() {
     let meters = Arc::new(Meters::new(500));
     let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
     let (driver, half) = paced(Panics(0), &options).expect("a thread");
-    let (to, _events) = events();
     let request = Request { device: Some(card.id()), ..Request::default() };
-    let stream = open(&request, Box::new(half), None, to).expect("the card");
+    let stream = open(&request, Box::new(half), None).expect("the card");
     stream.play().expect("it plays");
     while !driver.controls().failed() {
         std::thread::sleep(Duration::from_millis(2));
@@ -360,7 +361,7 @@ impl Processor for Fails {
 
 #[test]
 fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("node", by_hand()).expect("a card");
     let registry = harness::registry().with::<Fails>();
     let nodes = r#""bad": (kind: "fails"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;

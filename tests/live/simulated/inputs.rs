@@ -9,7 +9,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::stage::{by_hand, channel, graph, offline, options, poll, start_with, timed, voice};
 
 /// A tone, and what is recorded of it.
@@ -33,7 +33,7 @@ fn taped(session: &mut Session, all: &mut Vec<f32>) {
 
 #[test]
 fn recorded_samples_reach_the_graph_after_a_constant_delay() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for (case, sizes) in
         [&[64_usize][..], &[1], &[1024], &[97, 441], &[64, 1, 1024, 97, 441]].into_iter().enumerate()
     {

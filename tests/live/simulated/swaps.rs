@@ -7,7 +7,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SessionOptions, needs_queues, now_ns, samples};
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time, stage};
 use harness::stage::{
     STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, voice,
 };
@@ -25,7 +25,7 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
 
 #[test]
 fn swap_leaves_the_other_channel_and_figures_go_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("swap", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
     let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
@@ -76,7 +76,7 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
 
 #[test]
 fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("refused", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
     let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
@@ -159,20 +159,19 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
 /// The run goes on.
 #[test]
 fn edit_of_the_devices_channels_is_refused() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*stage();
     let write = |voices: &[(String, String)], amps: f64| {
         let (nodes, wires): (Vec<_>, Vec<_>) = voices.iter().cloned().unzip();
         let (nodes, wires) = (nodes.concat().replace("0.1", &format!("{amps:?}")), wires.concat());
         let text =
             format!("Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.path().join("g.ron"), text).expect("a file");
+        std::fs::write(dir.join("g.ron"), text).expect("a file");
     };
     let [one, other] = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
     write(std::slice::from_ref(&one), 0.1);
     let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_asperity"))
         .args(["run", "g.ron", "--device", "simulated:frames=256", "--watch", "--seconds", "30"])
-        .current_dir(dir.path())
+        .current_dir(dir)
         .stderr(Stdio::piped())
         .stdout(Stdio::null())
         .spawn()

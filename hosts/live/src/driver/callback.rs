@@ -9,81 +9,38 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
 
 use asperity_audio::{Block, Process};
 use asperity_engine::Flushed;
+use parking_lot::Mutex;
 
 use super::run::{self, Rates, SLEW};
-use super::slot::Slot;
-use super::{Controls, Options, Ticker};
+use super::{Clock, Controls, Driver, Options, Runs, Ticker};
 use crate::dll::{Dll, Heard};
 use crate::ramp::Ramp;
 
 /// Stack that the device's thread touches at the first callback. Its stack may be small.
 const STACK: usize = 65_536;
-/// Longest wait for a tick before the ticker is given up.
-const TAKE: Duration = Duration::from_secs(1);
-
-/// A run whose ticks an audio device calls. Dropping it requests a stop.
-#[derive(Debug)]
-pub struct Callback<T> {
-    slot: Arc<Slot<T>>,
-    controls: Arc<Controls>,
-}
 
 /// The device's side.
 #[derive(Debug)]
 pub struct CallbackHalf<T> {
-    slot: Arc<Slot<T>>,
+    slot: Arc<Mutex<Option<T>>>,
     controls: Arc<Controls>,
     ramp: Ramp,
     stream: Stream,
 }
 
-impl<T: Ticker> Callback<T> {
-    /// A driver and its process for the device, which must have the ticker's rate and channels.
-    pub fn new(ticker: T, options: &Options) -> (Self, CallbackHalf<T>) {
-        let controls = Controls::new(options, None);
-        let stream = Stream::new(&ticker);
-        let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
-        let slot = Arc::new(Slot::new(ticker));
-        let half = CallbackHalf { slot: Arc::clone(&slot), controls: Arc::clone(&controls), ramp, stream };
-        (Self { slot, controls }, half)
-    }
-
-    /// Requests to the driver, and its state.
-    pub fn controls(&self) -> &Arc<Controls> {
-        &self.controls
-    }
-
-    /// Ramps the output down and returns the ticker, at once if the device no longer calls. `None` if a
-    /// tick does not end within a second.
-    pub fn stop(self) -> Option<T> {
-        self.controls.request_stop();
-        self.controls.wait_until_down();
-        self.take()
-    }
-
-    /// Takes the ticker from a lost device, without a ramp. If the device calls all the same, it plays
-    /// silence.
-    pub fn take(self) -> Option<T> {
-        self.controls.request_stop();
-        let began = std::time::Instant::now();
-        while began.elapsed() < TAKE {
-            if let Some(mut entered) = self.slot.enter() {
-                return entered.take();
-            }
-            std::thread::sleep(Duration::from_micros(200));
-        }
-        None
-    }
-}
-
-impl<T> Drop for Callback<T> {
-    fn drop(&mut self) {
-        self.controls.request_stop();
-    }
+/// A run whose ticks an audio device calls, and its process for the device, which must have the ticker's
+/// rate and channels.
+pub fn callback<T: Ticker>(ticker: T, options: &Options) -> (Driver<T>, CallbackHalf<T>) {
+    let controls = Controls::new(options, None);
+    let stream = Stream::new(&ticker);
+    let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
+    let slot = Arc::new(Mutex::new(Some(ticker)));
+    let runs = Some(Runs::Callback(Arc::clone(&slot)));
+    let half = CallbackHalf { slot, controls: Arc::clone(&controls), ramp, stream };
+    (Driver { clock: Clock::Callback, controls, runs }, half)
 }
 
 impl<T: Ticker> Process for CallbackHalf<T> {
@@ -103,7 +60,7 @@ impl<T: Ticker> Process for CallbackHalf<T> {
             self.controls.meters().xruns.add(1);
             self.ramp.broken();
         }
-        let filled = match self.slot.enter().as_deref_mut() {
+        let filled = match self.slot.try_lock().as_deref_mut() {
             Some(Some(ticker)) if !self.controls.failed() && !self.controls.down() => {
                 self.stream.fill(ticker, &self.controls, heard, block.output)
             }

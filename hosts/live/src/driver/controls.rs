@@ -159,9 +159,9 @@ impl Controls {
     /// the limits, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
         let Some(limits) = &self.limits else { return };
-        match limits.0.enter().as_deref_mut() {
-            Some(Some(limits)) => limits.hold(output, channels),
-            _ => output.fill(0.0),
+        match limits.try_lock() {
+            Some(mut limits) => limits.hold(output, channels),
+            None => output.fill(0.0),
         }
     }
 

@@ -28,7 +28,7 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::run::{self, RUN_BEHIND, Rates, SLEW};
-use super::{Controls, Options, TickThread, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep};
 use crate::dll::{Dll, Line};
 use crate::now_ns;
 use crate::ramp::Ramp;
@@ -55,10 +55,7 @@ const DEVICE_STACK: usize = 32_768;
 ///
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
-pub fn paced<T: Ticker + 'static>(
-    ticker: T,
-    options: &Options,
-) -> std::io::Result<(TickThread<T>, PacedHalf)> {
+pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<(Driver<T>, PacedHalf)> {
     let controls = Controls::new(options, Some(Asked::default()));
     let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
@@ -88,7 +85,7 @@ pub fn paced<T: Ticker + 'static>(
         origin: 0.0,
         read_ns: 0,
     };
-    Ok((TickThread::start(controls, |_| pace.run(ticker))?, half))
+    Ok((Driver::thread(Clock::Paced, controls, |_| pace.run(ticker))?, half))
 }
 
 /// Size of the ring in values.

@@ -21,7 +21,7 @@ struct Device {
 }
 
 impl Device {
-    fn new(ticker: Counter, options: Options) -> (TickThread<Counter>, Self) {
+    fn new(ticker: Counter, options: Options) -> (Driver<Counter>, Self) {
         let (rate_hz, channels, first) = (ticker.rate_hz, ticker.channels, ticker.first_sample());
         let first_tick = ticker.next;
         let (driver, half) = paced(ticker, &options).expect("a thread");

@@ -1,19 +1,19 @@
 //! Ticks on the system's clock, without audio: for force or network sinks, or while a device is lost.
 
 use super::run::{self, RUN_BEHIND};
-use super::{Controls, Options, TickThread, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep};
 use crate::now_ns;
 
 /// Longest sleep [ns]. Between sleeps the thread looks for a stop request.
 const NAP_NS: u64 = 20_000_000;
 
 /// Starts a run without audio: the output of a tick is computed and dropped. The first tick is due at once.
-/// [`TickThread::stop`] takes 20 ms and a tick at most.
+/// [`Driver::stop`] takes 20 ms and a tick at most.
 ///
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
-pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<TickThread<T>> {
-    TickThread::start(Controls::new(options, None), |controls| run(ticker, controls))
+pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<Driver<T>> {
+    Driver::thread(Clock::Timer, Controls::new(options, None), |controls| run(ticker, controls))
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {

@@ -1,5 +1,5 @@
 use super::super::testing::{Counter, Reference, call, options};
-use super::super::{Callback, paced};
+use super::super::{callback, paced};
 use super::*;
 use crate::view::Condition;
 use std::time::Duration;
@@ -42,7 +42,7 @@ fn late_timer_skips_ticks_and_counts_them() {
 #[test]
 fn run_moves_from_lost_device_to_timer_and_back() {
     let first = options(500);
-    let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 1, 0), &first);
+    let (driver, mut half) = callback(Counter::new(48_000, 500, 1, 0), &first);
     (0..30).for_each(|i| drop(call(&mut half, 1_000_000_000 + i * 2_000_000, 96, 1)));
     // The device never calls again.
     let ticker = driver.take().expect("the ticker");
@@ -54,7 +54,7 @@ fn run_moves_from_lost_device_to_timer_and_back() {
     let ticker = timer.stop().expect("the ticker");
     assert!(ticker.next >= 40);
     let mut reference = Reference::new(48_000, 1, ticker.first_sample());
-    let (driver, mut half) = Callback::new(ticker, &options(500));
+    let (driver, mut half) = callback(ticker, &options(500));
     for i in 0..20 {
         assert_eq!(call(&mut half, 5_000_000_000 + i * 2_000_000, 97, 1), reference.play(97));
     }

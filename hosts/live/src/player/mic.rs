@@ -183,7 +183,7 @@ mod tests {
 
     fn record(to: &mut MicWriter, from: usize, frames: usize) {
         let input: Vec<f32> = (from..from + frames).flat_map(|n| [n as f32, -(n as f32)]).collect();
-        to.capture(&Captured { input: &input, channels: 2, now_ns: 0, behind_ns: 0 });
+        to.capture(&Captured { input: &input, channels: 2, now_ns: 0 });
     }
 
     fn first(from: &MicReader) -> (usize, f32) {
@@ -251,7 +251,7 @@ mod tests {
         // Ten seconds of ticks, with blocks as long as one.
         for tick in 1..5_000_u64 {
             let input = [tick as f32; 2 * 96];
-            to.capture(&Captured { input: &input, channels: 2, now_ns: tick * 2_000_000, behind_ns: 0 });
+            to.capture(&Captured { input: &input, channels: 2, now_ns: tick * 2_000_000 });
             flowing = reader.advance(96);
             assert!(flowing || tick > 1, "the room is not too small for what is waited for");
         }

@@ -9,7 +9,7 @@ pub use mic::{Listener, MicReader, MicWriter, mic};
 pub(crate) use node_meters::NodeMeters;
 pub use tape::TapeReader;
 pub(crate) use tape::{TapeWriter, tape};
-pub(crate) use wiring::{ForceSlot, HandSlot, Scope, SourceMeter, Wiring};
+pub(crate) use wiring::{Hand, Scope, Wiring};
 
 use std::sync::Arc;
 
@@ -102,14 +102,12 @@ impl Player {
     /// Feeds the positions of hands at a time, and recorded samples.
     fn feed(&mut self, time_ns: u64) {
         let engine = &mut self.engine;
-        for hand in &mut self.wiring.hands {
-            let Some(timeline) = &mut hand.timeline else { continue };
-            let reading = timeline.at(time_ns);
+        for (node, hand) in &self.wiring.hands {
+            let Some(reading) = hand.read(time_ns) else { continue };
             let fresh = !reading.stalled;
-            engine.feed_control(hand.node, place::POSITION, &reading.position, fresh);
-            engine.feed_control(hand.node, place::FORCE, &[reading.force], fresh);
-            engine.feed_control(hand.node, place::STROKE, &[f64::from(reading.stroke)], fresh);
-            hand.meter.take(&reading, timeline);
+            engine.feed_control(*node, place::POSITION, &reading.position, fresh);
+            engine.feed_control(*node, place::FORCE, &[reading.force], fresh);
+            engine.feed_control(*node, place::STROKE, &[f64::from(reading.stroke)], fresh);
         }
         if let Some(mic) = &mut self.mic {
             let span = time::samples(engine.next_tick(), self.rate_hz, self.tick_hz);
@@ -123,9 +121,9 @@ impl Player {
     /// Sets the limiters' coil heat to that of the device's coils.
     fn warm(&mut self) {
         if self.wired() {
-            for (channel, limiter) in self.wiring.limiters.iter().enumerate() {
+            for (limiter, heat) in self.wiring.limiters.iter().zip(self.coils.heat()) {
                 if let Some(node) = *limiter {
-                    self.engine.warm(node, self.coils.heat(channel));
+                    self.engine.warm(node, heat);
                 }
             }
         }
@@ -134,8 +132,7 @@ impl Player {
     /// Takes over the wiring of a graph that the engine has just taken over.
     fn rewire(&mut self) {
         while self.over.is_none() && self.wiring.swap < self.engine.swaps() {
-            let Some(mut next) = self.wirings.try_pop() else { break };
-            next.take_from(&mut self.wiring);
+            let Some(next) = self.wirings.try_pop() else { break };
             self.over = Some(std::mem::replace(&mut self.wiring, next));
             self.give_back();
         }
@@ -171,10 +168,8 @@ impl Player {
         if !self.wired() {
             // The indices are those of another graph. Only a signal behind a limiter may reach a device,
             // and only its own plane a stylus.
-            for slot in &mut self.wiring.forces {
-                if let Some(writer) = &mut slot.writer {
-                    writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
-                }
+            for mut writer in self.wiring.forces.iter().filter_map(|(.., writer)| writer.try_lock()) {
+                writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
             }
             return;
         }
@@ -191,9 +186,9 @@ impl Player {
     /// Sends force models to devices.
     fn push_back(&mut self) {
         let engine = &self.engine;
-        for slot in &mut self.wiring.forces {
-            let Some(writer) = &mut slot.writer else { continue };
-            let control = |input| match engine.input(slot.node, input) {
+        for (node, max_force_n, writer) in &self.wiring.forces {
+            let Some(mut writer) = writer.try_lock() else { continue };
+            let control = |input| match engine.input(*node, input) {
                 Some(Buffer::Control { values, valid, .. }) => (&values[..], *valid),
                 _ => (&[][..], false),
             };
@@ -207,7 +202,7 @@ impl Player {
                 damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
                 // An invalid force beside the wall leaves the wall valid.
                 beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
-                max_force_n: slot.max_force_n,
+                max_force_n: *max_force_n,
                 valid: plane.1 && normal.1 && stiffness.1 && damping.1,
                 time_ns: now_ns(),
             });

@@ -2,76 +2,50 @@
 //! meanwhile.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering::*};
+use std::time::Duration;
 
 use asperity_audio::{Block, Process};
-use ringbuf::traits::{Consumer, Producer, Split};
-use ringbuf::{HeapCons, HeapProd, HeapRb};
+use parking_lot::{Mutex, MutexGuard};
 
 use crate::dll::{BUNCH, LONGEST_BUNCH_NS};
 
-/// Process that a device calls from its start on.
-pub(super) struct Switch {
-    from: HeapCons<Box<dyn Process>>,
-    process: Option<Box<dyn Process>>,
-    wakes: Wakes,
-    heard: Arc<Heard>,
-}
+/// Process that a device calls from its start on. Both sides take it by `try_lock` alone; the device plays a
+/// block of silence while the control thread looks.
+#[derive(Clone)]
+pub(super) struct Switch(Arc<Mutex<(Wakes, Option<Box<dyn Process>>)>>);
 
-/// Gives the device its process, once.
-pub(super) struct Give {
-    to: HeapProd<Box<dyn Process>>,
-    heard: Arc<Heard>,
-}
+impl Switch {
+    /// For a device of this rate.
+    pub(super) fn new(rate_hz: u32) -> Self {
+        Self(Arc::new(Mutex::new((Wakes { rate_hz, ..Wakes::default() }, None))))
+    }
 
-/// Measurements so far.
-#[derive(Debug, Default)]
-struct Heard {
-    /// Rate of the device; 0 until it is known, and before that nothing is measured.
-    rate_hz: AtomicU32,
-    wakes: AtomicU32,
-    period_frames: AtomicU32,
-}
-
-/// A switch and its control.
-pub(super) fn switch() -> (Give, Switch) {
-    let (to, from) = HeapRb::new(1).split();
-    let heard = Arc::new(Heard::default());
-    let switch = Switch { from, process: None, wakes: Wakes::default(), heard: heard.clone() };
-    (Give { to, heard }, switch)
-}
-
-impl Give {
-    /// Measures a device of this rate from now on.
-    pub(super) fn listen(&self, rate_hz: u32) {
-        self.heard.rate_hz.store(rate_hz, Relaxed);
+    fn lock(&self) -> MutexGuard<'_, (Wakes, Option<Box<dyn Process>>)> {
+        loop {
+            if let Some(it) = self.0.try_lock() {
+                return it;
+            }
+            std::thread::sleep(Duration::from_micros(100));
+        }
     }
 
     /// Finished wake-ups, and frames a wake-up (all calls of a bunch together); 0 for none.
-    pub(super) fn heard(&self) -> (u64, u32) {
-        let heard = &self.heard;
-        (u64::from(heard.wakes.load(Acquire)), heard.period_frames.load(Relaxed))
+    pub(super) fn heard(&self) -> (u32, u32) {
+        let wakes = &self.lock().0;
+        (wakes.count, wakes.period())
     }
 
-    pub(super) fn give(&mut self, process: Box<dyn Process>) {
-        // There is room, since this is called once.
-        let _ = self.to.try_push(process);
+    pub(super) fn give(&self, process: Box<dyn Process>) {
+        self.lock().1 = Some(process);
     }
 }
 
 impl Process for Switch {
     fn process(&mut self, block: &mut Block<'_>) {
-        if self.process.is_none() {
-            self.process = self.from.try_pop();
-        }
-        if let Some(process) = &mut self.process {
-            process.process(block);
-            return;
-        }
-        let rate_hz = self.heard.rate_hz.load(Relaxed);
-        if rate_hz > 0 && self.wakes.callback(block.now_ns, block.frames(), rate_hz) {
-            self.heard.period_frames.store(self.wakes.period(), Relaxed);
-            self.heard.wakes.store(self.wakes.count, Release);
+        let Some(mut it) = self.0.try_lock() else { return };
+        match &mut *it {
+            (_, Some(process)) => process.process(block),
+            (wakes, None) => wakes.callback(block.now_ns, block.frames()),
         }
     }
 }
@@ -79,6 +53,7 @@ impl Process for Switch {
 /// Groups calls into wake-ups as the delay-locked loop does: a server calls in bunches.
 #[derive(Debug, Default)]
 struct Wakes {
+    rate_hz: u32,
     /// Finished wake-ups.
     count: u32,
     /// Start of the current wake-up, and its frames so far.
@@ -89,12 +64,11 @@ struct Wakes {
 }
 
 impl Wakes {
-    /// Notes a call. True if it starts a new wake-up, so that the one before is finished.
-    fn callback(&mut self, now_ns: u64, frames: usize, rate_hz: u32) -> bool {
-        let (now, span) = (now_ns as f64, f64::from(self.frames) * 1e9 / f64::from(rate_hz));
+    /// Notes a call.
+    fn callback(&mut self, now_ns: u64, frames: usize) {
+        let (now, span) = (now_ns as f64, f64::from(self.frames) * 1e9 / f64::from(self.rate_hz));
         let bunched = now - self.began_ns < BUNCH * span && span < LONGEST_BUNCH_NS;
-        let over = self.frames > 0 && !bunched;
-        if over {
+        if self.frames > 0 && !bunched {
             self.count += 1;
             let mut frames = self.frames;
             for most in &mut self.most {
@@ -106,7 +80,6 @@ impl Wakes {
             self.began_ns = now;
         }
         self.frames = self.frames.saturating_add(frames as u32);
-        over
     }
 
     /// Frames that wake-ups ask for repeatedly: the third largest. The two largest may be exceptions, since
@@ -123,14 +96,14 @@ mod tests {
     /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have
     /// come due.
     fn listen(every: u64, frames: u64, prefill: u64, late: &[u64]) -> Wakes {
-        let (mut wakes, mut asked) = (Wakes::default(), 0);
+        let (mut wakes, mut asked) = (Wakes { rate_hz: 48_000, ..Wakes::default() }, 0);
         let mut now = 1_000_000_000;
         for wake in 0..16 {
             let due = wake * every + prefill;
             let came = now + if late.contains(&wake) { every * 20_000 } else { 0 };
             let calls = (due - asked) / frames;
             for call in 0..calls {
-                wakes.callback(came + call * 5_000, frames as usize, 48_000);
+                wakes.callback(came + call * 5_000, frames as usize);
             }
             asked += calls * frames;
             now += every * 1_000_000_000 / 48_000;
@@ -157,24 +130,22 @@ mod tests {
 
     #[test]
     fn switch_reports_wake_ups_until_it_is_given_work() {
-        let (mut give, mut switch) = switch();
+        let mut switch = Switch::new(48_000);
+        let control = switch.clone();
         let mut call = |now_ns| {
             let mut output = [1.0; 64];
-            switch.process(&mut Block { output: &mut output, channels: 1, now_ns, ahead_ns: 0 });
+            switch.process(&mut Block { output: &mut output, channels: 1, now_ns });
         };
-        call(1_000_000);
-        assert_eq!(give.heard(), (0, 0));
-        give.listen(48_000);
         (1..=4).for_each(|n| call(n * 2_666_667));
         (1..=4).for_each(|n| call(n * 2_666_667 + 5_000));
-        let (wakes, period) = give.heard();
+        let (wakes, period) = control.heard();
         assert!(wakes >= 3 && period >= 64, "{wakes} {period}");
         struct Silence;
         impl Process for Silence {
             fn process(&mut self, _: &mut Block<'_>) {}
         }
-        give.give(Box::new(Silence));
+        control.give(Box::new(Silence));
         (5..=9).for_each(|n| call(n * 2_666_667));
-        assert_eq!(give.heard(), (wakes, period));
+        assert_eq!(control.heard(), (wakes, period));
     }
 }
