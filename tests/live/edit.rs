@@ -174,9 +174,9 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     assert_eq!(harness::files(dir), ["g.ron", "heard.npy", "r.json", "sent.npy"]);
 
     let dir = tempfile::tempdir().expect("a folder");
-    let (live, _onlooker, service) = exchanging(dir);
+    let (live, _onlooker, service) = exchanging(dir.path());
     live.stop_by("TERM").ok();
-    assert_eq!(harness::files(dir), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
+    assert_eq!(harness::files(dir.path()), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
 }
 

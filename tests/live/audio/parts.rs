@@ -129,7 +129,11 @@ pub(crate) fn around(played: &[(usize, u64)], ear: &Ear) -> (usize, f64) {
     }
     let starts = |blocks: &[(usize, u64)]| -> Vec<(usize, u64)> {
         let mut frame = 0;
-        blocks.iter().map(|(frames, at)| (std::mem::replace(&mut frame, frame + frames), *at)).collect()
+        let start = |(frames, at): &(usize, u64)| {
+            frame += frames;
+            (frame - frames, *at)
+        };
+        blocks.iter().map(start).collect()
     };
     let (played, recorded) = (starts(played), starts(&recorded));
     // The first second settles.

@@ -2,38 +2,17 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_audio::{Cause, Request, hosts, open};
 use harness::live::{told, until};
-use harness::servers::{Parec, Pulse, inside};
+use harness::servers::{Pulse, inside};
 use harness::test_name;
 
 use super::parts::{Count, Ear, around, calls, loss, play, record, refusal};
 
 fn request() -> Request {
     Request { host: Some("pulseaudio".into()), device: Some("test".into()), ..Request::default() }
-}
-
-#[test]
-fn every_sample_arrives_at_1024_frames() {
-    let Some(_) = inside(test_name!(), Pulse::start) else { return };
-    let tape = Parec::start();
-    let wanted = Request { channels: vec![2], period_frames: Some(1024), ..request() };
-    let stream = play(&wanted, Count::default());
-    std::thread::sleep(Duration::from_secs(3));
-    let frames = tape.stop();
-    assert!(frames.iter().all(|frame| frame[0] == 0.0), "channel 1 is not silent");
-    // A machine that is too busy makes gaps of silence; what is played is neither lost nor repeated all the
-    // same.
-    let played: Vec<f32> = frames.iter().map(|frame| frame[1]).filter(|sample| *sample != 0.0).collect();
-    assert!(played.len() > 48_000, "only {} frames in 3 s", played.len());
-    for (at, sample) in played.iter().enumerate() {
-        assert_eq!(f64::from(*sample), Count::value(at), "frame {at}");
-    }
-    // Somewhat more than was asked for, as a rule.
-    assert!((900..1300).contains(&stream.period().unwrap()), "{:?}", stream.period());
-    assert_eq!(stream.lost(), None);
 }
 
 #[test]
@@ -112,9 +91,7 @@ fn stopped_server_is_a_loss_though_it_says_nothing() {
     calls(&stream, 20);
     server.stop();
     println!("stopped: {}", loss(&stream));
-    let closing = Instant::now();
     drop(stream);
-    println!("closed after {:?}", closing.elapsed());
     assert_eq!(refusal(&request()).cause, Cause::Host);
     server.go_on();
     until("the server to answer again", || open(&request(), Box::new(Count::default()), None).is_ok());

@@ -22,25 +22,21 @@ fn square(out: &str, limiter: &str) -> String {
     )
 }
 
-fn setup(dir: &Path, more: &[&str]) -> Ran {
-    let given = [
-        "setup",
-        "--machine",
-        "machine.ron",
-        "--device",
-        CARD,
-        "--channel",
-        "1",
-        "--profile",
-        "hapcoil_one",
-        "--handle-mass-g",
-        "100",
-        "--volts-at-full-scale",
-        "1",
-        "--amps-per-volt",
-        "1",
-    ];
-    run(dir, &[&given[..], more].concat())
+/// Runs `asperity setup` with these words.
+fn setup(dir: &Path, words: &str) -> Ran {
+    run(
+        dir,
+        &["setup", "--machine", "machine.ron"]
+            .into_iter()
+            .chain(words.split_whitespace())
+            .collect::<Vec<_>>(),
+    )
+}
+
+/// The actuator on channel 1 of the card, and more options.
+fn known(dir: &Path, more: &str) -> Ran {
+    let actuator = "--channel 1 --profile hapcoil_one --handle-mass-g 100";
+    setup(dir, &format!("--device {CARD} {actuator} --volts-at-full-scale 1 --amps-per-volt 1 {more}"))
 }
 
 fn play(dir: &Path, text: &str) -> Ran {
@@ -51,7 +47,7 @@ fn play(dir: &Path, text: &str) -> Ran {
 #[test]
 fn contradicting_graph_is_refused_with_both_places() {
     let dir = &*stage();
-    setup(dir, &[]).ok();
+    known(dir, "").ok();
     // The same actuator, but for how fast it is said to cool.
     let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
     let quick = text.replace("thermal_time_constant: (s: 2.0", "thermal_time_constant: (s: 0.1");
@@ -79,7 +75,7 @@ fn contradicting_graph_is_refused_with_both_places() {
 #[test]
 fn two_entries_for_one_channel_are_refused() {
     let dir = &*stage();
-    setup(dir, &[]).ok();
+    known(dir, "").ok();
     let ran = play(dir, &square("", "")).ok();
     let device = ran.out.lines().find_map(|l| l.strip_prefix("device")).unwrap().trim().to_owned();
     let name = device.split(": ").next().unwrap();
@@ -96,7 +92,7 @@ fn two_entries_for_one_channel_are_refused() {
 #[test]
 fn most_volts_of_the_machine_hold_for_every_graph() {
     let dir = &*stage();
-    setup(dir, &["--most-volts", "0.08"]).ok();
+    known(dir, "--most-volts 0.08").ok();
     let ran = play(dir, &square("", "")).ok();
     assert!(ran.out.contains("held to the actuator's limits"), "{} {}", ran.out, ran.err);
     let heard = npy(&dir.join("heard.npy"));
@@ -109,7 +105,7 @@ fn most_volts_of_the_machine_hold_for_every_graph() {
 #[test]
 fn edit_that_contradicts_the_machine_is_refused_while_it_plays() {
     let dir = &*stage();
-    setup(dir, &[]).ok();
+    known(dir, "").ok();
     std::fs::write(dir.join("g.ron"), square("", "")).unwrap();
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--machine", "machine.ron"]);
     std::thread::sleep(std::time::Duration::from_millis(1500));
@@ -121,44 +117,25 @@ fn edit_that_contradicts_the_machine_is_refused_while_it_plays() {
 #[test]
 fn setup_keeps_what_else_stands_in_the_file() {
     let dir = &*stage();
-    setup(dir, &[]).ok();
+    known(dir, "").ok();
     let file = dir.join("machine.ron");
     let first = std::fs::read_to_string(&file).unwrap();
     let noted = first.replace("outputs: [", "outputs: [ // mine");
     std::fs::write(&file, &noted).unwrap();
-    let again = setup(dir, &[]);
+    let again = known(dir, "");
     assert_eq!(again.code, 2, "{}", again.err);
     assert!(again.err.contains("--overwrite"), "{}", again.err);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), noted);
-    run(
-        dir,
-        &[
-            "setup",
-            "--machine",
-            "machine.ron",
-            "--device",
-            "PCH",
-            "--channel",
-            "2",
-            "--profile",
-            "haptuator_mark_ii",
-            "--handle-mass-g",
-            "50",
-            "--volts-at-full-scale",
-            "1.2",
-            "--volts-per-volt",
-            "3",
-        ],
-    )
-    .ok();
-    setup(dir, &["--overwrite", "--most-volts", "0.5"]).ok();
+    let other = "--device PCH --channel 2 --profile haptuator_mark_ii --handle-mass-g 50";
+    setup(dir, &format!("{other} --volts-at-full-scale 1.2 --volts-per-volt 3")).ok();
+    known(dir, "--overwrite --most-volts 0.5").ok();
     let text = std::fs::read_to_string(&file).unwrap();
     for part in ["// mine", "\"PCH\"", "volts_per_volt: 3.0", "most_volts: 0.5"] {
         assert!(text.contains(part), "{part} is not in {text}");
     }
     assert_eq!(text.matches("channel: 1").count(), 1, "{text}");
     // What is not said is asked for where somebody can answer, and named where nobody can.
-    let ran = run(dir, &["setup", "--machine", "machine.ron"]);
+    let ran = setup(dir, "");
     assert!(ran.code == 2 && ran.err.contains("--device"), "{}", ran.err);
 }
 

@@ -8,10 +8,10 @@ use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{DeviceQueues, Session, SessionOptions};
+use asperity_live::{Session, SessionOptions};
 use harness::alone::{beside_others, real_time, shared_stage, stage};
 use harness::live::{Live, npy, told, until};
-use harness::stage::{by_hand, channel, graph, options, poll, start, timed};
+use harness::stage::{by_hand, channel, graph, options, poll, start, swap, timed};
 use harness::{self, json};
 
 use crate::coil::{Coil, RATED};
@@ -35,12 +35,6 @@ fn attack(limiter: &str, params: &str) -> (String, String) {
 fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
     let (nodes, wires) = attack(limiter, params);
     graph(&harness::registry(), (500, RATE), &nodes, &wires)
-}
-
-fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
-    let graph_controller = session.graph_controller();
-    graph_controller.collect();
-    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
 }
 
 /// Plays on a card for so long, with a change every so often.

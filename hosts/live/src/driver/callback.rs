@@ -9,6 +9,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use asperity_audio::{Block, Process};
 use asperity_engine::Flushed;
@@ -48,10 +49,10 @@ impl<T: Ticker> Process for CallbackHalf<T> {
         let _flushed = Flushed::new();
         let channels = self.stream.rates.channels;
         if block.channels != channels {
-            self.controls.fail();
+            self.controls.failed.store(true, Relaxed);
             return;
         }
-        self.controls.ask::<STACK>();
+        self.controls.asked.once::<STACK>(self.controls.priority);
         let frames = block.frames();
         let heard = self.stream.dll.callback(block.now_ns, frames as u64);
         self.controls.heard(block.now_ns, self.stream.dll.line());
@@ -148,7 +149,7 @@ impl Stream {
         }
         let most = SLEW * self.rates.tick_ns();
         self.delay_ns += (period_ns - self.delay_ns).clamp(-most, most);
-        controls.set_lead(self.delay_ns);
+        controls.lead_ns.store(self.delay_ns as u64, Relaxed);
         let position = self.rates.samples_from(0, tick) - self.origin as f64;
         let time_ns = (line.time_ns(position) - self.delay_ns).max(0.0) as u64;
         self.read_ns = self.read_ns.max(time_ns);

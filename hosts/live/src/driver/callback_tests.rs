@@ -155,7 +155,7 @@ fn mute_stop_and_panic_are_silent_within_20_ms() {
         assert_eq!(driver.controls().condition(), Condition::Playing);
         match how {
             "mute" => driver.controls().run_control().mute(true),
-            "stop" => driver.controls().request_stop(),
+            "stop" => driver.controls().stopping.store(true, std::sync::atomic::Ordering::Relaxed),
             _ => {}
         }
         let heard = device.call(64, 1);

@@ -18,6 +18,7 @@ pub use run::Rates;
 pub use timer::timer;
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -117,7 +118,7 @@ impl<T: Ticker> Driver<T> {
         let shared = Arc::clone(&controls);
         let run = move || {
             let _flushed = Flushed::new();
-            shared.ask::<STACK>();
+            shared.asked.once::<STACK>(shared.priority);
             sleep_sharply();
             ticks(&shared)
         };
@@ -148,7 +149,7 @@ impl<T: Ticker> Driver<T> {
     }
 
     fn end(&mut self, ramp: bool) -> Option<T> {
-        self.controls.request_stop();
+        self.controls.stopping.store(true, Relaxed);
         let runs = self.runs.take()?;
         if ramp && matches!(runs, Runs::Callback(_)) {
             self.controls.wait_until_down();

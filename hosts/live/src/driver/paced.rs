@@ -189,7 +189,7 @@ impl Pace {
         }
         let most = SLEW * self.rates.tick_ns();
         self.lead_ns += (self.lead(&line) - self.lead_ns).clamp(-most, most);
-        self.controls.set_lead(self.lead_ns);
+        self.controls.lead_ns.store(self.lead_ns as u64, Relaxed);
         true
     }
 
@@ -245,11 +245,13 @@ impl Process for PacedHalf {
     fn process(&mut self, block: &mut Block<'_>) {
         let _flushed = Flushed::new();
         if block.channels != self.channels {
-            self.controls.fail();
+            self.controls.failed.store(true, Relaxed);
             return;
         }
         // Ticks run on another thread, but a late callback is audible too.
-        self.controls.ask_for_device::<DEVICE_STACK>();
+        if let Some(asked) = &self.controls.device_asked {
+            asked.once::<DEVICE_STACK>(self.controls.priority);
+        }
         let frames = block.frames();
         let heard = self.dll.callback(block.now_ns, frames as u64);
         self.lines.write(*self.dll.line());

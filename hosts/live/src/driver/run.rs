@@ -1,6 +1,7 @@
 //! Runs one tick: finds its samples, catches its panic, records its times.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering::Relaxed;
 
 use asperity_node::time;
 
@@ -70,7 +71,7 @@ pub(super) fn tick(
     if let Err(payload) = catch_unwind(AssertUnwindSafe(|| ticker.tick(time_ns, out))) {
         // Freeing it could run any code. This happens once in a run.
         std::mem::forget(payload);
-        controls.fail();
+        controls.failed.store(true, Relaxed);
         return false;
     }
     controls.meters().record(Record { tick, due_ns, woke_ns, done_ns: now_ns() });

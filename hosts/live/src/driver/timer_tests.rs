@@ -40,6 +40,18 @@ fn late_timer_skips_ticks_and_counts_them() {
 }
 
 #[test]
+fn panic_under_a_timer_is_told_and_leaves_the_ticker() {
+    let mut ticker = Counter::new(48_000, 500, 1, 0);
+    ticker.panic_at = Some(10);
+    let timer = timer(ticker, &options(500)).expect("a thread");
+    while !timer.controls().failed() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(timer.controls().condition(), Condition::Failed);
+    assert_eq!(timer.stop().expect("the ticker").next, 10);
+}
+
+#[test]
 fn run_moves_from_lost_device_to_timer_and_back() {
     let first = options(500);
     let (driver, mut half) = callback(Counter::new(48_000, 500, 1, 0), &first);
