@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
-use harness::alone::stage;
+use harness::alone::{shared_stage, stage};
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rows, until};
 use serde_json::json;
@@ -192,7 +192,7 @@ fn socket(port: u16) -> String {
 #[cfg(target_os = "linux")]
 #[test]
 fn osc_hand_is_let_go_only_for_settings_that_can_be() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
     let stylus = |address: &str, more: &str| {
         let node = format!(r#""stylus": (kind: "osc_input", params: (listen: "{address}:{port}"{more})),"#);
@@ -220,7 +220,7 @@ fn osc_hand_is_let_go_only_for_settings_that_can_be() {
 
 #[test]
 fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let service = Service::start();
     let text = |timeout_ms: u32| {
         let params = format!(r#"(service: "ws://{}", timeout_ms: {timeout_ms})"#, service.address);
@@ -245,7 +245,7 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
 
 #[test]
 fn an_edit_that_is_refused_keeps_the_hand() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let service = Service::start();
     let with = |address: SocketAddr, more: &str| {
         let [nodes, wires] = arm(address, more);
@@ -431,7 +431,7 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
 
 #[test]
 fn pointer_added_by_an_edit_moves_on_the_open_page() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     replace(dir, &tone("", ""));
     let (live, mut onlooker) = watched(dir, &[]);
     onlooker.until("the graph", |s| s.layout["nodes"].is_array() && s.view["ticks"].as_u64() > Some(10));

@@ -5,7 +5,7 @@ use harness::servers::{Jack, inside};
 use harness::test_name;
 
 use crate::ear::Ear;
-use crate::played::{counted, is_as_rendered, play, write_graph};
+use crate::played::{is_as_rendered, play, report, write_graph};
 
 /// Plays for some seconds in real time, then for some as fast as the server goes.
 fn plays_what_is_rendered(clock: &str, seconds: usize, wheeled: usize) {
@@ -24,7 +24,7 @@ fn plays_what_is_rendered(clock: &str, seconds: usize, wheeled: usize) {
         program.end().ok();
         // Silence to the end is heard too.
         ear.wait(RATE / 10);
-        assert_eq!(counted(dir.path()).clock, clock);
+        assert_eq!(report(dir.path())["clock"], clock);
         is_as_rendered(dir.path(), &ear.stop(), RATE as u32, (seconds + wheeled) as f64 - 1.0)
     });
 }

@@ -7,7 +7,7 @@ use harness::servers::{Parec, Pulse, inside};
 use harness::test_name;
 
 use crate::audio::pactl;
-use crate::played::{self, counted, is_as_rendered};
+use crate::played::{self, is_as_rendered, report};
 
 const RATE: u32 = 48_000;
 /// Message about a device that is back; "when the device is back" is said of one that is lost.
@@ -31,7 +31,7 @@ fn pulseaudio_plays_every_sample_at_1024_frames() {
         program.stop().ok();
         // What is on its way.
         std::thread::sleep(Duration::from_millis(500));
-        assert_eq!(counted(dir.path()).clock, "paced");
+        assert_eq!(report(dir.path())["clock"], "paced");
         is_as_rendered(dir.path(), &recorder.stop(), RATE, 5.0)
     });
 }
@@ -67,5 +67,5 @@ fn lost_default_device_is_waited_for() {
     until("a stream", || !played_on().is_empty());
     assert_eq!(played_on(), [number], "{sinks}");
     program.stop().ok();
-    assert_eq!(counted(dir.path()).losses, 1);
+    assert_eq!(report(dir.path())["losses"], 1);
 }

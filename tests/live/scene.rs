@@ -9,7 +9,7 @@ use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
-use harness::alone::{beside_others, real_time, stage};
+use harness::alone::{beside_others, real_time, shared_stage};
 use harness::chromium::Chromium;
 use harness::live::{Live, npy, rms, told};
 use harness::stage::{by_hand, channel, offline, options, start, stop};
@@ -82,7 +82,7 @@ fn made(name: &str) -> Vec<u8> {
 
 #[test]
 fn a_scene_and_the_files_it_names_change_while_it_is_played() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     fs::write(dir.join("s.ron"), table("0.3", RIGHT)).expect("a scene");
     fs::write(dir.join("m.ron"), made("rough.ron")).expect("a texture");
     let args = ["s.ron", "--device", "simulated:frames=256", "--watch", "--limit-us", "9000000"];

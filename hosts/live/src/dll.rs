@@ -72,11 +72,6 @@ impl Line {
         }
     }
 
-    /// Frames a second, filtered.
-    pub fn rate_hz(&self) -> f64 {
-        1e9 / self.frame_ns
-    }
-
     /// Position of the next block: frames so far, including lost ones.
     pub fn end(&self) -> f64 {
         self.end

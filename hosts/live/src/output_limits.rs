@@ -104,7 +104,7 @@ pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
 }
 
 /// Drive of the coil at a sample of 1 \[A or V\].
-pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
+fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
     let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
     let amplifier = out.params.number(if amps { "amps_per_volt" } else { "volts_per_volt" });
     amplifier * out.params.number("volts_at_full_scale")

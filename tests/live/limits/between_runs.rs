@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::asperity;
 use harness::live::{Live, npy, until};
 
@@ -76,7 +76,7 @@ fn four_runs_in_a_row_heat_the_coil_no_more_than_one() {
 
 #[test]
 fn killed_run_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     let run = start(dir.path(), &[]);
     until("the run to take down its coil", || !seats(dir.path()).is_empty());
@@ -92,7 +92,7 @@ fn killed_run_leaves_a_coil_at_its_rating() {
 
 #[test]
 fn clock_that_went_back_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     start(dir.path(), &["--seconds", "0.5"]).end().ok();
     for path in seats(dir.path()) {
@@ -108,7 +108,7 @@ fn clock_that_went_back_leaves_a_coil_at_its_rating() {
 
 #[test]
 fn damaged_record_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     start(dir.path(), &["--seconds", "0.3"]).end().ok();
     for damage in [&b""[..], b"heat_a2: 0.0", b"\xff\xfe\x00"] {
@@ -120,7 +120,7 @@ fn damaged_record_leaves_a_coil_at_its_rating() {
 
 #[test]
 fn second_run_on_an_actuator_is_refused_by_name() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     let first = start(dir.path(), &[]);
     until("the first run to take its seats", || seats(dir.path()).len() > 1);
@@ -158,7 +158,7 @@ fn two_runs_that_share_have_half_each() {
 
 #[test]
 fn samples_cut_at_full_scale_are_told_by_run() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     let text = TONE.replace("\"audio_out\"", "\"audio_out\", params: (volts_at_full_scale: 0.01)");
     std::fs::write(dir.path().join("tone.ron"), text).unwrap();

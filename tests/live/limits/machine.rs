@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use harness::alone::stage;
+use harness::alone::{shared_stage, stage};
 use harness::live::{Live, npy};
 use harness::{Ran, run};
 
@@ -46,7 +46,7 @@ fn play(dir: &Path, text: &str) -> Ran {
 
 #[test]
 fn contradicting_graph_is_refused_with_both_places() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "").ok();
     // The same actuator, but for how fast it is said to cool.
     let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
@@ -74,7 +74,7 @@ fn contradicting_graph_is_refused_with_both_places() {
 
 #[test]
 fn two_entries_for_one_channel_are_refused() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "").ok();
     let ran = play(dir, &square("", "")).ok();
     let device = ran.out.lines().find_map(|l| l.strip_prefix("device")).unwrap().trim().to_owned();
@@ -104,7 +104,7 @@ fn most_volts_of_the_machine_hold_for_every_graph() {
 
 #[test]
 fn edit_that_contradicts_the_machine_is_refused_while_it_plays() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "").ok();
     std::fs::write(dir.join("g.ron"), square("", "")).unwrap();
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--machine", "machine.ron"]);
@@ -116,7 +116,7 @@ fn edit_that_contradicts_the_machine_is_refused_while_it_plays() {
 
 #[test]
 fn setup_keeps_what_else_stands_in_the_file() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "").ok();
     let file = dir.join("machine.ron");
     let first = std::fs::read_to_string(&file).unwrap();
@@ -141,7 +141,7 @@ fn setup_keeps_what_else_stands_in_the_file() {
 
 #[test]
 fn machine_file_that_is_wrong_stops_everything() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let entry =
         r#"(device: "x", channel: 1, profile: "hapcoil_one", handle_mass_g: 100, volts_at_full_scale: 1"#;
     for (text, told) in [

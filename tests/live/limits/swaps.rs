@@ -9,7 +9,7 @@ use asperity_graph::{Compiled, GraphFile};
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
 use asperity_live::{Session, SessionOptions};
-use harness::alone::{beside_others, real_time, shared_stage, stage};
+use harness::alone::{beside_others, real_time, shared_stage};
 use harness::live::{Live, npy, told, until};
 use harness::stage::{by_hand, channel, graph, options, poll, start, swap, timed};
 use harness::{self, json};
@@ -241,7 +241,7 @@ fn renamed_limiter_lifts_no_limit_of_run_watch_on_any_clock() {
 
 #[test]
 fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let write = |n: usize| {
         let (nodes, wires) = attack(&format!("limiter {n}"), "");
         let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
@@ -271,7 +271,7 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
 
 #[test]
 fn file_that_is_written_all_the_time_is_taken_each_second() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     write(dir, 0);
     let run = Live::start(dir, &["g.ron", "--watch", "--device", "simulated:frames=96"]);
     let mut n = 0;

@@ -1,8 +1,8 @@
 //! Drivers call the ticks: from the audio callback itself, from a paced thread, or from a timer.
 //!
 //! A driver starts with a [`Ticker`] and returns it when it stops, so that the same run can go on under
-//! another one: when a device is lost, a timer takes over until the device is back. A driver with audio fades its output by a
-//! [`Ramp`](crate::Ramp), and counts in [`Meters`] the samples that it could not play.
+//! another one: when a device is lost, a timer takes over until the device is back. A driver with audio
+//! fades its output by a [`Ramp`](crate::Ramp), and counts in [`Meters`] the samples that it could not play.
 
 mod callback;
 mod controls;
@@ -187,9 +187,6 @@ pub struct Options {
     pub priority: Option<i32>,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// Period of the device in frames, for the paced driver; 0 measures it, and follows a device that calls
-    /// in bunches.
-    pub period_frames: u32,
     /// Period of the device in frames as measured before, to size the paced driver's ring; 0 if unknown.
     pub seen_frames: u32,
     /// Times and counts.
@@ -206,7 +203,6 @@ impl Options {
         Self {
             priority: Some(PRIORITY),
             start_s: START_S,
-            period_frames: 0,
             seen_frames: 0,
             meters,
             run_control: RunControl::default(),

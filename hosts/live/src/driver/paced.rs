@@ -80,7 +80,6 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
         lines: heard,
         rates,
         samples: vec![0.0; rates.most()],
-        given_frames: options.period_frames,
         lead_ns: 0.0,
         origin: 0.0,
         read_ns: 0,
@@ -90,9 +89,14 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
 
 /// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
-    let period = options.period_frames.max(options.seen_frames) as usize;
+    let period = options.seen_frames as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
     frames * rates.channels + (RUN_BEHIND as usize + 2) * rates.most()
+}
+
+/// Lead that a device needs now [ns].
+fn lead(line: &Line) -> f64 {
+    line.period_frames as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
 }
 
 /// The thread's side.
@@ -103,7 +107,6 @@ struct Pace {
     lines: triple_buffer::Output<Line>,
     rates: Rates,
     samples: Vec<f32>,
-    given_frames: u32,
     /// The lead L [ns].
     lead_ns: f64,
     /// Sample of the ticker at position 0 of the device.
@@ -139,7 +142,7 @@ impl Pace {
             let line = *self.lines.read();
             let now = now_ns();
             if line.callbacks > 0 && now.saturating_sub(*since.get_or_insert(now)) >= LISTEN_NS {
-                self.lead_ns = self.lead(&line);
+                self.lead_ns = lead(&line);
                 let begin = line.position(now as f64 + self.lead_ns + MARGIN_NS).ceil().max(line.end());
                 self.origin = self.rates.first_sample(ticker.next_tick()) as f64 - begin;
                 self.stream.begin.store(begin as u64, Release);
@@ -147,12 +150,6 @@ impl Pace {
             }
             sleep::until(now + 1_000_000);
         }
-    }
-
-    /// Lead that the device needs now [ns].
-    fn lead(&self, line: &Line) -> f64 {
-        let period = if self.given_frames > 0 { u64::from(self.given_frames) } else { line.period_frames };
-        period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
     }
 
     /// Sleeps until the next tick, or runs it when it is due. False if it panicked.
@@ -188,7 +185,7 @@ impl Pace {
             self.controls.meters().caught_up_ticks.add(1);
         }
         let most = SLEW * self.rates.tick_ns();
-        self.lead_ns += (self.lead(&line) - self.lead_ns).clamp(-most, most);
+        self.lead_ns += (lead(&line) - self.lead_ns).clamp(-most, most);
         self.controls.lead_ns.store(self.lead_ns as u64, Relaxed);
         true
     }

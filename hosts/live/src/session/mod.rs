@@ -344,7 +344,8 @@ impl Session {
         options
     }
 
-    /// Takes the player; from a driver by [`Driver::stop`] or [`Driver::take`]. `None` if a tick does not end.
+    /// Takes the player; from a driver by [`Driver::stop`] or [`Driver::take`]. `None` if a tick does not
+    /// end.
     fn take_player(&mut self, end: fn(Driver<Player>) -> Option<Player>) -> Option<Player> {
         match self.driver.take() {
             Some(driver) => end(driver),
