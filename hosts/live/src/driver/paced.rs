@@ -27,11 +27,10 @@ use asperity_engine::Flushed;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use super::run::{self, RUN_BEHIND, Rates, SLEW};
+use super::run::{self, Output, RUN_BEHIND, Rates, SLEW};
 use super::{Clock, Controls, Driver, Options, Ticker, sleep};
-use crate::dll::{Dll, Line};
+use crate::dll::Line;
 use crate::now_ns;
-use crate::ramp::Ramp;
 use crate::realtime::Asked;
 
 opaque_debug!(PacedHalf);
@@ -63,13 +62,10 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
     let begin = AtomicU64::new(u64::MAX);
     let stream = Arc::new(Stream { begin, owed: AtomicI64::new(0), skipped: AtomicI64::new(0) });
     let half = PacedHalf {
-        controls: Arc::clone(&controls),
+        out: Output::new(Arc::clone(&controls), &rates, options.start_s),
         stream: Arc::clone(&stream),
         ring,
         lines,
-        dll: Dll::new(rates.rate_hz),
-        ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
-        channels: rates.channels,
         owed: 0,
         began: false,
     };
@@ -226,13 +222,10 @@ struct Stream {
 /// passed over, are owed:
 /// as many are dropped, or skipped by the thread, before anything plays again. So latency never grows.
 pub struct PacedHalf {
-    controls: Arc<Controls>,
+    out: Output,
     stream: Arc<Stream>,
     ring: HeapCons<f32>,
     lines: triple_buffer::Input<Line>,
-    dll: Dll,
-    ramp: Ramp,
-    channels: usize,
     /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
@@ -241,40 +234,26 @@ pub struct PacedHalf {
 impl Process for PacedHalf {
     fn process(&mut self, block: &mut Block<'_>) {
         let _flushed = Flushed::new();
-        if block.channels != self.channels {
-            self.controls.failed.store(true, Relaxed);
-            return;
-        }
+        let Some(heard) = self.out.begin(block) else { return };
+        let (controls, channels) = (Arc::clone(&self.out.controls), self.out.channels);
         // Ticks run on another thread, but a late callback is audible too.
-        if let Some(asked) = &self.controls.device_asked {
-            asked.once::<DEVICE_STACK>(self.controls.priority);
+        if let Some(asked) = &controls.device_asked {
+            asked.once::<DEVICE_STACK>(controls.priority);
+        }
+        self.lines.write(*self.out.dll.line());
+        if heard.lost > 0 && self.began {
+            self.owe(heard.lost);
         }
         let frames = block.frames();
-        let heard = self.dll.callback(block.now_ns, frames as u64);
-        self.lines.write(*self.dll.line());
-        self.controls.heard(block.now_ns, self.dll.line());
-        self.controls.steer(&mut self.ramp);
-        if heard.lost > 0 {
-            self.controls.meters().xruns.add(1);
-            if self.began {
-                self.ramp.broken();
-                self.owe(heard.lost);
-            }
+        let before = self.silent_before_begin(heard.position, frames as u64) as usize;
+        let over = controls.down() || controls.failed();
+        let filled = if over { 0 } else { self.take(&mut block.output[before * channels..]) / channels };
+        let missing = frames - before - filled;
+        if missing > 0 && !over {
+            controls.meters().underruns.add(1);
+            self.owe(missing as u64);
         }
-        let silent = self.silent_before_begin(heard.position, frames as u64);
-        let (before, rest) = block.output.split_at_mut(silent as usize * self.channels);
-        self.ramp.starve(before);
-        let over = self.controls.down() || self.controls.failed();
-        let got = if over { 0 } else { self.take(rest) };
-        let (played, missing) = rest.split_at_mut(got);
-        self.ramp.play(played);
-        self.ramp.starve(missing);
-        if !missing.is_empty() && !over {
-            self.controls.meters().underruns.add(1);
-            self.owe((missing.len() / self.channels) as u64);
-        }
-        self.controls.hold(block.output, self.channels);
-        self.controls.note(&self.ramp, block.output);
+        self.out.end(block.output, before, filled);
     }
 }
 
@@ -297,7 +276,7 @@ impl PacedHalf {
     }
 
     fn owe(&mut self, frames: u64) {
-        self.controls.meters().lost_samples.add(frames);
+        self.out.controls.meters().lost_samples.add(frames);
         self.owed += frames as i64;
         self.stream.owed.store(self.owed, Release);
     }
@@ -305,7 +284,7 @@ impl PacedHalf {
     /// Drops owed frames, then fills `out`; returns how many values it filled.
     fn take(&mut self, out: &mut [f32]) -> usize {
         if self.began {
-            let there = (self.ring.occupied_len() / self.channels) as i64;
+            let there = (self.ring.occupied_len() / self.out.channels) as i64;
             let owed = self.owed - self.stream.skipped.load(Acquire);
             let drop = owed.min(there).max(0);
             if drop > 0 {
@@ -313,7 +292,7 @@ impl PacedHalf {
                 // Stored before the drop: the thread reads the ring first, so it never sees more owed than
                 // there is.
                 self.stream.owed.store(self.owed, Release);
-                self.ring.skip(drop as usize * self.channels);
+                self.ring.skip(drop as usize * self.out.channels);
             }
             // Samples pushed in the meantime are owed too.
             if owed > drop {

@@ -47,12 +47,12 @@ impl Device {
         sleep::until(self.start_ns + self.frames * 1_000_000_000 / u64::from(self.rate_hz));
         self.frames += frames as u64;
         let (began, before) = (self.half.began, self.options.meters.lost_samples.get());
-        let channels = self.half.channels;
+        let channels = self.half.out.channels;
         let heard = call(&mut self.half, now_ns(), frames, channels);
-        if frames == 0 || self.half.controls.failed() || self.half.controls.stopping() {
+        if frames == 0 || self.half.out.controls.failed() || self.half.out.controls.stopping() {
             return heard;
         }
-        let position = self.half.dll.line().end() as u64 - frames as u64;
+        let position = self.half.out.dll.line().end() as u64 - frames as u64;
         let lost = position - self.end;
         self.end = position + frames as u64;
         let begin = self.half.stream.begin.load(Acquire);
@@ -225,7 +225,7 @@ fn stalled_tick_costs_counted_samples_and_no_latency() {
 fn device_after_a_standstill_plays_nothing_stale() {
     let (driver, mut device) = Device::new(Counter::new(48_000, 1_000, 1, 0), options(1_000));
     device.run(900, &[128]);
-    while !device.half.dll.settled() {
+    while !device.half.out.dll.settled() {
         device.run(100, &[128]);
     }
     let before = device.options.meters.lost_samples.get();
