@@ -17,9 +17,9 @@ pub const BANDWIDTH_HZ: f64 = 0.1;
 const WIDE_HZ: f64 = 2.0;
 /// Callbacks within this share of the time they span belong to the wake-up before: a server calls in
 /// bunches.
-pub(crate) const BUNCH: f64 = 0.25;
+const BUNCH: f64 = 0.25;
 /// A longer bunch comes from a server that runs as fast as it can [ns].
-pub(crate) const LONGEST_BUNCH_NS: f64 = 0.25e9;
+const LONGEST_BUNCH_NS: f64 = 0.25e9;
 /// A callback later than this, and than 1.5 periods, is a gap [ns].
 const GAP_NS: f64 = 4e6;
 /// A larger error [ns] that callbacks in a row share is time lost or gained, not jitter. Larger errors pull

@@ -34,13 +34,12 @@ fn underrun_and_few_errors_are_counted_and_do_no_harm() {
 fn flood_of_errors_is_one_loss_and_closes_the_stream() {
     let _alone = real_time();
     let (card, stream) = live("flood");
-    card.flood();
+    // Like ALSA over a killed Pulse server.
+    card.stop();
+    (0..1000).for_each(|_| card.error());
     let reason = loss(&stream);
     assert!(reason.contains("flood") && reason.contains("simulated error"), "{reason}");
     assert!(!card.in_use());
-    let errors = stream.stats().errors;
-    std::thread::sleep(Duration::from_millis(50));
-    assert_eq!(stream.stats().errors, errors, "errors still come");
     assert_eq!(stream.play(), Err(reason));
 }
 

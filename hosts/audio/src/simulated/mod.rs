@@ -129,24 +129,6 @@ impl Simulated {
         report(&mut self.card.lock(), ErrorKind::BackendError);
     }
 
-    /// Reports errors as fast as it can until the device is closed, like ALSA over a killed Pulse server.
-    /// No more calls.
-    pub fn flood(&self) {
-        self.card.lock().stopped = true;
-        let card = self.card.clone();
-        std::thread::spawn(move || {
-            loop {
-                let mut state = card.lock();
-                if state.lines().next().is_none() {
-                    return;
-                }
-                report(&mut state, ErrorKind::BackendError);
-                drop(state);
-                std::thread::yield_now();
-            }
-        });
-    }
-
     /// Pauses its calls for this long. Only for a device that keeps time itself.
     pub fn gap(&self, lasts: Duration) {
         self.card.lock().gap = lasts;
@@ -157,7 +139,7 @@ impl Simulated {
         self.card.lock().stopped = true;
     }
 
-    /// Calls again after [`Simulated::stop`] or [`Simulated::flood`].
+    /// Calls again after [`Simulated::stop`].
     pub fn resume(&self) {
         self.card.lock().stopped = false;
     }

@@ -12,7 +12,6 @@ use crate::now_ns;
 use crate::output_limits::SharedLimits;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
-use crate::view::Condition;
 
 /// A device counts as dead after three periods without a call, but at least and at most this long [ns].
 const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
@@ -68,19 +67,9 @@ impl Controls {
         &self.run_control
     }
 
-    /// State of the driver; never `Lost`, which only the owner of the device knows.
-    pub fn condition(&self) -> Condition {
-        if self.failed.load(Relaxed) {
-            Condition::Failed
-        } else if self.stopping() {
-            Condition::Stopping
-        } else if self.run_control.muted() {
-            Condition::Muted
-        } else if self.level.load(Relaxed) == Level::Full as u8 {
-            Condition::Playing
-        } else {
-            Condition::Starting
-        }
+    /// Whether the output is at full level, or ticks run without one.
+    pub fn up(&self) -> bool {
+        self.level.load(Relaxed) == Level::Full as u8
     }
 
     /// Whether a tick panicked. Then the output ramped down and nothing runs any more.

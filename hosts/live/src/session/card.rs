@@ -81,10 +81,10 @@ impl Card {
         Request { host: None, device, input_device, ..request.clone() }
     }
 
-    /// Wake-ups so far, and frames a wake-up; 0 before the first call.
-    pub(super) fn wakes(&self) -> (u32, u32) {
-        let (wakes, frames) = self.switch.heard();
-        (wakes, frames.max(self.stream.period().unwrap_or(0)))
+    /// Calls that were measured, and frames a wake-up; 0 before the first call.
+    pub(super) fn heard(&self) -> (u64, u32) {
+        let (calls, frames) = self.switch.heard();
+        (calls, frames.max(self.stream.period().unwrap_or(0)))
     }
 
     /// Whether its host may split a wake-up into several calls. JACK never does: calls in quick succession

@@ -28,8 +28,8 @@ opaque_debug!(Session);
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for a device's period before a clock is chosen without it.
 const LISTEN: Duration = Duration::from_millis(1000);
-/// Wake-ups after which the period is known.
-const ENOUGH: u32 = 8;
+/// Calls after which the period is known.
+const ENOUGH: u64 = 16;
 
 /// Options of a run.
 #[derive(Debug)]
@@ -248,7 +248,8 @@ impl Session {
             _ if self.run_control().muted() => Condition::Muted,
             // The device is back and does not play yet.
             _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
-            (controls, None) => controls.map_or(Condition::Starting, |c| c.condition()),
+            (Some(controls), None) if controls.up() => Condition::Playing,
+            _ => Condition::Starting,
         }
     }
 
@@ -356,8 +357,8 @@ impl Session {
     /// Starts the driver once the device's period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
         let Some(card) = self.card.as_ref().filter(|card| !card.playing) else { return Ok(()) };
-        let (wakes, period) = card.wakes();
-        let known = self.options.clock.is_some() || wakes >= ENOUGH;
+        let (calls, period) = card.heard();
+        let known = self.options.clock.is_some() || calls >= ENOUGH;
         if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
