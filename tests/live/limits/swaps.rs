@@ -6,15 +6,15 @@ use std::time::Duration;
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
+use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{Session, SessionOptions};
 use harness::alone::{beside_others, real_time, shared_stage};
 use harness::live::{Live, npy, told, until};
 use harness::stage::{by_hand, channel, graph, options, poll, start, swap, timed};
 use harness::{self, json};
 
-use crate::coil::{Coil, RATED};
+use crate::coil::{Coil, RATED, Used};
 
 const RATE: u32 = 48_000;
 
@@ -37,71 +37,63 @@ fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
     graph(&harness::registry(), (500, RATE), &nodes, &wires)
 }
 
-/// Plays on a card for so long, with a change every so often.
-fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -> Vec<f64> {
-    let card = Simulated::new(name, by_hand()).expect("a card");
-    let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
-    let (mut played, mut next) = (0.0, every_s);
-    let mut number = 0;
-    while played < seconds() {
-        card.step(96);
-        played += 96.0 / f64::from(RATE);
-        if played >= next {
-            next += every_s;
-            number += 1;
-            change(&mut session, number);
+/// Plays on a card with another graph every so often, and judges that.
+fn attacked(
+    what: &str,
+    every: &[f64],
+    graph: impl Fn(usize) -> (GraphFile, Compiled),
+    mut judge: impl FnMut(f64, Vec<f64>, Used),
+) {
+    for &every_s in every {
+        let card = Simulated::new(what, by_hand()).expect("a card");
+        let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
+        let mut number = 0;
+        for block in 0..(seconds() * f64::from(RATE) / 96.0) as usize {
+            card.step(96);
+            if (block * 96) as f64 >= (number + 1) as f64 * every_s * f64::from(RATE) {
+                number += 1;
+                swap(&mut session, graph(number));
+            }
         }
+        let _ = session.poll();
+        let played = channel(&card.played(), 2, 0);
+        let used = Coil::new(RATE).play(played.iter().copied()).used;
+        println!("{what}, {every_s} s: {used:?}");
+        used.assert_within(&format!("{what} every {every_s} s"));
+        judge(every_s, played, used);
     }
-    let _ = session.poll();
-    channel(&card.played(), 2, 0)
 }
 
 #[test]
 fn renaming_the_limiter_lifts_no_limit_at_any_interval() {
     let _alone = beside_others();
-    for every_s in [0.05, 0.1, 0.3, 0.7, 1.5, 5.0] {
-        let played =
-            play("renamed", every_s, |session, n| swap(session, attacking(&format!("limiter {n}"), "")));
-        let used = Coil::new(RATE).play(played.iter().copied()).used;
-        println!("{every_s} s: {used:?}");
-        used.assert_within(&format!("renamed every {every_s} s"));
+    let renamed = |n| attacking(&format!("limiter {n}"), "");
+    attacked("renamed", &[0.05, 0.1, 0.3, 0.7, 1.5, 5.0], renamed, |every_s, played, used| {
         assert!(used.rms > 0.9, "too careful: {used:?}");
         // What is heard is a sine still, not one that is cut by walls.
         let last = &played[played.len() - 24_000..];
         let peak = last.iter().fold(0.0f64, |most, x| most.max(x.abs()));
         let rms = (last.iter().map(|x| x * x).sum::<f64>() / last.len() as f64).sqrt();
         assert!(peak / rms < 1.6, "{every_s} s: a peak of {peak} at {rms} rms");
-    }
+    });
 }
 
 #[test]
-fn other_settings_of_the_limiter_lift_no_limit() {
+fn limiter_set_otherwise_or_gone_for_a_while_lifts_no_limit() {
     let _alone = beside_others();
-    for every_s in [0.05, 0.3, 1.5] {
-        let played = play("set otherwise", every_s, |session, n| {
-            let release = if n % 2 == 0 { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
-            swap(session, attacking(&format!("limiter {}", n % 3), release));
-        });
-        Coil::new(RATE).play(played).used.assert_within(&format!("set otherwise every {every_s} s"));
-    }
-}
-
-#[test]
-fn limiter_that_goes_and_comes_back_lifts_no_limit() {
-    let _alone = beside_others();
-    let silent = || {
+    let otherwise = |n: usize| {
+        let release = if n.is_multiple_of(2) { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
+        attacking(&format!("limiter {}", n % 3), release)
+    };
+    attacked("set otherwise", &[0.05, 0.3, 1.5], otherwise, |_, _, _| {});
+    let gone = |n: usize| {
         let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
                        "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let wires = r#"("hush", "other"), ("other", "out")"#;
-        graph(&harness::registry(), (500, RATE), nodes, wires)
+        let silent = || graph(&harness::registry(), (500, RATE), nodes, wires);
+        if n.is_multiple_of(2) { attacking("limiter", "") } else { silent() }
     };
-    for every_s in [0.05, 0.3, 1.0] {
-        let played = play("comes back", every_s, |session, n| {
-            swap(session, if n % 2 == 0 { attacking("limiter", "") } else { silent() });
-        });
-        let used = Coil::new(RATE).play(played).used;
-        used.assert_within(&format!("gone every {every_s} s"));
-    }
+    attacked("gone", &[0.05, 0.3, 1.0], gone, |_, _, _| {});
 }
 
 #[test]
@@ -113,31 +105,20 @@ fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
     assert_ne!(text, weak);
     let file = dir.join("weak.ron");
     std::fs::write(&file, weak).unwrap();
-    for every_s in [0.05, 0.3, 1.5] {
-        let profile = |n: usize| {
-            if n.is_multiple_of(2) {
-                String::new()
-            } else {
-                format!("profile: {:?}", file.display().to_string())
-            }
-        };
-        let played = play("profile", every_s, |session, n| {
-            swap(session, attacking(&format!("limiter {n}"), &profile(n)));
-        });
+    let profile = format!("profile: {:?}", file.display().to_string());
+    let changed =
+        |n: usize| attacking(&format!("limiter {n}"), if n.is_multiple_of(2) { "" } else { &profile });
+    attacked("profile", &[0.05, 0.3, 1.5], changed, |every_s, played, _| {
         let mut coil = Coil::new(RATE);
-        let turn = (every_s * f64::from(RATE)) as usize;
-        for (n, part) in played.chunks(turn).enumerate() {
-            let warm = coil.heat.sqrt();
+        for (n, part) in played.chunks((every_s * f64::from(RATE)) as usize).enumerate() {
             let before = coil.heat;
             coil.play(part.iter().copied());
             // Under the weaker profile a coil that is warmer than it may be only cools, but for the change
             // itself.
-            if n % 2 == 1 && warm > 0.080 && every_s >= 0.3 {
-                assert!(coil.heat < before, "{every_s} s, part {n}: from {warm} to {} A", coil.heat.sqrt());
-            }
+            let weak = n % 2 == 1 && before.sqrt() > 0.080 && every_s >= 0.3;
+            assert!(!weak || coil.heat < before, "{every_s} s, part {n}: {before} to {}", coil.heat);
         }
-        coil.used.assert_within(&format!("another profile every {every_s} s"));
-    }
+    });
 }
 
 #[test]
