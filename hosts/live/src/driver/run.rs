@@ -34,7 +34,7 @@ impl Rates {
         1e9 / f64::from(self.tick_hz)
     }
 
-    pub(super) fn first_sample(&self, tick: u64) -> u64 {
+    pub(crate) fn first_sample(&self, tick: u64) -> u64 {
         time::first_sample(tick, self.rate_hz, self.tick_hz)
     }
 

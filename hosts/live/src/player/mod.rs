@@ -69,9 +69,7 @@ pub struct Player {
     retired: HeapProd<Box<Wiring>>,
     /// Replaced, and not yet returned to the control thread.
     over: Option<Box<Wiring>>,
-    tick_hz: u32,
-    rate_hz: u32,
-    channels: usize,
+    rates: Rates,
 }
 
 impl Player {
@@ -84,9 +82,10 @@ impl Player {
         retired: HeapProd<Box<Wiring>>,
     ) -> Self {
         let schedule = engine.schedule();
-        let (tick_hz, rate_hz) = (schedule.tick_hz, schedule.audio_hz);
-        let channels = wiring.outs.len();
-        Self { engine, wiring, mic, coils, wirings, retired, over: None, tick_hz, rate_hz, channels }
+        // A graph that only records has a device all the same, which plays silence.
+        let channels = wiring.outs.len().max(1);
+        let rates = Rates { tick_hz: schedule.tick_hz.max(1), rate_hz: schedule.audio_hz, channels };
+        Self { engine, wiring, mic, coils, wirings, retired, over: None, rates }
     }
 
     /// The engine, for reports after the run.
@@ -110,7 +109,7 @@ impl Player {
             engine.feed_control(*node, place::STROKE, &[f64::from(reading.stroke)], fresh);
         }
         if let Some(mic) = &mut self.mic {
-            let span = time::samples(engine.next_tick(), self.rate_hz, self.tick_hz);
+            let span = time::samples(engine.next_tick(), self.rates.rate_hz, self.rates.tick_hz);
             let fresh = mic.advance((span.end - span.start) as usize);
             for &(node, channel) in &self.wiring.mics {
                 engine.feed_audio(node, 0, fresh, |samples| mic.read(channel, samples));
@@ -151,10 +150,7 @@ impl Player {
 
     /// Samples for the device of this tick.
     fn samples(&self, out: &mut [f32]) {
-        let channels = self.channels;
-        if channels == 0 {
-            return;
-        }
+        let channels = self.rates.channels;
         for (channel, &node) in self.wiring.outs.iter().enumerate().take(channels) {
             let Some(Buffer::Audio { samples, len, .. }) = self.engine.output(node, 0) else { continue };
             for (frame, x) in out.chunks_exact_mut(channels).zip(&samples[..*len]) {
@@ -212,8 +208,7 @@ impl Player {
 
 impl Ticker for Player {
     fn rates(&self) -> Rates {
-        // A graph that only records has a device all the same, which plays silence.
-        Rates { tick_hz: self.tick_hz.max(1), rate_hz: self.rate_hz, channels: self.channels.max(1) }
+        self.rates
     }
 
     fn next_tick(&self) -> u64 {
@@ -240,7 +235,7 @@ impl Ticker for Player {
     fn skip(&mut self, n: u64) {
         if let Some(mic) = &mut self.mic {
             let next = self.engine.next_tick();
-            let first = |tick| time::first_sample(tick, self.rate_hz, self.tick_hz);
+            let first = |tick| self.rates.first_sample(tick);
             mic.skip((first(next + n) - first(next)) as usize);
         }
         self.engine.skip(n);
