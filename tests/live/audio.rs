@@ -7,4 +7,5 @@ mod parts;
 mod pulse;
 mod simulated;
 
+pub(crate) use pulse::pactl;
 pub(crate) use simulated::quantized;

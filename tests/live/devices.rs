@@ -26,6 +26,8 @@ fn a_server_that_hangs_is_named_and_the_other_hosts_answer() {
     let output =
         jack.as_array().and_then(|all| all.iter().find(|d| d["id"] == "output")).expect("its output");
     assert_eq!((&output["output"]["channels"], &output["output"]["card_channels"]), (&64.into(), &2.into()));
+    assert_eq!(output["output"]["rates_hz"], serde_json::json!([48_000]), "{output}");
+    assert_eq!(output["output"]["buffer_frames"], serde_json::json!([256, 256]), "{output}");
     server.stop();
     let began = Instant::now();
     let hung = hosts();

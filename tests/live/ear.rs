@@ -1,15 +1,12 @@
 //! A JACK client that records what the program plays.
 
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::*};
+use std::sync::atomic::{AtomicUsize, Ordering::*};
 use std::time::{Duration, Instant};
 
-use harness::live::{Live, PATIENCE, until};
+use harness::live::{PATIENCE, until};
 use harness::servers::STUCK;
 use jack::{AsyncClient, AudioIn, Client, ClientOptions, Control, Port, ProcessHandler, ProcessScope};
-
-use crate::played::play;
 
 /// Longest time between the first port of a program and its second one.
 const SOON: Duration = Duration::from_secs(1);
@@ -19,19 +16,12 @@ struct Tape {
     ports: [Port<AudioIn>; 2],
     frames: Vec<[f32; 2]>,
     come: Arc<AtomicUsize>,
-    /// The first sample that is not silent, of the first port; its bits.
-    first: Arc<AtomicU32>,
 }
 
 impl ProcessHandler for Tape {
     fn process(&mut self, _: &Client, scope: &ProcessScope) -> Control {
         let room = self.frames.capacity() - self.frames.len();
         let [one, two] = self.ports.each_ref().map(|port| port.as_slice(scope));
-        if self.first.load(Relaxed) == 0
-            && let Some(x) = one.iter().find(|x| **x != 0.0)
-        {
-            self.first.store(x.to_bits(), Release);
-        }
         self.frames.extend(one.iter().zip(two).map(|(a, b)| [*a, *b]).take(room));
         self.come.store(self.frames.len(), Release);
         Control::Continue
@@ -48,7 +38,6 @@ pub(crate) fn joined(client: &Client, port: &str) -> bool {
 pub(crate) struct Ear {
     client: AsyncClient<(), Tape>,
     come: Arc<AtomicUsize>,
-    first: Arc<AtomicU32>,
 }
 
 impl Ear {
@@ -57,10 +46,8 @@ impl Ear {
         let (client, _) = Client::new("asperity_ear", ClientOptions::NO_START_SERVER).unwrap();
         let ports = ["in_0", "in_1"].map(|name| client.register_port(name, AudioIn::default()).unwrap());
         let come = Arc::new(AtomicUsize::new(0));
-        let first = Arc::new(AtomicU32::new(0));
-        let frames = Vec::with_capacity(frames);
-        let tape = Tape { ports, frames, come: Arc::clone(&come), first: Arc::clone(&first) };
-        Self { client: client.activate_async((), tape).unwrap(), come, first }
+        let tape = Tape { ports, frames: Vec::with_capacity(frames), come: Arc::clone(&come) };
+        Self { client: client.activate_async((), tape).unwrap(), come }
     }
 
     /// Joins it to what a process plays, as soon as that has ports.
@@ -68,18 +55,23 @@ impl Ear {
         let client = self.client.as_client();
         for n in 0..2 {
             let from = format!("cpal_client_{process}_out:out_{n}");
-            let to = format!("{}:in_{n}", client.name());
             let began = Instant::now();
             // Busily: what is played before is not heard. One channel may be all there is.
             while !joined(client, &from) && (n == 0 || began.elapsed() < SOON) {
                 assert!(began.elapsed() < PATIENCE, "there is no port {from}");
                 std::thread::sleep(Duration::from_micros(500));
             }
-            while joined(client, &from) && client.connect_ports_by_name(&from, &to).is_err() {
-                assert!(began.elapsed() < PATIENCE, "{from} cannot be connected");
-                std::thread::sleep(Duration::from_millis(2));
+            if joined(client, &from) {
+                self.connect(&from, n);
             }
         }
+    }
+
+    /// Joins one of its ports to a port of this name, as soon as there is one.
+    pub(crate) fn connect(&self, from: &str, n: usize) {
+        let client = self.client.as_client();
+        let to = format!("{}:in_{n}", client.name());
+        until("a connection", || client.connect_ports_by_name(from, &to).is_ok());
     }
 
     /// Frames that have come.
@@ -113,21 +105,4 @@ impl Ear {
             Err(e) => panic!("what was heard is gone: {e}"),
         }
     }
-}
-
-/// A program that plays the graph, heard from its first sample on: where the ear came too late, both start
-/// again. It did where the first sample is not as faint as a ramp begins.
-pub(crate) fn heard_from_the_start(dir: &Path, args: &[&str], frames: usize, faint: f32) -> (Live, Ear) {
-    for _ in 0..5 {
-        let ear = Ear::new(frames);
-        let mut program = play(dir, &[&["--host", "jack"], args].concat());
-        ear.hear(program.id());
-        until("a sound", || ear.first.load(Acquire) != 0);
-        if f32::from_bits(ear.first.load(Acquire)).abs() < faint {
-            return (program, ear);
-        }
-        program.signal("INT");
-        program.end();
-    }
-    panic!("the ear always came too late");
 }

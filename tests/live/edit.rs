@@ -3,11 +3,11 @@
 use std::io::Read as _;
 use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
-use harness::alone::real_time;
+use harness::alone::{shared_stage, stage};
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rows, until};
 use serde_json::json;
@@ -81,11 +81,24 @@ impl Mute {
     }
 }
 
+/// A run that is watched, and its page.
+fn watched(dir: &Path, more: &[&str]) -> (Live, Onlooker) {
+    let mut live = Live::start(dir, &[&["g.ron", "--watch", "--page", "--device", CARD], more].concat());
+    let onlooker = Onlooker::at(&live.says("the page: "));
+    (live, onlooker)
+}
+
+/// A run that is watched and plays.
+fn plays(dir: &Path, more: &[&str]) -> Live {
+    let mut live = Live::start(dir, &[&["g.ron", "--watch", "--device", CARD], more].concat());
+    live.says("plays on");
+    live
+}
+
 /// A tone at full level whose graph was edited, so that a hand is being opened that never answers.
 fn opening(dir: &Path) -> (Live, Onlooker, Mute) {
     replace(dir, &tone("", ""));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD, "--report", "r.json"]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
     onlooker.until("full level", |s| s.view["seconds"].as_f64() > Some(2.6));
     assert!(onlooker.shown.view["peak"].as_f64() > Some(0.05), "{}", onlooker.shown.view);
     let mute = Mute::start();
@@ -109,9 +122,8 @@ fn fall(heard: &[f32], from: usize) -> usize {
 
 #[test]
 fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let (live, mut onlooker, mute) = opening(dir.path());
+    let dir = &*stage();
+    let (live, mut onlooker, mute) = opening(dir);
     let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
     onlooker.ask(&json!({ "mute": true }));
     onlooker.until("that it is muted", |s| s.view["condition"] == "muted" && s.view["muted"] == true);
@@ -123,8 +135,8 @@ fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
     onlooker.looks_on(Duration::from_millis(200));
     live.stop().ok();
 
-    let (sent, heard) = (npy(&dir.path().join("sent.npy")), npy(&dir.path().join("heard.npy")));
-    let report = json(&dir.path().join("r.json"));
+    let (sent, heard) = (npy(&dir.join("sent.npy")), npy(&dir.join("heard.npy")));
+    let report = json(&dir.join("r.json"));
     assert_eq!(sent.len() as u64, report["ticks"].as_u64().expect("ticks") * TICK as u64, "{report}");
     let fall = fall(&heard, before as usize * TICK);
     println!("silent {fall} samples behind a crest");
@@ -138,8 +150,7 @@ fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
     let service = Service::start();
     let [nodes, wires] = arm(service.address, "");
     replace(dir, &tone(&nodes, &wires));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD, "--report", "r.json"]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
     service.mute.store(true, Relaxed);
     let [nodes, wires] = arm(service.address, r#"device: "049D""#);
@@ -151,46 +162,22 @@ fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
 
 #[test]
 fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let (live, onlooker, mute) = opening(dir.path());
+    let dir = &*stage();
+    let (live, onlooker, mute) = opening(dir);
     let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
     assert_eq!(mute.given_up.load(Relaxed), 0);
     let ran = live.stop_by("TERM").ok();
     assert!(!ran.err.contains("cannot be taken over"), "it waited: {}", ran.err);
-    let report = json(&dir.path().join("r.json"));
+    let report = json(&dir.join("r.json"));
     assert!(report["ticks"].as_u64() >= Some(before), "{report}");
     // Nothing is left of the edit.
-    assert_eq!(harness::files(dir.path()), ["g.ron", "heard.npy", "r.json", "sent.npy"]);
+    assert_eq!(harness::files(dir), ["g.ron", "heard.npy", "r.json", "sent.npy"]);
 
     let dir = tempfile::tempdir().expect("a folder");
     let (live, _onlooker, service) = exchanging(dir.path());
     live.stop_by("TERM").ok();
     assert_eq!(harness::files(dir.path()), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
-}
-
-#[test]
-fn osc_stylus_may_start_to_listen_on_all_addresses() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
-    let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
-    let stylus = |params: &str| {
-        let node = format!(r#""stylus": (kind: "osc_input", params: ({params})),"#);
-        let place = r#""place": (kind: "probe", params: (file: "place.csv")),"#;
-        tone(&(node + place), r#"("stylus.position", "place"),"#)
-    };
-    let here = stylus(&format!(r#"listen: "127.0.0.1:{port}""#));
-    replace(dir, &here);
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD]);
-    live.says("plays on");
-    for text in [stylus(&format!(r#"listen: "0.0.0.0:{port}", anywhere: true"#)), here] {
-        replace(dir, &text);
-        let said = live.says("g.ron changed");
-        assert!(said.contains("stylus"), "{said}: {}", live.said());
-    }
-    live.stop().ok();
 }
 
 /// The number by which the system knows the socket at a UDP port of this machine.
@@ -204,34 +191,36 @@ fn socket(port: u16) -> String {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_hand_is_not_let_go_for_settings_that_cannot_be() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+fn osc_hand_is_let_go_only_for_settings_that_can_be() {
+    let dir = &*shared_stage();
     let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
-    let stylus = |more: &str| {
-        let node = format!(r#""stylus": (kind: "osc_input", params: (listen: "127.0.0.1:{port}"{more})),"#);
+    let stylus = |address: &str, more: &str| {
+        let node = format!(r#""stylus": (kind: "osc_input", params: (listen: "{address}:{port}"{more})),"#);
         let place = r#""place": (kind: "probe", params: (file: "place.csv")),"#;
         tone(&(node + place), r#"("stylus.position", "place"),"#)
     };
-    replace(dir, &stylus(""));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD]);
-    live.says("plays on");
+    let here = |more: &str| stylus("127.0.0.1", more);
+    replace(dir, &here(""));
+    let mut live = plays(dir, &[]);
     let before = socket(port);
     for (wrong, named) in [(r#", arguments: "foo""#, "foo"), (r#", address: "no slash""#, "no slash")] {
-        replace(dir, &stylus(wrong));
+        replace(dir, &here(wrong));
         let said = live.says("cannot be taken over");
         assert!(live.said().contains(named), "{said}");
         assert_eq!(socket(port), before, "it was closed for {wrong}");
+    }
+    // It may start to listen on all addresses.
+    for text in [stylus("0.0.0.0", ", anywhere: true"), here("")] {
+        replace(dir, &text);
+        let said = live.says("g.ron changed");
+        assert!(said.contains("stylus"), "{said}: {}", live.said());
     }
     live.stop().ok();
 }
 
 #[test]
 fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*shared_stage();
     let service = Service::start();
     let text = |timeout_ms: u32| {
         let params = format!(r#"(service: "ws://{}", timeout_ms: {timeout_ms})"#, service.address);
@@ -242,8 +231,7 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
     };
     let (with, other) = (text(2000), text(1000));
     replace(dir, &with);
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    let (live, mut onlooker) = watched(dir, &[]);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
     drop(service);
     replace(dir, &other);
@@ -257,53 +245,37 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
 
 #[test]
 fn an_edit_that_is_refused_keeps_the_hand() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*shared_stage();
     let service = Service::start();
     let with = |address: SocketAddr, more: &str| {
         let [nodes, wires] = arm(address, more);
         tone(&nodes, &wires)
     };
     replace(dir, &with(service.address, ""));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    let (live, mut onlooker) = watched(dir, &[]);
     let samples = |o: &Onlooker| o.shown.view["sources"][0]["samples"].as_u64().unwrap_or(0);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
+
+    let refusals = || live.said().matches("cannot be taken over").count();
+    let stalls = |o: &Onlooker| o.shown.view["sources"][0]["stalls"].as_u64();
 
     // A service that is not there.
     let nobody = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port");
     replace(dir, &with(nobody, ""));
-    let (told, said) = mpsc::channel();
-    let waits = std::thread::spawn(move || {
-        let said = live.says("cannot be taken over");
-        let _ = told.send(said);
-        live
-    });
-    onlooker.until("the reason", |_| said.try_recv().is_ok());
-    let mut live = waits.join().expect("it says so");
-    let stalls = onlooker.shown.view["sources"][0]["stalls"].as_u64();
-    let before = samples(&onlooker);
-    onlooker
-        .until("that the hand goes on", |s| s.view["sources"][0]["samples"].as_u64() > Some(before + 500));
-    assert_eq!(onlooker.shown.view["sources"][0]["stalls"].as_u64(), stalls);
+    onlooker.until("the reason", |_| refusals() > 0);
+    let (stalled, before) = (stalls(&onlooker), samples(&onlooker));
+    let goes_on = |s: &Shown, n: u64| s.view["sources"][0]["samples"].as_u64() > Some(n + 500);
+    onlooker.until("that the hand goes on", |s| goes_on(s, before));
+    assert_eq!(stalls(&onlooker), stalled);
     assert_eq!(onlooker.shown.layout["number"], 0, "the graph is the one of before");
 
     // The same service, of which another device is wanted that it does not have: only when the first is let
     // go is that known.
     let counted = samples(&onlooker);
     replace(dir, &with(service.address, r#"device: "ABCD""#));
-    let (told, said) = mpsc::channel();
-    let waits = std::thread::spawn(move || {
-        let said = live.says("cannot be taken over");
-        let _ = told.send(said);
-        live
-    });
-    onlooker.until("the reason", |_| said.try_recv().is_ok());
-    let live = waits.join().expect("it says so");
+    onlooker.until("the reason", |_| refusals() > 1);
     let before = samples(&onlooker);
-    onlooker
-        .until("that the hand is back", |s| s.view["sources"][0]["samples"].as_u64() > Some(before + 500));
+    onlooker.until("that the hand is back", |s| goes_on(s, before));
     let after = samples(&onlooker);
     assert!(after > counted + 500, "what was counted before is forgotten: {counted}, then {after}");
     let said = live.stop().ok().err;
@@ -315,9 +287,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
 
 #[test]
 fn outputs_that_change_places_in_the_file_keep_their_channels() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*stage();
     let voice = |id: &str, hz: f64| {
         format!(
             r#""{id} tone": (kind: "sine", params: (frequency_hz: {hz:?})),
@@ -359,10 +329,9 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
 
 #[test]
 fn of_textures_chosen_in_a_burst_the_newest_plays() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    std::fs::write(dir.path().join("g.ron"), graph("live.ron", "", "")).expect("a graph");
-    let mut live = Live::start(dir.path(), &["g.ron", "--page", "--device", CARD]);
+    let dir = &*stage();
+    std::fs::write(dir.join("g.ron"), graph("live.ron", "", "")).expect("a graph");
+    let mut live = Live::start(dir, &["g.ron", "--page", "--device", CARD]);
     let mut onlooker = Onlooker::at(&live.says("the page: "));
     onlooker.until("a view", |s| s.view["ticks"].as_u64() > Some(100));
     let names: Vec<String> = onlooker.shown.layout["materials"][0]["names"]
@@ -409,14 +378,11 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
 
 #[test]
 fn files_added_by_an_edit_hold_the_time_they_were_there() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*stage();
     let early = [r#""early": (kind: "file_out", params: (file: "early.npy")),"#, r#"("limiter", "early"),"#];
     let late = [r#""late": (kind: "file_out", params: (file: "late.npy")),"#, r#"("limiter", "late"),"#];
     replace(dir, &tone(early[0], early[1]));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--report", "r.json"]);
-    live.says("plays on");
+    let mut live = plays(dir, &["--report", "r.json"]);
     std::thread::sleep(Duration::from_millis(300));
     // What another sink writes, or wrote, is not written over.
     for file in ["sent.npy", "r.json", "g.ron"] {
@@ -465,12 +431,9 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
 
 #[test]
 fn pointer_added_by_an_edit_moves_on_the_open_page() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*shared_stage();
     replace(dir, &tone("", ""));
-    let mut live = Live::start(dir, &["g.ron", "--watch", "--page", "--device", CARD]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
+    let (live, mut onlooker) = watched(dir, &[]);
     onlooker.until("the graph", |s| s.layout["nodes"].is_array() && s.view["ticks"].as_u64() > Some(10));
     assert!(!onlooker.shown.hand);
     let pointer = [

@@ -1,14 +1,15 @@
 //! Runs that nobody looks at any more: their terminal is closed, or nobody reads what they say.
 #![cfg(target_os = "linux")]
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use harness::alone::real_time;
+use harness::alone::{real_time, shared_stage, stage};
 use harness::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
-use harness::{asperity, json, run};
+use harness::servers::{signal, skipped};
+use harness::{asperity, json, run, wav};
 use tungstenite::Message;
 
 use crate::socket::connect;
@@ -38,37 +39,24 @@ impl InTerminal {
     /// is no `script`.
     fn start(dir: &Path, prefix: &str) -> Option<Self> {
         if Command::new("script").arg("--version").output().is_err() {
-            let _ = std::io::stderr()
-                .write_all(b"SKIPPED: there is no `script` here to make a pseudo-terminal\n");
+            skipped("there is no `script` here to make a pseudo-terminal");
             return None;
         }
         write_graph(dir);
         let own = asperity(dir).get_program().to_string_lossy().into_owned();
         let run = format!("echo $$ > pid; exec {own} run g.ron --tui --device {CARD} --report r.json");
         let command = format!("stty rows 40 cols 120; {prefix} sh -c '{run}'");
-        let mut script = Command::new("script")
-            .args(["-qec", &command, "/dev/null"])
+        let script = Command::new("script")
+            .args(["-qefc", &command, "screen"])
             .current_dir(dir)
             .env("TERM", "xterm-256color")
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
+            .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
             .expect("script starts");
-        let mut screen = script.stdout.take().expect("a pipe");
-        let (drawn, is_drawn) = std::sync::mpsc::sync_channel(1);
-        std::thread::spawn(move || {
-            let (mut all, mut some) = (String::new(), [0; 4096]);
-            while let Ok(n @ 1..) = screen.read(&mut some) {
-                if all.len() < 10_000 {
-                    all.push_str(&String::from_utf8_lossy(&some[..n]));
-                    if all.contains(ENTER) {
-                        let _ = drawn.try_send(());
-                    }
-                }
-            }
-        });
-        is_drawn.recv_timeout(PATIENCE).expect("it draws");
+        let screen = || std::fs::read(dir.join("screen")).unwrap_or_default();
+        until("it draws", || String::from_utf8_lossy(&screen()).contains(ENTER));
         let said = std::fs::read_to_string(dir.join("pid")).expect("its number");
         let run: u32 = said.trim().parse().expect("a number");
         until("the first tick", || threads(run).iter().any(|name| name == "asperity-tick"));
@@ -88,18 +76,15 @@ impl InTerminal {
         stat(self.run).is_some_and(|fields| fields[0] != "Z")
     }
 
-    /// Seconds of processors that it took so far.
-    fn worked_s(&self) -> f64 {
-        let fields = stat(self.run).expect("it runs");
-        let ticks = |n: usize| fields[n].parse::<f64>().expect("a number");
-        (ticks(11) + ticks(12)) / 100.0
-    }
-
     /// The part of a processor that it takes in a second.
     fn share(&self) -> f64 {
-        let (began, before) = (Instant::now(), self.worked_s());
+        let worked_s = || {
+            let fields = stat(self.run).expect("it runs");
+            (11..13).map(|n| fields[n].parse::<f64>().expect("a number") / 100.0).sum::<f64>()
+        };
+        let (began, before) = (Instant::now(), worked_s());
         std::thread::sleep(Duration::from_secs(1));
-        (self.worked_s() - before) / began.elapsed().as_secs_f64()
+        (worked_s() - before) / began.elapsed().as_secs_f64()
     }
 }
 
@@ -124,11 +109,6 @@ fn threads(process: u32) -> Vec<String> {
 fn stat(process: u32) -> Option<Vec<String>> {
     let text = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     Some(text.rsplit_once(')')?.1.split_whitespace().map(str::to_owned).collect())
-}
-
-fn signal(process: u32, name: &str) {
-    let done = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status();
-    assert!(done.is_ok_and(|status| status.success()), "kill -{name}");
 }
 
 /// Asserts that the card heard what was sent up to the stop, and a falling level from there on.
@@ -218,9 +198,7 @@ const PIPE: usize = 65_536;
 
 #[test]
 fn unread_messages_delay_neither_mute_ticks_nor_end() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*stage();
     write_graph(dir);
     let mut child = asperity(dir)
         .args(["run", "g.ron", "--page", "--watch", "--device", CARD])
@@ -268,9 +246,7 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
 
 #[test]
 fn unwritable_report_keeps_recordings_and_summary() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*shared_stage();
     write_graph(dir);
     std::fs::create_dir(dir.join("gone")).expect("a folder");
     let mut live =
@@ -283,44 +259,37 @@ fn unwritable_report_keeps_recordings_and_summary() {
     assert!(npy(&dir.join("sent.npy")).iter().any(|x| *x != 0.0));
 }
 
-/// Samples of a WAV file.
-fn samples(path: &Path) -> Vec<f32> {
-    let mut wav = hound::WavReader::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    wav.samples().map(|x| x.expect("a sample")).collect()
-}
-
 /// Once, a recording whose run was killed lay in a hidden file whose header said 0 samples.
 #[test]
 fn recording_of_a_killed_run_is_recovered() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*shared_stage();
     let text = r#"Graph(version: 1, nodes: {"sine": (kind: "sine", params: (frequency_hz: 80.0)),
         "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
         "take": (kind: "file_out", params: (file: "take.wav"))}, wires: [("sine", "limiter"),
         ("limiter", "out"), ("limiter", "take")])"#;
-    std::fs::write(dir.path().join("g.ron"), text).expect("a graph");
-    let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.path().join(f));
+    std::fs::write(dir.join("g.ron"), text).expect("a graph");
+    let [growing, take, other] = ["take.wav.recording", "take.wav", "take-1.wav"].map(|f| dir.join(f));
     let args = ["g.ron", "--device", CARD];
-    let live = Live::start(dir.path(), &args);
+    let live = Live::start(dir, &args);
     until("it records", || std::fs::metadata(&growing).is_ok_and(|meta| meta.len() > 0));
-    let recover = |what: &str| run(dir.path(), &["recover", what]);
+    let recover = |what: &str| run(dir, &["recover", what]);
     assert!(recover(".").ok().err.contains("still records"));
     std::thread::sleep(Duration::from_millis(2500));
     live.stop_by("KILL");
     // A program that reads it as it is finds what its header says.
-    std::fs::copy(&growing, dir.path().join("as_it_is.wav")).expect("a recording");
-    assert!(samples(&dir.path().join("as_it_is.wav")).len() > 72_000);
+    std::fs::copy(&growing, dir.join("as_it_is.wav")).expect("a recording");
+    assert!(wav(&dir.join("as_it_is.wav")).0.len() > 72_000);
     assert!(!take.exists());
     assert!(recover("take.wav.recording").ok().out.contains("take.wav"));
-    let kept = samples(&take);
+    let kept = wav(&take).0;
     assert!(kept.len() > 72_000 && kept.iter().any(|x| *x != 0.0), "{} samples", kept.len());
     assert!(!growing.exists());
 
     // The next run to that name completes what was left there, too.
-    std::fs::copy(dir.path().join("as_it_is.wav"), &growing).expect("a recording");
-    let mut next = Live::start(dir.path(), &[&args[..], &["--seconds", "0.2"]].concat());
+    std::fs::copy(dir.join("as_it_is.wav"), &growing).expect("a recording");
+    let mut next = Live::start(dir, &[&args[..], &["--seconds", "0.2"]].concat());
     let ended = next.end();
     assert!(ended.code == 0 && ended.err.contains("take-1.wav"), "{}", ended.err);
-    assert!(samples(&other).len() > 72_000 && samples(&take).len() < 48_000);
+    assert!(wav(&other).0.len() > 72_000 && wav(&take).0.len() < 48_000);
     assert!(recover(".").ok().out.contains("there is no recording"));
 }

@@ -1,6 +1,6 @@
 //! Errors about options of the commands that play: they name the option, and what would fit.
 
-use harness::alone::beside_others;
+use harness::alone::{beside_others, shared_stage};
 use harness::live::{graph, until};
 use harness::{Ran, files, graphs, run};
 
@@ -13,8 +13,8 @@ const ABSURD: [&str; 6] = ["-1", "1e9", "nan", "", "nope", "1,1"];
 struct Command {
     words: &'static [&'static str],
     needs: &'static [(&'static str, &'static str)],
-    /// Options of a number, and whether 0 is one that fits.
-    numbers: &'static [(&'static str, bool)],
+    /// Options of a number; of those with a `?` 0 fits.
+    numbers: &'static str,
     /// Other options, with what they may not be.
     others: &'static [(&'static str, &'static [&'static str])],
 }
@@ -33,17 +33,8 @@ const COMMANDS: [Command; 4] = [
     Command {
         words: &["tone"],
         needs: &[("--device", CARD), ("--seconds", "0.05"), ("--handle-mass-g", "100")],
-        numbers: &[
-            ("--channel", false),
-            ("--period", false),
-            ("--hz", false),
-            ("--amps", false),
-            ("--seconds", false),
-            ("--rate", false),
-            ("--handle-mass-g", false),
-            ("--volts-at-full-scale", false),
-            ("--amps-per-volt", false),
-        ],
+        numbers: "--channel --period --hz --amps --seconds --rate --handle-mass-g --volts-at-full-scale \
+                  --amps-per-volt",
         others: &[
             CHANNEL,
             FORMAT,
@@ -58,19 +49,8 @@ const COMMANDS: [Command; 4] = [
     Command {
         words: &["latency"],
         needs: &[("--device", CARD), ("--trials", "3")],
-        numbers: &[
-            ("--channel", false),
-            ("--period", false),
-            ("--input-channel", false),
-            ("--input-latency-ms", true),
-            ("--trials", false),
-            ("--amps", false),
-            ("--level", false),
-            ("--rate", false),
-            ("--handle-mass-g", false),
-            ("--volts-at-full-scale", false),
-            ("--amps-per-volt", false),
-        ],
+        numbers: "--channel --period --input-channel --input-latency-ms? --trials --amps --level --rate \
+                  --handle-mass-g --volts-at-full-scale --amps-per-volt",
         others: &[
             CHANNEL,
             FORMAT,
@@ -91,24 +71,9 @@ const COMMANDS: [Command; 4] = [
             ("--out", "o.ron"),
             ("--seconds", "1"),
         ],
-        numbers: &[
-            ("--channel", false),
-            ("--period", false),
-            ("--input-channel", false),
-            ("--handle-mass-g", false),
-            ("--second-mass-g", false),
-            ("--mass-uncertainty", false),
-            ("--accelerometer-full-scale", false),
-            ("--amps", false),
-            ("--volts", false),
-            ("--from-hz", false),
-            ("--to-hz", false),
-            ("--seconds", false),
-            ("--rate", false),
-            ("--volts-at-full-scale", false),
-            ("--amps-per-volt", false),
-            ("--volts-per-volt", false),
-        ],
+        numbers: "--channel --period --input-channel --handle-mass-g --second-mass-g --mass-uncertainty \
+                  --accelerometer-full-scale --amps --volts --from-hz --to-hz --seconds --rate \
+                  --volts-at-full-scale --amps-per-volt --volts-per-volt",
         others: &[
             CHANNEL,
             FORMAT,
@@ -128,13 +93,7 @@ const COMMANDS: [Command; 4] = [
     Command {
         words: &["run", "GRAPH"],
         needs: &[("--device", CARD), ("--seconds", "0.05")],
-        numbers: &[
-            ("--channel", false),
-            ("--period", false),
-            ("--seconds", false),
-            ("--limit-us", false),
-            ("--page", true),
-        ],
+        numbers: "--channel --period --seconds --limit-us --page?",
         others: &[
             CHANNEL,
             ("--channel", &["1,2"]),
@@ -174,9 +133,11 @@ fn refused(command: &Command, option: &str, value: &str) -> String {
 #[test]
 fn wrong_option_is_named_and_nothing_is_played_or_written() {
     let _alone = beside_others();
-    for command in &COMMANDS {
-        for (option, zero) in command.numbers {
-            for value in ABSURD.iter().copied().chain((!zero).then_some("0")) {
+    let all = |command: &Command| {
+        for option in command.numbers.split_whitespace() {
+            let zero = (!option.ends_with('?')).then_some("0");
+            let option = option.trim_end_matches('?');
+            for value in ABSURD.into_iter().chain(zero) {
                 let said = refused(command, option, value);
                 let range = ["from", "at most", "supplied", "one channel for each"]
                     .iter()
@@ -189,7 +150,8 @@ fn wrong_option_is_named_and_nothing_is_played_or_written() {
                 refused(command, option, value);
             }
         }
-    }
+    };
+    std::thread::scope(|scope| COMMANDS.iter().for_each(|command| drop(scope.spawn(move || all(command)))));
 }
 
 #[test]
@@ -225,19 +187,16 @@ fn an_option_that_would_mean_nothing_is_refused() {
 
 #[test]
 fn a_value_with_commas_in_a_hand_is_told_how_it_goes() {
-    let _alone = beside_others();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*shared_stage();
     let live = graphs("live.ron").display().to_string();
-    let ran = run(dir.path(), &["run", &live, "--device", CARD, "--hand", "osc:address=/a,arguments=x,y,z"]);
+    let ran = run(dir, &["run", &live, "--device", CARD, "--hand", "osc:address=/a,arguments=x,y,z"]);
     assert!(ran.code == 2 && ran.err.contains("--set stylus.arguments=VALUE"), "{}", ran.err);
 }
 
 #[test]
 fn a_tone_is_announced_as_loud_as_it_is_played() {
-    let _alone = beside_others();
-    let dir = tempfile::tempdir().expect("a folder");
-    let tone =
-        |amps: &str| run(dir.path(), &["tone", "--device", CARD, "--seconds", "1", "--amps", amps]).ok().err;
+    let dir = &*shared_stage();
+    let tone = |amps: &str| run(dir, &["tone", "--device", CARD, "--seconds", "1", "--amps", amps]).ok().err;
     assert!(tone("0.05").starts_with("80 Hz, 0.05 A peak on channel 1 of"));
     let said = tone("50");
     let played = said.split("80 Hz, ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a line");
@@ -248,24 +207,22 @@ fn a_tone_is_announced_as_loud_as_it_is_played() {
 
 #[test]
 fn device_opened_twice_tells_its_limits_once() {
-    let _alone = beside_others();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*shared_stage();
     let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,plant_noise=0.05";
     let args =
         ["--device", card, "--handle-mass-g", "60", "--accelerometer-full-scale", "100", "--seconds", "2"];
-    let ran = run(dir.path(), &[&["calibrate", "--out", "o.ron"], &args[..]].concat()).ok();
+    let ran = run(dir, &[&["calibrate", "--out", "o.ron"], &args[..]].concat()).ok();
     assert_eq!(ran.err.matches("64 to 64 frames a period").count(), 1, "{}", ran.err);
 }
 
 /// A wire in place of an actuator: nothing about a mass on a spring can be found.
 #[test]
 fn what_was_not_found_is_said_in_words_and_not_in_percent() {
-    let _alone = beside_others();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*shared_stage();
     let args =
         ["--device", CARD, "--handle-mass-g", "60", "--accelerometer-full-scale", "100", "--seconds", "2"];
-    let ran = run(dir.path(), &[&["calibrate", "--out", "o.ron", "--anyway"], &args[..]].concat()).ok();
-    let profile = std::fs::read_to_string(dir.path().join("o.ron")).expect("a profile");
+    let ran = run(dir, &[&["calibrate", "--out", "o.ron", "--anyway"], &args[..]].concat()).ok();
+    let profile = std::fs::read_to_string(dir.join("o.ron")).expect("a profile");
     assert!(ran.out.contains("not determined by this measurement"), "{}", ran.out);
     for text in [&ran.out, &profile] {
         let percents = text.split(" % only").filter_map(|t| t.rsplit(' ').next()?.parse::<f64>().ok());
@@ -315,15 +272,14 @@ fn a_disk_that_is_full_ends_a_recording_and_not_the_run() {
 #[cfg(unix)]
 #[test]
 fn a_disk_that_is_full_is_an_error_of_a_render() {
-    let _alone = beside_others();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*shared_stage();
     let texture = graphs("texture.ron").display().to_string();
-    let ran = on_a_small_disk(dir.path(), &["render", &texture, "--out", "o.wav", "--seconds", "3"]);
+    let ran = on_a_small_disk(dir, &["render", &texture, "--out", "o.wav", "--seconds", "3"]);
     assert!(
         ran.code == 1 && ran.err.contains("cannot write") && ran.err.contains("o.wav"),
         "{} {}",
         ran.code,
         ran.err
     );
-    assert!(files(dir.path()).is_empty());
+    assert!(files(dir).is_empty());
 }

@@ -9,7 +9,7 @@ use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time, shared_stage};
 use harness::chromium::Chromium;
 use harness::live::{Live, npy, rms, told};
 use harness::stage::{by_hand, channel, offline, options, start, stop};
@@ -27,7 +27,7 @@ fn lowered(name: &str) -> (GraphFile, Compiled) {
 
 #[test]
 fn a_card_plays_a_scene_sample_by_sample_as_it_is_rendered() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for name in ["side_by_side.ron", "every_effect.ron"] {
         let card = Simulated::new(name, by_hand()).expect("a card");
         let session = start(lowered(name), SessionOptions { ..options(&card, Clock::Callback) });
@@ -82,9 +82,7 @@ fn made(name: &str) -> Vec<u8> {
 
 #[test]
 fn a_scene_and_the_files_it_names_change_while_it_is_played() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
-    let dir = dir.path();
+    let dir = &*shared_stage();
     fs::write(dir.join("s.ron"), table("0.3", RIGHT)).expect("a scene");
     fs::write(dir.join("m.ron"), made("rough.ron")).expect("a texture");
     let args = ["s.ron", "--device", "simulated:frames=256", "--watch", "--limit-us", "9000000"];

@@ -4,12 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use harness::alone::real_time;
+use harness::alone::{real_time, shared_stage, stage};
 use harness::live::{Live, largest_step, npy};
 use harness::{json, plugins, wav};
-
-/// Far longer than the test takes on any machine: it is stopped as a person would stop it.
-const SECONDS: &str = "600";
 
 /// A slow wave of a plugin through a gain, in one file with the plugin beside it.
 fn graph(gain: &str, extra: &str) -> String {
@@ -35,26 +32,12 @@ fn told(to: &Path, amplitude: &str) {
 
 #[test]
 fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
+    let dir = &*stage();
     told(&dir.join("libtold.so"), "0.1f");
     fs::write(dir.join("g.ron"), graph("0.5", "")).unwrap();
-    let args = [
-        "render",
-        "g.ron",
-        "--watch",
-        "--limit-us",
-        "9000000",
-        "--seconds",
-        SECONDS,
-        "--out",
-        "o.wav",
-        "--report",
-        "r.json",
-        "--plot",
-        "p.svg",
-    ];
+    let args =
+        "render g.ron --watch --limit-us 9000000 --seconds 600 --out o.wav --report r.json --plot p.svg";
+    let args: Vec<&str> = args.split(' ').collect();
     let mut playing = Live::command(dir, &args);
     std::thread::sleep(Duration::from_millis(600));
 
@@ -146,9 +129,7 @@ fn rebuilt_plugin_is_swapped_in_while_a_card_plays() {
 
 #[test]
 fn a_file_that_a_text_names_is_seen_to_change() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
+    let dir = &*shared_stage();
     let made = |name: &str| fs::read(harness::graphs("models/made_ar").join(name)).unwrap();
     fs::write(dir.join("m.ron"), made("rough.ron")).unwrap();
     let graph = "Graph(version: 1, nodes: {\"hand\": (kind: \"stroke\"), \"motion\": (kind: \"velocity\"), \
@@ -165,10 +146,8 @@ fn a_file_that_a_text_names_is_seen_to_change() {
     // Nor is it written over.
     let over = harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "m.ron"]);
     assert!(over.code == 2 && over.err.contains("`rub` reads this file"), "{}", over.err);
-    let mut playing = Live::command(
-        dir,
-        &["render", "g.ron", "--watch", "--limit-us", "9000000", "--seconds", SECONDS, "--out", "o.wav"],
-    );
+    let args = "render g.ron --watch --limit-us 9000000 --seconds 600 --out o.wav";
+    let mut playing = Live::command(dir, &args.split(' ').collect::<Vec<_>>());
     std::thread::sleep(Duration::from_millis(600));
     replace(dir, "m.ron", |to| fs::write(to, made("smooth.ron")).unwrap());
     playing.says("m.ron changed: `rub` rebuilt");
@@ -180,31 +159,29 @@ fn a_file_that_a_text_names_is_seen_to_change() {
 
 #[test]
 fn without_watch_a_graph_that_changes_is_left_as_it_was() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    told(&dir.path().join("libtold.so"), "0.1f");
-    fs::write(dir.path().join("g.ron"), graph("0.5", "")).unwrap();
-    harness::run(dir.path(), &["render", "g.ron", "--seconds", "1", "--report", "r.json"]).ok();
-    assert_eq!(json(&dir.path().join("r.json"))["swaps"].as_array().map(Vec::len), Some(0));
+    let dir = &*shared_stage();
+    told(&dir.join("libtold.so"), "0.1f");
+    fs::write(dir.join("g.ron"), graph("0.5", "")).unwrap();
+    harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "r.json"]).ok();
+    assert_eq!(json(&dir.join("r.json"))["swaps"].as_array().map(Vec::len), Some(0));
 }
 
 #[test]
 fn plugin_that_is_damaged_or_meddles_does_not_come_into_a_run() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    told(&dir.path().join("libtold.so"), "0.1f");
-    fs::write(dir.path().join("g.ron"), graph("1.0", "")).unwrap();
-    let mut run = Live::start(dir.path(), &["g.ron", "--watch", "--device", "simulated:frames=96"]);
+    let dir = &*shared_stage();
+    told(&dir.join("libtold.so"), "0.1f");
+    fs::write(dir.join("g.ron"), graph("1.0", "")).unwrap();
+    let mut run = Live::start(dir, &["g.ron", "--watch", "--device", "simulated:frames=96"]);
     std::thread::sleep(Duration::from_millis(1500));
-    replace(dir.path(), "libtold.so", |to| {
+    replace(dir, "libtold.so", |to| {
         plugins::compile(&plugins::sources().join("told.c"), to, &["-DTRAP"]);
     });
     run.says("tried in another process, this plugin crashed by signal");
-    replace(dir.path(), "libtold.so", |to| {
+    replace(dir, "libtold.so", |to| {
         plugins::compile(&plugins::sources().join("told.c"), to, &["-DHANDLER"]);
     });
     run.says("this plugin does not leave the process as it was: it changed the handler of signal 11");
-    replace(dir.path(), "libtold.so", |to| told(to, "0.05f"));
+    replace(dir, "libtold.so", |to| told(to, "0.05f"));
     run.says("its code was built anew");
     run.stop().ok();
 }

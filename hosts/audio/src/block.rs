@@ -13,8 +13,6 @@ pub struct Block<'a> {
     pub channels: usize,
     /// When the call began, by [`now_ns`].
     pub now_ns: u64,
-    /// Time from then until the first frame is heard, as the host says [ns]; 0 if it does not say.
-    pub ahead_ns: u64,
 }
 
 impl Block<'_> {
@@ -33,8 +31,6 @@ pub struct Captured<'a> {
     pub channels: usize,
     /// When the call began, by [`now_ns`].
     pub now_ns: u64,
-    /// Time from the first frame at the input until then, as the host says [ns]; 0 if it does not say.
-    pub behind_ns: u64,
 }
 
 /// Fills blocks. The device calls it on its own thread, which must not wait, allocate or panic. After a

@@ -1,13 +1,10 @@
 //! Runs on a device's thread: fills its blocks, takes recorded ones. Never allocates, locks or waits.
 
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 use cpal::{InputCallbackInfo, OutputCallbackInfo};
-use ringbuf::HeapProd;
-use ringbuf::traits::Producer;
 
 use crate::block::frames_ns;
 use crate::format::DeviceSample;
@@ -17,29 +14,17 @@ use crate::{Block, Capture, Captured, Process, now_ns};
 /// Largest piece in samples; longer calls are filled in several pieces.
 const SCRATCH: usize = 1 << 16;
 /// Calls whose length is remembered.
-const RECENT: usize = 64;
+const RECENT: usize = 32;
 /// An ended stream fades out within 1 / this of a second.
 const FADE_HZ: u32 = 100;
-/// A longer gap is reported, if it is also more than 3 periods [ns].
+/// A longer time between two calls is a break in the sound, if it is also more than 3 periods [ns].
 const GAP_NS: u64 = 50_000_000;
 
-/// Messages of a device's threads to the watch.
-pub(crate) enum Message {
-    /// A gap between two calls [ns].
-    Gap(u64),
-    /// The process panicked.
-    Panic(Box<dyn Any + Send>),
-    /// An error of cpal.
-    Error(cpal::Error),
-}
-
 /// Counts of one side of a stream.
+#[derive(Default)]
 pub(crate) struct Counts {
     pub(crate) rate_hz: u32,
     pub(crate) calls: AtomicU64,
-    pub(crate) frames: AtomicU64,
-    pub(crate) gaps: AtomicU64,
-    pub(crate) longest_gap_ns: AtomicU64,
     pub(crate) xruns: AtomicU64,
     pub(crate) errors: AtomicU64,
     /// Time of the last call; 0 before the first.
@@ -50,60 +35,39 @@ pub(crate) struct Counts {
     pub(crate) over: AtomicBool,
     /// When the last sample of an ended stream is heard; 0 until its last block is filled.
     pub(crate) faded_ns: AtomicU64,
+    /// How the process or capture panicked.
+    pub(crate) panic: OnceLock<String>,
     recent: [AtomicU32; RECENT],
 }
 
 impl Counts {
     pub(crate) fn new(rate_hz: u32) -> Self {
-        Self {
-            rate_hz,
-            calls: AtomicU64::new(0),
-            frames: AtomicU64::new(0),
-            gaps: AtomicU64::new(0),
-            longest_gap_ns: AtomicU64::new(0),
-            xruns: AtomicU64::new(0),
-            errors: AtomicU64::new(0),
-            last_ns: AtomicU64::new(0),
-            latency_ns: AtomicU64::new(0),
-            over: AtomicBool::new(false),
-            faded_ns: AtomicU64::new(0),
-            recent: [const { AtomicU32::new(0) }; RECENT],
-        }
+        Self { rate_hz, ..Self::default() }
     }
 
-    /// Lengths of the last calls [frames], without 0, unordered.
+    /// Lengths of the last calls [frames], without 0, in ascending order.
     pub(crate) fn recent(&self) -> Vec<u32> {
-        self.recent.iter().map(|frames| frames.load(Relaxed)).filter(|frames| *frames > 0).collect()
+        let all = self.recent.iter().map(|frames| frames.load(Relaxed));
+        let mut recent: Vec<u32> = all.filter(|frames| *frames > 0).collect();
+        recent.sort_unstable();
+        recent
     }
 
-    /// The longest of the last calls [frames].
-    pub(crate) fn longest(&self) -> u32 {
-        self.recent.iter().map(|frames| frames.load(Relaxed)).max().unwrap_or(0)
-    }
-
-    /// Counts a call. Returns a gap before it that must be reported [ns].
-    pub(crate) fn called(&self, now: u64, frames: usize, latency_ns: u64) -> Option<u64> {
+    /// Counts a call. Whether the device was silent before it.
+    pub(crate) fn called(&self, now: u64, frames: usize, latency_ns: u64) -> bool {
         let before = self.last_ns.swap(now, Relaxed);
         let call = self.calls.fetch_add(1, Relaxed);
-        self.frames.fetch_add(frames as u64, Relaxed);
         self.latency_ns.store(latency_ns, Relaxed);
         let place = |call: u64| &self.recent[call as usize % RECENT];
         let last = u64::from(place(call.wrapping_sub(1)).load(Relaxed)).max(frames as u64);
         place(call).store(frames.min(u32::MAX as usize) as u32, Relaxed);
-        let gap = now.saturating_sub(before);
-        let told = before > 0 && gap > GAP_NS.max(frames_ns(3 * last, self.rate_hz));
-        if told {
-            self.gaps.fetch_add(1, Relaxed);
-            self.longest_gap_ns.fetch_max(gap, Relaxed);
-        }
-        told.then_some(gap)
+        before > 0 && now.saturating_sub(before) > GAP_NS.max(frames_ns(3 * last, self.rate_hz))
     }
 }
 
 /// Common part of both directions.
 struct Line {
     counts: Arc<Counts>,
-    messages: HeapProd<Message>,
     /// Device channel (from 0) of each channel of the block.
     map: Vec<usize>,
     /// Channels of the device.
@@ -112,50 +76,43 @@ struct Line {
     scratch: Vec<f32>,
     /// Whether ALSA's library may print on this thread.
     loud: bool,
-    /// Whether there was a gap before this call.
-    late: bool,
-    panicked: bool,
 }
 
 impl Line {
-    fn new(counts: Arc<Counts>, messages: HeapProd<Message>, channels: &[u16], width: u16) -> Self {
+    fn new(counts: Arc<Counts>, channels: &[u16], width: u16) -> Self {
         let map: Vec<usize> = channels.iter().map(|channel| usize::from(channel.max(&1) - 1)).collect();
         let scratch = vec![0.0; SCRATCH / map.len().max(1) * map.len().max(1)];
-        let width = usize::from(width.max(1));
-        Self { counts, messages, map, width, scratch, loud: true, late: false, panicked: false }
+        Self { counts, map, width: usize::from(width.max(1)), scratch, loud: true }
     }
 
-    /// Begins a call. False if the stream must fall silent.
+    /// Begins a call. Whether the device was silent before it.
     fn begin(&mut self, now: u64, samples: usize, latency_ns: u64) -> bool {
         if std::mem::take(&mut self.loud) {
             hush_alsa();
         }
-        let gap = self.counts.called(now, samples / self.width, latency_ns);
-        self.late = gap.is_some();
-        if let Some(gap) = gap {
-            // If the watch is that late, the count still tells.
-            let _ = self.messages.try_push(Message::Gap(gap));
-        }
-        !self.panicked && !self.counts.over.load(Relaxed)
+        self.counts.called(now, samples / self.width, latency_ns)
+    }
+
+    /// Whether the stream must be silent.
+    fn over(&self) -> bool {
+        self.counts.over.load(Relaxed) || self.counts.panic.get().is_some()
     }
 
     /// Samples of the device in a piece.
     fn piece(&self) -> usize {
         self.scratch.len() / self.map.len().max(1) * self.width
     }
+}
 
-    /// Time from the start of a call to its frame `frames` [ns].
-    fn offset_ns(&self, frames: usize) -> u64 {
-        frames_ns(frames as u64, self.counts.rate_hz)
-    }
-
-    fn failed(&mut self, panic: Box<dyn Any + Send>) {
-        self.panicked = true;
-        if let Err(Message::Panic(panic)) = self.messages.try_push(Message::Panic(panic)) {
-            // Dropping it would free memory here.
-            std::mem::forget(panic);
-        }
-    }
+/// Runs the process or capture. False if it panicked.
+fn runs(counts: &Counts, call: impl FnOnce()) -> bool {
+    let Err(panic) = catch_unwind(AssertUnwindSafe(call)) else { return true };
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    let _ = counts.panic.set(text.unwrap_or("no message").to_owned());
+    // Dropping it could run any code.
+    std::mem::forget(panic);
+    false
 }
 
 /// Fills a device's output.
@@ -169,16 +126,10 @@ pub(crate) struct Filler {
 }
 
 impl Filler {
-    pub(crate) fn new(
-        counts: Arc<Counts>,
-        messages: HeapProd<Message>,
-        channels: &[u16],
-        width: u16,
-        process: Box<dyn Process>,
-    ) -> Self {
+    pub(crate) fn new(counts: Arc<Counts>, channels: &[u16], width: u16, process: Box<dyn Process>) -> Self {
         let frames = (counts.rate_hz / FADE_HZ).max(1);
         let last = vec![0.0; channels.len()];
-        Self { line: Line::new(counts, messages, channels, width), process, last, fade: (frames, frames) }
+        Self { line: Line::new(counts, channels, width), process, last, fade: (frames, frames) }
     }
 
     pub(crate) fn fill<T: DeviceSample>(&mut self, data: &mut [T], info: &OutputCallbackInfo) {
@@ -186,32 +137,25 @@ impl Filler {
         let stamp = info.timestamp();
         let ahead = stamp.playback.saturating_duration_since(stamp.callback).as_nanos() as u64;
         data.fill(T::EQUILIBRIUM);
-        let goes_on = self.line.begin(now_ns, data.len(), ahead);
-        if self.line.late {
-            // The device was silent: the fade must not begin with a step.
+        if self.line.begin(now_ns, data.len(), ahead) {
+            // The fade must not begin with a step.
             self.last.fill(0.0);
         }
-        if !goes_on {
+        if self.line.over() {
             return self.fade_out(data, now_ns + ahead);
         }
-        let width = self.line.width;
-        let channels = self.line.map.len();
+        let (width, channels, size) = (self.line.width, self.line.map.len(), self.line.piece());
         let whole = data.len() / width * width;
-        let size = self.line.piece();
-        let mut done = 0;
         for start in (0..whole).step_by(size.max(1)) {
             let piece = &mut data[start..whole.min(start + size)];
-            let frames = piece.len() / width;
-            let ahead_ns = ahead + self.line.offset_ns(done);
-            let output = &mut self.line.scratch[..frames * channels];
+            let output = &mut self.line.scratch[..piece.len() / width * channels];
             output.fill(0.0);
-            let mut block = Block { output, channels, now_ns, ahead_ns };
-            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.process.process(&mut block))) {
-                self.line.failed(panic);
-                return self.fade_out(&mut data[done * width..], now_ns + ahead_ns);
+            let mut block = Block { output, channels, now_ns };
+            if !runs(&self.line.counts, || self.process.process(&mut block)) {
+                let passed = frames_ns((start / width) as u64, self.line.counts.rate_hz);
+                return self.fade_out(&mut data[start..], now_ns + ahead + passed);
             }
-            let made = self.line.scratch[..frames * channels].chunks_exact(channels);
-            for (frame, made) in piece.chunks_exact_mut(width).zip(made) {
+            for (frame, made) in piece.chunks_exact_mut(width).zip(self.line.scratch.chunks_exact(channels)) {
                 for (to, from) in self.line.map.iter().zip(made) {
                     frame[*to] = T::from_unit(*from);
                 }
@@ -221,7 +165,6 @@ impl Filler {
                     *last = frame[*from].to_unit();
                 }
             }
-            done += frames;
         }
     }
 
@@ -240,8 +183,9 @@ impl Filler {
                 break;
             }
         }
-        if *left == 0 && self.line.counts.faded_ns.load(Relaxed) == 0 {
-            self.line.counts.faded_ns.store(heard_ns + self.line.offset_ns(frames), Relaxed);
+        let counts = &self.line.counts;
+        if *left == 0 && counts.faded_ns.load(Relaxed) == 0 {
+            counts.faded_ns.store(heard_ns + frames_ns(frames, counts.rate_hz), Relaxed);
         }
     }
 }
@@ -253,42 +197,29 @@ pub(crate) struct Gatherer {
 }
 
 impl Gatherer {
-    pub(crate) fn new(
-        counts: Arc<Counts>,
-        messages: HeapProd<Message>,
-        channels: &[u16],
-        width: u16,
-        capture: Box<dyn Capture>,
-    ) -> Self {
-        Self { line: Line::new(counts, messages, channels, width), capture }
+    pub(crate) fn new(counts: Arc<Counts>, channels: &[u16], width: u16, capture: Box<dyn Capture>) -> Self {
+        Self { line: Line::new(counts, channels, width), capture }
     }
 
     pub(crate) fn gather<T: DeviceSample>(&mut self, data: &[T], info: &InputCallbackInfo) {
         let now_ns = now_ns();
         let stamp = info.timestamp();
         let behind = stamp.callback.saturating_duration_since(stamp.capture).as_nanos() as u64;
-        if !self.line.begin(now_ns, data.len(), behind) {
-            return;
-        }
-        let width = self.line.width;
-        let channels = self.line.map.len();
+        self.line.begin(now_ns, data.len(), behind);
+        let (width, channels) = (self.line.width, self.line.map.len());
         let whole = data.len() / width * width;
-        let mut done = 0;
         for piece in data[..whole].chunks(self.line.piece()) {
-            let frames = piece.len() / width;
-            let behind_ns = behind.saturating_sub(self.line.offset_ns(done));
-            let taken = self.line.scratch[..frames * channels].chunks_exact_mut(channels);
-            for (frame, taken) in piece.chunks_exact(width).zip(taken) {
+            if self.line.over() {
+                return;
+            }
+            let taken = &mut self.line.scratch[..piece.len() / width * channels];
+            for (frame, taken) in piece.chunks_exact(width).zip(taken.chunks_exact_mut(channels)) {
                 for (from, to) in self.line.map.iter().zip(taken) {
                     *to = frame[*from].to_unit();
                 }
             }
-            let input = &self.line.scratch[..frames * channels];
-            let block = Captured { input, channels, now_ns, behind_ns };
-            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.capture.capture(&block))) {
-                return self.line.failed(panic);
-            }
-            done += frames;
+            let input = &self.line.scratch[..piece.len() / width * channels];
+            runs(&self.line.counts, || self.capture.capture(&Captured { input, channels, now_ns }));
         }
     }
 }
@@ -297,11 +228,8 @@ impl Gatherer {
 mod tests {
     use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
     use cpal::{InputStreamTimestamp, OutputStreamTimestamp, StreamInstant};
-    use ringbuf::HeapRb;
-    use ringbuf::traits::{Consumer, Split};
 
     use super::*;
-    use crate::Captured;
 
     #[global_allocator]
     static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -320,18 +248,20 @@ mod tests {
         }
     }
 
+    fn played() -> OutputCallbackInfo {
+        let stamp = StreamInstant::from_nanos(1);
+        OutputCallbackInfo::new(OutputStreamTimestamp { callback: stamp, playback: stamp })
+    }
+
     #[test]
     fn callback_of_any_length_never_allocates() {
         assert_no_alloc(|| drop(std::hint::black_box(vec![1_u8; 64])));
         let seen = violation_count();
         assert!(seen > 0, "the instrument must see an allocation");
         let counts = Arc::new(Counts::new(48_000));
-        let (outward, mut told) = HeapRb::new(4).split();
-        let (inward, _told) = HeapRb::new(4).split();
-        let mut filler = Filler::new(counts.clone(), outward, &[3, 1], 4, Box::new(Half));
-        let mut gatherer = Gatherer::new(counts.clone(), inward, &[1, 3], 4, Box::new(Half));
+        let mut filler = Filler::new(counts.clone(), &[3, 1], 4, Box::new(Half));
+        let mut gatherer = Gatherer::new(counts.clone(), &[1, 3], 4, Box::new(Half));
         let stamp = StreamInstant::from_nanos(1);
-        let played = OutputCallbackInfo::new(OutputStreamTimestamp { callback: stamp, playback: stamp });
         let recorded = InputCallbackInfo::new(InputStreamTimestamp { callback: stamp, capture: stamp });
         let mut data = vec![cpal::I24::new_unchecked(0); 4 * 100_000];
         now_ns();
@@ -342,51 +272,48 @@ mod tests {
                 std::thread::yield_now();
             }
             let data = &mut data[..4 * frames];
-            assert_no_alloc(|| filler.fill(data, &played));
+            assert_no_alloc(|| filler.fill(data, &played()));
             assert_no_alloc(|| gatherer.gather(data, &recorded));
             assert!(data.chunks(4).all(|frame| frame[0].to_unit() == 0.5 && frame[1].inner() == 0));
         }
         assert_eq!(violation_count(), seen);
-        // A call of 100000 frames may follow late on the one before.
-        assert!(matches!(told.try_pop(), Some(Message::Gap(_))));
     }
 
     #[test]
     fn ended_stream_fades_and_stays_silent() {
         let counts = Arc::new(Counts::new(48_000));
-        let (outward, _told) = HeapRb::new(4).split();
-        let mut filler = Filler::new(counts.clone(), outward, &[2], 2, Box::new(Half));
-        let stamp = StreamInstant::from_nanos(1);
-        let info = OutputCallbackInfo::new(OutputStreamTimestamp { callback: stamp, playback: stamp });
-        let mut played = Vec::new();
+        let mut filler = Filler::new(counts.clone(), &[2], 2, Box::new(Half));
+        let mut heard = Vec::new();
         for call in 0..12 {
             let mut data = [0.0_f32; 2 * 64];
             counts.over.store(call > 1, Relaxed);
             // No gap, however busy the machine is.
             counts.last_ns.store(0, Relaxed);
-            filler.fill(&mut data, &info);
+            filler.fill(&mut data, &played());
             assert_eq!(counts.faded_ns.load(Relaxed) > 0, call >= 9, "call {call}");
             assert!(data.iter().step_by(2).all(|sample| *sample == 0.0));
-            played.extend(data.iter().skip(1).step_by(2).copied());
+            heard.extend(data.iter().skip(1).step_by(2).copied());
         }
-        assert!(played[..128].iter().all(|sample| *sample == 0.5));
+        assert!(heard[..128].iter().all(|sample| *sample == 0.5));
         let steepest = 0.5 * std::f32::consts::FRAC_PI_2 / 480.0 * 1.01;
-        assert!(played.windows(2).all(|pair| (0.0..steepest).contains(&(pair[0] - pair[1]))));
-        assert!((played[128 + 239] - 0.25).abs() < 1e-6);
-        assert!(played[128 + 479..].iter().all(|sample| *sample == 0.0));
+        assert!(heard.windows(2).all(|pair| (0.0..steepest).contains(&(pair[0] - pair[1]))));
+        assert!((heard[128 + 239] - 0.25).abs() < 1e-6);
+        assert!(heard[128 + 479..].iter().all(|sample| *sample == 0.0));
     }
 
     #[test]
     fn gap_is_longer_than_3_periods_and_50_ms() {
         let counts = Counts::new(48_000);
-        let ms = |ms: u64| ms * 1_000_000;
-        assert_eq!(counts.called(ms(1000), 64, 0), None);
-        assert_eq!(counts.called(ms(1049), 64, 0), None);
-        assert_eq!(counts.called(ms(1100), 64, 0), Some(ms(51)));
         // 4800 frames are 100 ms.
-        assert_eq!(counts.called(ms(1390), 4800, 0), None);
-        assert_eq!(counts.called(ms(1680), 64, 0), None);
-        assert_eq!(counts.called(ms(1740), 64, 0), Some(ms(60)));
-        assert_eq!((counts.gaps.load(Relaxed), counts.longest_gap_ns.load(Relaxed)), (2, ms(60)));
+        for (ms, frames, gap) in [
+            (1000, 64, false),
+            (1049, 64, false),
+            (1100, 64, true),
+            (1390, 4800, false),
+            (1680, 64, false),
+            (1740, 64, true),
+        ] {
+            assert_eq!(counts.called(ms * 1_000_000, frames, 0), gap, "at {ms} ms");
+        }
     }
 }

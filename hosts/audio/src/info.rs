@@ -9,8 +9,7 @@ use crate::Format;
 use crate::bounded::bounded;
 use crate::find::Side;
 use crate::hosts::{Listed, PATIENCE, is_mixer, list, names};
-use crate::jack;
-use crate::plan::abilities;
+use crate::plan::{abilities, jack_ports};
 
 /// Rates that devices are asked for [Hz].
 pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];
@@ -96,32 +95,31 @@ fn host(name: String) -> HostInfo {
     HostInfo { name, note: None, devices }
 }
 
-/// Devices of all hosts that answer.
-pub fn devices() -> Vec<DeviceInfo> {
-    hosts().into_iter().flat_map(|host| host.devices).collect()
-}
-
 /// Abilities of a host's devices within `limit`. If one hangs, so would the next: ALSA opens one at a time.
 /// So devices that lead to another server, which may hang, are asked last.
 fn details(listed: Vec<Listed>, limit: Duration) -> Vec<DeviceInfo> {
     let began = Instant::now();
-    let mut order: Vec<usize> = (0..listed.len()).collect();
-    order.sort_by_key(|&at| distance(&listed[at].id));
-    let mut said: Vec<Option<DeviceInfo>> = vec![None; listed.len()];
-    let mut hangs: Option<&str> = None;
-    for at in order {
-        let (one, left) = (listed[at].clone(), limit.saturating_sub(began.elapsed()));
-        let ask = || bounded(&listed[at].full_id(), EACH.min(left), move || detail(&one));
-        let bare = |why: String| about(&listed[at], None, None, Some(why));
-        said[at] = Some(match hangs {
+    let mut order: Vec<_> = listed.into_iter().enumerate().collect();
+    order.sort_by_key(|(_, one)| distance(&one.id));
+    let mut hangs: Option<String> = None;
+    let mut said = Vec::new();
+    for (at, one) in order {
+        let left = limit.saturating_sub(began.elapsed());
+        let bare = |note: String| DeviceInfo { note: Some(note), ..bare(&one) };
+        let info = match &hangs {
             Some(first) => bare(format!("not asked, since `{first}` does not answer")),
-            None => ask().unwrap_or_else(|| {
-                hangs = Some(&listed[at].id);
-                bare("no answer".to_owned())
-            }),
-        });
+            None => {
+                let asked = one.clone();
+                bounded(&one.full_id(), EACH.min(left), move || detail(&asked)).unwrap_or_else(|| {
+                    hangs = Some(one.id.clone());
+                    bare("no answer".to_owned())
+                })
+            }
+        };
+        said.push((at, info));
     }
-    said.into_iter().flatten().collect()
+    said.sort_by_key(|(at, _)| *at);
+    said.into_iter().map(|(_, info)| info).collect()
 }
 
 /// Rank of an ALSA device by its distance from the hardware.
@@ -136,7 +134,7 @@ fn distance(id: &str) -> u8 {
 
 fn detail(listed: &Listed) -> DeviceInfo {
     let mut note = None;
-    let mut side = |side: Side| {
+    let mut ask = |side: Side| {
         if !side.fits(listed) {
             return None;
         }
@@ -144,10 +142,8 @@ fn detail(listed: &Listed) -> DeviceInfo {
             Ok((ranges, usual)) => {
                 let rate_hz = usual.as_ref().map(|usual| usual.sample_rate());
                 let own = usual.filter(|_| is_mixer(&listed.host)).map(|usual| usual.channels());
-                let mut side_info = summary(&ranges, rate_hz, own)?;
-                side_info.card_channels =
-                    if listed.host == "jack" { jack::card_channels(side) } else { None };
-                Some(side_info)
+                let card_channels = if listed.host == "jack" { jack_ports(side) } else { None };
+                Some(SideInfo { card_channels, ..summary(&ranges, rate_hz, own)? })
             }
             Err(error) => {
                 note = Some(format!("{}: {error}", side.name()));
@@ -155,28 +151,16 @@ fn detail(listed: &Listed) -> DeviceInfo {
             }
         }
     };
-    let (output, input) = (side(Side::Output), side(Side::Input));
+    let (output, input) = (ask(Side::Output), ask(Side::Input));
     // One side that answers is enough.
     let note = note.filter(|_| output.is_none() && input.is_none());
-    about(listed, output, input, note)
+    DeviceInfo { output, input, note, ..bare(listed) }
 }
 
-fn about(
-    listed: &Listed,
-    output: Option<SideInfo>,
-    input: Option<SideInfo>,
-    note: Option<String>,
-) -> DeviceInfo {
-    DeviceInfo {
-        host: listed.host.clone(),
-        id: listed.id.clone(),
-        name: listed.name.clone(),
-        default_output: listed.default_output,
-        default_input: listed.default_input,
-        output,
-        input,
-        note,
-    }
+/// A device without its abilities.
+fn bare(listed: &Listed) -> DeviceInfo {
+    let Listed { host, id, name, default_output, default_input, .. } = listed.clone();
+    DeviceInfo { host, id, name, default_output, default_input, output: None, input: None, note: None }
 }
 
 fn summary(

@@ -4,12 +4,12 @@ use cpal::traits::DeviceTrait;
 use cpal::{
     BufferSize, StreamConfig, SupportedBufferSize, SupportedStreamConfig, SupportedStreamConfigRange,
 };
+use jack::{Client, ClientOptions, PortFlags};
 
 use crate::Format;
 use crate::find::Side;
 use crate::hosts::{Listed, is_mixer};
-use crate::jack;
-use crate::request::{OpenError, Request};
+use crate::request::{Cause, OpenError, Request};
 
 /// Default frames a call. A host's own default may be 2 s (PulseAudio), so it is never used.
 const USUAL_PERIOD: u32 = 256;
@@ -34,14 +34,6 @@ pub(crate) fn abilities(
     })
 }
 
-/// Period of a JACK server in frames.
-fn only_period(range: Option<&SupportedStreamConfigRange>) -> Option<u32> {
-    match range?.buffer_size() {
-        SupportedBufferSize::Range { min, max } if min == max => Some(*min),
-        _ => None,
-    }
-}
-
 /// Plans the device for this request; the error says what the device supports.
 pub(crate) fn plan(
     listed: &Listed,
@@ -50,10 +42,9 @@ pub(crate) fn plan(
     request: &Request,
 ) -> Result<Plan, OpenError> {
     let device = listed.full_id();
-    let refused = |reason: String| OpenError::Refused { device: device.clone(), reason };
-    let (ranges, usual) = abilities(listed, side).map_err(|error| refused(error.to_string()))?;
+    let (ranges, usual) = abilities(listed, side).map_err(|error| OpenError::refused(&device, error))?;
     if ranges.is_empty() {
-        return Err(refused(format!("it has no {}", side.name())));
+        return Err(OpenError::refused(&device, format!("it has no {}", side.name())));
     }
     let width = width(listed, side, channels, &ranges, usual.as_ref())?;
     let ranges: Vec<_> = ranges.into_iter().filter(|range| range.channels() == width).collect();
@@ -63,31 +54,40 @@ pub(crate) fn plan(
             ranges.iter().map(|range| (range.min_sample_rate(), range.max_sample_rate())).collect();
         there.sort_unstable();
         there.dedup();
-        return Err(OpenError::NoRate { device, wanted: request.rate_hz, there });
+        let words = |(low, high): &(u32, u32)| {
+            if low == high { low.to_string() } else { format!("{low} to {high}") }
+        };
+        let rates = there.iter().map(words).collect::<Vec<_>>().join(", ");
+        let text = format!("`{device}` cannot run at {} Hz; it can at {rates} Hz", request.rate_hz);
+        return Err(OpenError::new(Cause::Rate(there), text));
     }
-    let can = |format: &Format| fitting.iter().any(|range| range.sample_format() == format.to_cpal());
-    let there: Vec<Format> = Format::ALL.into_iter().filter(can).collect();
-    let format = match request.format {
-        Some(format) => there.iter().copied().find(|one| *one == format),
-        None => there.first().copied(),
-    };
-    let Some(format) = format else {
-        return Err(OpenError::NoFormat { device, wanted: request.format, there });
+    let of = |format: Format| fitting.iter().find(|range| range.sample_format() == format.to_cpal());
+    let there: Vec<Format> = Format::ALL.into_iter().filter(|format| of(*format).is_some()).collect();
+    let wanted = request.format.or(there.first().copied());
+    let Some(format) = wanted.filter(|format| there.contains(format)) else {
+        let wanted = request.format.map_or("a known sample format", Format::name);
+        let can = there.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
+        let can = if can.is_empty() { can } else { format!("; it can do {can}") };
+        return Err(OpenError::new(Cause::Format, format!("`{device}` cannot do {wanted}{can}")));
     };
     let mut notes = Vec::new();
-    let range = fitting.iter().copied().find(|range| range.sample_format() == format.to_cpal());
-    let buffer_size = buffer(listed, request.period_frames, range, &mut notes);
+    let buffer_size = buffer(listed, request.period_frames, of(format).map(|r| r.buffer_size()), &mut notes);
     if listed.host == "jack"
-        && let Some(card) = jack::card_channels(side)
+        && let Some(card) = jack_ports(side).filter(|card| *card < width)
     {
-        notes.extend(jack::note(side, width, card));
+        notes.push(format!(
+            "JACK offers 64 {} channels whatever is behind them; its card has {card} {}: channel {width} \
+             leads nowhere unless something is patched to it",
+            side.name(),
+            if card == 1 { "port" } else { "ports" },
+        ));
     }
     if let Some(rate) = usual.map(|usual| usual.sample_rate())
         && is_mixer(&listed.host)
         && rate != request.rate_hz
     {
-        notes
-            .push(format!("{device} runs at {rate} Hz: its server resamples {} Hz to that", request.rate_hz));
+        let wanted = request.rate_hz;
+        notes.push(format!("{device} runs at {rate} Hz: its server resamples {wanted} Hz to that"));
     }
     let config = StreamConfig { channels: width, sample_rate: request.rate_hz, buffer_size };
     Ok(Plan { config, format, notes })
@@ -116,39 +116,40 @@ fn width(
         "jack" => Some(highest),
         _ => least(highest.max(2)).or_else(|| least(highest)),
     };
-    let device = listed.full_id();
-    width.ok_or(OpenError::NoChannel { device, side: side.name(), wanted: highest, there: most })
+    width.ok_or_else(|| {
+        let (device, side) = (listed.full_id(), side.name());
+        let text = format!("`{device}` has no {side} channel {highest}, it has {most}");
+        OpenError::new(Cause::Channel(most), text)
+    })
 }
 
 /// Buffer size to request.
 fn buffer(
     listed: &Listed,
     wanted: Option<u32>,
-    range: Option<&SupportedStreamConfigRange>,
+    range: Option<&SupportedBufferSize>,
     notes: &mut Vec<String>,
 ) -> BufferSize {
-    if listed.host == "jack" {
-        if let (Some(wanted), Some(runs)) = (wanted, only_period(range))
-            && wanted != runs
-        {
-            notes.push(format!(
-                "the JACK server runs at {runs} frames a period; {wanted} cannot be had from here"
-            ));
-        }
-        return BufferSize::Default;
-    }
-    let frames = wanted.unwrap_or(USUAL_PERIOD);
-    let bounds = match range.map(SupportedStreamConfigRange::buffer_size) {
+    let (min, max) = match range {
         Some(SupportedBufferSize::Range { min, max }) if min <= max => (*min, *max),
         _ => (1, u32::MAX),
     };
-    let had = frames.clamp(bounds.0.max(1), bounds.1.max(1));
+    let frames = wanted.unwrap_or(USUAL_PERIOD);
+    let had = frames.clamp(min.max(1), max.max(1));
     if had != frames && wanted.is_some() {
         let device = listed.full_id();
-        notes.push(format!(
-            "{device} does {} to {} frames a period; {frames} cannot be had",
-            bounds.0, bounds.1
-        ));
+        notes.push(format!("{device} does {min} to {max} frames a period; {frames} cannot be had"));
     }
-    BufferSize::Fixed(had)
+    // A JACK server has one period.
+    if listed.host == "jack" { BufferSize::Default } else { BufferSize::Fixed(had) }
+}
+
+/// Ports of a JACK server's card on one side. JACK connects as many channels to them; the channels above
+/// lead nowhere, though cpal offers 64. `None` if no server answers. Asks the server.
+pub(crate) fn jack_ports(side: Side) -> Option<u16> {
+    let name = format!("asperity_look_{}", std::process::id());
+    let (client, _) = Client::new(&name, ClientOptions::NO_START_SERVER).ok()?;
+    // cpal looks for these names too.
+    let ports = if side == Side::Output { "^system:playback_" } else { "^system:capture_" };
+    u16::try_from(client.ports(Some(ports), None, PortFlags::empty()).len()).ok()
 }

@@ -3,31 +3,36 @@
 //! PulseAudio reports no underruns, and is silent when its server is stopped. ALSA over a killed Pulse
 //! server reports 40,000 errors a second until the stream is dropped. So the watch times calls, counts
 //! errors, and closes a lost stream at once.
+//!
+//! When a device goes away, PulseAudio and PipeWire move its stream to another one, at full level and
+//! without notice; cpal cannot prevent it. So a second thread lists their devices repeatedly. Not detected:
+//! a device that goes and comes back under its name between two looks, and a stream that a user moves.
 
-use std::any::Any;
-use std::collections::VecDeque;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 
 use cpal::ErrorKind;
+use cpal::traits::HostTrait;
 use parking_lot::Mutex;
 use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
 use crate::block::frames_ns;
-use crate::callback::{Counts, Message};
+use crate::callback::Counts;
+use crate::hosts::{Listed, host_id};
+use crate::now_ns;
 use crate::quiet::hush_alsa;
-use crate::roll::Roll;
-use crate::{Event, Events, now_ns};
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(5);
+/// Time from one list of devices to the next.
+const LISTS: Duration = Duration::from_millis(250);
 /// Time without a call that is a loss, if it is also ten periods [ns].
 const LOSS_NS: u64 = 1_000_000_000;
 /// Longest time before the first call [ns].
 const FIRST_NS: u64 = 2_000_000_000;
-/// A longer time between two looks is a stall of the machine [ns].
+/// A longer time between two looks is a stall of the machine, on which this thread does not run either [ns].
 const STANDSTILL_NS: u64 = 250_000_000;
 /// More errors than this at once are a loss, ...
 const FLOOD: f64 = 32.0;
@@ -41,16 +46,19 @@ const CLOSING_LOST: Duration = Duration::from_millis(100);
 /// Longest wait for a host to close a dropped stream.
 pub(crate) const CLOSING: Duration = Duration::from_millis(500);
 
-/// State that the stream, its watch and its owner share.
+/// State that the stream, its threads and its owner share.
+#[derive(Default)]
 pub(crate) struct Shared {
     /// cpal's streams, input first; empty when closed.
     pub(crate) streams: Mutex<Vec<cpal::Stream>>,
     /// Start of playing [ns]; 0 while it does not play.
-    pub(crate) playing_since: std::sync::atomic::AtomicU64,
+    pub(crate) playing_since: AtomicU64,
+    /// The device that is gone.
+    pub(crate) gone: OnceLock<String>,
     /// Reason of the loss.
     pub(crate) lost: OnceLock<String>,
-    /// Whether the watch must end.
-    pub(crate) done: std::sync::atomic::AtomicBool,
+    /// Whether the threads must end.
+    pub(crate) done: AtomicBool,
     /// Whether the time between calls is watched: not on a simulated card that is called by hand.
     pub(crate) timed: bool,
 }
@@ -75,53 +83,42 @@ impl Shared {
 /// The watch's view of one side.
 pub(crate) struct Watched {
     pub(crate) counts: Arc<Counts>,
-    /// Messages from the data callback and from the error callback.
-    pub(crate) messages: [HeapCons<Message>; 2],
+    pub(crate) errors: HeapCons<cpal::Error>,
     /// Leaky bucket of errors, and the count when it was last filled.
     pub(crate) bucket: f64,
     pub(crate) counted: u64,
 }
 
 impl Watched {
-    pub(crate) fn new(counts: Arc<Counts>, messages: [HeapCons<Message>; 2]) -> Self {
-        Self { counts, messages, bucket: 0.0, counted: 0 }
-    }
-
-    /// Reads messages and counts; returns why the stream is lost, if it is.
-    fn look(&mut self, events: &mut VecDeque<Event>) -> Option<String> {
-        let mut lost = None;
+    /// Reads errors and counts; returns why the stream is lost, if it is.
+    fn look(&mut self) -> Option<String> {
+        if let Some(panic) = self.counts.panic.get() {
+            return Some(format!("the process that fills the device's blocks panicked: {panic}"));
+        }
         let mut last = String::new();
-        for message in self.messages.iter_mut().flat_map(Consumer::pop_iter) {
-            match message {
-                Message::Gap(ns) => events.push_back(Event::Gap { ms: ns as f64 / 1e6 }),
-                Message::Panic(panic) => lost = lost.or(Some(told(panic))),
-                Message::Error(error) if error.kind() == ErrorKind::Xrun => events.push_back(Event::Xrun),
-                Message::Error(error) if is_loss(error.kind()) => lost = lost.or(Some(error.to_string())),
-                Message::Error(error) => last = error.to_string(),
+        for error in self.errors.pop_iter().filter(|error| error.kind() != ErrorKind::Xrun) {
+            last = error.to_string();
+            if is_loss(error.kind()) {
+                return Some(last);
             }
         }
         let errors = self.counts.errors.load(Relaxed);
         self.bucket = (self.bucket - TOLERATED_HZ * PERIOD.as_secs_f64()).max(0.0);
         self.bucket += (errors - self.counted) as f64;
         self.counted = errors;
-        if self.bucket > FLOOD {
-            lost = lost.or(Some(format!("a flood of errors: {last}")));
-        }
-        lost
+        (self.bucket > FLOOD).then(|| format!("a flood of errors: {last}"))
     }
 
     /// Why the device is lost by silence, if it is. The time before `since` does not count.
     fn silent(&self, now: u64, since: u64) -> Option<String> {
         let last = self.counts.last_ns.load(Relaxed);
         if last == 0 {
-            let waited = now.saturating_sub(since);
-            return (waited > FIRST_NS).then(|| {
-                format!("the device is open and has not called once in {:.0} s", FIRST_NS as f64 / 1e9)
-            });
+            let over = now.saturating_sub(since) > FIRST_NS;
+            return over.then(|| "the device is open and has not called once in 2 s".to_owned());
         }
-        let ten_periods = frames_ns(10 * u64::from(self.counts.longest()), self.counts.rate_hz);
+        let longest = u64::from(self.counts.recent().last().copied().unwrap_or(0));
         let silence = now.saturating_sub(last.max(since));
-        let over = silence > LOSS_NS.max(ten_periods);
+        let over = silence > LOSS_NS.max(frames_ns(10 * longest, self.counts.rate_hz));
         over.then(|| format!("the device has not called for {:.1} s", silence as f64 / 1e9))
     }
 }
@@ -138,87 +135,85 @@ fn is_loss(kind: ErrorKind) -> bool {
     )
 }
 
-fn told(panic: Box<dyn Any + Send>) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    format!(
-        "the process that fills the device's blocks panicked: {}",
-        text.as_deref().unwrap_or("no message")
-    )
-}
-
-/// Tells a silent device from a stalled machine, on which this thread does not run either.
-#[derive(Default)]
-struct Awake {
-    looked: u64,
-    since: u64,
-}
-
-impl Awake {
-    /// Notes a look; returns since when looks have come without a stall [ns].
-    fn look(&mut self, now: u64) -> u64 {
-        if now.saturating_sub(self.looked) > STANDSTILL_NS {
-            self.since = now;
-        }
-        self.looked = now;
-        self.since
-    }
-}
-
-/// Watches until the stream is lost or dropped.
-pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>, roll: &Roll, events: &Events) {
-    let mut waiting = VecDeque::new();
-    let mut awake = Awake::default();
+/// Watches until the stream is lost or dropped. The first side is the output.
+pub(crate) fn watch(shared: &Shared, mut sides: Vec<Watched>) {
+    let (mut looked, mut awake_since) = (0, 0);
     while !shared.done.load(Relaxed) {
         let now = now_ns();
-        let awake_since = awake.look(now);
+        awake_since = awake(now, looked, awake_since);
+        looked = now;
         let playing_since = shared.playing_since.load(Relaxed);
         let timed = shared.timed && playing_since > 0;
-        let mut lost = None;
-        for side in &mut sides {
-            let quiet = if timed { side.silent(now, playing_since.max(awake_since)) } else { None };
-            let said = side.look(&mut waiting);
-            lost = lost.or(said).or(quiet);
-        }
-        lost = lost.or_else(|| roll.look());
-        // If nobody reads events, the counts still tell.
-        waiting.drain(..).for_each(|event| drop(events.try_send(event)));
-        if let Some(reason) = lost {
-            return lose(shared, &sides, reason, events);
+        let since = playing_since.max(awake_since);
+        let lost = sides
+            .iter_mut()
+            .find_map(|side| side.look().or_else(|| side.silent(now, since).filter(|_| timed)));
+        if let Some(reason) = lost.or_else(|| shared.gone.get().cloned()) {
+            sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
+            fade(&sides[0].counts);
+            shared.close(CLOSING_LOST);
+            let _ = shared.lost.set(reason);
+            return;
         }
         std::thread::park_timeout(PERIOD);
     }
+}
+
+/// Since when looks have come without a stall of the machine [ns].
+fn awake(now: u64, looked: u64, since: u64) -> u64 {
+    if now.saturating_sub(looked) > STANDSTILL_NS { now } else { since }
 }
 
 /// Waits until the fade of a calling output is heard.
 fn fade(counts: &Counts) {
     let limit = FADING.as_nanos() as u64;
     let began = now_ns();
-    let calls = |now: u64| now.saturating_sub(counts.last_ns.load(Relaxed)) < limit;
-    let faded = || counts.faded_ns.load(Relaxed);
-    let heard = |now: u64| faded() > 0 && now > faded();
     let mut now = began;
-    while calls(now) && !heard(now) && now < began + if faded() > 0 { 2 * limit } else { limit } {
+    loop {
+        let (faded, calls) = (counts.faded_ns.load(Relaxed), counts.last_ns.load(Relaxed));
+        let most = if faded > 0 { 2 * limit } else { limit };
+        if (faded > 0 && now > faded) || now.saturating_sub(calls) >= limit || now >= began + most {
+            return;
+        }
         std::thread::park_timeout(Duration::from_millis(1));
         now = now_ns();
     }
 }
 
-/// Closes the stream and reports the loss, once.
-fn lose(shared: &Shared, sides: &[Watched], reason: String, events: &Events) {
-    sides.iter().for_each(|side| side.counts.over.store(true, Relaxed));
-    // The first side is the output.
-    sides.first().iter().for_each(|side| fade(&side.counts));
-    let _ = shared.lost.set(reason.clone());
-    shared.close(CLOSING_LOST);
-    let mut event = Event::Lost { reason };
-    while let Err(mpsc::TrySendError::Full(back)) = events.try_send(event) {
-        if shared.done.load(Relaxed) {
+/// Lists devices by host and id until one is gone or the stream is over. A host that hangs blocks only this
+/// thread. Each device keeps one connection: cpal does not always end the threads of a closed PulseAudio one.
+pub(crate) fn call_roll(shared: &Shared, devices: Vec<(String, String)>) {
+    let connect = |(name, id): (String, String)| {
+        let host = host_id(&name).and_then(|id| cpal::host_from_id(id).ok())?;
+        Some((host, name, id))
+    };
+    let devices: Vec<_> = devices.into_iter().filter_map(connect).collect();
+    while shared.gone.get().is_none() {
+        std::thread::sleep(LISTS);
+        if shared.done.load(Relaxed) || shared.lost.get().is_some() {
             return;
         }
-        event = back;
-        std::thread::park_timeout(PERIOD);
+        if let Some((_, name, id)) = devices.iter().find(|(host, name, id)| is_gone(host, name, id)) {
+            let _ = shared.gone.set(format!("the device is gone: {name}:{id}"));
+        }
     }
+}
+
+/// Whether a host no longer has a device. One that does not answer counts as having it: the watch sees that
+/// it does not call.
+fn is_gone(host: &cpal::Host, name: &str, id: &str) -> bool {
+    let anew;
+    let host = if name == "pipewire" {
+        // PipeWire's host lists its devices only when it is made.
+        let Ok(made) = cpal::host_from_id(host.id()) else { return false };
+        anew = made;
+        &anew
+    } else {
+        host
+    };
+    let Ok(devices) = host.devices() else { return false };
+    let defaults = [host.default_output_device(), host.default_input_device()];
+    devices.chain(defaults.into_iter().flatten()).all(|device| Listed::new(name, device).id != id)
 }
 
 #[cfg(test)]
@@ -232,7 +227,7 @@ mod tests {
     }
 
     fn watched(counts: &Arc<Counts>) -> Watched {
-        Watched::new(counts.clone(), [(); 2].map(|()| HeapRb::new(1).split().1))
+        Watched { counts: counts.clone(), errors: HeapRb::new(1).split().1, bucket: 0.0, counted: 0 }
     }
 
     #[test]
@@ -240,8 +235,12 @@ mod tests {
         let counts = Arc::new(Counts::new(48_000));
         let side = watched(&counts);
         counts.last_ns.store(ms(1000), Relaxed);
-        let mut awake = Awake::default();
-        let mut look = |now: u64| side.silent(now, awake.look(now));
+        let (mut looked, mut since) = (0, 0);
+        let mut look = |now: u64| {
+            since = awake(now, looked, since);
+            looked = now;
+            side.silent(now, since)
+        };
         assert_eq!((1000..1500).step_by(5).find_map(|at| look(ms(at))), None);
         // It stands still for 3 s: the device has a second from then on.
         assert_eq!((4500..=5500).step_by(5).find_map(|at| look(ms(at))), None);

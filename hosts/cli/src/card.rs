@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use asperity_actuator::{ActuatorProfile, Dynamics};
-use asperity_audio::{Format, OpenError, Request};
+use asperity_audio::{Cause, Format, Request};
 use asperity_diagnostics::{Diagnostic, Source, one_of};
 use asperity_graph::{Compiled, GraphFile, Schedule, compile};
 use asperity_live::driver::Clock;
@@ -250,31 +250,25 @@ pub fn not_opened(error: SessionError, player: Player) -> Failure {
         other => return Failure::Machine(other.to_string()),
     };
     let graph = player == Player::Graph;
-    let option = match &e {
-        OpenError::NoHost { .. } | OpenError::HostAway { .. } => "--host",
-        OpenError::NoDevice { side: "input", .. } | OpenError::Description { side: "input", .. } => {
-            "--input-device"
-        }
-        OpenError::NoChannel { side: "input", .. } if graph => "--set NODE.channel",
-        OpenError::NoChannel { side: "input", .. } => "--input-channel",
-        OpenError::NoChannel { .. } => "--channel",
-        OpenError::NoFormat { .. } => "--device-format",
-        OpenError::NoRate { .. } if graph => "--set audio_hz",
-        OpenError::NoRate { .. } => "--rate",
+    let option = match e.cause {
+        Cause::Host => "--host",
+        Cause::Device if e.input => "--input-device",
+        Cause::Channel(_) if e.input && graph => "--set NODE.channel",
+        Cause::Channel(_) if e.input => "--input-channel",
+        Cause::Channel(_) => "--channel",
+        Cause::Format => "--device-format",
+        Cause::Rate(_) if graph => "--set audio_hz",
+        Cause::Rate(_) => "--rate",
         _ => "--device",
     };
-    let help = match &e {
-        OpenError::NoRate { there, .. } => {
+    let help = match &e.cause {
+        Cause::Rate(there) => {
             let rate = there.iter().map(|(low, _)| *low).find(|hz| *hz >= 8000);
             let set = if graph { "--set audio_hz=" } else { "--rate " };
             rate.map(|hz| format!("any rate will do here: {set}{hz}"))
         }
-        OpenError::NoChannel { there: 0, .. } => None,
-        OpenError::NoChannel { there, .. } => Some(format!("1 to {there}")),
-        OpenError::NoDevice { .. }
-        | OpenError::Ambiguous { .. }
-        | OpenError::HostAway { .. }
-        | OpenError::Refused { .. } => {
+        Cause::Channel(there) => (*there > 0).then(|| format!("1 to {there}")),
+        Cause::Device | Cause::Host => {
             Some("`asperity devices` lists all; without a sound card: --device simulated:frames=256".into())
         }
         _ => None,

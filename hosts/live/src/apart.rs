@@ -5,13 +5,12 @@
 //! call does not return in time, its thread stays in it, with all memory that the call may touch, and the
 //! graph goes on without the node.
 //!
-//! Both threads share a standard mutex, also the tick thread: it waits for the answer in any case. Its
-//! futex never allocates; parking_lot's may, for a thread that waits for the first time.
+//! The two threads exchange calls, answers and their data over queues, without locks or allocations.
 
-use std::any::Any;
+use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use asperity_node::{
@@ -19,6 +18,8 @@ use asperity_node::{
     Tick, Wiring,
 };
 use asperity_numbers::denormals::Flushed;
+use ringbuf::traits::{Consumer, Observer, Producer, Split};
+use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::realtime::ask_priority;
 
@@ -27,6 +28,10 @@ const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Time to wait for an answer awake: most come within it, and waking up takes half as long again.
 const AWAKE: Duration = Duration::from_micros(200);
+/// Time after which a thread without calls looks whether it is abandoned.
+const IDLE: Duration = Duration::from_secs(1);
+/// Time between two looks for an answer after that.
+const NAP: Duration = Duration::from_micros(50);
 
 /// The same kind, whose nodes run on threads of their own. With `priority`, these request a real-time
 /// priority.
@@ -124,86 +129,52 @@ impl Desk {
     }
 }
 
-/// Mailbox of the two threads.
-struct Mail {
-    call: Option<Call>,
-    answer: Option<Result<Answer, Fault>>,
-    /// `None` while the thread works on it.
-    desk: Option<Desk>,
-}
-
-struct Shared {
-    mail: Mutex<Mail>,
-    called: Condvar,
-    answered: Condvar,
-    /// Whether there is an answer; read without the lock.
-    ready: AtomicBool,
-    /// The thread is abandoned.
-    left: AtomicBool,
-}
-
-impl Shared {
-    fn mail(&self) -> MutexGuard<'_, Mail> {
-        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+type Called = (Call, Desk);
+type Answered = (Result<Answer, Fault>, Desk);
 
 /// A node whose calls run on a thread of its own.
 struct Apart {
-    shared: Arc<Shared>,
+    thread: Thread,
+    calls: HeapProd<Called>,
+    answers: HeapCons<Answered>,
+    /// `None` while the thread works on it, and once it is abandoned.
+    desk: Option<Desk>,
     /// Fault of the last call.
     fault: Option<Fault>,
 }
 
 impl Apart {
     fn start(node: Box<dyn Processor>, desk: Desk, id: &str, priority: Option<i32>) -> std::io::Result<Self> {
-        let mail = Mail { call: None, answer: None, desk: Some(desk) };
-        let shared = Arc::new(Shared {
-            mail: Mutex::new(mail),
-            called: Condvar::new(),
-            answered: Condvar::new(),
-            ready: AtomicBool::new(false),
-            left: AtomicBool::new(false),
-        });
-        let apart = Self { shared: Arc::clone(&shared), fault: None };
-        let name = format!("asperity-{id}");
-        std::thread::Builder::new().name(name).spawn(move || work(&shared, node, priority))?;
-        Ok(apart)
+        let (calls, called) = HeapRb::new(1).split();
+        let (answered, answers) = HeapRb::new(1).split();
+        let run = move || work(called, answered, node, priority);
+        let thread = std::thread::Builder::new().name(format!("asperity-{id}")).spawn(run)?;
+        Ok(Self { thread: thread.thread().clone(), calls, answers, desk: Some(desk), fault: None })
     }
 
     /// Runs a call on the thread; `before` and `after` access the desk. An abandoned thread answers
     /// [`Fault::Stuck`].
     fn ask<T>(
-        &self,
+        &mut self,
         call: Call,
         before: impl FnOnce(&mut Desk),
         after: impl FnOnce(Answer, &mut Desk) -> T,
     ) -> Result<T, Fault> {
-        let shared = &*self.shared;
-        if shared.left.load(SeqCst) {
-            return Err(Fault::Stuck);
-        }
-        let mut mail = shared.mail();
-        if let Some(desk) = &mut mail.desk {
-            before(desk);
-        }
-        mail.call = Some(call);
-        shared.ready.store(false, SeqCst);
-        drop(mail);
-        shared.called.notify_one();
+        let mut desk = self.desk.take().ok_or(Fault::Stuck)?;
+        before(&mut desk);
+        // There is room: the call before is answered.
+        let _ = self.calls.try_push((call, desk));
+        self.thread.unpark();
         let begun = Instant::now();
-        while !shared.ready.load(SeqCst) && begun.elapsed() < AWAKE {
-            std::hint::spin_loop();
-        }
-        let unanswered = |mail: &mut Mail| mail.answer.is_none();
-        let waited = shared.answered.wait_timeout_while(shared.mail(), PATIENCE, unanswered);
-        let (mut mail, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        let Mail { answer, desk, .. } = &mut *mail;
-        match (answer.take(), desk) {
-            (Some(answer), Some(desk)) => answer.map(|answer| after(answer, desk)),
-            _ => {
-                shared.left.store(true, SeqCst);
-                Err(Fault::Stuck)
+        loop {
+            if let Some((answer, desk)) = self.answers.try_pop() {
+                let desk = self.desk.insert(desk);
+                return answer.map(|answer| after(answer, desk));
+            }
+            match begun.elapsed() {
+                waited if waited > PATIENCE => return Err(Fault::Stuck),
+                waited if waited > AWAKE => std::thread::sleep(NAP),
+                _ => std::hint::spin_loop(),
             }
         }
     }
@@ -222,34 +193,32 @@ impl Drop for Apart {
 }
 
 /// The thread: runs calls until it is ended or abandoned.
-fn work(shared: &Shared, node: Box<dyn Processor>, priority: Option<i32>) {
+fn work(
+    mut calls: HeapCons<Called>,
+    mut answers: HeapProd<Answered>,
+    node: Box<dyn Processor>,
+    priority: Option<i32>,
+) {
     let mut node = Some(node);
     // As on the thread that ticks.
     let _flushed = Flushed::new();
     if let Some(priority) = priority {
         ask_priority(priority);
     }
-    loop {
-        let (call, desk) = {
-            let nothing = |mail: &mut Mail| mail.call.is_none();
-            let mail = shared.called.wait_while(shared.mail(), nothing);
-            let mut mail = mail.unwrap_or_else(PoisonError::into_inner);
-            (mail.call.take(), mail.desk.take())
+    while calls.write_is_held() || !calls.is_empty() {
+        let Some((call, mut desk)) = calls.try_pop() else {
+            std::thread::park_timeout(IDLE);
+            continue;
         };
-        let (Some(call), Some(mut desk)) = (call, desk) else { return };
-        let answer = match (&call, &mut node) {
-            (Call::End, _) | (_, None) => contain(|| {
+        let answer = contain(|| match (call, &mut node) {
+            (Call::End, _) | (_, None) => {
                 drop(node.take());
                 Ok(Answer::Done)
-            }),
-            (_, Some(node)) => contain(|| answer(&mut **node, call, &mut desk)),
-        };
-        let mut mail = shared.mail();
-        (mail.answer, mail.desk) = (Some(answer), Some(desk));
-        shared.ready.store(true, SeqCst);
-        shared.answered.notify_one();
-        drop(mail);
-        if node.is_none() || shared.left.load(SeqCst) {
+            }
+            (call, Some(node)) => answer(&mut **node, call, &mut desk),
+        });
+        let _ = answers.try_push((answer, desk));
+        if node.is_none() {
             return;
         }
     }
@@ -283,10 +252,9 @@ fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answe
 
 /// Runs foreign code. After a panic the engine restarts the node, or stops calling it.
 fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-    // The payload of a panic may panic itself when it is dropped.
-    let forget = |payload: Box<dyn Any + Send>| std::mem::forget(payload);
     catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| {
-        forget(payload);
+        // It may panic itself when it is dropped.
+        std::mem::forget(payload);
         Err(Fault::Panicked)
     })
 }
@@ -295,17 +263,13 @@ fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
 #[warn(clippy::missing_trait_methods)]
 impl Processor for Apart {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        if self.shared.left.load(SeqCst) {
-            self.fault = Some(Fault::Stuck);
-            return Status::Error(u32::MAX);
-        }
         let before = |desk: &mut Desk| {
             desk.take(tick);
             desk.lend(tick);
         };
         let answer = self.ask(Call::Process, before, |answer, _| answer);
         // In any case. Buffers that an abandoned thread keeps are copied in the engine.
-        if let Some(desk) = &mut self.shared.mail().desk {
+        if let Some(desk) = &mut self.desk {
             desk.give_back(tick);
         }
         self.fault = answer.as_ref().err().copied();
@@ -338,7 +302,8 @@ impl Processor for Apart {
     }
 
     fn state(&mut self, state: &mut State<'_>) {
-        let size = || match self.ask(Call::StateSize, |_| {}, |answer, _| answer) {
+        let it = RefCell::new(self);
+        let size = || match it.borrow_mut().ask(Call::StateSize, |_| {}, |answer, _| answer) {
             Ok(Answer::Size(size)) => size,
             _ => 0,
         };
@@ -351,7 +316,7 @@ impl Processor for Apart {
                 }
                 _ => None,
             };
-            self.ask(Call::Save(room), |_| {}, after).ok().flatten()
+            it.borrow_mut().ask(Call::Save(room), |_| {}, after).ok().flatten()
         };
         let restore = |bytes: &[u8]| {
             let before = |desk: &mut Desk| {
@@ -359,7 +324,9 @@ impl Processor for Apart {
                 desk.bytes.clear();
                 desk.bytes.extend_from_slice(bytes);
             };
-            self.ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true))).unwrap_or(false)
+            it.borrow_mut()
+                .ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true)))
+                .unwrap_or(false)
         };
         state.opaque(size, save, restore);
     }

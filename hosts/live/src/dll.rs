@@ -17,9 +17,9 @@ pub const BANDWIDTH_HZ: f64 = 0.1;
 const WIDE_HZ: f64 = 2.0;
 /// Callbacks within this share of the time they span belong to the wake-up before: a server calls in
 /// bunches.
-pub(crate) const BUNCH: f64 = 0.25;
+const BUNCH: f64 = 0.25;
 /// A longer bunch comes from a server that runs as fast as it can [ns].
-pub(crate) const LONGEST_BUNCH_NS: f64 = 0.25e9;
+const LONGEST_BUNCH_NS: f64 = 0.25e9;
 /// A callback later than this, and than 1.5 periods, is a gap [ns].
 const GAP_NS: f64 = 4e6;
 /// A larger error [ns] that callbacks in a row share is time lost or gained, not jitter. Larger errors pull
@@ -70,11 +70,6 @@ impl Line {
         } else {
             self.end + (time_ns - self.end_ns) / self.frame_ns
         }
-    }
-
-    /// Frames a second, filtered.
-    pub fn rate_hz(&self) -> f64 {
-        1e9 / self.frame_ns
     }
 
     /// Position of the next block: frames so far, including lost ones.

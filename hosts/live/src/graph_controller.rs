@@ -2,20 +2,19 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_node::{Params, Role};
+use parking_lot::Mutex;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::layout::{layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
-use crate::player::{
-    ForceSlot, HandSlot, MicReader, NodeMeters, Player, Scope, SourceMeter, TapeReader, Wiring, tape,
-};
+use crate::player::{Hand, MicReader, NodeMeters, Player, Scope, TapeReader, Wiring, tape};
 use crate::timeline::{Delay, Timeline};
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
@@ -49,6 +48,7 @@ struct Sent {
     schedule: Arc<Schedule>,
     meters: Arc<NodeMeters>,
     sources: Vec<Source>,
+    forces: HashMap<String, Arc<Mutex<ForceWriter>>>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
     /// Recordings of its sinks.
@@ -66,7 +66,6 @@ pub struct GraphController {
     retired: HeapCons<Box<Wiring>>,
     /// The newest graph that was sent.
     sent: Sent,
-    before: Vec<(u64, u64)>,
     /// The call in progress at the last look, and for how long it was seen.
     inside: Option<(u64, Duration)>,
     /// Recordings, those of earlier graphs first, until they are read to their end.
@@ -98,22 +97,24 @@ pub struct Recorded<'r> {
 #[derive(Clone, Default)]
 struct Source {
     id: String,
-    meter: Arc<SourceMeter>,
-    /// Meters of the devices that it had before.
-    earlier: Vec<Arc<SourceMeter>>,
+    hand: Arc<Hand>,
+    /// Samples and stalls of the devices that it had before.
+    earlier: [u64; 2],
     /// Samples when it was last looked at, and samples a second, averaged over about a second.
     samples: u64,
     per_s: f64,
 }
 
 impl Source {
+    /// Samples and stalls of all its devices.
+    fn counts(&self) -> [u64; 2] {
+        let [samples, stalls] = self.earlier;
+        [samples + self.hand.samples.load(Relaxed), stalls + self.hand.stalls.load(Relaxed)]
+    }
+
     /// Figures now, `seconds` after the last time.
     fn view(&mut self, seconds: f64) -> SourceView {
-        let all = |count: fn(&SourceMeter) -> &AtomicU64| -> u64 {
-            self.earlier.iter().chain([&self.meter]).map(|meter| count(meter).load(Relaxed)).sum()
-        };
-        let (stalls, total) = (all(|meter| &meter.stalls), all(|meter| &meter.samples));
-        let samples = self.meter.samples.load(Relaxed);
+        let [samples, stalls] = self.counts();
         let fresh = samples.saturating_sub(self.samples) as f64;
         if seconds > 0.0 {
             self.per_s += (fresh / seconds - self.per_s) * (1.0 - (-seconds).exp());
@@ -122,11 +123,11 @@ impl Source {
         SourceView {
             id: self.id.clone(),
             rate_hz: self.per_s,
-            age_ms: self.meter.age_ns.load(Relaxed) as f64 * 1e-6,
-            delay_ms: self.meter.delay_ns.load(Relaxed) as f64 * 1e-6,
+            age_ms: self.hand.age_ns.load(Relaxed) as f64 * 1e-6,
+            delay_ms: self.hand.delay_ns.load(Relaxed) as f64 * 1e-6,
             stalls,
-            stalled: self.meter.stalled.load(Relaxed),
-            samples: total,
+            stalled: self.hand.stalled.load(Relaxed),
+            samples,
         }
     }
 }
@@ -159,7 +160,6 @@ pub fn prepare_live(
         tapes: std::mem::take(&mut sent.tapes),
         lost: 0,
         sent,
-        before: Vec::new(),
         inside: None,
     };
     (graph_controller, player)
@@ -210,10 +210,9 @@ impl GraphController {
             return Err(SwapError::Busy);
         }
         let report = self.controller.swap(compiled, changed)?;
-        self.limits.send(output_limits);
+        self.limits.next.write(output_limits);
         self.tapes.append(&mut sent.tapes);
         self.sent = sent;
-        self.before.clear();
         Ok(report)
     }
 
@@ -276,7 +275,7 @@ impl GraphController {
     pub fn look(&mut self, view: &mut View, since: Duration) {
         let sent = &mut self.sent;
         view.layout = sent.swap;
-        view.nodes = sent.meters.view(&sent.schedule, &mut self.before);
+        view.nodes = sent.meters.view(&sent.schedule);
         view.faults = sent.meters.faults();
         let call = sent.meters.inside();
         match (&mut self.inside, call) {
@@ -299,14 +298,14 @@ impl GraphController {
 /// Nodes that need a new queue when `next` replaces `running`: their name is new, or their parameters differ.
 pub fn needs_queues(running: &Schedule, next: &Schedule) -> Vec<String> {
     let outside = |n: &&ScheduledNode| matches!(n.role, Some(Role::Hand | Role::Force));
-    let anew = |n: &&ScheduledNode| goes_on(running, n).is_none();
+    let anew = |n: &&ScheduledNode| !goes_on(running, n);
     next.nodes.iter().filter(outside).filter(anew).map(|n| n.id.clone()).collect()
 }
 
-/// Node of the graph before that `node` continues, with its queue.
-fn goes_on<'s>(before: &'s Schedule, node: &ScheduledNode) -> Option<&'s ScheduledNode> {
+/// Whether a node continues one of the graph before, with its queue.
+fn goes_on(before: &Schedule, node: &ScheduledNode) -> bool {
     let same = |a: &Params, b: &Params| a.iter().eq(b.iter());
-    before.nodes.iter().find(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
+    before.nodes.iter().any(|n| n.id == node.id && n.kind == node.kind && same(&n.params, &node.params))
 }
 
 /// Connects the nodes of a graph with devices, recordings and meters.
@@ -318,38 +317,34 @@ fn wire(
     before: Option<&Sent>,
     materials: Vec<Materials>,
 ) -> (Sent, Box<Wiring>) {
-    // The slots of the graph before are in the order of its nodes.
-    let slot = |node: &ScheduledNode, role| {
-        let old = &before?.schedule;
-        let was = goes_on(old, node)?;
-        old.with_role(role).position(|(_, n)| n.id == was.id)
-    };
-    let mut sources = Vec::new();
-    let mut hands = Vec::new();
+    // A node whose queue goes on.
+    let same = |node: &ScheduledNode| before.is_some_and(|b| goes_on(&b.schedule, node));
+    let (mut sources, mut hands) = (Vec::new(), Vec::new());
     for (at, node) in schedule.with_role(Role::Hand) {
-        let timeline = queues.hands.remove(&node.id).map(|reader| {
-            let (delay, timeout_ns) = timing(&node.params);
-            Timeline::new(reader, delay, timeout_ns)
-        });
-        let from = slot(node, Role::Hand).filter(|_| timeline.is_none());
         let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
-        let source = match (was, from) {
-            (Some(was), Some(_)) => was.clone(),
-            (Some(was), None) => {
-                let earlier = was.earlier.iter().chain([&was.meter]).cloned().collect();
-                Source { id: node.id.clone(), earlier, ..Source::default() }
+        let queue = queues.hands.remove(&node.id);
+        let source = match was {
+            Some(was) if queue.is_none() && same(node) => was.clone(),
+            _ => {
+                let (delay, timeout_ns) = timing(&node.params);
+                let timeline = queue.map(|reader| Mutex::new(Timeline::new(reader, delay, timeout_ns)));
+                let earlier = was.map(Source::counts).unwrap_or_default();
+                let hand = Arc::new(Hand { timeline, ..Hand::default() });
+                Source { id: node.id.clone(), hand, earlier, samples: earlier[0], per_s: 0.0 }
             }
-            (None, _) => Source { id: node.id.clone(), ..Source::default() },
         };
-        let meter = source.meter.clone();
+        hands.push((at, source.hand.clone()));
         sources.push(source);
-        hands.push(HandSlot { node: at, from, timeline, meter });
     }
-    let mut forces = Vec::new();
+    let mut forces = HashMap::new();
+    let mut force_sinks = Vec::new();
     for (at, node) in schedule.with_role(Role::Force) {
-        let writer = queues.forces.remove(&node.id);
-        let from = slot(node, Role::Force).filter(|_| writer.is_none());
-        forces.push(ForceSlot { node: at, max_force_n: node.params.number("max_force_n"), writer, from });
+        let new = queues.forces.remove(&node.id).map(|writer| Arc::new(Mutex::new(writer)));
+        let old = || before.filter(|_| same(node))?.forces.get(&node.id).cloned();
+        if let Some(writer) = new.or_else(old) {
+            force_sinks.push((at, node.params.number("max_force_n"), writer.clone()));
+            forces.insert(node.id.clone(), writer);
+        }
     }
     let (mut scopes_out, mut scopes_in) = (Vec::new(), Vec::new());
     for ((node, output), scope) in scopes(&schedule) {
@@ -378,7 +373,7 @@ fn wire(
         outs,
         hands,
         mics: places(&schedule, &recorded).into_iter().enumerate().map(|(channel, i)| (i, channel)).collect(),
-        forces,
+        forces: force_sinks,
         scopes: scopes_out,
         tapes: tapes_out,
         meters: meters.clone(),
@@ -391,6 +386,7 @@ fn wire(
             schedule,
             meters,
             sources,
+            forces,
             scopes: scopes_in,
             layout,
             tapes: tapes_in,

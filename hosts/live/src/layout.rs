@@ -1,7 +1,7 @@
 //! The layout of a graph for a person.
 
-use asperity_graph::{GraphFile, Schedule};
-use asperity_node::{ParamKind, ParamValue, Shape, Unit};
+use asperity_graph::{GraphFile, LiveParam, Schedule, ScheduledNode};
+use asperity_node::{ParamKind, ParamValue, PortType, Shape, Unit};
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 
@@ -12,31 +12,30 @@ pub(crate) type Signal = (usize, usize);
 /// the coil.
 pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let outputs = || {
-        let of = |(i, n): (usize, &asperity_graph::ScheduledNode)| {
-            let ports = n.outputs.iter().enumerate();
-            ports.map(|(o, out)| ((i, o), out.port.clone(), out.name.clone())).collect::<Vec<_>>()
+        let of = |(i, n): (usize, &'_ ScheduledNode)| {
+            n.outputs.iter().enumerate().map(move |(o, out)| ((i, o), out.port.clone())).collect::<Vec<_>>()
         };
         schedule.nodes.iter().enumerate().flat_map(of)
     };
-    let control =
-        |unit: &Unit| outputs().find(|(_, p, _)| matches!(p.shape, Shape::Control { .. }) && p.unit == *unit);
-    // The last one in running order, which is nearest to the actuator.
-    let audio = |units: &[Unit]| {
-        let fits = |shape: Shape| shape == Shape::Audio { rate_hz: schedule.audio_hz };
-        outputs().rfind(|(_, p, _)| fits(p.shape) && units.contains(&p.unit))
+    let scope = |(name, unit, audio): (&str, Unit, bool)| {
+        let of_graph = Shape::Audio { rate_hz: schedule.audio_hz };
+        let fits = |(_, port): &(Signal, PortType)| {
+            let shape =
+                if audio { port.shape == of_graph } else { matches!(port.shape, Shape::Control { .. }) };
+            shape && port.unit == unit
+        };
+        // The last audio one in running order is nearest to the actuator.
+        let (signal, _) = if audio { outputs().rfind(fits) } else { outputs().find(fits) }?;
+        let rate_hz = if audio { schedule.audio_hz } else { schedule.tick_hz };
+        Some((signal, ScopeLayout { name: name.into(), unit: unit.to_string(), rate_hz }))
     };
     let wanted = [
-        ("speed", control(&Unit::MILLIMETRE_PER_SECOND)),
-        ("force", control(&Unit::NEWTON)),
-        ("acceleration", audio(&[Unit::METRE_PER_SECOND_SQUARED])),
-        ("current", audio(&[Unit::AMPERE])),
-        ("voltage", audio(&[Unit::VOLT])),
+        ("speed", Unit::MILLIMETRE_PER_SECOND, false),
+        ("force", Unit::NEWTON, false),
+        ("acceleration", Unit::METRE_PER_SECOND_SQUARED, true),
+        ("current", Unit::AMPERE, true),
+        ("voltage", Unit::VOLT, true),
     ];
-    let scope = |(name, found): (&str, Option<(Signal, asperity_node::PortType, String)>)| {
-        let (signal, port, _) = found?;
-        let rate_hz = if let Shape::Audio { rate_hz } = port.shape { rate_hz } else { schedule.tick_hz };
-        Some((signal, ScopeLayout { name: name.into(), unit: port.unit.to_string(), rate_hz }))
-    };
     wanted.into_iter().filter_map(scope).collect()
 }
 
@@ -48,7 +47,7 @@ pub(crate) fn layout(
     materials: Vec<Materials>,
 ) -> Layout {
     let ports = |name: &str, unit: &Unit| [name.to_owned(), unit.to_string()];
-    let node = |n: &asperity_graph::ScheduledNode| NodeLayout {
+    let node = |n: &ScheduledNode| NodeLayout {
         id: n.id.clone(),
         kind: n.kind.clone(),
         inputs: n
@@ -77,29 +76,32 @@ pub(crate) fn layout(
 }
 
 /// Live parameter with its value; `None` if it is no number.
-fn live(param: &asperity_graph::LiveParam, value: &ParamValue) -> Option<LiveLayout> {
-    let mut out = LiveLayout { name: param.name.clone(), unit: param.unit.clone(), ..LiveLayout::default() };
-    match (&param.kind, value) {
-        (ParamKind::Number(r), ParamValue::Number(x)) => {
-            (out.value, out.least, out.most) = (*x, *r.start(), *r.end());
-            out.reach = reach(out.value, [out.least, out.most]);
-        }
+fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
+    let (value, [least, most], words) = match (&param.kind, value) {
+        (ParamKind::Number(r), ParamValue::Number(x)) => (*x, [*r.start(), *r.end()], vec![]),
         (ParamKind::Integer(r), ParamValue::Integer(i)) => {
-            (out.value, out.least, out.most) = (*i as f64, *r.start() as f64, *r.end() as f64);
-            (out.whole, out.reach) = (true, reach(out.value, [out.least, out.most]));
+            (*i as f64, [*r.start() as f64, *r.end() as f64], vec![])
         }
         (ParamKind::Flag, ParamValue::Flag(on)) => {
-            (out.value, out.most, out.whole) = (f64::from(u8::from(*on)), 1.0, true);
-            out.words = vec!["off".into(), "on".into()];
+            (f64::from(u8::from(*on)), [0.0, 1.0], vec!["off".into(), "on".into()])
         }
         (ParamKind::Choice(words), ParamValue::Text(word)) => {
-            out.value = words.iter().position(|w| w == word)? as f64;
-            (out.most, out.whole) = (words.len().saturating_sub(1) as f64, true);
-            out.words = words.iter().map(|w| w.to_string()).collect();
+            let at = words.iter().position(|w| w == word)?;
+            let words: Vec<String> = words.iter().map(|w| w.to_string()).collect();
+            (at as f64, [0.0, words.len().saturating_sub(1) as f64], words)
         }
         _ => return None,
-    }
-    Some(out)
+    };
+    Some(LiveLayout {
+        name: param.name.clone(),
+        unit: param.unit.clone(),
+        value,
+        least,
+        most,
+        reach: if words.is_empty() { reach(value, [least, most]) } else { None },
+        whole: !matches!(param.kind, ParamKind::Number(_)),
+        words,
+    })
 }
 
 /// Useful slider range of a value: up to about four times the value. A gain may reach a million, and a
@@ -122,7 +124,6 @@ fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use asperity_graph::LiveParam;
 
     fn of(kind: ParamKind, value: &ParamValue) -> Option<LiveLayout> {
         live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into() }, value)

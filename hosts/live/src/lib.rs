@@ -45,7 +45,7 @@ pub use graph_controller::{
     DOES_NOT_COME_BACK, DeviceQueues, GraphController, Recorded, needs_queues, prepare_live,
 };
 pub use meters::{Count, Histogram, Meters, Record};
-pub use output_limits::{OutputLimits, SharedLimits, Standing, drive_at_full_scale};
+pub use output_limits::{OutputLimits, SharedLimits, Standing};
 pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};

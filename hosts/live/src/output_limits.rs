@@ -5,8 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use asperity_graph::{Compiled, Schedule, ScheduledNode};
 use asperity_node::{Coil, Guard, Unit};
-
-use crate::driver::Slot;
+use parking_lot::Mutex;
 
 opaque_debug!(OutputLimits, DeviceLimits);
 
@@ -96,20 +95,6 @@ impl OutputLimits {
         };
         self.channels.iter().map(|c| c.as_ref().map(of)).collect()
     }
-
-    /// Lets every coil rest and cool.
-    pub(crate) fn rest(&mut self, seconds: f64) {
-        self.channels.iter_mut().flatten().for_each(|c| c.guard.rest(seconds));
-    }
-
-    /// Sets the heat of the coils \[A^2\].
-    pub(crate) fn warm(&mut self, heat: &[f64]) {
-        for (channel, heat) in self.channels.iter_mut().zip(heat) {
-            if let Some(channel) = channel {
-                channel.guard.go_on(&Coil { heat: *heat, ..channel.guard.coil() });
-            }
-        }
-    }
 }
 
 /// Limiter before a node that plays on a device.
@@ -119,25 +104,25 @@ pub(crate) fn limiter_of(schedule: &Schedule, out: usize) -> Option<usize> {
 }
 
 /// Drive of the coil at a sample of 1 \[A or V\].
-pub fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
+fn drive_at_full_scale(out: &ScheduledNode) -> f64 {
     let amps = out.inputs.first().and_then(|i| i.port.as_ref()).is_some_and(|p| p.unit == Unit::AMPERE);
     let amplifier = out.params.number(if amps { "amps_per_volt" } else { "volts_per_volt" });
     amplifier * out.params.number("volts_at_full_scale")
 }
 
+/// Limits of a run's channels, which its drivers use one after the other. Taken by `try_lock` alone, so no
+/// thread ever waits for them.
+pub type SharedLimits = Arc<Mutex<DeviceLimits>>;
+
 /// The limits on the device's thread, with its link to the control thread.
-pub(crate) struct DeviceLimits {
-    limits: OutputLimits,
+pub struct DeviceLimits {
+    pub(crate) limits: OutputLimits,
     /// Limits of the next graph; after the exchange, those of the one before.
     next: triple_buffer::Output<OutputLimits>,
     /// This run's share of each limit: a factor on its output.
     share: f32,
     seen: Arc<Seen>,
 }
-
-/// Limits of a run's channels, which its drivers use one after the other.
-#[derive(Clone, Debug)]
-pub struct SharedLimits(pub(crate) Arc<Slot<DeviceLimits>>);
 
 /// Figures of the limits for other threads.
 #[derive(Debug, Default)]
@@ -149,26 +134,19 @@ pub(crate) struct Seen {
 
 /// Control side: sends limits of the next graph, reads figures of the current ones.
 pub(crate) struct LimitsControl {
-    next: triple_buffer::Input<OutputLimits>,
+    /// Limits of another graph, for the device's next block.
+    pub(crate) next: triple_buffer::Input<OutputLimits>,
     pub(crate) shared: SharedLimits,
     pub(crate) seen: Arc<Seen>,
-    /// Thermal limits of each channel's actuator in the first graph.
-    standing: Vec<Option<Standing>>,
 }
 
 /// Limits of a run and their control.
-pub(crate) fn device_limits(output_limits: OutputLimits) -> LimitsControl {
+pub(crate) fn device_limits(limits: OutputLimits) -> LimitsControl {
     let (input, next) = triple_buffer::TripleBuffer::<OutputLimits>::default().split();
-    let standing = output_limits.standing();
-    let heat = standing.iter().map(|_| AtomicU64::new(0)).collect();
+    let heat = limits.channels.iter().map(|_| AtomicU64::new(0)).collect();
     let seen = Arc::new(Seen { heat, changed: AtomicU64::new(0) });
-    let shared = SharedLimits(Arc::new(Slot::new(DeviceLimits {
-        limits: output_limits,
-        next,
-        share: 1.0,
-        seen: seen.clone(),
-    })));
-    LimitsControl { next: input, shared, seen, standing }
+    let shared = Arc::new(Mutex::new(DeviceLimits { limits, next, share: 1.0, seen: seen.clone() }));
+    LimitsControl { next: input, shared, seen }
 }
 
 impl DeviceLimits {
@@ -186,9 +164,9 @@ impl DeviceLimits {
         self.publish();
     }
 
-    /// Notes a time without output.
+    /// Lets every coil rest and cool for a time without output.
     pub(crate) fn rest(&mut self, seconds: f64) {
-        self.limits.rest(seconds);
+        self.limits.channels.iter_mut().flatten().for_each(|c| c.guard.rest(seconds));
         self.publish();
     }
 
@@ -200,14 +178,13 @@ impl DeviceLimits {
                 std::mem::swap(channel, machine);
             }
         }
-        self.limits.warm(heat);
+        for (channel, heat) in self.limits.channels.iter_mut().zip(heat) {
+            if let Some(Channel { guard, .. }) = channel {
+                guard.go_on(&Coil { heat: *heat, ..guard.coil() });
+            }
+        }
         self.share = share;
         self.publish();
-    }
-
-    /// How warm the coil of each channel is \[A^2\].
-    pub(crate) fn heat(&self) -> Vec<f64> {
-        self.limits.standing().iter().map(|s| s.map_or(0.0, |s| s.heat)).collect()
     }
 
     fn publish(&self) {
@@ -221,30 +198,13 @@ impl DeviceLimits {
 }
 
 impl Seen {
-    /// How warm the coil of a channel is \[A^2\].
-    pub(crate) fn heat(&self, channel: usize) -> f64 {
-        self.heat.get(channel).map_or(0.0, |bits| f64::from_bits(bits.load(Relaxed)))
-    }
-
     /// How warm the coil of each channel is \[A^2\].
-    pub(crate) fn heat_of_all(&self) -> Vec<f64> {
-        (0..self.heat.len()).map(|channel| self.heat(channel)).collect()
+    pub(crate) fn heat(&self) -> impl Iterator<Item = f64> {
+        self.heat.iter().map(|bits| f64::from_bits(bits.load(Relaxed)))
     }
 
     /// Samples changed so far.
     pub(crate) fn changed(&self) -> u64 {
         self.changed.load(Relaxed)
-    }
-}
-
-impl LimitsControl {
-    /// Sends the limits of another graph, for the device's next block.
-    pub(crate) fn send(&mut self, output_limits: OutputLimits) {
-        self.next.write(output_limits);
-    }
-
-    /// Thermal limits of each channel's actuator in the first graph.
-    pub(crate) fn standing(&self) -> &[Option<Standing>] {
-        &self.standing
     }
 }

@@ -77,13 +77,12 @@ impl Grants {
                  into /etc/udev/rules.d/99-cpu-dma-latency.rules",
             ),
         ];
-        let missing = all.into_iter().filter(|(grant, ..)| grant.missing());
-        missing
-            .map(|(grant, what, allow)| match grant {
-                Grant::NotSupported => format!("{what}: {grant}"),
-                _ => format!("{what}: {grant}; to allow it, {allow}"),
-            })
-            .collect()
+        let line = |(grant, what, allow): (Grant, &str, &str)| match grant {
+            Grant::Refused(_) => Some(format!("{what}: {grant}; to allow it, {allow}")),
+            Grant::NotSupported => Some(format!("{what}: {grant}")),
+            _ => None,
+        };
+        all.into_iter().filter_map(line).collect()
     }
 }
 
@@ -107,12 +106,6 @@ impl Machine {
     pub fn grants(&self, priority: Grant) -> Grants {
         Grants { priority, memory: self.memory, latency: self.latency }
     }
-}
-
-/// Requests SCHED_FIFO at a priority for the calling thread, and checks it. A thread that is real-time
-/// already keeps its state. Allocates nothing; at most three system calls. Any thread.
-pub fn ask_priority(priority: i32) -> Grant {
-    os::ask_priority(priority)
 }
 
 /// Request of a real-time thread at its start; other threads read the result.
@@ -142,11 +135,8 @@ pub fn touch_stack<const STACK: usize>() {
     std::hint::black_box(&mut stack);
 }
 
-/// Sets the kernel's timer slack of this thread to its minimum; the default is 50 us without real-time
-/// priority.
-pub(crate) fn sleep_sharply() {
-    os::sleep_sharply();
-}
+pub use os::ask_priority;
+pub(crate) use os::sleep_sharply;
 
 #[cfg(target_os = "linux")]
 mod os {
@@ -163,7 +153,9 @@ mod os {
         policy == libc::SCHED_FIFO || policy == libc::SCHED_RR
     }
 
-    pub(super) fn ask_priority(priority: i32) -> Grant {
+    /// Requests SCHED_FIFO at a priority for the calling thread, and checks it. A thread that is real-time
+    /// already keeps its state. Allocates nothing; at most three system calls. Any thread.
+    pub fn ask_priority(priority: i32) -> Grant {
         if real_time() {
             return Grant::Granted;
         }
@@ -211,7 +203,9 @@ mod os {
         }
     }
 
-    pub(super) fn sleep_sharply() {
+    /// Sets the kernel's timer slack of this thread to its minimum; the default is 50 us without real-time
+    /// priority.
+    pub(crate) fn sleep_sharply() {
         // SAFETY: takes no pointer; concerns the calling thread alone.
         unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1) };
     }
@@ -221,7 +215,7 @@ mod os {
 mod os {
     use super::{File, Grant};
 
-    pub(super) fn ask_priority(_: i32) -> Grant {
+    pub fn ask_priority(_: i32) -> Grant {
         Grant::NotSupported
     }
 
@@ -233,7 +227,7 @@ mod os {
         (Grant::NotSupported, None)
     }
 
-    pub(super) fn sleep_sharply() {}
+    pub(crate) fn sleep_sharply() {}
 }
 
 #[cfg(test)]

@@ -52,12 +52,6 @@ pub struct Seen {
     pub samples: u64,
     /// How often nothing came within the timeout.
     pub stalls: u64,
-    /// Samples older than the sample before them; taken as of the same time.
-    pub disordered: u64,
-    /// Samples newer than their arrival; taken as of their arrival.
-    pub from_the_future: u64,
-    /// Samples that arrived after their time was read.
-    pub too_late: u64,
     /// Current reading delay [ns].
     pub delay_ns: u64,
 }
@@ -131,14 +125,8 @@ impl Timeline {
     fn push(&mut self, mut sample: Sample) {
         let first = self.seen.samples == 0;
         self.seen.samples += 1;
-        if sample.time_ns > sample.arrived_ns {
-            self.seen.from_the_future += 1;
-            sample.time_ns = sample.arrived_ns;
-        }
-        if sample.time_ns < self.newest_ns {
-            self.seen.disordered += 1;
-            sample.time_ns = self.newest_ns;
-        }
+        // None is newer than its arrival, or older than the one before it.
+        sample.time_ns = sample.time_ns.min(sample.arrived_ns).max(self.newest_ns);
         if self.stalled && !first {
             self.broken = self.broken.wrapping_add(1);
         }
@@ -147,10 +135,7 @@ impl Timeline {
         sample.stroke = sample.stroke.wrapping_add(self.broken);
         self.need(&sample);
         self.newest_ns = sample.time_ns;
-        if sample.time_ns < self.read_ns {
-            self.seen.too_late += 1;
-            sample.time_ns = self.read_ns;
-        }
+        sample.time_ns = sample.time_ns.max(self.read_ns);
         // The newest sample was held until now. The line to the next begins there, so that nothing jumps.
         if let Some(last) = self.kept.back_mut() {
             last.time_ns = last.time_ns.max(self.read_ns.min(sample.time_ns));

@@ -142,12 +142,10 @@ fn disordered_and_future_samples_are_clamped() {
     let read = run(&mut to, &mut line, &all, 12..60);
     assert!(read.windows(2).all(|w| w[0].1.position[0] <= w[1].1.position[0]));
     assert_eq!(read.last().unwrap().1.position[0], 5.0);
-    assert_eq!((line.seen().disordered, line.seen().from_the_future), (1, 1));
     // More samples than are kept, all at once and too late: the newest counts, and nothing breaks.
     for i in 0..2_000 {
         assert!(to.send(sample((30 + i / 100) * MS, 60 * MS, i as f64)));
     }
     assert_eq!(line.at(61 * MS).position[0], 1_999.0);
     assert_eq!(line.at(50 * MS).position[0], 1_999.0, "time does not go back");
-    assert!(line.seen().too_late > 0);
 }

@@ -1,5 +1,6 @@
 //! Tests that must not run beside others: one at a time, or in a process of their own.
 
+use std::path::Path;
 use std::process::Command;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
@@ -16,6 +17,30 @@ pub fn real_time() -> RwLockWriteGuard<'static, ()> {
 /// Runs beside others of its kind, but not beside a test that holds [`real_time`].
 pub fn beside_others() -> RwLockReadGuard<'static, ()> {
     TURN.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A folder of a test's own, held together with its turn.
+pub struct Stage<G> {
+    dir: tempfile::TempDir,
+    _turn: G,
+}
+
+impl<G> std::ops::Deref for Stage<G> {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        self.dir.path()
+    }
+}
+
+/// A folder, and the turn of [`real_time`].
+pub fn stage() -> Stage<RwLockWriteGuard<'static, ()>> {
+    Stage { dir: tempfile::tempdir().expect("a folder"), _turn: real_time() }
+}
+
+/// A folder, and the turn of [`beside_others`].
+pub fn shared_stage() -> Stage<RwLockReadGuard<'static, ()>> {
+    Stage { dir: tempfile::tempdir().expect("a folder"), _turn: beside_others() }
 }
 
 /// The full name of the test that asks, as `--exact` takes it.

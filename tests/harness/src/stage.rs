@@ -99,6 +99,13 @@ pub fn start_with(
     Session::start(graph_controller, player, writer, options).expect("it starts")
 }
 
+/// Sends a graph to the tick thread.
+pub fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
+    let graph_controller = session.graph_controller();
+    graph_controller.collect();
+    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
+}
+
 /// Polls a session until it is so, at most 30 s; answers what was said.
 pub fn poll(session: &mut Session, what: &str, mut is_so: impl FnMut(&mut Session) -> bool) -> Vec<String> {
     let began = Instant::now();

@@ -1,10 +1,10 @@
 //! Callbacks that fill and record blocks.
 
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Block, Capture, Captured, Event, Process, Request, Stream, events, open};
+use asperity_audio::{Block, Capture, Captured, OpenError, Process, Request, Stream, open};
+use harness::live::until;
 
 /// A card that calls only when it is told to, and keeps what it hears.
 pub(crate) fn by_hand() -> Params {
@@ -16,24 +16,41 @@ pub(crate) fn on(card: &Simulated) -> Request {
     Request { device: Some(card.id()), ..Request::default() }
 }
 
-/// Opens and plays, with nobody listening to what happens.
+/// The first channel of what a card kept.
+pub(crate) fn left(card: &Simulated) -> Vec<f64> {
+    card.played().chunks(2).map(|frame| frame[0]).collect()
+}
+
+/// Opens and plays.
 pub(crate) fn play(request: &Request, process: impl Process + 'static) -> Stream {
-    let (sender, _events) = events();
-    let stream = open(request, Box::new(process), None, sender).unwrap();
+    record(request, process, None)
+}
+
+/// Opens, plays and records.
+pub(crate) fn record(request: &Request, process: impl Process + 'static, ear: Option<Ear>) -> Stream {
+    let stream = open(request, Box::new(process), ear.map(|ear| Box::new(ear) as Box<dyn Capture>)).unwrap();
     stream.play().unwrap();
     stream
 }
 
-/// Waits for the loss of a stream, at most 20 s; answers its reason and what came before.
-pub(crate) fn wait_for_loss(received: &std::sync::mpsc::Receiver<Event>) -> (String, Vec<Event>) {
-    let mut before = Vec::new();
-    loop {
-        match received.recv_timeout(Duration::from_secs(20)) {
-            Ok(Event::Lost { reason }) => return (reason, before),
-            Ok(event) => before.push(event),
-            Err(_) => panic!("no loss was told, only {before:?}"),
-        }
+/// Why a device is not opened.
+pub(crate) fn refusal(request: &Request) -> OpenError {
+    match open(request, Box::new(Count::default()), Some(Box::new(Ear::default()))) {
+        Ok(stream) => panic!("{} was opened", stream.id()),
+        Err(error) => error,
     }
+}
+
+/// Waits for calls.
+pub(crate) fn calls(stream: &Stream, more: u64) {
+    let before = stream.stats().callbacks;
+    until("calls", || stream.stats().callbacks > before + more);
+}
+
+/// Waits for the loss of a stream; its reason.
+pub(crate) fn loss(stream: &Stream) -> String {
+    until("a loss", || stream.lost().is_some());
+    stream.lost().unwrap().to_owned()
 }
 
 /// A saw from -1.3 to 1.3 over 101 samples.
@@ -41,22 +58,26 @@ pub(crate) fn ramp(at: usize) -> f32 {
     (at % 101) as f32 / 100.0 * 2.6 - 1.3
 }
 
-/// Plays the saw, sample by sample, over all channels.
-#[derive(Default)]
-pub(crate) struct Ramp(usize);
+/// Plays what a function says of every sample, by its number over all channels.
+pub(crate) struct Each<F>(pub(crate) F, pub(crate) usize);
 
-impl Process for Ramp {
+impl<F: FnMut(usize) -> f32 + Send> Process for Each<F> {
     fn process(&mut self, block: &mut Block<'_>) {
         for sample in &mut *block.output {
-            *sample = ramp(self.0);
-            self.0 += 1;
+            assert_eq!(*sample, 0.0, "a block arrives zeroed");
+            *sample = (self.0)(self.1);
+            self.1 += 1;
         }
     }
 }
 
-/// Plays a number that says which sample it is, exactly, for 2^22 samples.
+/// Plays a number that says which sample it is, exactly, for 2^22 samples; remembers the frames of every
+/// block, and when it was called for.
 #[derive(Default)]
-pub(crate) struct Count(usize);
+pub(crate) struct Count {
+    at: usize,
+    pub(crate) blocks: Arc<Mutex<Vec<(usize, u64)>>>,
+}
 
 impl Count {
     pub(crate) fn value(at: usize) -> f64 {
@@ -66,151 +87,62 @@ impl Count {
 
 impl Process for Count {
     fn process(&mut self, block: &mut Block<'_>) {
-        for sample in &mut *block.output {
-            assert_eq!(*sample, 0.0, "a block arrives zeroed");
-            *sample = Count::value(self.0) as f32;
-            self.0 += 1;
-        }
+        self.blocks.lock().unwrap().push((block.frames(), block.now_ns));
+        let mut count = Each(|at| Self::value(at) as f32, self.at);
+        count.process(block);
+        self.at = count.1;
     }
 }
 
-/// Plays what a function says.
-pub(crate) struct Each<F>(pub(crate) F);
-
-impl<F: FnMut() -> f32 + Send> Process for Each<F> {
-    fn process(&mut self, block: &mut Block<'_>) {
-        block.output.iter_mut().for_each(|sample| *sample = (self.0)());
-    }
-}
-
-/// Frames and `ahead_ns` of blocks.
-type Blocks = Arc<Mutex<Vec<(usize, u64)>>>;
-
-/// Plays [`Count`] and remembers frames and `ahead_ns` of every block.
-pub(crate) struct Recorder(Count, Blocks);
-
-impl Recorder {
-    pub(crate) fn new() -> (Self, Blocks) {
-        let seen = Arc::default();
-        (Self(Count::default(), Arc::clone(&seen)), seen)
-    }
-}
-
-impl Process for Recorder {
-    fn process(&mut self, block: &mut Block<'_>) {
-        self.1.lock().unwrap().push((block.frames(), block.ahead_ns));
-        self.0.process(block);
-    }
-}
+/// Blocks as frames with the time of the call, and samples.
+type Tape = Arc<Mutex<(Vec<(usize, u64)>, Vec<f32>)>>;
 
 /// Keeps what it hears.
-pub(crate) struct Ear(Arc<Mutex<Vec<f32>>>);
+#[derive(Clone, Default)]
+pub(crate) struct Ear(pub(crate) Tape);
 
 impl Ear {
-    pub(crate) fn new() -> (Self, Arc<Mutex<Vec<f32>>>) {
-        let heard = Arc::default();
-        (Self(Arc::clone(&heard)), heard)
+    pub(crate) fn heard(&self) -> Vec<f32> {
+        self.0.lock().unwrap().1.clone()
     }
 }
 
 impl Capture for Ear {
     fn capture(&mut self, block: &Captured<'_>) {
-        self.0.lock().unwrap().extend_from_slice(block.input);
+        let mut tape = self.0.lock().unwrap();
+        tape.0.push((block.input.len() / block.channels, block.now_ns));
+        tape.1.extend_from_slice(block.input);
     }
 }
 
-/// A block as it was seen: the number of its first frame, when it was called for, and when the host says that
-/// frame is heard or was at the input [ns].
-#[derive(Clone, Copy)]
-struct Seen {
-    frame: usize,
-    called_ns: u64,
-    sounds_ns: u64,
-}
-
-/// Latency of a loop: medians in ms, for the first frame of each block heard.
-#[derive(Debug)]
-pub(crate) struct Heard {
-    /// Frames that were played and not heard, after the first that was.
-    pub(crate) lost: usize,
-    /// From the call that played a frame to the call that heard it.
-    pub(crate) whole: f64,
-    /// The output's latency, as the host says.
-    pub(crate) ahead: f64,
-    /// The input's.
-    pub(crate) behind: f64,
-}
-
-/// Plays and records one channel in a loop, and keeps what the host says of time.
-pub(crate) struct Loop {
-    played: Arc<Mutex<Vec<Seen>>>,
-    heard: Arc<Mutex<(Vec<Seen>, Vec<f32>)>>,
-}
-
-struct LoopOut(Count, Arc<Mutex<Vec<Seen>>>);
-
-impl Process for LoopOut {
-    fn process(&mut self, block: &mut Block<'_>) {
-        let sounds_ns = block.now_ns + block.ahead_ns;
-        self.1.lock().unwrap().push(Seen { frame: self.0.0, called_ns: block.now_ns, sounds_ns });
-        self.0.process(block);
+/// Checks that what was heard is [`Count`] of one channel, in order and nothing twice, silence apart. Frames
+/// that were not heard, and the median time from a frame's call to be played to its call to be heard [ms].
+pub(crate) fn around(played: &[(usize, u64)], ear: &Ear) -> (usize, f64) {
+    let (recorded, heard) = ear.0.lock().unwrap().clone();
+    let number = |sample: f32| (f64::from(sample) * f64::from(1 << 23)) as usize;
+    let (mut last, mut lost) = (None, 0);
+    for (at, sample) in heard.iter().enumerate().filter(|(_, sample)| **sample != 0.0) {
+        let this = number(*sample);
+        assert!(last.is_none_or(|last| this > last), "frame {at}: {this} follows {last:?}");
+        lost += last.map_or(0, |last| this - last - 1);
+        last = Some(this);
     }
-}
-
-struct LoopIn(Arc<Mutex<(Vec<Seen>, Vec<f32>)>>);
-
-impl Capture for LoopIn {
-    fn capture(&mut self, block: &Captured<'_>) {
-        let mut all = self.0.lock().unwrap();
-        let sounds_ns = block.now_ns - block.behind_ns;
-        let seen = Seen { frame: all.1.len(), called_ns: block.now_ns, sounds_ns };
-        all.0.push(seen);
-        all.1.extend_from_slice(block.input);
-    }
-}
-
-impl Loop {
-    /// One channel played, one recorded.
-    pub(crate) fn new() -> (Self, Box<dyn Process>, Box<dyn Capture>) {
-        let (played, heard) = (Arc::default(), Arc::default());
-        let process = Box::new(LoopOut(Count::default(), Arc::clone(&played)));
-        let capture = Box::new(LoopIn(Arc::clone(&heard)));
-        (Self { played, heard }, process, capture)
-    }
-
-    /// Frames that have been recorded.
-    pub(crate) fn frames(&self) -> usize {
-        self.heard.lock().unwrap().1.len()
-    }
-
-    /// Checks that what was heard is what was played, in order and nothing twice, silence apart.
-    pub(crate) fn check(&self, rate_hz: u32) -> Heard {
-        let played = self.played.lock().unwrap().clone();
-        let (blocks, heard) = self.heard.lock().unwrap().clone();
-        let number = |sample: f32| (f64::from(sample) * f64::from(1 << 23)) as usize;
-        let (mut last, mut lost) = (None, 0);
-        for (at, sample) in heard.iter().enumerate().filter(|(_, sample)| **sample != 0.0) {
-            let this = number(*sample);
-            assert!(last.is_none_or(|last| this > last), "frame {at}: {this} follows {last:?}");
-            lost += last.map_or(0, |last| this - last - 1);
-            last = Some(this);
-        }
-        let (mut whole, mut ahead, mut behind) = (Vec::new(), Vec::new(), Vec::new());
-        // The first second settles.
-        for block in blocks.iter().filter(|block| block.frame > rate_hz as usize) {
-            let Some(sample) = heard.get(block.frame).filter(|sample| **sample != 0.0) else { continue };
-            let frame = number(*sample) - 1;
-            let from = played[played.partition_point(|from| from.frame <= frame) - 1];
-            let ms = |ns: u64| ns as f64 / 1e6;
-            let within = (frame - from.frame) as f64 * 1e3 / f64::from(rate_hz);
-            whole.push(ms(block.called_ns) - ms(from.called_ns));
-            ahead.push(ms(from.sounds_ns) - ms(from.called_ns) + within);
-            behind.push(ms(block.called_ns) - ms(block.sounds_ns));
-        }
-        let median = |mut all: Vec<f64>| {
-            all.sort_by(f64::total_cmp);
-            *all.get(all.len() / 2).expect("something is heard")
+    let starts = |blocks: &[(usize, u64)]| -> Vec<(usize, u64)> {
+        let mut frame = 0;
+        let start = |(frames, at): &(usize, u64)| {
+            frame += frames;
+            (frame - frames, *at)
         };
-        Heard { lost, whole: median(whole), ahead: median(ahead), behind: median(behind) }
-    }
+        blocks.iter().map(start).collect()
+    };
+    let (played, recorded) = (starts(played), starts(&recorded));
+    // The first second settles.
+    let times = recorded.iter().filter(|(frame, _)| *frame > 48_000).filter_map(|(frame, at)| {
+        let sample = heard.get(*frame).filter(|sample| **sample != 0.0)?;
+        let from = played[played.partition_point(|(first, _)| *first < number(*sample)) - 1];
+        Some((*at - from.1) as f64 / 1e6)
+    });
+    let mut times: Vec<f64> = times.collect();
+    times.sort_by(f64::total_cmp);
+    (lost, *times.get(times.len() / 2).expect("something is heard"))
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::{Block, Process};
-use asperity_live::driver::{Callback, Options, Rates, Ticker, paced, timer};
+use asperity_live::driver::{Options, Rates, Ticker, callback, paced, timer};
 use asperity_live::{
     Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
 };
@@ -66,7 +66,7 @@ fn options() -> Options {
 }
 
 fn call(half: &mut impl Process, room: &mut [f32], now_ns: u64, frames: usize) {
-    half.process(&mut Block { output: &mut room[..frames * 2], channels: 2, now_ns, ahead_ns: 0 });
+    half.process(&mut Block { output: &mut room[..frames * 2], channels: 2, now_ns });
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn no_driver_allocates_while_it_runs() {
     let mut room = vec![0.0; 4096];
     let sizes = [64, 0, 1, 1024, 97, 441];
 
-    let (driver, mut half) = Callback::new(Hand::new(), &options());
+    let (driver, mut half) = callback(Hand::new(), &options());
     let mut now = 1_000_000_000;
     let allocated = counted(|| {
         for i in 0..10_000 {

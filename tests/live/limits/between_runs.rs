@@ -1,12 +1,11 @@
 //! Runs that follow each other, and runs at the same time.
 
-use std::path::Path;
-use std::process::Child;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
+use harness::asperity;
 use harness::live::{Live, npy, until};
-use harness::{Ran, asperity};
 
 use crate::coil::Coil;
 
@@ -27,29 +26,26 @@ fn folder() -> tempfile::TempDir {
 }
 
 /// A run that remembers its coils in the folder.
-fn start(dir: &Path, more: &[&str]) -> Child {
+fn start(dir: &Path, more: &[&str]) -> Live {
     start_beside(dir, dir, more)
 }
 
 /// A run in a folder that remembers its coils where another one does.
-fn start_beside(other: &Path, dir: &Path, more: &[&str]) -> Child {
+fn start_beside(other: &Path, dir: &Path, more: &[&str]) -> Live {
     let mut command = asperity(dir);
     command.env("ASPERITY_STATE", other.join("state"));
     command.args(["run", "tone.ron", "--device", CARD]).args(more);
-    command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().unwrap()
+    Live::of(command)
 }
 
-fn end(child: Child) -> Ran {
-    let output = child.wait_with_output().unwrap();
-    let err = String::from_utf8_lossy(&output.stderr).into_owned();
-    Ran { code: output.status.code().unwrap_or(-1), out: String::new(), err }
+/// The files of its seats.
+fn seats(dir: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(dir.join("state")).into_iter().flatten().map(|e| e.unwrap().path()).collect()
 }
 
 fn seat(dir: &Path, number: &str) -> String {
-    let mut files: Vec<_> =
-        std::fs::read_dir(dir.join("state")).unwrap().map(|e| e.unwrap().path()).collect();
-    files.retain(|f| f.to_string_lossy().ends_with(number));
-    std::fs::read_to_string(&files[0]).unwrap()
+    let file = seats(dir).into_iter().find(|file| file.to_string_lossy().ends_with(number));
+    std::fs::read_to_string(file.unwrap()).unwrap()
 }
 
 fn heat(dir: &Path) -> f64 {
@@ -64,7 +60,7 @@ fn four_runs_in_a_row_heat_the_coil_no_more_than_one() {
     let mut coil = Coil::new(RATE);
     for n in 0..4 {
         let began = Instant::now();
-        let ran = end(start(dir.path(), &["--seconds", "3"])).ok();
+        let ran = start(dir.path(), &["--seconds", "3"]).end().ok();
         assert!(!ran.err.contains("at its rating"), "{}", ran.err);
         let heard = npy(&dir.path().join("heard.npy"));
         let played = heard.len() as f64 / f64::from(RATE);
@@ -80,85 +76,75 @@ fn four_runs_in_a_row_heat_the_coil_no_more_than_one() {
 
 #[test]
 fn killed_run_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
-    let mut child = start(dir.path(), &[]);
-    until("the run to take down its coil", || {
-        dir.path().join("state").exists() && std::fs::read_dir(dir.path().join("state")).unwrap().count() > 0
-    });
+    let run = start(dir.path(), &[]);
+    until("the run to take down its coil", || !seats(dir.path()).is_empty());
     std::thread::sleep(Duration::from_millis(300));
-    child.kill().unwrap();
-    child.wait().unwrap();
+    run.stop_by("KILL");
     assert!(seat(dir.path(), ".1.1").contains("running: true"));
-    let ran = end(start(dir.path(), &["--seconds", "0.5"])).ok();
+    let ran = start(dir.path(), &["--seconds", "0.5"]).end().ok();
     assert!(ran.err.contains("channel 1 counts as being at its rating"), "{}", ran.err);
     // And it cools: the next run knows how warm it is.
-    let ran = end(start(dir.path(), &["--seconds", "0.5"])).ok();
+    let ran = start(dir.path(), &["--seconds", "0.5"]).end().ok();
     assert!(!ran.err.contains("at its rating"), "{}", ran.err);
 }
 
 #[test]
 fn clock_that_went_back_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
-    end(start(dir.path(), &["--seconds", "0.5"])).ok();
-    for entry in std::fs::read_dir(dir.path().join("state")).unwrap() {
-        let path = entry.unwrap().path();
+    start(dir.path(), &["--seconds", "0.5"]).end().ok();
+    for path in seats(dir.path()) {
         let text = std::fs::read_to_string(&path).unwrap();
         let late =
             |line: &str| if line.starts_with("at_s") { "at_s: 99999999999".into() } else { line.to_owned() };
         let text: Vec<String> = text.lines().map(late).collect();
         std::fs::write(path, text.join("\n")).unwrap();
     }
-    let ran = end(start(dir.path(), &["--seconds", "0.5"])).ok();
+    let ran = start(dir.path(), &["--seconds", "0.5"]).end().ok();
     assert!(ran.err.contains("at its rating") && ran.err.contains("clock"), "{}", ran.err);
 }
 
 #[test]
 fn damaged_record_leaves_a_coil_at_its_rating() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
-    end(start(dir.path(), &["--seconds", "0.3"])).ok();
+    start(dir.path(), &["--seconds", "0.3"]).end().ok();
     for damage in [&b""[..], b"heat_a2: 0.0", b"\xff\xfe\x00"] {
-        for entry in std::fs::read_dir(dir.path().join("state")).unwrap() {
-            std::fs::write(entry.unwrap().path(), damage).unwrap();
-        }
-        let ran = end(start(dir.path(), &["--seconds", "0.3"])).ok();
+        seats(dir.path()).iter().for_each(|file| std::fs::write(file, damage).unwrap());
+        let ran = start(dir.path(), &["--seconds", "0.3"]).end().ok();
         assert!(ran.err.contains("at its rating"), "{damage:?}: {}", ran.err);
     }
 }
 
 #[test]
 fn second_run_on_an_actuator_is_refused_by_name() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
-    let mut first = start(dir.path(), &[]);
-    until("the first run to take its seats", || {
-        dir.path().join("state").exists() && std::fs::read_dir(dir.path().join("state")).unwrap().count() > 1
-    });
+    let first = start(dir.path(), &[]);
+    until("the first run to take its seats", || seats(dir.path()).len() > 1);
     std::thread::sleep(Duration::from_millis(300));
     let other = folder();
     for more in [&["--seconds", "1"][..], &["--seconds", "1", "--share"]] {
-        let ran = end(start_beside(dir.path(), other.path(), more));
+        let ran = start_beside(dir.path(), other.path(), more).end();
         assert_eq!(ran.code, 2, "{}", ran.err);
         let process = format!("process {}", first.id());
         assert!(ran.err.contains(&process) && ran.err.contains("channel 1"), "{}", ran.err);
     }
     // The seat is free when its process is gone, however that ended.
-    first.kill().unwrap();
-    first.wait().unwrap();
-    end(start_beside(dir.path(), other.path(), &["--seconds", "0.3"])).ok();
+    first.stop_by("KILL");
+    start_beside(dir.path(), other.path(), &["--seconds", "0.3"]).end().ok();
 }
 
 #[test]
 fn two_runs_that_share_have_half_each() {
     let _alone = real_time();
     let dir = folder();
-    let first = start(dir.path(), &["--share", "--seconds", "4"]);
+    let mut first = start(dir.path(), &["--share", "--seconds", "4"]);
     let other = folder();
-    let second = start_beside(dir.path(), other.path(), &["--share", "--seconds", "3"]);
-    end(second).ok();
-    end(first).ok();
+    start_beside(dir.path(), other.path(), &["--share", "--seconds", "3"]).end().ok();
+    first.end().ok();
     let heard = [dir.path(), other.path()].map(|dir| npy(&dir.join("heard.npy")));
     for heard in &heard {
         let used = Coil::new(RATE).play(heard.iter().map(|x| f64::from(*x))).used;
@@ -172,11 +158,10 @@ fn two_runs_that_share_have_half_each() {
 
 #[test]
 fn samples_cut_at_full_scale_are_told_by_run() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     let text = TONE.replace("\"audio_out\"", "\"audio_out\", params: (volts_at_full_scale: 0.01)");
     std::fs::write(dir.path().join("tone.ron"), text).unwrap();
-    let mut run = Live::start(dir.path(), &["tone.ron", "--device", CARD, "--seconds", "0.5"]);
-    let said = run.end().ok().err;
+    let said = start(dir.path(), &["--seconds", "0.5"]).end().ok().err;
     assert!(said.contains("samples were cut at the card's full scale"), "{said}");
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use harness::alone::real_time;
+use harness::alone::{shared_stage, stage};
 use harness::live::{Live, npy};
 use harness::{Ran, run};
 
@@ -22,25 +22,21 @@ fn square(out: &str, limiter: &str) -> String {
     )
 }
 
-fn setup(dir: &Path, more: &[&str]) -> Ran {
-    let given = [
-        "setup",
-        "--machine",
-        "machine.ron",
-        "--device",
-        CARD,
-        "--channel",
-        "1",
-        "--profile",
-        "hapcoil_one",
-        "--handle-mass-g",
-        "100",
-        "--volts-at-full-scale",
-        "1",
-        "--amps-per-volt",
-        "1",
-    ];
-    run(dir, &[&given[..], more].concat())
+/// Runs `asperity setup` with these words.
+fn setup(dir: &Path, words: &str) -> Ran {
+    run(
+        dir,
+        &["setup", "--machine", "machine.ron"]
+            .into_iter()
+            .chain(words.split_whitespace())
+            .collect::<Vec<_>>(),
+    )
+}
+
+/// The actuator on channel 1 of the card, and more options.
+fn known(dir: &Path, more: &str) -> Ran {
+    let actuator = "--channel 1 --profile hapcoil_one --handle-mass-g 100";
+    setup(dir, &format!("--device {CARD} {actuator} --volts-at-full-scale 1 --amps-per-volt 1 {more}"))
 }
 
 fn play(dir: &Path, text: &str) -> Ran {
@@ -50,14 +46,13 @@ fn play(dir: &Path, text: &str) -> Ran {
 
 #[test]
 fn contradicting_graph_is_refused_with_both_places() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    setup(dir.path(), &[]).ok();
+    let dir = &*shared_stage();
+    known(dir, "").ok();
     // The same actuator, but for how fast it is said to cool.
     let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
     let quick = text.replace("thermal_time_constant: (s: 2.0", "thermal_time_constant: (s: 0.1");
     assert_ne!(text, quick);
-    std::fs::write(dir.path().join("quick.ron"), quick).unwrap();
+    std::fs::write(dir.join("quick.ron"), quick).unwrap();
     for (out, limiter, told) in [
         ("", r#"profile: "quick.ron""#, "thermal time constant"),
         ("", "slew_hz: 8000", "`limiter.slew_hz`"),
@@ -67,42 +62,40 @@ fn contradicting_graph_is_refused_with_both_places() {
         ("", "handle_mass_g: 20", "handle mass"),
         ("", r#"profile: "haptuator_mark_ii""#, "`limiter`'s actuator"),
     ] {
-        let ran = play(dir.path(), &square(out, limiter));
+        let ran = play(dir, &square(out, limiter));
         assert_eq!(ran.code, 2, "{}", ran.err);
         for part in [told, "g.ron:", "machine.ron:"] {
             assert!(ran.err.contains(part), "`{part}` is not in {}", ran.err);
         }
-        assert!(!dir.path().join("heard.npy").exists());
+        assert!(!dir.join("heard.npy").exists());
     }
-    play(dir.path(), &square("", "")).ok();
+    play(dir, &square("", "")).ok();
 }
 
 #[test]
 fn two_entries_for_one_channel_are_refused() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    setup(dir.path(), &[]).ok();
-    let ran = play(dir.path(), &square("", "")).ok();
+    let dir = &*shared_stage();
+    known(dir, "").ok();
+    let ran = play(dir, &square("", "")).ok();
     let device = ran.out.lines().find_map(|l| l.strip_prefix("device")).unwrap().trim().to_owned();
     let name = device.split(": ").next().unwrap();
-    let file = dir.path().join("machine.ron");
+    let file = dir.join("machine.ron");
     let text = std::fs::read_to_string(&file).unwrap();
     let entry = text[text.find("        (device").unwrap()..].split("),").next().unwrap().to_owned() + "),";
     let id = entry.replace(&format!("{CARD:?}"), &format!("{name:?}"));
     assert_ne!(entry, id, "{name}");
     std::fs::write(&file, text.replace(&entry, &format!("{entry}\n{id}"))).unwrap();
-    let ran = play(dir.path(), &square("", ""));
+    let ran = play(dir, &square("", ""));
     assert!(ran.code == 2 && ran.err.contains("two entries are about channel 1"), "{}", ran.err);
 }
 
 #[test]
 fn most_volts_of_the_machine_hold_for_every_graph() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    setup(dir.path(), &["--most-volts", "0.08"]).ok();
-    let ran = play(dir.path(), &square("", "")).ok();
+    let dir = &*stage();
+    known(dir, "--most-volts 0.08").ok();
+    let ran = play(dir, &square("", "")).ok();
     assert!(ran.out.contains("held to the actuator's limits"), "{} {}", ran.out, ran.err);
-    let heard = npy(&dir.path().join("heard.npy"));
+    let heard = npy(&dir.join("heard.npy"));
     let peak = heard.iter().fold(0.0f32, |most, x| most.max(x.abs()));
     assert!(peak <= 0.080_000_1 && peak > 0.07, "{peak}");
     let used = Coil::new(48_000).play(heard.iter().map(|x| f64::from(*x))).used;
@@ -111,67 +104,44 @@ fn most_volts_of_the_machine_hold_for_every_graph() {
 
 #[test]
 fn edit_that_contradicts_the_machine_is_refused_while_it_plays() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    setup(dir.path(), &[]).ok();
-    std::fs::write(dir.path().join("g.ron"), square("", "")).unwrap();
-    let mut live =
-        Live::start(dir.path(), &["g.ron", "--watch", "--device", CARD, "--machine", "machine.ron"]);
+    let dir = &*shared_stage();
+    known(dir, "").ok();
+    std::fs::write(dir.join("g.ron"), square("", "")).unwrap();
+    let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--machine", "machine.ron"]);
     std::thread::sleep(std::time::Duration::from_millis(1500));
-    std::fs::write(dir.path().join("g.ron"), square("amps_per_volt: 0.01", "")).unwrap();
+    std::fs::write(dir.join("g.ron"), square("amps_per_volt: 0.01", "")).unwrap();
     live.says("the machine's file says 1 A/V");
     live.stop().ok();
 }
 
 #[test]
 fn setup_keeps_what_else_stands_in_the_file() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    setup(dir.path(), &[]).ok();
-    let file = dir.path().join("machine.ron");
+    let dir = &*shared_stage();
+    known(dir, "").ok();
+    let file = dir.join("machine.ron");
     let first = std::fs::read_to_string(&file).unwrap();
     let noted = first.replace("outputs: [", "outputs: [ // mine");
     std::fs::write(&file, &noted).unwrap();
-    let again = setup(dir.path(), &[]);
+    let again = known(dir, "");
     assert_eq!(again.code, 2, "{}", again.err);
     assert!(again.err.contains("--overwrite"), "{}", again.err);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), noted);
-    run(
-        dir.path(),
-        &[
-            "setup",
-            "--machine",
-            "machine.ron",
-            "--device",
-            "PCH",
-            "--channel",
-            "2",
-            "--profile",
-            "haptuator_mark_ii",
-            "--handle-mass-g",
-            "50",
-            "--volts-at-full-scale",
-            "1.2",
-            "--volts-per-volt",
-            "3",
-        ],
-    )
-    .ok();
-    setup(dir.path(), &["--overwrite", "--most-volts", "0.5"]).ok();
+    let other = "--device PCH --channel 2 --profile haptuator_mark_ii --handle-mass-g 50";
+    setup(dir, &format!("{other} --volts-at-full-scale 1.2 --volts-per-volt 3")).ok();
+    known(dir, "--overwrite --most-volts 0.5").ok();
     let text = std::fs::read_to_string(&file).unwrap();
     for part in ["// mine", "\"PCH\"", "volts_per_volt: 3.0", "most_volts: 0.5"] {
         assert!(text.contains(part), "{part} is not in {text}");
     }
     assert_eq!(text.matches("channel: 1").count(), 1, "{text}");
     // What is not said is asked for where somebody can answer, and named where nobody can.
-    let ran = run(dir.path(), &["setup", "--machine", "machine.ron"]);
+    let ran = setup(dir, "");
     assert!(ran.code == 2 && ran.err.contains("--device"), "{}", ran.err);
 }
 
 #[test]
 fn machine_file_that_is_wrong_stops_everything() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
+    let dir = &*shared_stage();
     let entry =
         r#"(device: "x", channel: 1, profile: "hapcoil_one", handle_mass_g: 100, volts_at_full_scale: 1"#;
     for (text, told) in [
@@ -183,8 +153,8 @@ fn machine_file_that_is_wrong_stops_everything() {
             "twice",
         ),
     ] {
-        std::fs::write(dir.path().join("machine.ron"), text).unwrap();
-        let ran = play(dir.path(), &square("", ""));
+        std::fs::write(dir.join("machine.ron"), text).unwrap();
+        let ran = play(dir, &square("", ""));
         assert!(
             ran.code == 2 && ran.err.contains(told) && ran.err.contains("machine.ron"),
             "{told}: {}",

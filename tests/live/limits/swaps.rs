@@ -1,19 +1,20 @@
 //! Graphs that change while they play.
 
+use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
+use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{DeviceQueues, Session, SessionOptions};
-use harness::alone::real_time;
-use harness::live::Live;
-use harness::stage::{by_hand, channel, graph, options, poll, start, timed};
+use harness::alone::{beside_others, real_time, shared_stage};
+use harness::live::{Live, npy, told, until};
+use harness::stage::{by_hand, channel, graph, options, poll, start, swap, timed};
 use harness::{self, json};
 
-use crate::coil::{Coil, RATED};
+use crate::coil::{Coil, RATED, Used};
 
 const RATE: u32 = 48_000;
 
@@ -36,119 +37,93 @@ fn attacking(limiter: &str, params: &str) -> (GraphFile, Compiled) {
     graph(&harness::registry(), (500, RATE), &nodes, &wires)
 }
 
-fn swap(session: &mut Session, (file, compiled): (GraphFile, Compiled)) {
-    let graph_controller = session.graph_controller();
-    graph_controller.collect();
-    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
-}
-
-/// Plays on a card for so long, with a change every so often.
-fn play(name: &str, every_s: f64, mut change: impl FnMut(&mut Session, usize)) -> Vec<f64> {
-    let card = Simulated::new(name, by_hand()).expect("a card");
-    let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
-    let (mut played, mut next) = (0.0, every_s);
-    let mut number = 0;
-    while played < seconds() {
-        card.step(96);
-        played += 96.0 / f64::from(RATE);
-        if played >= next {
-            next += every_s;
-            number += 1;
-            change(&mut session, number);
+/// Plays on a card with another graph every so often, and judges that.
+fn attacked(
+    what: &str,
+    every: &[f64],
+    graph: impl Fn(usize) -> (GraphFile, Compiled),
+    mut judge: impl FnMut(f64, Vec<f64>, Used),
+) {
+    for &every_s in every {
+        let card = Simulated::new(what, by_hand()).expect("a card");
+        let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
+        let mut number = 0;
+        for block in 0..(seconds() * f64::from(RATE) / 96.0) as usize {
+            card.step(96);
+            if (block * 96) as f64 >= (number + 1) as f64 * every_s * f64::from(RATE) {
+                number += 1;
+                swap(&mut session, graph(number));
+            }
         }
+        let _ = session.poll();
+        let played = channel(&card.played(), 2, 0);
+        let used = Coil::new(RATE).play(played.iter().copied()).used;
+        println!("{what}, {every_s} s: {used:?}");
+        used.assert_within(&format!("{what} every {every_s} s"));
+        judge(every_s, played, used);
     }
-    let _ = session.poll();
-    channel(&card.played(), 2, 0)
 }
 
 #[test]
 fn renaming_the_limiter_lifts_no_limit_at_any_interval() {
-    let _alone = real_time();
-    for every_s in [0.05, 0.1, 0.3, 0.7, 1.5, 5.0] {
-        let played =
-            play("renamed", every_s, |session, n| swap(session, attacking(&format!("limiter {n}"), "")));
-        let used = Coil::new(RATE).play(played.iter().copied()).used;
-        println!("{every_s} s: {used:?}");
-        used.assert_within(&format!("renamed every {every_s} s"));
+    let _alone = beside_others();
+    let renamed = |n| attacking(&format!("limiter {n}"), "");
+    attacked("renamed", &[0.05, 0.1, 0.3, 0.7, 1.5, 5.0], renamed, |every_s, played, used| {
         assert!(used.rms > 0.9, "too careful: {used:?}");
         // What is heard is a sine still, not one that is cut by walls.
         let last = &played[played.len() - 24_000..];
         let peak = last.iter().fold(0.0f64, |most, x| most.max(x.abs()));
         let rms = (last.iter().map(|x| x * x).sum::<f64>() / last.len() as f64).sqrt();
         assert!(peak / rms < 1.6, "{every_s} s: a peak of {peak} at {rms} rms");
-    }
+    });
 }
 
 #[test]
-fn other_settings_of_the_limiter_lift_no_limit() {
-    let _alone = real_time();
-    for every_s in [0.05, 0.3, 1.5] {
-        let played = play("set otherwise", every_s, |session, n| {
-            let release = if n % 2 == 0 { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
-            swap(session, attacking(&format!("limiter {}", n % 3), release));
-        });
-        Coil::new(RATE).play(played).used.assert_within(&format!("set otherwise every {every_s} s"));
-    }
-}
-
-#[test]
-fn limiter_that_goes_and_comes_back_lifts_no_limit() {
-    let _alone = real_time();
-    let silent = || {
+fn limiter_set_otherwise_or_gone_for_a_while_lifts_no_limit() {
+    let _alone = beside_others();
+    let otherwise = |n: usize| {
+        let release = if n.is_multiple_of(2) { "release_ms: 10" } else { "release_ms: 5000, slew_hz: 1000" };
+        attacking(&format!("limiter {}", n % 3), release)
+    };
+    attacked("set otherwise", &[0.05, 0.3, 1.5], otherwise, |_, _, _| {});
+    let gone = |n: usize| {
         let nodes = r#""hush": (kind: "sine", params: (frequency_hz: 20, amplitude: 0)),
                        "other": (kind: "limiter"), "out": (kind: "audio_out"),"#;
         let wires = r#"("hush", "other"), ("other", "out")"#;
-        graph(&harness::registry(), (500, RATE), nodes, wires)
+        let silent = || graph(&harness::registry(), (500, RATE), nodes, wires);
+        if n.is_multiple_of(2) { attacking("limiter", "") } else { silent() }
     };
-    for every_s in [0.05, 0.3, 1.0] {
-        let played = play("comes back", every_s, |session, n| {
-            swap(session, if n % 2 == 0 { attacking("limiter", "") } else { silent() });
-        });
-        let used = Coil::new(RATE).play(played).used;
-        used.assert_within(&format!("gone every {every_s} s"));
-    }
+    attacked("gone", &[0.05, 0.3, 1.0], gone, |_, _, _| {});
 }
 
 #[test]
 fn change_of_profile_leaves_the_coil_as_warm_as_it_is() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
+    let dir = &*shared_stage();
     // Half the rated current, for the same coil: what warmed it before counts.
     let text = std::fs::read_to_string(harness::graphs("actuators/hapcoil_one.ron")).unwrap();
     let weak = text.replace("ma_rms: 147.8", "ma_rms: 74").replace("HapCoil-One", "weak");
     assert_ne!(text, weak);
-    let file = dir.path().join("weak.ron");
+    let file = dir.join("weak.ron");
     std::fs::write(&file, weak).unwrap();
-    for every_s in [0.05, 0.3, 1.5] {
-        let profile = |n: usize| {
-            if n.is_multiple_of(2) {
-                String::new()
-            } else {
-                format!("profile: {:?}", file.display().to_string())
-            }
-        };
-        let played = play("profile", every_s, |session, n| {
-            swap(session, attacking(&format!("limiter {n}"), &profile(n)));
-        });
+    let profile = format!("profile: {:?}", file.display().to_string());
+    let changed =
+        |n: usize| attacking(&format!("limiter {n}"), if n.is_multiple_of(2) { "" } else { &profile });
+    attacked("profile", &[0.05, 0.3, 1.5], changed, |every_s, played, _| {
         let mut coil = Coil::new(RATE);
-        let turn = (every_s * f64::from(RATE)) as usize;
-        for (n, part) in played.chunks(turn).enumerate() {
-            let warm = coil.heat.sqrt();
+        for (n, part) in played.chunks((every_s * f64::from(RATE)) as usize).enumerate() {
             let before = coil.heat;
             coil.play(part.iter().copied());
             // Under the weaker profile a coil that is warmer than it may be only cools, but for the change
             // itself.
-            if n % 2 == 1 && warm > 0.080 && every_s >= 0.3 {
-                assert!(coil.heat < before, "{every_s} s, part {n}: from {warm} to {} A", coil.heat.sqrt());
-            }
+            let weak = n % 2 == 1 && before.sqrt() > 0.080 && every_s >= 0.3;
+            assert!(!weak || coil.heat < before, "{every_s} s, part {n}: {before} to {}", coil.heat);
         }
-        coil.used.assert_within(&format!("another profile every {every_s} s"));
-    }
+    });
 }
 
 #[test]
 fn two_outputs_that_change_names_stay_within_their_limits() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let both = |n: usize| {
         let voice = |id: &str, hz: f64| {
             let nodes = format!(
@@ -204,21 +179,60 @@ fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
     assert!(coil.used.rms > 0.9, "{:?}", coil.used);
 }
 
+/// The attack as a file, heard by the card's own input.
+fn write(dir: &Path, n: usize) {
+    let (nodes, wires) = attack(&format!("limiter {n}"), "");
+    let ear = r#""card": (kind: "audio_in", params: (unit: "A")),
+        "heard": (kind: "file_out", params: (file: "heard.npy")),"#;
+    let text = format!(r#"Graph(version: 1, nodes: {{{nodes}{ear}}}, wires: [{wires}("card", "heard")])"#);
+    std::fs::write(dir.join("new"), text).unwrap();
+    std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
+}
+
+#[test]
+fn renamed_limiter_lifts_no_limit_of_run_watch_on_any_clock() {
+    let _alone = real_time();
+    told(|| {
+        let runs = ["callback", "paced"].map(|clock| {
+            let dir = tempfile::tempdir().unwrap();
+            write(dir.path(), 0);
+            let card = ["--device", "simulated:frames=96,loopback=1", "--clock", clock, "--report", "r.json"];
+            let run = Live::start(dir.path(), &[&["g.ron", "--watch"], &card[..]].concat());
+            (dir, run)
+        });
+        for n in 1..=40 {
+            runs.iter().for_each(|(dir, _)| write(dir.path(), n));
+            std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
+        }
+        for (dir, run) in runs {
+            let swaps = run.stop().ok().err.matches("changed:").count();
+            let report = json(&dir.path().join("r.json"));
+            let gaps = ["underruns", "xruns", "recording_gaps"].map(|name| report[name].as_u64().unwrap());
+            if gaps.iter().sum::<u64>() > 0 {
+                return Err(format!("{gaps:?} gaps"));
+            }
+            let heard = npy(&dir.path().join("heard.npy"));
+            let used = Coil::new(RATE).play(heard.iter().map(|x| f64::from(*x))).used;
+            used.assert_within("run --watch");
+            assert!(used.rms > 0.85 && swaps > 4, "{swaps} swaps, {used:?}");
+        }
+        Ok(())
+    });
+}
+
 #[test]
 fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
+    let dir = &*shared_stage();
     let write = |n: usize| {
         let (nodes, wires) = attack(&format!("limiter {n}"), "");
         let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        let new = dir.path().join("new");
-        std::fs::write(&new, text).unwrap();
-        std::fs::rename(new, dir.path().join("g.ron")).unwrap();
+        std::fs::write(dir.join("new"), text).unwrap();
+        std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
     };
     write(0);
     let seconds = seconds().to_string();
     let args = ["render", "g.ron", "--watch", "--seconds", &seconds, "--out", "o.wav", "--report", "o.json"];
-    let mut child = harness::asperity(dir.path()).args(args).arg("--quiet").spawn().unwrap();
+    let mut child = harness::asperity(dir).args(args).arg("--quiet").spawn().unwrap();
     let mut n = 0;
     while child.try_wait().unwrap().is_none() {
         n += 1;
@@ -226,9 +240,9 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
         std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
     }
     assert!(child.wait().unwrap().success());
-    let swaps = json(&dir.path().join("o.json"))["swaps"].as_array().map_or(0, Vec::len);
+    let swaps = json(&dir.join("o.json"))["swaps"].as_array().map_or(0, Vec::len);
     assert!(swaps > 8, "{swaps} swaps");
-    let (samples, _) = harness::wav(&dir.path().join("o.wav"));
+    let (samples, _) = harness::wav(&dir.join("o.wav"));
     let used = Coil::new(RATE).play(samples.iter().map(|x| f64::from(*x))).used;
     used.assert_within("render --watch");
     assert!(used.rms > 0.9, "too careful: {used:?}");
@@ -238,24 +252,14 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
 
 #[test]
 fn file_that_is_written_all_the_time_is_taken_each_second() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().unwrap();
-    let write = |n: usize| {
-        let (nodes, wires) = attack(&format!("limiter {n}"), "");
-        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.path().join("new"), text).unwrap();
-        std::fs::rename(dir.path().join("new"), dir.path().join("g.ron")).unwrap();
-    };
-    write(0);
-    let run = Live::start(dir.path(), &["g.ron", "--watch", "--device", "simulated:frames=96"]);
-    let begun = std::time::Instant::now();
-    for n in 1.. {
-        write(n);
-        if run.said().matches("changed:").count() >= 2 {
-            break;
-        }
-        assert!(begun.elapsed() < Duration::from_secs(30), "{}", run.said());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let dir = &*shared_stage();
+    write(dir, 0);
+    let run = Live::start(dir, &["g.ron", "--watch", "--device", "simulated:frames=96"]);
+    let mut n = 0;
+    until("two changes", || {
+        n += 1;
+        write(dir, n);
+        run.said().matches("changed:").count() >= 2
+    });
     run.stop().ok();
 }

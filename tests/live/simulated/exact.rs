@@ -4,7 +4,7 @@ use asperity_audio::simulated::{Params, Simulated};
 use asperity_audio::{Format, Request};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::live::told;
 use harness::stage::{by_hand, channel, graph, offline, one_voice, options, poll, start, stop, timed, voice};
 
@@ -67,14 +67,14 @@ fn check(case: usize) {
 
 #[test]
 fn every_card_plays_what_the_graph_gives_sample_by_sample() {
-    let _alone = real_time();
+    let _alone = beside_others();
     // Every pair of values of any two properties is among these.
     (0..105).for_each(check);
 }
 
 #[test]
 fn a_start_is_the_graph_times_a_raised_cosine_of_two_seconds() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("start", by_hand()).expect("a card");
     let _session = start(one_voice(), SessionOptions { start_s: 2.0, ..options(&card, Clock::Callback) });
     let frames = 100 * 1024;

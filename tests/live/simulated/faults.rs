@@ -1,19 +1,16 @@
 //! Faults of a card, and of a graph.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Request, events, open};
-use asperity_live::driver::{Callback, Clock, Options, Rates, Ticker, paced, timer};
+use asperity_live::SessionOptions;
+use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use asperity_live::{Meters, SessionOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status, Tick,
-    Unit, time,
+    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::live::told;
 use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, poll, start, timed};
 
@@ -39,13 +36,19 @@ fn heard(card: &Simulated) -> Vec<f64> {
     channel(&card.played(), 2, 0)
 }
 
+/// Errors without end, and no calls, like ALSA over a killed Pulse server.
+fn flood(card: &Simulated) {
+    card.stop();
+    (0..1000).for_each(|_| card.error());
+}
+
 fn playing(session: &mut asperity_live::Session) -> bool {
     session.view().condition == Condition::Playing
 }
 
 #[test]
 fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("mute", by_hand()).expect("a card");
     let mut session = start(one_voice(), options(&card, Clock::Callback));
     (0..100).for_each(|_| card.step(97));
@@ -117,8 +120,11 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
         let mut session = start(one_voice(), options(&card, Clock::Callback));
         poll(&mut session, "a second", |s| playing(s) && heard(&card).len() > 48_000);
         let xruns = session.view().xruns;
-        card.xrun();
-        poll(&mut session, "the underrun", |s| s.view().xruns > xruns);
+        // A gap that the loop saw before may stand for some of them.
+        poll(&mut session, "the underrun", |s| {
+            card.xrun();
+            s.view().xruns > xruns
+        });
         let before = session.view();
         // While the card's time is being found, as after a stall of a busy machine, a gap shifts that and is
         // no loss: then another.
@@ -154,7 +160,7 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
     let _alone = real_time();
     type Way = (&'static str, fn(&Simulated), fn(&Simulated));
     let ways: [Way; 3] = [
-        ("flood", Simulated::flood, Simulated::resume),
+        ("flood", flood, Simulated::resume),
         ("silence", Simulated::stop, Simulated::resume),
         ("plug", Simulated::unplug, Simulated::plug),
     ];
@@ -191,121 +197,37 @@ fn lost_card_is_waited_for_and_fades_in_when_back() {
     assert!(session.stop().player.is_some());
 }
 
-/// Loud, until a tick that panics.
-struct Panics(u64);
+/// A slow wave, until tick 50: then it panics, or is no number any more.
+struct Breaks<const PANICS: bool>;
 
-impl Ticker for Panics {
-    fn rates(&self) -> Rates {
-        Rates { tick_hz: 500, rate_hz: 48_000, channels: 1 }
-    }
-    fn next_tick(&self) -> u64 {
-        self.0
-    }
-    fn tick(&mut self, _: u64, out: &mut [f32]) {
-        assert!(self.0 < 100, "as told");
-        for (y, n) in out.iter_mut().zip(time::samples(self.0, 48_000, 500)) {
-            *y = (0.1 * (n as f64 * 0.0105).sin()) as f32;
-        }
-        self.0 += 1;
-    }
-    fn skip(&mut self, n: u64) {
-        self.0 += n;
-    }
-}
-
-/// There is no step.
-#[test]
-fn panicking_engine_is_silent_within_20_ms_and_says_so() {
-    let _alone = real_time();
-    let card = Simulated::new("panic", by_hand()).expect("a card");
-    let options = Options { start_s: 0.0, priority: None, ..Options::new(Arc::new(Meters::new(500))) };
-    let (driver, half) = Callback::new(Panics(0), &options);
-    let (to, _events) = events();
-    let request = Request { device: Some(card.id()), ..Request::default() };
-    let stream = open(&request, Box::new(half), None, to).expect("the card");
-    stream.play().expect("it plays");
-    (0..300).for_each(|_| card.step(64));
-    assert!(driver.controls().failed());
-    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
-    let all = heard(&card);
-    assert!(all[9500..9600].iter().any(|y| *y != 0.0));
-    assert!(all[9600 + DOWN..].iter().all(|y| *y == 0.0));
-    // The last sample is held and decays in 5 ms.
-    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
-    assert!(driver.stop().is_some(), "the ticker is there for a report");
-}
-
-#[test]
-fn panic_under_a_timer_is_told_and_leaves_a_report() {
-    let _alone = real_time();
-    let options = Options { priority: None, ..Options::new(Arc::new(Meters::new(500))) };
-    let timer = timer(Panics(0), &options).expect("a thread");
-    while !timer.controls().failed() {
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    assert_eq!(timer.controls().condition(), Condition::Failed);
-    assert_eq!(timer.stop().expect("the ticker").0, 100);
-}
-
-/// There is no step.
-#[test]
-fn panic_under_the_paced_clock_is_silent_within_20_ms() {
-    let _alone = real_time();
-    let card = Simulated::new("paced panic", timed(64)).expect("a card");
-    let meters = Arc::new(Meters::new(500));
-    let options = Options { start_s: 0.0, priority: None, ..Options::new(meters.clone()) };
-    let (driver, half) = paced(Panics(0), &options).expect("a thread");
-    let (to, _events) = events();
-    let request = Request { device: Some(card.id()), ..Request::default() };
-    let stream = open(&request, Box::new(half), None, to).expect("the card");
-    stream.play().expect("it plays");
-    while !driver.controls().failed() {
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let failed = heard(&card).len();
-    while heard(&card).len() < failed + 9_600 {
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    assert_eq!((driver.controls().condition(), stream.lost()), (Condition::Failed, None));
-    let all = heard(&card);
-    assert!(all.iter().any(|y| y.abs() > 0.05), "nothing was heard before");
-    // What the ring holds is played, then the last sample decays. Both together are within 20 ms of the
-    // failure, which may be seen here some callbacks late, but not early.
-    let loud = all.iter().rposition(|y| *y != 0.0).expect("a tone");
-    let fall = fall(&all, 0.0105).expect("a tone");
-    println!(
-        "paced panic: {} samples after it was seen, {fall} of them falling",
-        loud as i64 - failed as i64
-    );
-    assert!(loud < failed + DOWN, "it sounds for {} samples more", loud - failed);
-    assert!(fall <= DOWN, "it falls for {fall} samples");
-    assert!(largest_step(&all) < STEP, "{}", largest_step(&all));
-    assert!(driver.stop().is_some(), "the ticker is there for a report");
-}
-
-/// A slow wave, until a tick that panics.
-struct Breaks;
-
-impl Node for Breaks {
+impl<const PANICS: bool> Node for Breaks<PANICS> {
     fn descriptor() -> Descriptor {
         let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
-        Descriptor::new("breaks", "A wave, then a panic.").output(out)
+        Descriptor::new(if PANICS { "panics" } else { "fails" }, "A wave, then none.").output(out)
     }
     fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         Ok(Prepared::new(Self))
     }
 }
 
-impl Processor for Breaks {
+impl<const PANICS: bool> Processor for Breaks<PANICS> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        assert!(tick.index < 50, "as told");
-        let span = tick.samples(48_000);
+        assert!(!PANICS || tick.index < 50, "as told");
+        let (index, span) = (tick.index, tick.samples(48_000));
         for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = 0.1 * (n as f32 * 0.0105).sin();
+            *y = if index < 50 { 0.1 * (n as f32 * 0.0105).sin() } else { f32::NAN };
         }
         Status::Continue
     }
     fn reset(&mut self) {}
+}
+
+/// A graph that plays such a node.
+fn breaking(kind: &str) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
+    let registry = harness::registry().with::<Breaks<true>>().with::<Breaks<false>>();
+    let nodes =
+        format!(r#""bad": (kind: "{kind}"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#);
+    graph(&registry, (500, 48_000), &nodes, r#"("bad", "limiter"), ("limiter", "out")"#)
 }
 
 #[test]
@@ -313,12 +235,9 @@ fn panicking_node_is_named_and_every_clock_goes_on() {
     let _alone = real_time();
     for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
         let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
-        let registry = harness::registry().with::<Breaks>();
-        let nodes = r#""bad": (kind: "breaks"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
-        let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
         let options = options(&card, clock);
         let device = if clock == Clock::Timer { None } else { options.device.clone() };
-        let mut session = start(graph, SessionOptions { device, ..options });
+        let mut session = start(breaking("panics"), SessionOptions { device, ..options });
         poll(&mut session, "ticks after the panic", |s| s.view().ticks > 200);
         let view = session.view();
         assert!(session.goes_on() && view.condition == Condition::Playing, "{:?}", view.condition);
@@ -334,38 +253,11 @@ fn panicking_node_is_named_and_every_clock_goes_on() {
     }
 }
 
-/// A slow wave that is no number from tick 50 on.
-struct Fails;
-
-impl Node for Fails {
-    fn descriptor() -> Descriptor {
-        let out = Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE);
-        Descriptor::new("fails", "A wave, then none.").output(out)
-    }
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Fails {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let (index, span) = (tick.index, tick.samples(48_000));
-        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = if index < 50 { 0.1 * (n as f32 * 0.0105).sin() } else { f32::NAN };
-        }
-        Status::Continue
-    }
-    fn reset(&mut self) {}
-}
-
 #[test]
 fn a_node_that_fails_fades_is_named_and_the_run_goes_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("node", by_hand()).expect("a card");
-    let registry = harness::registry().with::<Fails>();
-    let nodes = r#""bad": (kind: "fails"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),"#;
-    let graph = graph(&registry, (500, 48_000), nodes, r#"("bad", "limiter"), ("limiter", "out")"#);
-    let mut session = start(graph, options(&card, Clock::Callback));
+    let mut session = start(breaking("fails"), options(&card, Clock::Callback));
     (0..200).for_each(|_| card.step(64));
     let view = session.view();
     assert!(session.goes_on() && view.condition == Condition::Playing);

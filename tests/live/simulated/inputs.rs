@@ -9,7 +9,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::{Params, Simulated};
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SampleWriter, Session, SessionOptions, mic, now_ns, samples};
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time};
 use harness::stage::{by_hand, channel, graph, offline, options, poll, start_with, timed, voice};
 
 /// A tone, and what is recorded of it.
@@ -33,7 +33,7 @@ fn taped(session: &mut Session, all: &mut Vec<f32>) {
 
 #[test]
 fn recorded_samples_reach_the_graph_after_a_constant_delay() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for (case, sizes) in
         [&[64_usize][..], &[1], &[1024], &[97, 441], &[64, 1, 1024, 97, 441]].into_iter().enumerate()
     {
@@ -107,7 +107,7 @@ impl Drop for Hand {
 
 /// A tone that a hand's motion lets through, until nobody knows where the hand is, and where the hand was in
 /// every tick.
-fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
+fn touched(card: &Simulated) -> (Session, Hand) {
     let (nodes, _) = voice("out", 80.0, 0.1);
     let nodes = format!(
         r#"{nodes} "hand": (kind: "pointer_input"), "motion": (kind: "velocity"),
@@ -120,51 +120,12 @@ fn touched(card: &Simulated, clock: Clock) -> (Session, Hand) {
     let (to, reader) = samples();
     let queues = DeviceQueues { hands: [("hand".to_owned(), reader)].into(), ..DeviceQueues::default() };
     let graph = graph(&harness::registry(), (500, 48_000), &nodes, wires);
-    (start_with(graph, queues, None, options(card, clock)), Hand::new(to))
+    (start_with(graph, queues, None, options(card, Clock::Callback)), Hand::new(to))
 }
 
 /// The hand's x in every tick [mm].
 fn places(session: &mut Session, all: &mut Vec<f64>) {
     session.graph_controller().recorded(|r| all.push(f64::from(r.values[0])));
-}
-
-/// The part of the steps of a hand that moves evenly which are not even.
-fn uneven(clock: Clock, frames: &[u32], attempt: usize) -> f64 {
-    let what = format!("{} clock, {frames:?} frames, {attempt}", clock.name());
-    let card = Simulated::new(&what, Params { frames: frames.to_vec(), ..timed(1) }).expect("a card");
-    let (mut session, _hand) = touched(&card, clock);
-    let mut x = Vec::new();
-    poll(&mut session, "two seconds", |s| {
-        places(s, &mut x);
-        x.len() > 1000
-    });
-    // The first half second finds the card's rate and how late samples come.
-    let steps: Vec<f64> = x[300..].windows(2).map(|w| w[1] - w[0]).collect();
-    let even = 2.0 * SPEED_MM_MS;
-    steps.iter().filter(|s| (*s / even - 1.0).abs() > 0.1).count() as f64 / steps.len() as f64
-}
-
-#[test]
-fn a_hand_is_read_at_even_times_at_every_length_of_callback() {
-    let _alone = real_time();
-    for (clock, frames) in [
-        (Clock::Callback, vec![64]),
-        (Clock::Callback, vec![1024]),
-        (Clock::Callback, vec![97, 441, 1024]),
-        (Clock::Paced, vec![1024]),
-    ] {
-        // Read at every callback's own time, 1024 frames would give nine of ten as 0. A machine that stalls
-        // costs some.
-        let mut all = Vec::new();
-        while all.len() < 4 && all.last().is_none_or(|part| *part >= 0.25) {
-            all.push(uneven(clock, &frames, all.len()));
-        }
-        assert!(
-            all.last() < Some(&0.25),
-            "{} clock, {frames:?} frames: {all:?} of all steps are uneven",
-            clock.name()
-        );
-    }
 }
 
 /// The stroke is held, and the stall is counted.
@@ -175,7 +136,7 @@ fn silent_hand_is_held_silent_after_70_ms_and_counted() {
     let mut best = f64::INFINITY;
     for attempt in 0..4 {
         let card = Simulated::new(&format!("stall {attempt}"), timed(64)).expect("a card");
-        let (mut session, mut hand) = touched(&card, Clock::Callback);
+        let (mut session, mut hand) = touched(&card);
         let mut x = Vec::new();
         let heard = || channel(&card.played(), 2, 0);
         poll(&mut session, "the tone", |_| heard().iter().filter(|y| y.abs() > 0.09).count() > 4800);

@@ -1,15 +1,13 @@
 //! A graph that changes while it is played.
 
-use std::io::{BufRead, BufReader};
-use std::process::Stdio;
-
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SessionOptions, needs_queues, now_ns, samples};
-use harness::alone::real_time;
+use harness::alone::{beside_others, real_time, stage};
+use harness::live::Live;
 use harness::stage::{
-    STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, voice,
+    STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, swap, voice,
 };
 
 /// Two voices; the first is as loud as is asked for, by another limiter.
@@ -25,16 +23,14 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
 
 #[test]
 fn swap_leaves_the_other_channel_and_figures_go_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("swap", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
     let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
     let step = |n: usize| (0..n).for_each(|_| card.step(97));
     step(100);
     let before = session.view();
-    let (file, compiled) = two(0.05, 3000.0);
-    let graph_controller = session.graph_controller();
-    graph_controller.swap(compiled, &file, &[], DeviceQueues::default(), Vec::new()).expect("it is sent");
+    swap(&mut session, two(0.05, 3000.0));
     // Sent and not yet taken over: nothing seems to have been lost.
     let sent = session.view();
     let index = |s: &mut asperity_live::Session, id: &str| {
@@ -44,11 +40,7 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
     assert_eq!((sent.layout, sent.nodes[kept].calls), (1, before.nodes[kept].calls));
     assert_eq!(sent.nodes[kept].max_us, before.nodes[kept].max_us);
     // Another one at once: they are taken over one after the other.
-    let (file, compiled) = two(0.1, 2000.0);
-    session
-        .graph_controller()
-        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
-        .expect("it is sent");
+    swap(&mut session, two(0.1, 2000.0));
     step(100);
     let view = session.view();
     let kept = index(&mut session, "b tone");
@@ -76,7 +68,7 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
 
 #[test]
 fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("refused", by_hand()).expect("a card");
     let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
     let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
@@ -89,11 +81,7 @@ fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
         assert!(refused.is_err());
         assert_eq!(session.graph_controller().layout().number, 0);
     }
-    let (file, compiled) = two(0.1, 3000.0);
-    session
-        .graph_controller()
-        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
-        .expect("it is sent");
+    swap(&mut session, two(0.1, 3000.0));
     (0..50).for_each(|_| card.step(97));
     let played = card.played();
     // Were its places those of a graph that never came, both channels would be silent.
@@ -136,10 +124,7 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
     );
     let (file, compiled) = hand(2.0, 10_000.0);
     assert!(needs_queues(session.graph_controller().schedule(), &compiled.schedule).is_empty());
-    session
-        .graph_controller()
-        .swap(compiled, &file, &[], DeviceQueues::default(), Vec::new())
-        .expect("it is sent");
+    swap(&mut session, (file, compiled));
     let sent = session.view();
     assert_eq!(sent.sources[0].samples, 100, "before it is taken over");
     // None came since: a count that began anew would have all of them come at once.
@@ -159,34 +144,22 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
 /// The run goes on.
 #[test]
 fn edit_of_the_devices_channels_is_refused() {
-    let _alone = real_time();
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = &*stage();
     let write = |voices: &[(String, String)], amps: f64| {
         let (nodes, wires): (Vec<_>, Vec<_>) = voices.iter().cloned().unzip();
         let (nodes, wires) = (nodes.concat().replace("0.1", &format!("{amps:?}")), wires.concat());
         let text =
             format!("Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.path().join("g.ron"), text).expect("a file");
+        std::fs::write(dir.join("g.ron"), text).expect("a file");
     };
     let [one, other] = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
     write(std::slice::from_ref(&one), 0.1);
-    let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_asperity"))
-        .args(["run", "g.ron", "--device", "simulated:frames=256", "--watch", "--seconds", "30"])
-        .current_dir(dir.path())
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("the program starts");
-    let mut lines = BufReader::new(run.stderr.take().expect("its words")).lines().map_while(Result::ok);
-    let mut says = |what: &str| lines.any(|line| line.contains(what));
-    let told = says("plays on") && {
-        write(&[one.clone(), other.clone()], 0.1);
-        says("channels of the device would change") && says("the running graph goes on")
-    };
-    let goes_on = told && {
-        write(std::slice::from_ref(&one), 0.05);
-        says("changed: ")
-    };
-    let _ = (run.kill(), run.wait());
-    assert!(told && goes_on, "told: {told}, taken over afterwards: {goes_on}");
+    let mut run = Live::start(dir, &["g.ron", "--device", "simulated:frames=256", "--watch"]);
+    run.says("plays on");
+    write(&[one.clone(), other], 0.1);
+    run.says("channels of the device would change");
+    run.says("the running graph goes on");
+    write(&[one], 0.05);
+    run.says("changed: ");
+    run.stop().ok();
 }

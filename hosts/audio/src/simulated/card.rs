@@ -31,13 +31,6 @@ pub(super) struct Line {
     pub(super) playing: bool,
 }
 
-/// A simulated part of the world between an output and an input channel (from 0).
-struct Plant {
-    output: usize,
-    input: usize,
-    respond: Response,
-}
-
 /// State of a card.
 #[derive(Default)]
 pub(super) struct State {
@@ -50,8 +43,9 @@ pub(super) struct State {
     pub(super) timed: bool,
     /// Pause before the next call.
     pub(super) gap: Duration,
-    plants: Vec<Plant>,
-    played: Vec<f64>,
+    /// Parts of the world between an output and an input channel (from 0).
+    pub(super) plants: Vec<(usize, usize, Response)>,
+    pub(super) played: Vec<f64>,
     /// Frames on their way from output to input.
     wire: VecDeque<Vec<f32>>,
     calls: usize,
@@ -74,21 +68,13 @@ impl Card {
         self.state.lock()
     }
 
-    pub(super) fn plant(&self, output: usize, input: usize, respond: Response) {
-        self.lock().plants.push(Plant { output, input, respond });
-    }
-
-    pub(super) fn played(&self) -> Vec<f64> {
-        self.lock().played.clone()
-    }
-
     /// Frames of the next call, and their rate. `None` while nothing plays.
     pub(super) fn next_call(&self) -> Option<(usize, u32)> {
-        let state = self.lock();
-        let line = [&state.output, &state.input].into_iter().flatten().find(|line| line.playing)?;
+        let mut state = self.lock();
         let cycle = &self.params.frames;
-        let frames = cycle.get(state.calls % cycle.len().max(1)).copied().unwrap_or(line.period);
-        Some((frames as usize, line.rate_hz))
+        let frames = cycle.get(state.calls % cycle.len().max(1)).copied();
+        let line = state.lines().find(|line| line.playing)?;
+        Some((frames.unwrap_or(line.period) as usize, line.rate_hz))
     }
 
     /// Calls the playing streams once with this many frames.
@@ -112,9 +98,14 @@ fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
 }
 
 impl State {
-    /// Sets the described plant, at rest, between the first output and the first input.
-    pub(super) fn set_plant(&mut self, respond: Response) {
-        self.plants = vec![Plant { output: 0, input: 0, respond }];
+    /// Its streams.
+    pub(super) fn lines(&mut self) -> impl Iterator<Item = &mut Line> {
+        [&mut self.output, &mut self.input].into_iter().flatten()
+    }
+
+    /// The stream of one direction, if there is one.
+    pub(super) fn line(&mut self, plays: bool) -> &mut Option<Line> {
+        if plays { &mut self.output } else { &mut self.input }
     }
 
     fn play(&mut self, frames: usize, params: &Params) {
@@ -150,9 +141,9 @@ impl State {
             if params.loopback {
                 line.iter_mut().zip(frame).for_each(|(to, from)| *to = *from as f32);
             }
-            for plant in &mut *plants {
-                if let (Some(from), Some(to)) = (frame.get(plant.output), line.get_mut(plant.input)) {
-                    *to = (plant.respond)(*from as f32);
+            for (output, input, respond) in &mut *plants {
+                if let (Some(from), Some(to)) = (frame.get(*output), line.get_mut(*input)) {
+                    *to = respond(*from as f32);
                 }
             }
             wire.push_back(line);

@@ -25,30 +25,20 @@ pub(super) struct Device(pub(super) Arc<Card>);
 impl Device {
     fn configs(&self, channels: u16) -> Vec<SupportedStreamConfigRange> {
         let params = &self.0.params;
-        let buffer = match params.frames.as_slice() {
-            [] => SupportedBufferSize::Range { min: 1, max: 1 << 20 },
-            all => SupportedBufferSize::Range {
-                min: all.iter().copied().min().unwrap_or(1),
-                max: all.iter().copied().max().unwrap_or(1),
-            },
+        let frames = || params.frames.iter().copied();
+        let (min, max) = (frames().min().unwrap_or(1), frames().max().unwrap_or(1 << 20));
+        let buffer = SupportedBufferSize::Range { min, max };
+        let of = |format: Format, rate| {
+            SupportedStreamConfigRange::new(channels, rate, rate, buffer, format.to_cpal())
         };
-        let mut configs = Vec::new();
-        for format in params.formats() {
-            for rate in params.rates() {
-                configs.push(SupportedStreamConfigRange::new(channels, rate, rate, buffer, format.to_cpal()));
-            }
-        }
-        configs
+        let formats = params.formats().into_iter().filter(|_| channels > 0);
+        formats.flat_map(|format| params.rates().into_iter().map(move |rate| of(format, rate))).collect()
     }
 
     fn default_config(&self, channels: u16) -> Result<SupportedStreamConfig, Error> {
-        let wanted = Error::new(ErrorKind::UnsupportedOperation);
-        self.configs(channels)
-            .into_iter()
-            .max_by_key(|config| config.max_sample_rate() == 48_000)
-            .filter(|_| channels > 0)
-            .map(SupportedStreamConfigRange::with_max_sample_rate)
-            .ok_or(wanted)
+        let best = self.configs(channels).into_iter().max_by_key(|config| config.max_sample_rate() == 48_000);
+        let none = || Error::new(ErrorKind::UnsupportedOperation);
+        best.map(SupportedStreamConfigRange::with_max_sample_rate).ok_or_else(none)
     }
 
     fn open(
@@ -75,9 +65,10 @@ impl Device {
             return Err(Error::new(ErrorKind::DeviceNotAvailable));
         }
         if let Some(plant) = plant {
-            state.set_plant(plant);
+            // At rest.
+            state.plants = vec![(0, 0, plant)];
         }
-        let place = if plays { &mut state.output } else { &mut state.input };
+        let place = state.line(plays);
         if place.is_some() {
             return Err(Error::new(ErrorKind::DeviceBusy));
         }
@@ -99,7 +90,7 @@ fn keep_time(card: &Weak<Card>) {
         let Some(card) = card.upgrade() else { return };
         let gap = {
             let mut state = card.lock();
-            if state.output.is_none() && state.input.is_none() {
+            if state.lines().next().is_none() {
                 state.timed = false;
                 return;
             }
@@ -131,7 +122,7 @@ impl fmt::Display for Device {
 
 impl fmt::Debug for Device {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.id)
+        fmt::Display::fmt(self, f)
     }
 }
 
@@ -165,8 +156,7 @@ impl DeviceTrait for Device {
     }
 
     fn supported_input_configs(&self) -> Result<Self::SupportedInputConfigs, Error> {
-        let inputs = self.0.params.inputs;
-        Ok(if inputs > 0 { self.configs(inputs) } else { Vec::new() }.into_iter())
+        Ok(self.configs(self.0.params.inputs).into_iter())
     }
 
     fn supported_output_configs(&self) -> Result<Self::SupportedOutputConfigs, Error> {
@@ -225,10 +215,7 @@ impl Stream {
         if state.unplugged {
             return Err(Error::new(ErrorKind::DeviceNotAvailable));
         }
-        let line = if self.plays { &mut state.output } else { &mut state.input };
-        if let Some(line) = line {
-            line.playing = playing;
-        }
+        state.line(self.plays).iter_mut().for_each(|line| line.playing = playing);
         Ok(())
     }
 }
@@ -254,7 +241,7 @@ impl StreamTrait for Stream {
 impl Drop for Stream {
     fn drop(&mut self) {
         let mut state = self.card.lock();
-        let line = if self.plays { state.output.take() } else { state.input.take() };
+        let line = state.line(self.plays).take();
         // The line may itself lock the card: it is dropped without the lock.
         drop(state);
         drop(line);

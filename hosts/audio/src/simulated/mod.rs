@@ -14,6 +14,7 @@ use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
 use card::{Card, State};
+use cpal::ErrorKind;
 pub use params::Params;
 use parking_lot::Mutex;
 
@@ -104,47 +105,28 @@ impl Simulated {
     /// Everything played since the device was made, if its parameters say `keep`: interleaved, all
     /// channels, full scale 1, exactly as in the device's memory.
     pub fn played(&self) -> Vec<f64> {
-        self.card.played()
+        self.card.lock().played.clone()
     }
 
     /// Sets a plant between two channels (from 1): it maps every output sample to an input sample.
     pub fn plant(&self, output: u16, input: u16, respond: impl FnMut(f32) -> f32 + Send + 'static) {
         let index = |channel: u16| usize::from(channel.max(1)) - 1;
-        self.card.plant(index(output), index(input), Box::new(respond));
+        self.card.lock().plants.push((index(output), index(input), Box::new(respond)));
     }
 
     /// Whether a stream has it open.
     pub fn in_use(&self) -> bool {
-        let state = self.card.lock();
-        state.output.is_some() || state.input.is_some()
+        self.card.lock().lines().next().is_some()
     }
 
     /// Reports an underrun to the streams.
     pub fn xrun(&self) {
-        report(&mut self.card.lock(), &cpal::Error::new(cpal::ErrorKind::Xrun));
+        report(&mut self.card.lock(), ErrorKind::Xrun);
     }
 
     /// Reports an unspecific error.
     pub fn error(&self) {
-        report(&mut self.card.lock(), &flooding());
-    }
-
-    /// Reports errors as fast as it can until the device is closed, like ALSA over a killed Pulse server.
-    /// No more calls.
-    pub fn flood(&self) {
-        self.card.lock().stopped = true;
-        let card = self.card.clone();
-        std::thread::spawn(move || {
-            loop {
-                let mut state = card.lock();
-                if state.output.is_none() && state.input.is_none() {
-                    return;
-                }
-                report(&mut state, &flooding());
-                drop(state);
-                std::thread::yield_now();
-            }
-        });
+        report(&mut self.card.lock(), ErrorKind::BackendError);
     }
 
     /// Pauses its calls for this long. Only for a device that keeps time itself.
@@ -157,7 +139,7 @@ impl Simulated {
         self.card.lock().stopped = true;
     }
 
-    /// Calls again after [`Simulated::stop`] or [`Simulated::flood`].
+    /// Calls again after [`Simulated::stop`].
     pub fn resume(&self) {
         self.card.lock().stopped = false;
     }
@@ -166,7 +148,7 @@ impl Simulated {
     pub fn unplug(&self) {
         let mut state = self.card.lock();
         state.unplugged = true;
-        report(&mut state, &cpal::Error::new(cpal::ErrorKind::DeviceNotAvailable));
+        report(&mut state, ErrorKind::DeviceNotAvailable);
     }
 
     /// Plugs it in again. Lost streams stay lost.
@@ -182,12 +164,10 @@ impl Drop for Simulated {
     }
 }
 
-fn flooding() -> cpal::Error {
-    cpal::Error::with_message(cpal::ErrorKind::BackendError, "simulated error")
-}
-
-fn report(state: &mut State, error: &cpal::Error) {
-    for line in [&mut state.output, &mut state.input].into_iter().flatten() {
-        (line.error)(error.clone());
-    }
+fn report(state: &mut State, kind: ErrorKind) {
+    let error = match kind {
+        ErrorKind::BackendError => cpal::Error::with_message(kind, "simulated error"),
+        _ => cpal::Error::new(kind),
+    };
+    state.lines().for_each(|line| (line.error)(error.clone()));
 }

@@ -9,112 +9,50 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
 
 use asperity_audio::{Block, Process};
 use asperity_engine::Flushed;
+use parking_lot::Mutex;
 
-use super::run::{self, Rates, SLEW};
-use super::slot::Slot;
-use super::{Controls, Options, Ticker};
-use crate::dll::{Dll, Heard};
-use crate::ramp::Ramp;
+use super::run::{self, Output, Rates, SLEW};
+use super::{Clock, Controls, Driver, Options, Runs, Ticker};
+use crate::dll::{Heard, Line};
 
 /// Stack that the device's thread touches at the first callback. Its stack may be small.
 const STACK: usize = 65_536;
-/// Longest wait for a tick before the ticker is given up.
-const TAKE: Duration = Duration::from_secs(1);
-
-/// A run whose ticks an audio device calls. Dropping it requests a stop.
-#[derive(Debug)]
-pub struct Callback<T> {
-    slot: Arc<Slot<T>>,
-    controls: Arc<Controls>,
-}
 
 /// The device's side.
 #[derive(Debug)]
 pub struct CallbackHalf<T> {
-    slot: Arc<Slot<T>>,
-    controls: Arc<Controls>,
-    ramp: Ramp,
+    slot: Arc<Mutex<Option<T>>>,
+    out: Output,
     stream: Stream,
 }
 
-impl<T: Ticker> Callback<T> {
-    /// A driver and its process for the device, which must have the ticker's rate and channels.
-    pub fn new(ticker: T, options: &Options) -> (Self, CallbackHalf<T>) {
-        let controls = Controls::new(options, None);
-        let stream = Stream::new(&ticker);
-        let ramp = Ramp::new(stream.rates.rate_hz, stream.rates.channels, options.start_s);
-        let slot = Arc::new(Slot::new(ticker));
-        let half = CallbackHalf { slot: Arc::clone(&slot), controls: Arc::clone(&controls), ramp, stream };
-        (Self { slot, controls }, half)
-    }
-
-    /// Requests to the driver, and its state.
-    pub fn controls(&self) -> &Arc<Controls> {
-        &self.controls
-    }
-
-    /// Ramps the output down and returns the ticker, at once if the device no longer calls. `None` if a
-    /// tick does not end within a second.
-    pub fn stop(self) -> Option<T> {
-        self.controls.request_stop();
-        self.controls.wait_until_down();
-        self.take()
-    }
-
-    /// Takes the ticker from a lost device, without a ramp. If the device calls all the same, it plays
-    /// silence.
-    pub fn take(self) -> Option<T> {
-        self.controls.request_stop();
-        let began = std::time::Instant::now();
-        while began.elapsed() < TAKE {
-            if let Some(mut entered) = self.slot.enter() {
-                return entered.take();
-            }
-            std::thread::sleep(Duration::from_micros(200));
-        }
-        None
-    }
-}
-
-impl<T> Drop for Callback<T> {
-    fn drop(&mut self) {
-        self.controls.request_stop();
-    }
+/// A run whose ticks an audio device calls, and its process for the device, which must have the ticker's
+/// rate and channels.
+pub fn callback<T: Ticker>(ticker: T, options: &Options) -> (Driver<T>, CallbackHalf<T>) {
+    let controls = Controls::new(options, None);
+    let out = Output::new(Arc::clone(&controls), &ticker.rates(), options.start_s);
+    let stream = Stream::new(&ticker);
+    let slot = Arc::new(Mutex::new(Some(ticker)));
+    let runs = Some(Runs::Callback(Arc::clone(&slot)));
+    (Driver { clock: Clock::Callback, controls, runs }, CallbackHalf { slot, out, stream })
 }
 
 impl<T: Ticker> Process for CallbackHalf<T> {
     fn process(&mut self, block: &mut Block<'_>) {
         let _flushed = Flushed::new();
-        let channels = self.stream.rates.channels;
-        if block.channels != channels {
-            self.controls.fail();
-            return;
-        }
-        self.controls.ask::<STACK>();
-        let frames = block.frames();
-        let heard = self.stream.dll.callback(block.now_ns, frames as u64);
-        self.controls.heard(block.now_ns, self.stream.dll.line());
-        self.controls.steer(&mut self.ramp);
-        if heard.lost > 0 {
-            self.controls.meters().xruns.add(1);
-            self.ramp.broken();
-        }
-        let filled = match self.slot.enter().as_deref_mut() {
-            Some(Some(ticker)) if !self.controls.failed() && !self.controls.down() => {
-                self.stream.fill(ticker, &self.controls, heard, block.output)
+        let Some(heard) = self.out.begin(block) else { return };
+        let (controls, line) = (&*self.out.controls, self.out.dll.line());
+        controls.asked.once::<STACK>(controls.priority);
+        let filled = match self.slot.try_lock().as_deref_mut() {
+            Some(Some(ticker)) if !controls.failed() && !controls.down() => {
+                self.stream.fill(ticker, controls, line, heard, block.output)
             }
             _ => 0,
         };
-        self.controls.steer(&mut self.ramp);
-        let (played, starved) = block.output.split_at_mut(filled * channels);
-        self.ramp.play(played);
-        self.ramp.starve(starved);
-        self.controls.hold(block.output, channels);
-        self.controls.note(&self.ramp, block.output);
+        self.out.end(block.output, 0, filled);
     }
 }
 
@@ -122,7 +60,6 @@ impl<T: Ticker> Process for CallbackHalf<T> {
 #[derive(Debug)]
 struct Stream {
     rates: Rates,
-    dll: Dll,
     /// Samples of the last tick, and the range not yet played (in values, not frames).
     samples: Vec<f32>,
     left: Range<usize>,
@@ -140,7 +77,6 @@ impl Stream {
         let rates = ticker.rates();
         Self {
             rates,
-            dll: Dll::new(rates.rate_hz),
             samples: vec![0.0; rates.most()],
             left: 0..0,
             origin: rates.first_sample(ticker.next_tick()) as i64,
@@ -155,6 +91,7 @@ impl Stream {
         &mut self,
         ticker: &mut impl Ticker,
         controls: &Controls,
+        line: &Line,
         heard: Heard,
         out: &mut [f32],
     ) -> usize {
@@ -162,7 +99,7 @@ impl Stream {
         if heard.lost > 0 {
             self.catch_up(ticker, controls, heard);
         }
-        let due_ns = self.dll.line().time_ns(heard.position as f64).max(0.0) as u64;
+        let due_ns = line.time_ns(heard.position as f64).max(0.0) as u64;
         let mut filled = 0;
         loop {
             let n = self.left.len().min(out.len() - filled);
@@ -172,7 +109,7 @@ impl Stream {
             if filled == out.len() {
                 return filled / channels;
             }
-            let (tick, time_ns) = (ticker.next_tick(), self.time_of(ticker.next_tick(), controls));
+            let (tick, time_ns) = (ticker.next_tick(), self.time_of(ticker.next_tick(), controls, line));
             let len = self.rates.len(tick).min(self.samples.len());
             if !run::tick(ticker, controls, (time_ns, due_ns), &mut self.samples[..len]) {
                 self.left = 0..0;
@@ -183,15 +120,14 @@ impl Stream {
     }
 
     /// Time at which a tick reads the hand; never before that of the tick before.
-    fn time_of(&mut self, tick: u64, controls: &Controls) -> u64 {
-        let line = self.dll.line();
+    fn time_of(&mut self, tick: u64, controls: &Controls, line: &Line) -> u64 {
         let period_ns = line.period_frames as f64 * line.frame_ns();
         if self.delay_ns == 0.0 {
             self.delay_ns = period_ns;
         }
         let most = SLEW * self.rates.tick_ns();
         self.delay_ns += (period_ns - self.delay_ns).clamp(-most, most);
-        controls.set_lead(self.delay_ns);
+        controls.lead_ns.store(self.delay_ns as u64, std::sync::atomic::Ordering::Relaxed);
         let position = self.rates.samples_from(0, tick) - self.origin as f64;
         let time_ns = (line.time_ns(position) - self.delay_ns).max(0.0) as u64;
         self.read_ns = self.read_ns.max(time_ns);

@@ -12,7 +12,6 @@ use crate::now_ns;
 use crate::output_limits::SharedLimits;
 use crate::ramp::{Level, Ramp};
 use crate::realtime::{Asked, Grant};
-use crate::view::Condition;
 
 /// A device counts as dead after three periods without a call, but at least and at most this long [ns].
 const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
@@ -22,22 +21,22 @@ const DEAD_NS: (u64, u64) = (200_000_000, 800_000_000);
 pub struct Controls {
     run_control: RunControl,
     /// This driver must stop; the run may go on under another one.
-    stopping: AtomicBool,
-    failed: AtomicBool,
+    pub(super) stopping: AtomicBool,
+    pub(super) failed: AtomicBool,
     /// The output is down for good.
     down: AtomicBool,
-    level: AtomicU8,
+    pub(super) level: AtomicU8,
     /// Bits of the largest sample since the last read, and of the last callback's.
     peak: AtomicU32,
     last_peak: AtomicU32,
     heard_ns: AtomicU64,
     period_ns: AtomicU64,
-    lead_ns: AtomicU64,
-    asked: Asked,
+    pub(super) lead_ns: AtomicU64,
+    pub(super) asked: Asked,
     /// Request of the device's thread, if ticks run on another.
     pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
-    priority: Option<i32>,
+    pub(super) priority: Option<i32>,
     limits: Option<SharedLimits>,
 }
 
@@ -46,15 +45,15 @@ impl Controls {
     pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
         Arc::new(Self {
             run_control: options.run_control.clone(),
-            stopping: AtomicBool::new(false),
-            failed: AtomicBool::new(false),
-            down: AtomicBool::new(false),
+            stopping: AtomicBool::default(),
+            failed: AtomicBool::default(),
+            down: AtomicBool::default(),
             level: AtomicU8::new(Level::Rising as u8),
-            peak: AtomicU32::new(0),
-            last_peak: AtomicU32::new(0),
-            heard_ns: AtomicU64::new(0),
-            period_ns: AtomicU64::new(0),
-            lead_ns: AtomicU64::new(0),
+            peak: AtomicU32::default(),
+            last_peak: AtomicU32::default(),
+            heard_ns: AtomicU64::default(),
+            period_ns: AtomicU64::default(),
+            lead_ns: AtomicU64::default(),
             asked: Asked::default(),
             device_asked,
             meters: Arc::clone(&options.meters),
@@ -68,19 +67,9 @@ impl Controls {
         &self.run_control
     }
 
-    /// State of the driver; never `Lost`, which only the owner of the device knows.
-    pub fn condition(&self) -> Condition {
-        if self.failed.load(Relaxed) {
-            Condition::Failed
-        } else if self.stopping() {
-            Condition::Stopping
-        } else if self.run_control.muted() {
-            Condition::Muted
-        } else if self.level.load(Relaxed) == Level::Full as u8 {
-            Condition::Playing
-        } else {
-            Condition::Starting
-        }
+    /// Whether the output is at full level, or ticks run without one.
+    pub fn up(&self) -> bool {
+        self.level.load(Relaxed) == Level::Full as u8
     }
 
     /// Whether a tick panicked. Then the output ramped down and nothing runs any more.
@@ -106,25 +95,6 @@ impl Controls {
         &self.meters
     }
 
-    pub(super) fn ask<const STACK: usize>(&self) {
-        self.asked.once::<STACK>(self.priority);
-    }
-
-    /// The same for the device's thread, if ticks run on another.
-    pub(super) fn ask_for_device<const STACK: usize>(&self) {
-        if let Some(asked) = &self.device_asked {
-            asked.once::<STACK>(self.priority);
-        }
-    }
-
-    pub(super) fn fail(&self) {
-        self.failed.store(true, Relaxed);
-    }
-
-    pub(super) fn request_stop(&self) {
-        self.stopping.store(true, Relaxed);
-    }
-
     pub(super) fn stopping(&self) -> bool {
         self.stopping.load(Relaxed) || self.run_control.stopping()
     }
@@ -133,15 +103,6 @@ impl Controls {
     pub(super) fn heard(&self, now_ns: u64, line: &Line) {
         self.heard_ns.store(now_ns, Relaxed);
         self.period_ns.store((line.period_frames as f64 * line.frame_ns()) as u64, Relaxed);
-    }
-
-    pub(super) fn set_lead(&self, ns: f64) {
-        self.lead_ns.store(ns as u64, Relaxed);
-    }
-
-    /// For a driver without output.
-    pub(super) fn playing(&self) {
-        self.level.store(Level::Full as u8, Relaxed);
     }
 
     /// Opens or closes the ramp as requested.
@@ -159,9 +120,9 @@ impl Controls {
     /// the limits, the block is silent.
     pub(super) fn hold(&self, output: &mut [f32], channels: usize) {
         let Some(limits) = &self.limits else { return };
-        match limits.0.enter().as_deref_mut() {
-            Some(Some(limits)) => limits.hold(output, channels),
-            _ => output.fill(0.0),
+        match limits.try_lock() {
+            Some(mut limits) => limits.hold(output, channels),
+            None => output.fill(0.0),
         }
     }
 

@@ -1,34 +1,40 @@
 //! Drivers call the ticks: from the audio callback itself, from a paced thread, or from a timer.
 //!
 //! A driver starts with a [`Ticker`] and returns it when it stops, so that the same run can go on under
-//! another one: when a
-//! device is lost, a timer takes over until the device is back. A driver with audio fades its output by a
-//! [`Ramp`](crate::Ramp), and counts in [`Meters`] the samples that it could not play.
+//! another one: when a device is lost, a timer takes over until the device is back. A driver with audio
+//! fades its output by a [`Ramp`](crate::Ramp), and counts in [`Meters`] the samples that it could not play.
 
 mod callback;
 mod controls;
 mod paced;
 mod run;
 mod sleep;
-mod slot;
-mod thread;
 mod timer;
 
-pub use callback::{Callback, CallbackHalf};
+pub use callback::{CallbackHalf, callback};
 pub use controls::Controls;
 pub use paced::{PacedHalf, paced};
 pub use run::Rates;
-pub(crate) use slot::Slot;
-pub use thread::TickThread;
 pub use timer::timer;
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+use asperity_engine::Flushed;
+use parking_lot::Mutex;
 
 use crate::RunControl;
 use crate::meters::Meters;
 use crate::output_limits::SharedLimits;
 use crate::ramp::START_S;
-use crate::realtime::PRIORITY;
+use crate::realtime::{PRIORITY, sleep_sharply};
+
+/// Stack that a tick thread touches at its start.
+const STACK: usize = 262_144;
+/// Longest wait for a tick before the ticker is given up.
+const END: Duration = Duration::from_secs(1);
 
 /// A graph that runs tick by tick. No method may wait, allocate or log. A panic is caught and ends the
 /// output.
@@ -82,6 +88,98 @@ pub fn choose(asked: Option<Clock>, period_frames: u32, rate_hz: u32, tick_hz: u
     }
 }
 
+/// A run under way. Dropping it stops it, as [`stop`](Self::stop) does.
+#[derive(Debug)]
+pub struct Driver<T: Ticker> {
+    clock: Clock,
+    controls: Arc<Controls>,
+    /// `None` once the ticker is taken.
+    runs: Option<Runs<T>>,
+}
+
+/// Where the ticker is. The slot is taken by `try_lock` alone, so no thread ever waits for it.
+#[derive(Debug)]
+enum Runs<T> {
+    Callback(Arc<Mutex<Option<T>>>),
+    Thread(JoinHandle<T>),
+}
+
+impl<T: Ticker> Driver<T> {
+    /// Starts a thread that runs `ticks` and returns the ticker.
+    /// Error: the system gives no thread; the ticker is lost then.
+    fn thread(
+        clock: Clock,
+        controls: Arc<Controls>,
+        ticks: impl FnOnce(&Controls) -> T + Send + 'static,
+    ) -> std::io::Result<Self>
+    where
+        T: 'static,
+    {
+        let shared = Arc::clone(&controls);
+        let run = move || {
+            let _flushed = Flushed::new();
+            shared.asked.once::<STACK>(shared.priority);
+            sleep_sharply();
+            ticks(&shared)
+        };
+        let thread = Builder::new().name("asperity-tick".into()).spawn(run)?;
+        Ok(Self { clock, controls, runs: Some(Runs::Thread(thread)) })
+    }
+
+    /// The clock of the ticks.
+    pub fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// Requests to the driver, and its state.
+    pub fn controls(&self) -> &Arc<Controls> {
+        &self.controls
+    }
+
+    /// Ramps the output down and returns the ticker, at once if the device no longer calls. `None` if a
+    /// tick does not end within a second.
+    pub fn stop(mut self) -> Option<T> {
+        self.end(true)
+    }
+
+    /// Takes the ticker from a lost device, without a ramp that nobody hears. If the device calls all the
+    /// same, it plays silence.
+    pub fn take(mut self) -> Option<T> {
+        self.end(false)
+    }
+
+    fn end(&mut self, ramp: bool) -> Option<T> {
+        self.controls.stopping.store(true, Relaxed);
+        let runs = self.runs.take()?;
+        if ramp && matches!(runs, Runs::Callback(_)) {
+            self.controls.wait_until_down();
+        }
+        let began = Instant::now();
+        while began.elapsed() < END {
+            match &runs {
+                Runs::Callback(slot) => {
+                    if let Some(mut ticker) = slot.try_lock() {
+                        return ticker.take();
+                    }
+                }
+                Runs::Thread(thread) if thread.is_finished() => break,
+                Runs::Thread(_) => {}
+            }
+            std::thread::sleep(Duration::from_micros(300));
+        }
+        match runs {
+            Runs::Thread(thread) if thread.is_finished() => thread.join().ok(),
+            _ => None,
+        }
+    }
+}
+
+impl<T: Ticker> Drop for Driver<T> {
+    fn drop(&mut self) {
+        drop(self.end(true));
+    }
+}
+
 /// Options of a driver.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -89,9 +187,6 @@ pub struct Options {
     pub priority: Option<i32>,
     /// Seconds from silence to full at the start.
     pub start_s: f64,
-    /// Period of the device in frames, for the paced driver; 0 measures it, and follows a device that calls
-    /// in bunches.
-    pub period_frames: u32,
     /// Period of the device in frames as measured before, to size the paced driver's ring; 0 if unknown.
     pub seen_frames: u32,
     /// Times and counts.
@@ -108,7 +203,6 @@ impl Options {
         Self {
             priority: Some(PRIORITY),
             start_s: START_S,
-            period_frames: 0,
             seen_frames: 0,
             meters,
             run_control: RunControl::default(),

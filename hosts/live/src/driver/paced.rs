@@ -27,11 +27,10 @@ use asperity_engine::Flushed;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use super::run::{self, RUN_BEHIND, Rates, SLEW};
-use super::{Controls, Options, TickThread, Ticker, sleep};
-use crate::dll::{Dll, Line};
+use super::run::{self, Output, RUN_BEHIND, Rates, SLEW};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep};
+use crate::dll::Line;
 use crate::now_ns;
-use crate::ramp::Ramp;
 use crate::realtime::Asked;
 
 opaque_debug!(PacedHalf);
@@ -55,10 +54,7 @@ const DEVICE_STACK: usize = 32_768;
 ///
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
-pub fn paced<T: Ticker + 'static>(
-    ticker: T,
-    options: &Options,
-) -> std::io::Result<(TickThread<T>, PacedHalf)> {
+pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<(Driver<T>, PacedHalf)> {
     let controls = Controls::new(options, Some(Asked::default()));
     let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
@@ -66,13 +62,10 @@ pub fn paced<T: Ticker + 'static>(
     let begin = AtomicU64::new(u64::MAX);
     let stream = Arc::new(Stream { begin, owed: AtomicI64::new(0), skipped: AtomicI64::new(0) });
     let half = PacedHalf {
-        controls: Arc::clone(&controls),
+        out: Output::new(Arc::clone(&controls), &rates, options.start_s),
         stream: Arc::clone(&stream),
         ring,
         lines,
-        dll: Dll::new(rates.rate_hz),
-        ramp: Ramp::new(rates.rate_hz, rates.channels, options.start_s),
-        channels: rates.channels,
         owed: 0,
         began: false,
     };
@@ -83,19 +76,23 @@ pub fn paced<T: Ticker + 'static>(
         lines: heard,
         rates,
         samples: vec![0.0; rates.most()],
-        given_frames: options.period_frames,
         lead_ns: 0.0,
         origin: 0.0,
         read_ns: 0,
     };
-    Ok((TickThread::start(controls, |_| pace.run(ticker))?, half))
+    Ok((Driver::thread(Clock::Paced, controls, |_| pace.run(ticker))?, half))
 }
 
 /// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
-    let period = options.period_frames.max(options.seen_frames) as usize;
+    let period = options.seen_frames as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
     frames * rates.channels + (RUN_BEHIND as usize + 2) * rates.most()
+}
+
+/// Lead that a device needs now [ns].
+fn lead(line: &Line) -> f64 {
+    line.period_frames as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
 }
 
 /// The thread's side.
@@ -106,7 +103,6 @@ struct Pace {
     lines: triple_buffer::Output<Line>,
     rates: Rates,
     samples: Vec<f32>,
-    given_frames: u32,
     /// The lead L [ns].
     lead_ns: f64,
     /// Sample of the ticker at position 0 of the device.
@@ -142,7 +138,7 @@ impl Pace {
             let line = *self.lines.read();
             let now = now_ns();
             if line.callbacks > 0 && now.saturating_sub(*since.get_or_insert(now)) >= LISTEN_NS {
-                self.lead_ns = self.lead(&line);
+                self.lead_ns = lead(&line);
                 let begin = line.position(now as f64 + self.lead_ns + MARGIN_NS).ceil().max(line.end());
                 self.origin = self.rates.first_sample(ticker.next_tick()) as f64 - begin;
                 self.stream.begin.store(begin as u64, Release);
@@ -150,12 +146,6 @@ impl Pace {
             }
             sleep::until(now + 1_000_000);
         }
-    }
-
-    /// Lead that the device needs now [ns].
-    fn lead(&self, line: &Line) -> f64 {
-        let period = if self.given_frames > 0 { u64::from(self.given_frames) } else { line.period_frames };
-        period as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
     }
 
     /// Sleeps until the next tick, or runs it when it is due. False if it panicked.
@@ -191,8 +181,8 @@ impl Pace {
             self.controls.meters().caught_up_ticks.add(1);
         }
         let most = SLEW * self.rates.tick_ns();
-        self.lead_ns += (self.lead(&line) - self.lead_ns).clamp(-most, most);
-        self.controls.set_lead(self.lead_ns);
+        self.lead_ns += (lead(&line) - self.lead_ns).clamp(-most, most);
+        self.controls.lead_ns.store(self.lead_ns as u64, Relaxed);
         true
     }
 
@@ -232,13 +222,10 @@ struct Stream {
 /// passed over, are owed:
 /// as many are dropped, or skipped by the thread, before anything plays again. So latency never grows.
 pub struct PacedHalf {
-    controls: Arc<Controls>,
+    out: Output,
     stream: Arc<Stream>,
     ring: HeapCons<f32>,
     lines: triple_buffer::Input<Line>,
-    dll: Dll,
-    ramp: Ramp,
-    channels: usize,
     /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
@@ -247,38 +234,26 @@ pub struct PacedHalf {
 impl Process for PacedHalf {
     fn process(&mut self, block: &mut Block<'_>) {
         let _flushed = Flushed::new();
-        if block.channels != self.channels {
-            self.controls.fail();
-            return;
-        }
+        let Some(heard) = self.out.begin(block) else { return };
+        let (controls, channels) = (Arc::clone(&self.out.controls), self.out.channels);
         // Ticks run on another thread, but a late callback is audible too.
-        self.controls.ask_for_device::<DEVICE_STACK>();
+        if let Some(asked) = &controls.device_asked {
+            asked.once::<DEVICE_STACK>(controls.priority);
+        }
+        self.lines.write(*self.out.dll.line());
+        if heard.lost > 0 && self.began {
+            self.owe(heard.lost);
+        }
         let frames = block.frames();
-        let heard = self.dll.callback(block.now_ns, frames as u64);
-        self.lines.write(*self.dll.line());
-        self.controls.heard(block.now_ns, self.dll.line());
-        self.controls.steer(&mut self.ramp);
-        if heard.lost > 0 {
-            self.controls.meters().xruns.add(1);
-            if self.began {
-                self.ramp.broken();
-                self.owe(heard.lost);
-            }
+        let before = self.silent_before_begin(heard.position, frames as u64) as usize;
+        let over = controls.down() || controls.failed();
+        let filled = if over { 0 } else { self.take(&mut block.output[before * channels..]) / channels };
+        let missing = frames - before - filled;
+        if missing > 0 && !over {
+            controls.meters().underruns.add(1);
+            self.owe(missing as u64);
         }
-        let silent = self.silent_before_begin(heard.position, frames as u64);
-        let (before, rest) = block.output.split_at_mut(silent as usize * self.channels);
-        self.ramp.starve(before);
-        let over = self.controls.down() || self.controls.failed();
-        let got = if over { 0 } else { self.take(rest) };
-        let (played, missing) = rest.split_at_mut(got);
-        self.ramp.play(played);
-        self.ramp.starve(missing);
-        if !missing.is_empty() && !over {
-            self.controls.meters().underruns.add(1);
-            self.owe((missing.len() / self.channels) as u64);
-        }
-        self.controls.hold(block.output, self.channels);
-        self.controls.note(&self.ramp, block.output);
+        self.out.end(block.output, before, filled);
     }
 }
 
@@ -301,7 +276,7 @@ impl PacedHalf {
     }
 
     fn owe(&mut self, frames: u64) {
-        self.controls.meters().lost_samples.add(frames);
+        self.out.controls.meters().lost_samples.add(frames);
         self.owed += frames as i64;
         self.stream.owed.store(self.owed, Release);
     }
@@ -309,7 +284,7 @@ impl PacedHalf {
     /// Drops owed frames, then fills `out`; returns how many values it filled.
     fn take(&mut self, out: &mut [f32]) -> usize {
         if self.began {
-            let there = (self.ring.occupied_len() / self.channels) as i64;
+            let there = (self.ring.occupied_len() / self.out.channels) as i64;
             let owed = self.owed - self.stream.skipped.load(Acquire);
             let drop = owed.min(there).max(0);
             if drop > 0 {
@@ -317,7 +292,7 @@ impl PacedHalf {
                 // Stored before the drop: the thread reads the ring first, so it never sees more owed than
                 // there is.
                 self.stream.owed.store(self.owed, Release);
-                self.ring.skip(drop as usize * self.channels);
+                self.ring.skip(drop as usize * self.out.channels);
             }
             // Samples pushed in the meantime are owed too.
             if owed > drop {

@@ -1,12 +1,17 @@
-//! Runs one tick: finds its samples, catches its panic, records its times.
+//! Parts of all drivers: one tick, and a device's block around its samples.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
+use asperity_audio::Block;
 use asperity_node::time;
 
 use super::{Controls, Ticker};
+use crate::dll::{Dll, Heard};
 use crate::meters::Record;
 use crate::now_ns;
+use crate::ramp::Ramp;
 
 /// Late ticks up to this number run at once, since they cost microseconds. Beyond that they are skipped.
 pub(super) const RUN_BEHIND: u64 = 16;
@@ -29,7 +34,7 @@ impl Rates {
         1e9 / f64::from(self.tick_hz)
     }
 
-    pub(super) fn first_sample(&self, tick: u64) -> u64 {
+    pub(crate) fn first_sample(&self, tick: u64) -> u64 {
         time::first_sample(tick, self.rate_hz, self.tick_hz)
     }
 
@@ -70,11 +75,54 @@ pub(super) fn tick(
     if let Err(payload) = catch_unwind(AssertUnwindSafe(|| ticker.tick(time_ns, out))) {
         // Freeing it could run any code. This happens once in a run.
         std::mem::forget(payload);
-        controls.fail();
+        controls.failed.store(true, Relaxed);
         return false;
     }
     controls.meters().record(Record { tick, due_ns, woke_ns, done_ns: now_ns() });
     true
+}
+
+/// A device's side of a driver: its time, and the envelope and limits of what it plays.
+#[derive(Debug)]
+pub(super) struct Output {
+    pub(super) controls: Arc<Controls>,
+    pub(super) channels: usize,
+    pub(super) dll: Dll,
+    ramp: Ramp,
+}
+
+impl Output {
+    pub(super) fn new(controls: Arc<Controls>, rates: &Rates, start_s: f64) -> Self {
+        let ramp = Ramp::new(rates.rate_hz, rates.channels, start_s);
+        Self { controls, channels: rates.channels, dll: Dll::new(rates.rate_hz), ramp }
+    }
+
+    /// Begins a block. `None` if the device has other channels than the run, which fails then.
+    pub(super) fn begin(&mut self, block: &Block<'_>) -> Option<Heard> {
+        if block.channels != self.channels {
+            self.controls.failed.store(true, Relaxed);
+            return None;
+        }
+        let heard = self.dll.callback(block.now_ns, block.frames() as u64);
+        self.controls.heard(block.now_ns, self.dll.line());
+        if heard.lost > 0 {
+            self.controls.meters().xruns.add(1);
+            self.ramp.broken();
+        }
+        Some(heard)
+    }
+
+    /// Ends it. Frames `before` the stream are silent, `filled` ones are played, those after are missing.
+    pub(super) fn end(&mut self, output: &mut [f32], before: usize, filled: usize) {
+        self.controls.steer(&mut self.ramp);
+        let (silent, rest) = output.split_at_mut(before * self.channels);
+        let (played, missing) = rest.split_at_mut(filled * self.channels);
+        self.ramp.starve(silent);
+        self.ramp.play(played);
+        self.ramp.starve(missing);
+        self.controls.hold(output, self.channels);
+        self.controls.note(&self.ramp, output);
+    }
 }
 
 #[cfg(test)]

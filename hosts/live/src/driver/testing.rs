@@ -75,7 +75,7 @@ pub(super) fn options(tick_hz: u32) -> Options {
 /// Calls a device's side for a block, and returns the block.
 pub(super) fn call(half: &mut dyn Process, now_ns: u64, frames: usize, channels: usize) -> Vec<f32> {
     let mut output = vec![0.0; frames * channels];
-    half.process(&mut Block { output: &mut output, channels, now_ns, ahead_ns: 0 });
+    half.process(&mut Block { output: &mut output, channels, now_ns });
     output
 }
 

@@ -1,19 +1,22 @@
 //! Ticks on the system's clock, without audio: for force or network sinks, or while a device is lost.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use super::run::{self, RUN_BEHIND};
-use super::{Controls, Options, TickThread, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep};
 use crate::now_ns;
+use crate::ramp::Level;
 
 /// Longest sleep [ns]. Between sleeps the thread looks for a stop request.
 const NAP_NS: u64 = 20_000_000;
 
 /// Starts a run without audio: the output of a tick is computed and dropped. The first tick is due at once.
-/// [`TickThread::stop`] takes 20 ms and a tick at most.
+/// [`Driver::stop`] takes 20 ms and a tick at most.
 ///
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
-pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<TickThread<T>> {
-    TickThread::start(Controls::new(options, None), |controls| run(ticker, controls))
+pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<Driver<T>> {
+    Driver::thread(Clock::Timer, Controls::new(options, None), |controls| run(ticker, controls))
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
@@ -24,7 +27,7 @@ fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
         let since = u128::from(tick - first) * 1_000_000_000 / u128::from(rates.tick_hz);
         start_ns + since as u64
     };
-    controls.playing();
+    controls.level.store(Level::Full as u8, Relaxed);
     while !controls.stopping() && !controls.failed() {
         let tick = ticker.next_tick();
         let (due, now) = (due_of(tick), now_ns());

@@ -1,7 +1,6 @@
 use super::super::testing::{Counter, Reference, call, options};
-use super::super::{Callback, paced};
+use super::super::{callback, paced};
 use super::*;
-use crate::view::Condition;
 use std::time::Duration;
 
 /// Until a tick has run.
@@ -16,7 +15,7 @@ fn timer_ticks_evenly_and_returns_the_ticker() {
     let options = options(1000);
     let timer = timer(Counter::new(48_000, 1000, 1, 5), &options).expect("a thread");
     wait_for(&options, 20);
-    assert_eq!(timer.controls().condition(), Condition::Playing);
+    assert!(timer.controls().up());
     let ticker = timer.stop().expect("the ticker");
     let start = ticker.times[0].1;
     assert!(ticker.times.iter().all(|(tick, time)| time - start == (tick - 5) * 1_000_000));
@@ -40,9 +39,21 @@ fn late_timer_skips_ticks_and_counts_them() {
 }
 
 #[test]
+fn panic_under_a_timer_is_told_and_leaves_the_ticker() {
+    let mut ticker = Counter::new(48_000, 500, 1, 0);
+    ticker.panic_at = Some(10);
+    let timer = timer(ticker, &options(500)).expect("a thread");
+    while !timer.controls().failed() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(timer.controls().failed());
+    assert_eq!(timer.stop().expect("the ticker").next, 10);
+}
+
+#[test]
 fn run_moves_from_lost_device_to_timer_and_back() {
     let first = options(500);
-    let (driver, mut half) = Callback::new(Counter::new(48_000, 500, 1, 0), &first);
+    let (driver, mut half) = callback(Counter::new(48_000, 500, 1, 0), &first);
     (0..30).for_each(|i| drop(call(&mut half, 1_000_000_000 + i * 2_000_000, 96, 1)));
     // The device never calls again.
     let ticker = driver.take().expect("the ticker");
@@ -54,7 +65,7 @@ fn run_moves_from_lost_device_to_timer_and_back() {
     let ticker = timer.stop().expect("the ticker");
     assert!(ticker.next >= 40);
     let mut reference = Reference::new(48_000, 1, ticker.first_sample());
-    let (driver, mut half) = Callback::new(ticker, &options(500));
+    let (driver, mut half) = callback(ticker, &options(500));
     for i in 0..20 {
         assert_eq!(call(&mut half, 5_000_000_000 + i * 2_000_000, 97, 1), reference.play(97));
     }

@@ -77,8 +77,9 @@ pub struct MicReader {
 
 /// Queue for recorded `channels` at a rate, in a run of `tick_hz` ticks a second.
 pub fn mic(channels: usize, rate_hz: u32, tick_hz: u32) -> (MicWriter, MicReader) {
+    let channels = channels.max(1);
     let room = (f64::from(rate_hz) * ROOM_S) as usize;
-    let (to, from) = HeapRb::new(room.max(1) * channels.max(1)).split();
+    let (to, from) = HeapRb::new(room.max(1) * channels).split();
     let shared = Arc::new(Shared::default());
     let scratch = vec![0.0; max_samples(rate_hz, tick_hz) * channels];
     (
@@ -94,14 +95,12 @@ impl MicWriter {
     }
 
     /// Looks for the level to wait for.
-    fn look(&self, block: &Captured<'_>, wide: usize) {
+    fn look(&self, block: &Captured<'_>) {
         let wanted = f32::from_bits(self.shared.wanted.load(Acquire));
-        if wanted == 0.0 {
-            return;
-        }
-        let at =
-            block.input.chunks_exact(wide).position(|frame| frame.first().is_some_and(|x| x.abs() > wanted));
-        if let Some(at) = at {
+        let mut first = block.input.iter().step_by(self.channels);
+        if wanted > 0.0
+            && let Some(at) = first.position(|x| x.abs() > wanted)
+        {
             self.shared.wanted.store(0, Relaxed);
             let ns = at as u64 * 1_000_000_000 / u64::from(self.rate_hz.max(1));
             self.shared.heard_ns.store(block.now_ns + ns, Release);
@@ -111,21 +110,18 @@ impl MicWriter {
 
 impl Capture for MicWriter {
     fn capture(&mut self, block: &Captured<'_>) {
-        let wide = block.channels.max(1);
-        self.look(block, wide);
-        let frames = block.input.len() / wide;
+        if block.channels != self.channels {
+            return;
+        }
+        self.look(block);
+        let frames = block.input.len() / self.channels;
         self.longest.see(frames as f64, block.now_ns as f64);
         // A tick must not wait for more than the room.
-        let half = self.to.capacity().get() / self.channels.max(1) / 2;
+        let half = self.to.capacity().get() / self.channels / 2;
         self.shared.block.store((self.longest.get() as usize).min(half), Relaxed);
-        let room = self.to.vacant_len() / self.channels.max(1);
-        let taken = frames.min(room);
+        let taken = frames.min(self.to.vacant_len() / self.channels);
         self.shared.lost.fetch_add((frames - taken) as u64, Relaxed);
-        for frame in block.input.chunks_exact(wide).take(taken) {
-            // Whole frames, so that channels are not mixed up.
-            let samples = (0..self.channels).map(|c| frame.get(c).copied().unwrap_or(0.0));
-            self.to.push_iter(samples);
-        }
+        self.to.push_slice(&block.input[..taken * self.channels]);
     }
 }
 
@@ -133,7 +129,7 @@ impl MicReader {
     /// Takes the frames of the next tick. False if they are missing: then it waits for a block and a tick
     /// of frames.
     pub(super) fn advance(&mut self, frames: usize) -> bool {
-        let wide = self.channels.max(1);
+        let wide = self.channels;
         let wanted = (frames * wide).min(self.scratch.len());
         let there = self.from.occupied_len() / wide;
         let behind = self.shared.block.load(Relaxed);
@@ -165,7 +161,7 @@ impl MicReader {
 
     /// A channel's samples of this tick.
     pub(super) fn read(&self, channel: usize, samples: &mut [f32]) {
-        let frames = self.scratch.chunks_exact(self.channels.max(1));
+        let frames = self.scratch.chunks_exact(self.channels);
         for (y, frame) in samples.iter_mut().zip(frames) {
             *y = frame.get(channel).copied().unwrap_or(0.0);
         }
@@ -173,7 +169,7 @@ impl MicReader {
 
     /// Skips frames without a tick.
     pub(super) fn skip(&mut self, frames: usize) {
-        self.from.skip(frames * self.channels.max(1));
+        self.from.skip(frames * self.channels);
     }
 }
 
@@ -183,7 +179,7 @@ mod tests {
 
     fn record(to: &mut MicWriter, from: usize, frames: usize) {
         let input: Vec<f32> = (from..from + frames).flat_map(|n| [n as f32, -(n as f32)]).collect();
-        to.capture(&Captured { input: &input, channels: 2, now_ns: 0, behind_ns: 0 });
+        to.capture(&Captured { input: &input, channels: 2, now_ns: 0 });
     }
 
     fn first(from: &MicReader) -> (usize, f32) {
@@ -251,7 +247,7 @@ mod tests {
         // Ten seconds of ticks, with blocks as long as one.
         for tick in 1..5_000_u64 {
             let input = [tick as f32; 2 * 96];
-            to.capture(&Captured { input: &input, channels: 2, now_ns: tick * 2_000_000, behind_ns: 0 });
+            to.capture(&Captured { input: &input, channels: 2, now_ns: tick * 2_000_000 });
             flowing = reader.advance(96);
             assert!(flowing || tick > 1, "the room is not too small for what is waited for");
         }

@@ -9,7 +9,7 @@ pub use mic::{Listener, MicReader, MicWriter, mic};
 pub(crate) use node_meters::NodeMeters;
 pub use tape::TapeReader;
 pub(crate) use tape::{TapeWriter, tape};
-pub(crate) use wiring::{ForceSlot, HandSlot, Scope, SourceMeter, Wiring};
+pub(crate) use wiring::{Hand, Scope, Wiring};
 
 use std::sync::Arc;
 
@@ -69,9 +69,7 @@ pub struct Player {
     retired: HeapProd<Box<Wiring>>,
     /// Replaced, and not yet returned to the control thread.
     over: Option<Box<Wiring>>,
-    tick_hz: u32,
-    rate_hz: u32,
-    channels: usize,
+    rates: Rates,
 }
 
 impl Player {
@@ -84,9 +82,10 @@ impl Player {
         retired: HeapProd<Box<Wiring>>,
     ) -> Self {
         let schedule = engine.schedule();
-        let (tick_hz, rate_hz) = (schedule.tick_hz, schedule.audio_hz);
-        let channels = wiring.outs.len();
-        Self { engine, wiring, mic, coils, wirings, retired, over: None, tick_hz, rate_hz, channels }
+        // A graph that only records has a device all the same, which plays silence.
+        let channels = wiring.outs.len().max(1);
+        let rates = Rates { tick_hz: schedule.tick_hz.max(1), rate_hz: schedule.audio_hz, channels };
+        Self { engine, wiring, mic, coils, wirings, retired, over: None, rates }
     }
 
     /// The engine, for reports after the run.
@@ -102,17 +101,15 @@ impl Player {
     /// Feeds the positions of hands at a time, and recorded samples.
     fn feed(&mut self, time_ns: u64) {
         let engine = &mut self.engine;
-        for hand in &mut self.wiring.hands {
-            let Some(timeline) = &mut hand.timeline else { continue };
-            let reading = timeline.at(time_ns);
+        for (node, hand) in &self.wiring.hands {
+            let Some(reading) = hand.read(time_ns) else { continue };
             let fresh = !reading.stalled;
-            engine.feed_control(hand.node, place::POSITION, &reading.position, fresh);
-            engine.feed_control(hand.node, place::FORCE, &[reading.force], fresh);
-            engine.feed_control(hand.node, place::STROKE, &[f64::from(reading.stroke)], fresh);
-            hand.meter.take(&reading, timeline);
+            engine.feed_control(*node, place::POSITION, &reading.position, fresh);
+            engine.feed_control(*node, place::FORCE, &[reading.force], fresh);
+            engine.feed_control(*node, place::STROKE, &[f64::from(reading.stroke)], fresh);
         }
         if let Some(mic) = &mut self.mic {
-            let span = time::samples(engine.next_tick(), self.rate_hz, self.tick_hz);
+            let span = time::samples(engine.next_tick(), self.rates.rate_hz, self.rates.tick_hz);
             let fresh = mic.advance((span.end - span.start) as usize);
             for &(node, channel) in &self.wiring.mics {
                 engine.feed_audio(node, 0, fresh, |samples| mic.read(channel, samples));
@@ -123,9 +120,9 @@ impl Player {
     /// Sets the limiters' coil heat to that of the device's coils.
     fn warm(&mut self) {
         if self.wired() {
-            for (channel, limiter) in self.wiring.limiters.iter().enumerate() {
+            for (limiter, heat) in self.wiring.limiters.iter().zip(self.coils.heat()) {
                 if let Some(node) = *limiter {
-                    self.engine.warm(node, self.coils.heat(channel));
+                    self.engine.warm(node, heat);
                 }
             }
         }
@@ -134,8 +131,7 @@ impl Player {
     /// Takes over the wiring of a graph that the engine has just taken over.
     fn rewire(&mut self) {
         while self.over.is_none() && self.wiring.swap < self.engine.swaps() {
-            let Some(mut next) = self.wirings.try_pop() else { break };
-            next.take_from(&mut self.wiring);
+            let Some(next) = self.wirings.try_pop() else { break };
             self.over = Some(std::mem::replace(&mut self.wiring, next));
             self.give_back();
         }
@@ -154,10 +150,7 @@ impl Player {
 
     /// Samples for the device of this tick.
     fn samples(&self, out: &mut [f32]) {
-        let channels = self.channels;
-        if channels == 0 {
-            return;
-        }
+        let channels = self.rates.channels;
         for (channel, &node) in self.wiring.outs.iter().enumerate().take(channels) {
             let Some(Buffer::Audio { samples, len, .. }) = self.engine.output(node, 0) else { continue };
             for (frame, x) in out.chunks_exact_mut(channels).zip(&samples[..*len]) {
@@ -171,10 +164,8 @@ impl Player {
         if !self.wired() {
             // The indices are those of another graph. Only a signal behind a limiter may reach a device,
             // and only its own plane a stylus.
-            for slot in &mut self.wiring.forces {
-                if let Some(writer) = &mut slot.writer {
-                    writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
-                }
+            for mut writer in self.wiring.forces.iter().filter_map(|(.., writer)| writer.try_lock()) {
+                writer.write(ForceModel { time_ns: now_ns(), ..ForceModel::default() });
             }
             return;
         }
@@ -191,9 +182,9 @@ impl Player {
     /// Sends force models to devices.
     fn push_back(&mut self) {
         let engine = &self.engine;
-        for slot in &mut self.wiring.forces {
-            let Some(writer) = &mut slot.writer else { continue };
-            let control = |input| match engine.input(slot.node, input) {
+        for (node, max_force_n, writer) in &self.wiring.forces {
+            let Some(mut writer) = writer.try_lock() else { continue };
+            let control = |input| match engine.input(*node, input) {
                 Some(Buffer::Control { values, valid, .. }) => (&values[..], *valid),
                 _ => (&[][..], false),
             };
@@ -207,7 +198,7 @@ impl Player {
                 damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
                 // An invalid force beside the wall leaves the wall valid.
                 beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
-                max_force_n: slot.max_force_n,
+                max_force_n: *max_force_n,
                 valid: plane.1 && normal.1 && stiffness.1 && damping.1,
                 time_ns: now_ns(),
             });
@@ -217,8 +208,7 @@ impl Player {
 
 impl Ticker for Player {
     fn rates(&self) -> Rates {
-        // A graph that only records has a device all the same, which plays silence.
-        Rates { tick_hz: self.tick_hz.max(1), rate_hz: self.rate_hz, channels: self.channels.max(1) }
+        self.rates
     }
 
     fn next_tick(&self) -> u64 {
@@ -245,7 +235,7 @@ impl Ticker for Player {
     fn skip(&mut self, n: u64) {
         if let Some(mic) = &mut self.mic {
             let next = self.engine.next_tick();
-            let first = |tick| time::first_sample(tick, self.rate_hz, self.tick_hz);
+            let first = |tick| self.rates.first_sample(tick);
             mic.skip((first(next + n) - first(next)) as usize);
         }
         self.engine.skip(n);

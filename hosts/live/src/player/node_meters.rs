@@ -1,10 +1,12 @@
 //! Figures of every node while it runs: written by the tick thread, read by others, without locks.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use asperity_engine::Engine;
-use asperity_graph::{Schedule, ScheduledNode};
-use asperity_node::{Buffer, Fault};
+use asperity_graph::{Schedule, ScheduledNode, ScheduledOutput};
+use asperity_node::{Buffer, Fault, Shape};
+use parking_lot::Mutex;
 
 use crate::meters::add;
 use crate::view::NodeView;
@@ -12,10 +14,10 @@ use crate::view::NodeView;
 /// Averaging time of an audio level in ticks (first-order mean).
 const LEVEL_TICKS: f32 = 25.0;
 
-/// Every node of a graph, in the order they run.
+/// Every node of a graph, in the order they run. A node that goes on in another graph keeps its meter.
 #[derive(Debug)]
 pub(crate) struct NodeMeters {
-    nodes: Vec<Meter>,
+    nodes: Vec<Arc<Meter>>,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
     /// The call in progress, as [`enter`](Self::enter) encodes it; 0 for none.
@@ -30,33 +32,28 @@ struct Meter {
     calls: AtomicU64,
     slept: AtomicU64,
     faults: AtomicU64,
-    fault: AtomicU64,
+    /// Both sides take it by `try_lock` alone.
+    fault: Mutex<Option<Fault>>,
     quarantined: AtomicBool,
-    /// Timed calls and their time. A node that continues in another graph starts there from 0.
+    /// Timed calls and their time: so far, and at the last look.
     timed: AtomicU64,
     spent_ns: AtomicU64,
+    looked: [AtomicU64; 2],
     longest_ns: AtomicU64,
     /// For every output, the bits of an f32; a mean square for audio.
     values: Vec<AtomicU32>,
 }
 
 impl NodeMeters {
-    /// Meters of a graph. A node that the graph before had continues its figures.
+    /// Meters of a graph, after those of the graph before.
     pub(crate) fn new(schedule: &Schedule, before: Option<(&Schedule, &Self)>) -> Self {
-        let seen = |node: &ScheduledNode| {
-            let (schedule, meters) = before?;
-            let at = schedule.nodes.iter().position(|n| n.id == node.id && n.kind == node.kind)?;
-            meters.nodes.get(at)
-        };
         let meter = |node: &ScheduledNode| {
-            let new = Meter {
-                values: node.outputs.iter().map(|_| AtomicU32::new(0)).collect(),
-                ..Meter::default()
-            };
-            if let Some(old) = seen(node) {
-                new.go_on(old);
-            }
-            new
+            let old = before.and_then(|(schedule, meters)| {
+                let at = schedule.nodes.iter().position(|n| n.id == node.id && n.kind == node.kind)?;
+                meters.nodes.get(at).filter(|old| old.values.len() == node.outputs.len())
+            });
+            let values = || node.outputs.iter().map(|_| AtomicU32::new(0)).collect();
+            old.cloned().unwrap_or_else(|| Arc::new(Meter { values: values(), ..Meter::default() }))
         };
         Self {
             nodes: schedule.nodes.iter().map(meter).collect(),
@@ -101,9 +98,11 @@ impl NodeMeters {
             }
             meter.calls.store(report.calls, Relaxed);
             meter.slept.store(report.slept, Relaxed);
-            if report.faults != meter.faults.load(Relaxed) {
+            if report.faults != meter.faults.load(Relaxed)
+                && let Some(mut fault) = meter.fault.try_lock()
+            {
                 meter.faults.store(report.faults, Relaxed);
-                meter.fault.store(report.last_fault.map_or(0, code), Relaxed);
+                *fault = report.last_fault;
             }
             meter.quarantined.store(report.quarantined, Relaxed);
             for (output, value) in meter.values.iter().enumerate() {
@@ -115,47 +114,34 @@ impl NodeMeters {
         }
     }
 
-    /// Figures now. `before`: timed calls and time of each node at the last look.
-    pub(crate) fn view(&self, schedule: &Schedule, before: &mut Vec<(u64, u64)>) -> Vec<NodeView> {
-        before.resize(self.nodes.len(), (0, 0));
-        let of = |((meter, node), was): ((&Meter, _), &mut (u64, u64))| {
-            let (timed, spent) = (meter.timed.load(Relaxed), meter.spent_ns.load(Relaxed));
-            let fresh = timed.saturating_sub(was.0);
-            let us = if fresh == 0 { 0.0 } else { spent.saturating_sub(was.1) as f64 * 1e-3 / fresh as f64 };
-            *was = (timed, spent);
-            let node: &ScheduledNode = node;
-            let value = |(value, output): (&AtomicU32, &asperity_graph::ScheduledOutput)| {
+    /// Figures now.
+    pub(crate) fn view(&self, schedule: &Schedule) -> Vec<NodeView> {
+        let of = |(meter, node): (&Arc<Meter>, &ScheduledNode)| {
+            let [calls, spent] = [&meter.timed, &meter.spent_ns].map(|now| now.load(Relaxed));
+            let [called, used] = [&meter.looked[0], &meter.looked[1]].map(|then| then.load(Relaxed));
+            meter.looked[0].store(calls, Relaxed);
+            meter.looked[1].store(spent, Relaxed);
+            let value = |(value, output): (&AtomicU32, &ScheduledOutput)| {
                 let x = f32::from_bits(value.load(Relaxed));
-                if matches!(output.port.shape, asperity_node::Shape::Audio { .. }) { x.sqrt() } else { x }
+                if matches!(output.port.shape, Shape::Audio { .. }) { x.sqrt() } else { x }
             };
             NodeView {
-                us,
+                us: spent.saturating_sub(used) as f64 * 1e-3 / calls.saturating_sub(called).max(1) as f64,
                 max_us: meter.longest_ns.load(Relaxed) as f64 * 1e-3,
                 calls: meter.calls.load(Relaxed),
                 slept: meter.slept.load(Relaxed),
                 faults: meter.faults.load(Relaxed),
-                last_fault: fault_text(meter.fault.load(Relaxed)),
+                last_fault: meter
+                    .fault
+                    .try_lock()
+                    .and_then(|f| *f)
+                    .map(|f| f.to_string())
+                    .unwrap_or_default(),
                 quarantined: meter.quarantined.load(Relaxed),
                 values: meter.values.iter().zip(&node.outputs).map(value).collect(),
             }
         };
-        self.nodes.iter().zip(&schedule.nodes).zip(before).map(of).collect()
-    }
-}
-
-impl Meter {
-    /// Continues the figures of the node in the graph before.
-    fn go_on(&self, old: &Self) {
-        for (new, old) in [
-            (&self.calls, &old.calls),
-            (&self.slept, &old.slept),
-            (&self.faults, &old.faults),
-            (&self.fault, &old.fault),
-            (&self.longest_ns, &old.longest_ns),
-        ] {
-            new.store(old.load(Relaxed), Relaxed);
-        }
-        self.quarantined.store(old.quarantined.load(Relaxed), Relaxed);
+        self.nodes.iter().zip(&schedule.nodes).map(of).collect()
     }
 }
 
@@ -174,48 +160,9 @@ fn level(buffer: &Buffer, before: f32) -> f32 {
     }
 }
 
-/// A fault as a number; 0 for none.
-fn code(fault: Fault) -> u64 {
-    match fault {
-        Fault::Panicked => 1,
-        Fault::NotFinite => 2,
-        Fault::Overrun => 3,
-        Fault::Stuck => 4,
-        Fault::Failed(n) => 5 + u64::from(n),
-    }
-}
-
-/// A fault in words; none for 0.
-fn fault_text(code: u64) -> String {
-    let fault = match code {
-        0 => return String::new(),
-        1 => Fault::Panicked,
-        2 => Fault::NotFinite,
-        3 => Fault::Overrun,
-        4 => Fault::Stuck,
-        n => Fault::Failed((n - 5) as u32),
-    };
-    fault.to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn fault_code_reads_back_as_its_text() {
-        assert_eq!(fault_text(0), "");
-        for fault in [
-            Fault::Panicked,
-            Fault::NotFinite,
-            Fault::Overrun,
-            Fault::Stuck,
-            Fault::Failed(0),
-            Fault::Failed(u32::MAX),
-        ] {
-            assert_eq!(fault_text(code(fault)), fault.to_string());
-        }
-    }
 
     #[test]
     fn level_of_a_tone_is_its_rms_and_decays_in_silence() {

@@ -13,8 +13,6 @@ opaque_debug!(TapeReader);
 
 /// Room for values that nobody reads [s].
 const ROOM_S: f64 = 4.0;
-/// Words before the values of a tick: their count, and their start, low half first.
-const HEAD: usize = 3;
 
 /// Side of the tick thread.
 pub(crate) struct TapeWriter {
@@ -22,13 +20,16 @@ pub(crate) struct TapeWriter {
     /// A probe records its input, another sink its output.
     input: bool,
     shape: Shape,
-    to: HeapProd<u32>,
+    values: HeapProd<f32>,
+    /// Start and number of the values of each tick.
+    heads: HeapProd<(u64, usize)>,
     lost: Arc<AtomicU64>,
 }
 
 /// Side of the reader.
 pub struct TapeReader {
-    from: HeapCons<u32>,
+    values: HeapCons<f32>,
+    heads: HeapCons<(u64, usize)>,
     lost: Arc<AtomicU64>,
 }
 
@@ -42,10 +43,15 @@ pub(crate) fn tape(at: usize, node: &ScheduledNode, tick_hz: u32) -> Option<(Tap
         Shape::Magnitude(l) => l.bins as usize,
         Shape::Spectrum(l) => 2 * l.bins as usize,
     };
-    let ticks = (f64::from(tick_hz) * ROOM_S) as usize;
-    let (to, from) = HeapRb::new((values + HEAD) * ticks).split();
+    Some(of_size(at, input, shape, values, (f64::from(tick_hz) * ROOM_S) as usize))
+}
+
+fn of_size(node: usize, input: bool, shape: Shape, each: usize, ticks: usize) -> (TapeWriter, TapeReader) {
+    let (values, values_in) = HeapRb::new(each * ticks).split();
+    let (heads, heads_in) = HeapRb::new(ticks).split();
     let lost = Arc::new(AtomicU64::new(0));
-    Some((TapeWriter { node: at, input, shape, to, lost: lost.clone() }, TapeReader { from, lost }))
+    let reader = TapeReader { values: values_in, heads: heads_in, lost: lost.clone() };
+    (TapeWriter { node, input, shape, values, heads, lost }, reader)
 }
 
 impl TapeWriter {
@@ -54,74 +60,47 @@ impl TapeWriter {
         let buffer = if self.input { engine.input(self.node, 0) } else { engine.output(self.node, 0) };
         let tick = engine.next_tick().saturating_sub(1);
         match (buffer, self.shape) {
-            (Some(Buffer::Control { values, .. }), _) => self.push(tick, values.iter().map(|x| *x as f32)),
+            (Some(Buffer::Control { values, .. }), _) => {
+                self.push(tick, values.len(), values.iter().map(|x| *x as f32));
+            }
             (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
                 let start = time::first_sample(tick, rate_hz, engine.schedule().tick_hz);
-                self.push(start, samples[..*len].iter().copied());
+                self.push(start, *len, samples[..*len].iter().copied());
             }
             (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), _) => {
-                self.push(*start, bins.iter().copied());
+                self.push(*start, bins.len(), bins.iter().copied());
             }
             (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), _) => {
-                self.push(*start, Pairs(bins.iter(), None));
+                self.push(*start, 2 * bins.len(), bins.iter().flat_map(|z| [z.re, z.im]));
             }
             _ => {}
         }
     }
 
     /// Records a tick whole, or counts it as lost.
-    fn push(&mut self, start: u64, values: impl ExactSizeIterator<Item = f32>) {
-        let count = values.len();
-        if self.to.vacant_len() < count + HEAD {
+    fn push(&mut self, start: u64, count: usize, values: impl Iterator<Item = f32>) {
+        if self.values.vacant_len() < count || self.heads.is_full() {
             self.lost.fetch_add(1, Relaxed);
             return;
         }
-        let head = [count as u32, start as u32, (start >> 32) as u32];
-        self.to.push_iter(head.into_iter().chain(values.map(f32::to_bits)));
+        self.values.push_iter(values);
+        let _ = self.heads.try_push((start, count));
     }
 }
-
-/// Real and imaginary parts, one after the other.
-struct Pairs<'a>(std::slice::Iter<'a, asperity_node::Complex<f32>>, Option<f32>);
-
-impl Iterator for Pairs<'_> {
-    type Item = f32;
-
-    fn next(&mut self) -> Option<f32> {
-        self.1.take().or_else(|| {
-            let z = self.0.next()?;
-            self.1 = Some(z.im);
-            Some(z.re)
-        })
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let n = 2 * self.0.len() + usize::from(self.1.is_some());
-        (n, Some(n))
-    }
-}
-
-impl ExactSizeIterator for Pairs<'_> {}
 
 impl TapeReader {
     /// Takes the values of the next recorded tick, and returns their start: a tick for controls, a sample
     /// at the signal's rate for audio and frames.
     pub fn next(&mut self, values: &mut Vec<f32>) -> Option<u64> {
         values.clear();
-        // The values may come a moment after their head.
-        let count = *self.from.iter().next()? as usize;
-        if self.from.occupied_len() < count + HEAD {
-            return None;
-        }
-        let mut head = [0; HEAD];
-        self.from.pop_slice(&mut head);
-        values.extend(self.from.pop_iter().take(count).map(f32::from_bits));
-        Some(u64::from(head[1]) | u64::from(head[2]) << 32)
+        let (start, count) = self.heads.try_pop()?;
+        values.extend(self.values.pop_iter().take(count));
+        Some(start)
     }
 
     /// Whether nothing more can come.
     pub(crate) fn ended(&self) -> bool {
-        !self.from.write_is_held() && self.from.is_empty()
+        !self.heads.write_is_held() && self.heads.is_empty()
     }
 
     /// Ticks lost for want of room.
@@ -134,20 +113,13 @@ impl TapeReader {
 mod tests {
     use super::*;
 
-    fn blank(words: usize) -> (TapeWriter, TapeReader) {
-        let (to, from) = HeapRb::new(words).split();
-        let (lost, shape) = (Arc::new(AtomicU64::new(0)), Shape::Control { count: 3 });
-        let writer = TapeWriter { node: 0, input: true, shape, to, lost: lost.clone() };
-        (writer, TapeReader { from, lost })
-    }
-
     #[test]
     fn tape_holds_a_tick_whole_or_counts_it_lost() {
-        let (mut to, mut from) = blank(20);
+        let (mut to, mut from) = of_size(0, true, Shape::Control { count: 3 }, 3, 3);
         let mut values = Vec::new();
-        // A start beyond 32 bits; and so often that it goes round.
-        for start in (1 << 40)..(1 << 40) + 30 {
-            (0..4).for_each(|i| to.push(start + i, [start as f32, i as f32, -0.5].into_iter()));
+        // So often that it goes round.
+        for start in 0..30 {
+            (0..4).for_each(|i| to.push(start + i, 3, [start as f32, i as f32, -0.5].into_iter()));
             for i in 0..3 {
                 assert_eq!(from.next(&mut values), Some(start + i));
                 assert_eq!(values, [start as f32, i as f32, -0.5]);
@@ -155,19 +127,11 @@ mod tests {
             assert_eq!(from.next(&mut values), None);
         }
         assert_eq!(from.lost(), 30);
-    }
-
-    #[test]
-    fn tape_without_writer_ends_when_read() {
-        let (mut to, mut from) = blank(20);
-        let bins = [asperity_node::Complex::new(1.0, 2.0), asperity_node::Complex::new(3.0, 4.0)];
-        to.push(7, Pairs(bins.iter(), None));
-        assert!(!from.ended());
+        // Without a writer it ends when it is read.
+        to.push(7, 3, [1.0, 2.0, 3.0].into_iter());
         drop(to);
         assert!(!from.ended());
-        let mut values = Vec::new();
         assert_eq!(from.next(&mut values), Some(7));
-        assert_eq!(values, [1.0, 2.0, 3.0, 4.0]);
         assert!(from.ended());
     }
 }

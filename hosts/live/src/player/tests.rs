@@ -88,7 +88,7 @@ fn wiring(
         outs: Vec::new(),
         hands: Vec::new(),
         mics: Vec::new(),
-        forces: vec![ForceSlot { node: at("wall"), max_force_n: 3.0, writer: Some(writer), from: None }],
+        forces: vec![(at("wall"), 3.0, Arc::new(parking_lot::Mutex::new(writer)))],
         scopes: vec![Scope { node: at("it"), output: 1, to }],
         tapes: Vec::new(),
         meters: std::sync::Arc::new(NodeMeters::new(&compiled.schedule, None)),

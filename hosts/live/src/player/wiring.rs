@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use asperity_engine::Engine;
 use asperity_node::Buffer;
+use parking_lot::Mutex;
 use ringbuf::HeapProd;
 use ringbuf::traits::Producer;
 
@@ -13,7 +14,7 @@ use crate::ForceWriter;
 use crate::timeline::{Reading, Timeline};
 
 /// Connections of one graph. Made beforehand; taken over in the tick in which the engine takes over that
-/// graph.
+/// graph. Only the tick thread takes its locks, by `try_lock`.
 pub(crate) struct Wiring {
     /// [`Engine::swaps`] from which it applies.
     pub(crate) swap: u64,
@@ -21,10 +22,12 @@ pub(crate) struct Wiring {
     pub(crate) outs: Vec<usize>,
     /// The limiter before each of them.
     pub(crate) limiters: Vec<Option<usize>>,
-    pub(crate) hands: Vec<HandSlot>,
+    /// Nodes with the position of a hand.
+    pub(crate) hands: Vec<(usize, Arc<Hand>)>,
     /// `audio_in` nodes, each with its recorded channel.
     pub(crate) mics: Vec<(usize, usize)>,
-    pub(crate) forces: Vec<ForceSlot>,
+    /// Sinks whose force a device renders, with their largest force.
+    pub(crate) forces: Vec<(usize, f64, Arc<Mutex<ForceWriter>>)>,
     pub(crate) scopes: Vec<Scope>,
     pub(crate) tapes: Vec<TapeWriter>,
     pub(crate) meters: Arc<NodeMeters>,
@@ -32,22 +35,16 @@ pub(crate) struct Wiring {
     pub(crate) spent: Vec<u64>,
 }
 
-/// A node with the position of a hand.
-pub(crate) struct HandSlot {
-    pub(crate) node: usize,
-    /// `None` in a new wiring whose node continues that of the slot `from`.
-    pub(crate) timeline: Option<Timeline>,
-    /// Slot of the wiring before that it continues.
-    pub(crate) from: Option<usize>,
-    pub(crate) meter: Arc<SourceMeter>,
-}
-
-/// A sink whose force a device renders.
-pub(crate) struct ForceSlot {
-    pub(crate) node: usize,
-    pub(crate) max_force_n: f64,
-    pub(crate) writer: Option<ForceWriter>,
-    pub(crate) from: Option<usize>,
+/// The hand behind a node, and its figures for other threads. It goes on through swaps.
+#[derive(Debug, Default)]
+pub(crate) struct Hand {
+    /// `None` for a node without a device.
+    pub(crate) timeline: Option<Mutex<Timeline>>,
+    pub(crate) samples: AtomicU64,
+    pub(crate) stalls: AtomicU64,
+    pub(crate) age_ns: AtomicU64,
+    pub(crate) delay_ns: AtomicU64,
+    pub(crate) stalled: AtomicBool,
 }
 
 /// A signal on a scope. Samples without room are dropped.
@@ -58,29 +55,18 @@ pub(crate) struct Scope {
     pub(crate) to: HeapProd<f32>,
 }
 
-/// Figures of a source.
-#[derive(Debug, Default)]
-pub(crate) struct SourceMeter {
-    pub(crate) samples: AtomicU64,
-    pub(crate) stalls: AtomicU64,
-    pub(crate) age_ns: AtomicU64,
-    pub(crate) delay_ns: AtomicU64,
-    pub(crate) stalled: AtomicBool,
-}
-
-impl Wiring {
-    /// Takes over continued slots from the wiring before. Tick thread: nothing is dropped here.
-    pub(super) fn take_from(&mut self, before: &mut Self) {
-        for hand in &mut self.hands {
-            if let Some(old) = hand.from.and_then(|i| before.hands.get_mut(i)) {
-                std::mem::swap(&mut hand.timeline, &mut old.timeline);
-            }
-        }
-        for force in &mut self.forces {
-            if let Some(old) = force.from.and_then(|i| before.forces.get_mut(i)) {
-                std::mem::swap(&mut force.writer, &mut old.writer);
-            }
-        }
+impl Hand {
+    /// Where the hand is at a time. Tick thread.
+    pub(super) fn read(&self, time_ns: u64) -> Option<Reading> {
+        let mut timeline = self.timeline.as_ref()?.try_lock()?;
+        let reading = timeline.at(time_ns);
+        let seen = timeline.seen();
+        self.samples.store(seen.samples, Relaxed);
+        self.stalls.store(seen.stalls, Relaxed);
+        self.age_ns.store(reading.age_ns, Relaxed);
+        self.delay_ns.store(seen.delay_ns, Relaxed);
+        self.stalled.store(reading.stalled, Relaxed);
+        Some(reading)
     }
 }
 
@@ -98,17 +84,5 @@ impl Scope {
             }
             _ => {}
         }
-    }
-}
-
-impl SourceMeter {
-    /// Takes down a tick. Tick thread.
-    pub(super) fn take(&self, reading: &Reading, timeline: &Timeline) {
-        let seen = timeline.seen();
-        self.samples.store(seen.samples, Relaxed);
-        self.stalls.store(seen.stalls, Relaxed);
-        self.age_ns.store(reading.age_ns, Relaxed);
-        self.delay_ns.store(seen.delay_ns, Relaxed);
-        self.stalled.store(reading.stalled, Relaxed);
     }
 }

@@ -1,10 +1,11 @@
 //! Keeps the heat of a device's coils between runs.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use asperity_node::Diagnostic;
 
-use crate::output_limits::{OutputLimits, Seen, SharedLimits, Standing};
+use crate::output_limits::{LimitsControl, OutputLimits, Seen, SharedLimits, Standing};
 
 /// Time between two notes of the coils' heat.
 const EVERY: Duration = Duration::from_secs(1);
@@ -51,65 +52,63 @@ pub trait CoilMonitor: Send + std::fmt::Debug {
 }
 
 /// The coil monitor during a run.
-#[derive(Debug)]
 pub(super) struct Custody {
-    coil_monitor: Option<Box<dyn CoilMonitor>>,
+    /// Set once the device is open.
+    monitor: Option<Box<dyn CoilMonitor>>,
     limits: SharedLimits,
-    opened: bool,
+    seen: Arc<Seen>,
     noted: Instant,
 }
 
 impl Custody {
-    pub(super) fn new(coil_monitor: Option<Box<dyn CoilMonitor>>, limits: SharedLimits) -> Self {
-        Self { coil_monitor, limits, opened: false, noted: Instant::now() }
+    pub(super) fn new(limits: &LimitsControl) -> Self {
+        let (limits, seen) = (limits.shared.clone(), limits.seen.clone());
+        Self { monitor: None, limits, seen, noted: Instant::now() }
     }
 
     /// The device is open and does not play yet. Returns notices for a person.
-    pub(super) fn open(&mut self, device: &Opened) -> Result<Vec<String>, Diagnostic> {
-        let Some(coil_monitor) = &mut self.coil_monitor else { return Ok(Vec::new()) };
-        let start = coil_monitor.opened(device)?;
-        let refused = || Diagnostic::new("the guards of the channels are in use").in_file(&device.name);
-        match self.limits.0.enter().as_deref_mut() {
-            Some(Some(limits)) => limits.begin(&start.heat, start.share.unwrap_or(1.0), start.machine),
-            _ => return Err(refused()),
-        }
-        self.opened = true;
+    pub(super) fn open(
+        &mut self,
+        mut monitor: Box<dyn CoilMonitor>,
+        mut device: Opened,
+    ) -> Result<Vec<String>, Diagnostic> {
+        let in_use = || Diagnostic::new("the guards of the channels are in use");
+        let mut limits = self.limits.try_lock().ok_or_else(in_use)?;
+        device.coils = limits.limits.standing();
+        let start = monitor.opened(&device)?;
+        limits.begin(&start.heat, start.share.unwrap_or(1.0), start.machine);
+        self.monitor = Some(monitor);
         Ok(start.notices)
     }
 
     /// A device is back after this time without playing.
     pub(super) fn back(&mut self, away: Duration) {
-        if let Some(Some(limits)) = self.limits.0.enter().as_deref_mut() {
+        if let Some(mut limits) = self.limits.try_lock() {
             limits.rest(away.as_secs_f64());
         }
     }
 
     /// Notes the heat of the coils when it is time.
-    pub(super) fn poll(&mut self, seen: &Seen) {
+    pub(super) fn poll(&mut self) {
         if self.noted.elapsed() >= EVERY {
-            self.note(seen);
+            self.note();
         }
     }
 
-    pub(super) fn note(&mut self, seen: &Seen) {
+    pub(super) fn note(&mut self) {
         self.noted = Instant::now();
-        if let (Some(coil_monitor), true) = (&mut self.coil_monitor, self.opened) {
-            coil_monitor.note(&seen.heat_of_all());
+        if let Some(monitor) = &mut self.monitor {
+            monitor.note(&self.seen.heat().collect::<Vec<_>>());
         }
     }
 }
 
 impl Drop for Custody {
     fn drop(&mut self) {
-        // A panic is not an orderly end.
-        if let (Some(coil_monitor), true, false) =
-            (&mut self.coil_monitor, self.opened, std::thread::panicking())
-        {
-            // Nothing plays any more: a dropped session stops its driver first.
-            if let Some(Some(limits)) = self.limits.0.enter().as_deref() {
-                coil_monitor.note(&limits.heat());
-                coil_monitor.ended();
-            }
+        // A panic is not an orderly end. Nothing plays any more: a dropped session stops its driver first.
+        if !std::thread::panicking() {
+            self.note();
+            self.monitor.iter_mut().for_each(|monitor| monitor.ended());
         }
     }
 }

@@ -2,29 +2,25 @@
 
 mod card;
 mod custody;
-mod running;
 mod switch;
-mod xruns;
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use asperity_audio::{OpenError, Request, Stats};
+use asperity_audio::{OpenError, Request};
 use asperity_node::{Diagnostic, Fact};
 
-use crate::driver::{Callback, Clock, Options, choose, paced, timer};
+use crate::driver::{Clock, Controls, Driver, Options, callback, choose, paced, timer};
 use crate::latency::of_graph;
 use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grant, Grants, Machine, PRIORITY};
 use crate::view::{Condition, View};
-use crate::{GraphController, Listener, Player, RunControl, now_ns};
+use crate::{GraphController, Listener, Player, RunControl};
 use card::Card;
 use custody::Custody;
 pub use custody::{CoilMonitor, Opened, StartValues};
-use running::{Driver, Running};
-use xruns::Xruns;
 
 opaque_debug!(Session);
 
@@ -32,8 +28,8 @@ opaque_debug!(Session);
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for a device's period before a clock is chosen without it.
 const LISTEN: Duration = Duration::from_millis(1000);
-/// Wake-ups after which the period is known.
-const ENOUGH: u64 = 8;
+/// Calls after which the period is known.
+const ENOUGH: u64 = 16;
 
 /// Options of a run.
 #[derive(Debug)]
@@ -92,7 +88,10 @@ struct Loss {
 /// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
 pub struct Session {
     graph_controller: GraphController,
-    driver: Running,
+    /// Who runs the ticks. Before the period of the device is known the player waits. Neither: a tick never
+    /// ended, or the system gave no thread. The driver is dropped before the card, which plays its ramp.
+    driver: Option<Driver<Player>>,
+    waiting: Option<Box<Player>>,
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
@@ -109,7 +108,8 @@ pub struct Session {
     notices: Vec<String>,
     looked: Instant,
     views: u64,
-    xruns: Xruns,
+    /// Xruns of earlier streams, and the loop's count when the open one began.
+    xruns: [u64; 2],
     /// Dropped last, when the output is down.
     custody: Custody,
 }
@@ -150,11 +150,12 @@ impl Session {
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
-        let custody = Custody::new(options.coil_monitor.take(), graph_controller.limits().shared.clone());
+        let (custody, monitor) = (Custody::new(graph_controller.limits()), options.coil_monitor.take());
         let tick_hz = graph_controller.schedule().tick_hz;
         let mut it = Self {
             graph_controller,
-            driver: Running(Driver::Waiting(Box::new(player))),
+            driver: None,
+            waiting: Some(Box::new(player)),
             card: None,
             listener: mic.as_ref().map(MicWriter::listener),
             mic: mic.map(|to| card::Recorder::new(to, options.realtime.then_some(PRIORITY))),
@@ -167,20 +168,22 @@ impl Session {
             notices: Vec::new(),
             looked: Instant::now(),
             views: 0,
-            xruns: Xruns::default(),
+            xruns: [0; 2],
             custody,
         };
         match it.options.device.clone() {
             Some(request) => {
                 let card = Card::open(&request, it.mic.as_ref()).map_err(SessionError::Device)?;
                 it.name = card.name();
-                let opened = Opened {
-                    id: card.stream.id(),
-                    name: it.name.clone(),
-                    channels: it.graph_controller.channels_of(card.stream.channels()),
-                    coils: it.graph_controller.limits().standing().to_vec(),
-                };
-                it.notices.extend(it.custody.open(&opened).map_err(SessionError::Refused)?);
+                if let Some(monitor) = monitor {
+                    let opened = Opened {
+                        id: card.stream.id(),
+                        name: it.name.clone(),
+                        channels: it.graph_controller.channels_of(card.stream.channels()),
+                        coils: Vec::new(),
+                    };
+                    it.notices.extend(it.custody.open(monitor, opened).map_err(SessionError::Refused)?);
+                }
                 // After a loss, exactly this device is reopened, even if the request named a default.
                 it.options.device = Some(card.pinned(&request));
                 it.notices.extend(card.stream.notes().iter().cloned());
@@ -204,21 +207,30 @@ impl Session {
 
     /// Whether the run goes on: no tick panicked, and the requested device is there or may come back.
     pub fn goes_on(&self) -> bool {
-        let gone = self.driver.gone() || self.driver.controls().is_some_and(|c| c.failed());
         let given_up = self.loss.is_some() && !self.options.reconnect;
-        !(gone || given_up)
+        !(self.failed() || given_up)
     }
 
-    /// Checks the device: reads its events, handles a loss, reopens it. Call it some tens of times a
+    /// Whether a tick panicked or never ended.
+    fn failed(&self) -> bool {
+        let gone = self.driver.is_none() && self.waiting.is_none();
+        gone || self.controls().is_some_and(|c| c.failed())
+    }
+
+    /// The driver's; `None` while nobody runs the ticks.
+    fn controls(&self) -> Option<&Arc<Controls>> {
+        self.driver.as_ref().map(Driver::controls)
+    }
+
+    /// Checks the device: handles a loss, reopens it. Call it some tens of times a
     /// second. Returns notices for a person, each once.
     ///
     /// # Errors
     /// The system gives no thread.
     pub fn poll(&mut self) -> Result<Vec<String>, SessionError> {
         self.graph_controller.collect();
-        self.count_xruns();
-        self.custody.poll(&self.graph_controller.limits().seen);
-        if let Some(reason) = self.card.as_mut().and_then(|card| card.lost()) {
+        self.custody.poll();
+        if let Some(reason) = self.card.as_ref().and_then(|card| card.stream.lost()).map(str::to_owned) {
             self.lose(&reason)?;
         }
         self.advance()?;
@@ -229,16 +241,15 @@ impl Session {
 
     /// How the run stands.
     pub fn condition(&self) -> Condition {
-        match (self.driver.controls(), &self.loss) {
-            (Some(controls), _) if controls.failed() => Condition::Failed,
-            (None, _) if self.driver.gone() => Condition::Failed,
+        match (self.controls(), &self.loss) {
+            _ if self.failed() => Condition::Failed,
             _ if self.run_control().stopping() => Condition::Stopping,
             (_, Some(_)) => Condition::Lost,
             _ if self.run_control().muted() => Condition::Muted,
             // The device is back and does not play yet.
             _ if self.card.as_ref().is_some_and(|card| !card.playing) => Condition::Starting,
-            (Some(controls), None) => controls.condition(),
-            (None, None) => Condition::Starting,
+            (Some(controls), None) if controls.up() => Condition::Playing,
+            _ => Condition::Starting,
         }
     }
 
@@ -249,12 +260,11 @@ impl Session {
         self.views += 1;
         let schedule = self.graph_controller.schedule().clone();
         let ticks = self.meters.next_tick();
-        let stats = self.card.as_ref().map(|c| c.stream.stats());
         let mut view = View {
             number: self.views,
             condition: self.condition(),
             muted: self.run_control().muted(),
-            clock: self.driver.clock().map_or("", Clock::name).into(),
+            clock: self.driver.as_ref().map_or("", |d| d.clock().name()).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),
             ticks,
@@ -263,26 +273,29 @@ impl Session {
             underruns: self.meters.underruns.get(),
             lost_samples: self.meters.lost_samples.get(),
             guarded: self.graph_controller.limits().seen.changed(),
-            xruns: self.count_xruns(),
+            xruns: self.xruns(),
             losses: self.meters.losses.get(),
             skipped_ticks: self.meters.skipped_ticks.get(),
             recording_gaps: self.listener.as_ref().map_or(0, Listener::gaps),
-            peak: self.driver.controls().map_or(0.0, |c| c.peak()),
+            peak: self.controls().map_or(0.0, |c| c.peak()),
             ..View::default()
         };
         self.graph_controller.look(&mut view, since);
-        view.latency_ms = self.latency(&view, stats.as_ref());
+        view.latency_ms = self.latency(&view);
         view
     }
 
-    fn count_xruns(&mut self) -> u64 {
+    /// Xruns of all streams. The loop over callback times sees a gap, and some hosts report one, most often
+    /// the same: of each stream the larger count is taken.
+    fn xruns(&self) -> u64 {
         let reported = self.card.as_ref().map_or(0, |card| card.stream.stats().xruns);
-        self.xruns.count(self.meters.xruns.get(), reported, now_ns())
+        self.xruns[0] + reported.max(self.meters.xruns.get() - self.xruns[1])
     }
 
     /// Items of the latency from the hand to the actuator, in milliseconds.
-    fn latency(&self, view: &View, stats: Option<&Stats>) -> Vec<(String, f64)> {
-        if self.driver.controls().is_none() || (self.options.device.is_some() && self.card.is_none()) {
+    fn latency(&self, view: &View) -> Vec<(String, f64)> {
+        let Some(controls) = self.controls() else { return Vec::new() };
+        if self.options.device.is_some() && self.card.is_none() {
             // Nothing is heard.
             return Vec::new();
         }
@@ -293,11 +306,10 @@ impl Session {
         }
         let schedule = self.graph_controller.schedule();
         items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
-        let lead = self.driver.controls().map_or(0.0, |c| c.lead_ns() as f64 * 1e-6);
-        items.push(("clock: lead before the callback".to_owned(), lead));
+        items.push(("clock: lead before the callback".to_owned(), controls.lead_ns() as f64 * 1e-6));
         items.extend(of_graph(schedule));
-        if let Some(stats) = stats {
-            items.push(("device: callback to sound".to_owned(), stats.latency_ms));
+        if let Some(card) = &self.card {
+            items.push(("device: callback to sound".to_owned(), card.stream.stats().latency_ms));
         }
         items
     }
@@ -305,8 +317,8 @@ impl Session {
     /// Ramps the output down and ends the run.
     pub fn stop(mut self) -> Ended {
         let before = self.view();
-        let mut player = self.driver.take();
-        self.custody.note(&self.graph_controller.limits().seen);
+        let mut player = self.take_player(Driver::stop);
+        self.custody.note();
         let mut view = self.view();
         // The stopped driver has no clock and no latency.
         (view.clock, view.latency_ms) = (before.clock, before.latency_ms);
@@ -318,7 +330,7 @@ impl Session {
 
     /// Answers of the system to the real-time requests.
     pub fn grants(&self) -> Option<Grants> {
-        let priority = self.driver.controls()?.priority();
+        let priority = self.controls()?.priority();
         Some(self.machine.as_ref()?.grants(priority))
     }
 
@@ -333,11 +345,20 @@ impl Session {
         options
     }
 
+    /// Takes the player; from a driver by [`Driver::stop`] or [`Driver::take`]. `None` if a tick does not
+    /// end.
+    fn take_player(&mut self, end: fn(Driver<Player>) -> Option<Player>) -> Option<Player> {
+        match self.driver.take() {
+            Some(driver) => end(driver),
+            None => self.waiting.take().map(|player| *player),
+        }
+    }
+
     /// Starts the driver once the device's period is known.
     fn advance(&mut self) -> Result<(), SessionError> {
         let Some(card) = self.card.as_ref().filter(|card| !card.playing) else { return Ok(()) };
-        let (wakes, period) = card.wakes();
-        let known = self.options.clock.is_some() || wakes >= ENOUGH;
+        let (calls, period) = card.heard();
+        let known = self.options.clock.is_some() || calls >= ENOUGH;
         if !known && card.opened.elapsed() < LISTEN {
             return Ok(());
         }
@@ -346,33 +367,30 @@ impl Session {
         let called = if card.bunches() { period } else { card.stream.period().unwrap_or(period) };
         let clock = choose(self.options.clock, called.max(1), rate_hz, tick_hz);
         let clock = if period == 0 && self.options.clock.is_none() { Clock::Paced } else { clock };
-        let Some(player) = self.driver.take() else { return Ok(()) };
+        let Some(player) = self.take_player(Driver::stop) else { return Ok(()) };
         let options = Options { seen_frames: period, ..self.driver_options() };
         let Some(card) = &mut self.card else { return Ok(()) };
-        self.driver.0 = match clock {
+        self.driver = Some(match clock {
             Clock::Callback => {
-                let (driver, half) = Callback::new(player, &options);
-                card.give(Box::new(half));
-                Driver::Callback(driver)
+                let (driver, half) = callback(player, &options);
+                card.give(half);
+                driver
             }
             Clock::Paced => {
                 let (driver, half) = paced(player, &options).map_err(SessionError::Thread)?;
-                card.give(Box::new(half));
-                Driver::Thread(clock, driver)
+                card.give(half);
+                driver
             }
-            Clock::Timer => {
-                Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?)
-            }
-        };
+            Clock::Timer => timer(player, &options).map_err(SessionError::Thread)?,
+        });
         card.playing = true;
         Ok(())
     }
 
     /// Goes on without audio.
     fn keep_time(&mut self) -> Result<(), SessionError> {
-        let Some(player) = self.driver.take_from_lost() else { return Ok(()) };
-        let options = self.driver_options();
-        self.driver.0 = Driver::Thread(Clock::Timer, timer(player, &options).map_err(SessionError::Thread)?);
+        let Some(player) = self.take_player(Driver::take) else { return Ok(()) };
+        self.driver = Some(timer(player, &self.driver_options()).map_err(SessionError::Thread)?);
         Ok(())
     }
 
@@ -380,9 +398,8 @@ impl Session {
         self.meters.losses.add(1);
         let what = if self.options.reconnect { "; it will go on when the device is back" } else { "" };
         self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
-        if let Some(card) = self.card.take() {
-            self.xruns.close(self.meters.xruns.get(), card.stream.stats().xruns, now_ns());
-        }
+        self.xruns = [self.xruns(), self.meters.xruns.get()];
+        self.card = None;
         let now = Instant::now();
         self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
         // Ticks go on, for hands and forces.
@@ -414,7 +431,7 @@ impl Session {
 
     /// Reports refusals of the system once.
     fn tell_refusals(&mut self) {
-        let asked = self.driver.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
+        let asked = self.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
         if self.told || !asked {
             return;
         }
