@@ -2,8 +2,8 @@
 
 use crate::{Refused, refuse};
 
-/// Layout of a short-time Fourier transform at one sample rate: frame `n` covers samples `start(n) .. start(n)
-/// + fft_len`. Bins are counted from 0 and are `rate_hz / fft_len` apart.
+/// Layout of a short-time Fourier transform at one sample rate: frame `n` covers samples `start(n) ..
+/// start(n) + fft_len`. Bins are counted from 0 and are `rate_hz / fft_len` apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Framing {
     /// Samples a second.

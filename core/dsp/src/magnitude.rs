@@ -12,8 +12,8 @@ pub enum Level {
     Keep,
 }
 
-/// Copies magnitudes, limited to `most`. NaN, infinite and negative values become 0; their number is returned.
-/// Bins missing in `from` are 0.
+/// Copies magnitudes, limited to `most`. NaN, infinite and negative values become 0; their number is
+/// returned. Bins missing in `from` are 0.
 pub(crate) fn take<P: Float, T: Float>(from: &[P], most: f64, to: &mut [T]) -> usize {
     let most = P::of(most);
     let mut bad = 0;

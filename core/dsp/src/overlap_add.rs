@@ -36,9 +36,6 @@ pub struct OverlapAdd<T> {
 
 impl<T: Float> OverlapAdd<T> {
     /// Plans the transform and computes the divisor.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;

@@ -57,9 +57,6 @@ pub struct PhaseVocoder<T> {
 
 impl<T: Float> PhaseVocoder<T> {
     /// Computes the tables. The factor of [`Level::Keep`] holds for three frames a window or more.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, start: StartPhase, level: Level, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let (n, bins) = (framing.fft_len, framing.bins);

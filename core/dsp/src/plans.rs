@@ -14,8 +14,8 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 /// their kernel.
 const KEPT: usize = 1 << 16;
 
-/// Plans of both directions for a real signal. An even length uses a complex transform of half the length over
-/// pairs of samples.
+/// Plans of both directions for a real signal. An even length uses a complex transform of half the length
+/// over pairs of samples.
 pub struct Plan<T> {
     len: usize,
     forward: Arc<dyn Fft<T>>,
@@ -216,12 +216,13 @@ mod tests {
     #[test]
     fn plans_are_shared_by_threads_and_long_ones_are_dropped() {
         let plans: Vec<_> = (0..8)
-            .map(|_| std::thread::spawn(|| (1..250).map(plan::<f32>).last()))
+            .map(|_| std::thread::spawn(|| (1..250).map(plan::<f32>).next_back()))
             .map(|thread| thread.join().unwrap().unwrap())
             .collect();
         assert!(plans.iter().all(|p| Arc::ptr_eq(p, &plan(249))));
         assert!(Arc::ptr_eq(&plan::<f64>(250), &plan(250)) && !Arc::ptr_eq(&plan::<f32>(250), &plan(252)));
-        assert!(Arc::downgrade(&plan::<f32>(2 * KEPT)).upgrade().is_none(), "it went with whoever used it");
+        let long = Arc::downgrade(&plan::<f32>(2 * KEPT));
+        assert!(long.upgrade().is_none(), "it went with whoever used it");
     }
 
     #[test]

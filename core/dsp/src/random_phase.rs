@@ -23,9 +23,6 @@ pub struct RandomPhase<T> {
 
 impl<T: Float> RandomPhase<T> {
     /// Makes the kernel for a layout.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, level: Level, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let (samples, frames) = framing.period();
@@ -41,9 +38,9 @@ impl<T: Float> RandomPhase<T> {
         self.mags.len()
     }
 
-    /// Draws phases for frame number `frame`. `out[k]` gets `magnitudes[k]` in the same unit, times the gain of
-    /// the level; bin 0 and Nyquist get a random sign. Returns the number of magnitudes that are NaN, infinite
-    /// or negative; they count as 0, as missing ones do.
+    /// Draws phases for frame number `frame`. `out[k]` gets `magnitudes[k]` in the same unit, times the gain
+    /// of the level; bin 0 and Nyquist get a random sign. Returns the number of magnitudes that are NaN,
+    /// infinite or negative; they count as 0, as missing ones do.
     pub fn process<P: Float>(&mut self, frame: u64, magnitudes: &[P], out: &mut [Complex<P>]) -> usize {
         // Scaling must not take the largest of values beyond what is finite.
         let bad = take(magnitudes, largest_of::<P, T>() / (2.0 * self.gain.f64()), &mut self.mags);

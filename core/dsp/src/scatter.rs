@@ -8,12 +8,12 @@
 //!   neighbouring bins and frames are correlated as in a signal.
 //! * `theta_k = 2 pi k t / N` is the phase of a line in the middle of bin k.
 //! * `q` is the random part of the bin's power. It follows from the ratio of mean to root mean square
-//!   magnitude, `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|` (S. O. Rice, "Mathematical analysis of random noise",
-//!   1944): from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
+//!   magnitude, `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|` (S. O. Rice, "Mathematical analysis of random
+//!   noise", 1944): from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
 //!
-//! Variance of a frame's power beyond the scatter of its bins, as from single events, becomes one more gain: `g
-//! = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen through the window's square. Noise is
-//! indexed by sample from a seed, so skipping a frame changes no later one.
+//! Variance of a frame's power beyond the scatter of its bins, as from single events, becomes one more gain:
+//! `g = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen through the window's square.
+//! Noise is indexed by sample from a seed, so skipping a frame changes no later one.
 
 use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
@@ -66,9 +66,6 @@ pub struct Scatter<T> {
 
 impl<T: Float> Scatter<T> {
     /// Makes the kernel for a layout.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
     pub fn new(framing: Framing, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;

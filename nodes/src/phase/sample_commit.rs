@@ -115,8 +115,8 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     }
     settings.delay(&framing).map_err(|e| {
         params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
-            "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside it, \
-             as when `emission` is left out",
+            "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside \
+             it, as when `emission` is left out",
             -(EARLY * window).round()
         ))
     })?;

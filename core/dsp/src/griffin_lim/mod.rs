@@ -1,12 +1,12 @@
 //! Phase retrieval of whole signals by iteration: the reference for causal methods.
 //!
-//! A spectrogram with the wanted magnitudes and some phases is transformed into a signal and back, and its phases
-//! are replaced by the result's (D. Griffin, J. Lim, "Signal Estimation from Modified Short-Time Fourier
-//! Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted least-squares one, eq. 6 there, so the
-//! distance to the magnitudes never grows. The fast variant extrapolates each result by `alpha` times the last
-//! step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast Griffin-Lim Algorithm", WASPAA 2013): `t_n = P1 P2
-//! c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the magnitudes and `P1` consistency. `alpha
-//! = 0` is the original. Figures are in `docs/accuracy.md`.
+//! A spectrogram with the wanted magnitudes and some phases is transformed into a signal and back, and its
+//! phases are replaced by the result's (D. Griffin, J. Lim, "Signal Estimation from Modified Short-Time
+//! Fourier Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted least-squares one, eq. 6
+//! there, so the distance to the magnitudes never grows. The fast variant extrapolates each result by
+//! `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast Griffin-Lim Algorithm",
+//! WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the
+//! magnitudes and `P1` consistency. `alpha = 0` is the original. Figures are in `docs/accuracy.md`.
 
 use crate::float::phasor;
 use crate::magnitude::take;
@@ -52,9 +52,10 @@ pub struct Reconstruction<T> {
 
 /// Finds a signal whose frames have these magnitudes, as nearly as possible.
 ///
-/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit of the
-/// signal; values missing in the last frame are 0. `progress` is called after each iteration with the number
-/// done. Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and iteration.
+/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit of
+/// the signal; values missing in the last frame are 0. `progress` is called after each iteration with the
+/// number done. Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and
+/// iteration.
 pub fn griffin_lim<T: Float>(
     magnitudes: &[T],
     framing: Framing,

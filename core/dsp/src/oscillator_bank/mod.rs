@@ -1,26 +1,27 @@
-//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, without a
-//! window.
+//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, without a window.
 //!
 //! Between two frames every amplitude changes linearly. So a change of magnitude is heard within one
 //! hop, where overlap-add needs half a window. Phases are always continuous: a partial that ends fades
 //! out over a hop, a new one fades in, and a missing frame fades all out. (The smearing of the analysis
 //! window in time remains.)
 //!
-//! Frame `n` arrives when its first sample is due. Its amplitudes are approached from that sample on and reached
-//! a hop later; they describe the window's centre. So the output is `N/2` samples less one hop early.
+//! Frame `n` arrives when its first sample is due. Its amplitudes are approached from that sample on and
+//! reached a hop later; they describe the window's centre. So the output is `N/2` samples less one hop
+//! early.
 //!
 //! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri, "Speech
-//! Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its frequency follows
-//! from the larger neighbour, its amplitude from the energy of three bins, which keeps the level of a chirp.
-//! Peaks of successive frames that are each other's nearest, less than a bin apart, are one partial. A new one
-//! starts with the phase of its bin, as if the last partial near it had continued at the bin's centre frequency.
+//! Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its frequency
+//! follows from the larger neighbour, its amplitude from the energy of three bins, which keeps the level of
+//! a chirp. Peaks of successive frames that are each other's nearest, less than a bin apart, are one
+//! partial. A new one starts with the phase of its bin, as if the last partial near it had continued at the
+//! bin's centre frequency.
 //!
-//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Each is seen in three bins, so
-//! amplitudes are scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where magnitudes
-//! beat least, plus a slow random walk. Every fourth bin draws an independent uniform phase of up to two turns
-//! every 2.5 windows (4 Hz for 0.1 s); phases between are interpolated in time and frequency. So neighbours keep
-//! their phase relations over a window, while over longer times nothing repeats. All of it is a function of seed
-//! and sample number.
+//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Each is seen in three bins,
+//! so amplitudes are scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where
+//! magnitudes beat least, plus a slow random walk. Every fourth bin draws an independent uniform phase of up
+//! to two turns every 2.5 windows (4 Hz for 0.1 s); phases between are interpolated in time and frequency.
+//! So neighbours keep their phase relations over a window, while over longer times nothing repeats. All of
+//! it is a function of seed and sample number.
 //!
 //! Smooth magnitudes that belong to no signal have few maxima: there `Tracked` is too quiet and tonal, and
 //! `Noise` is right. Figures are in `docs/accuracy.md`.
@@ -129,11 +130,12 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin 0.
+    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin
+    /// 0.
     ///
-    /// It replaces a pending frame that has not started. A frame after its first sample is played late, and so
-    /// are those that follow it without a gap. Magnitudes that are NaN, infinite or negative count as 0, as
-    /// missing ones do; their number is returned.
+    /// It replaces a pending frame that has not started. A frame after its first sample is played late, and
+    /// so are those that follow it without a gap. Magnitudes that are NaN, infinite or negative count as 0,
+    /// as missing ones do; their number is returned.
     pub fn add_frame<P: Float>(&mut self, frame: u64, start: u64, magnitudes: &[P]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
             self.begin();
@@ -147,8 +149,8 @@ impl<T: Float> OscillatorBank<T> {
         f64::from(f32::MAX) / (8 * (self.framing.bins + 1)) as f64
     }
 
-    /// Saves or restores the samples up to the next frame, that frame, and every oscillator. A bank that refuses
-    /// a state is reset.
+    /// Saves or restores the samples up to the next frame, that frame, and every oscillator. A bank that
+    /// refuses a state is reset.
     pub fn state(&mut self, state: &mut State<'_>) {
         let (mut fft_len, mut tracked) = (self.framing.fft_len, matches!(self.source, Source::Tracked(_)));
         let same = (fft_len, tracked);
@@ -172,8 +174,9 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Writes the samples `start .. start + out.len()`, in order; any other `start` forgets all frames but the
-    /// pending one. Returns whether anything sounds in them or is still to come; else they are exactly 0.
+    /// Writes the samples `start .. start + out.len()`, in order; any other `start` forgets all frames but
+    /// the pending one. Returns whether anything sounds in them or is still to come; else they are exactly
+    /// 0.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) -> bool {
         if start != self.next {
             let pending = self.pending;

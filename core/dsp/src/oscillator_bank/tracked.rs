@@ -33,8 +33,7 @@ pub(super) struct Tracker {
     /// Sorted by frequency.
     partials: Vec<Partial>,
     found: Vec<Partial>,
-    /// Each bin's phase less that of its centre frequency, in turns: the start phase of a new partial
-    /// there.
+    /// Each bin's phase less that of its centre frequency, in turns: the start phase of a new partial there.
     turns: Vec<f64>,
 }
 
@@ -77,7 +76,8 @@ impl Tracker {
         (bin as u64 * (sample % n) % n) as f64 / n as f64
     }
 
-    /// Adds the voices from sample `from` on, for `len` samples, until `target` is reached. `peaks` is scratch.
+    /// Adds the voices from sample `from` on, for `len` samples, until `target` is reached. `peaks` is
+    /// scratch.
     pub(super) fn run_on<T: Float>(
         &mut self,
         target: &[T],
@@ -155,8 +155,8 @@ fn nearest(partials: &[Partial], freq: f64, at: &mut usize) {
     }
 }
 
-/// Distance from a peak's bin to the sinusoid in bins: the two-point interpolated DFT for the Hann window, with
-/// the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983).
+/// Distance from a peak's bin to the sinusoid in bins: the two-point interpolated DFT for the Hann window,
+/// with the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983).
 fn offset<T: Float>(mags: &[T], peak: &Peak<T>) -> f64 {
     let at = |k: usize| mags.get(k).map(|m| m.f64());
     let sides = (peak.bin.checked_sub(1).and_then(at), at(peak.bin + 1), at(peak.bin));

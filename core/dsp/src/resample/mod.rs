@@ -1,14 +1,14 @@
 //! Conversion between sample rates, by any ratio of whole numbers, tick by tick.
 //!
-//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch. 3). With
-//! `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M mod L` of a table
-//! of taps. Positions are computed in integers from the index, so nothing drifts, and the length of ticks changes
-//! no bit.
+//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch. 3).
+//! With `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M mod L`
+//! of a table of taps. Positions are computed in integers from the index, so nothing drifts, and the length
+//! of ticks changes no bit.
 //!
-//! The standard pass band of 0.4 of the lower rate has 28 taps. It is flat to 0.001 dB (minimum phase: 0.01) up
-//! to 0.4; images are below -85 dB from 0.6 of the lower rate on (tests here), -6 dB at 0.5. Linear phase delays
-//! by 14 input samples, 5.6 ms from 2500 Hz (from 500 Hz: 28 ms). Minimum phase delays by 0.96 ms at 250 Hz (from
-//! 500 Hz: 4.79 ms at 50 Hz).
+//! The standard pass band of 0.4 of the lower rate has 28 taps. It is flat to 0.001 dB (minimum phase: 0.01)
+//! up to 0.4; images are below -85 dB from 0.6 of the lower rate on (tests here), -6 dB at 0.5. Linear phase
+//! delays by 14 input samples, 5.6 ms from 2500 Hz (from 500 Hz: 28 ms). Minimum phase delays by 0.96 ms at
+//! 250 Hz (from 500 Hz: 4.79 ms at 50 Hz).
 
 mod prototype;
 
@@ -65,8 +65,8 @@ pub struct Resampler<T> {
     /// Delay of outputs in input samples, so that a tick needs no input of the next one.
     wait: usize,
     latency: (u64, u64),
-    /// The newest inputs, sample `n` at `n mod size` and at that plus `size`, so that any `stride` of them are
-    /// contiguous.
+    /// The newest inputs, sample `n` at `n mod size` and at that plus `size`, so that any `stride` of them
+    /// are contiguous.
     ring: Vec<T>,
     size: usize,
     /// Index of the next input; none before the first.
@@ -100,8 +100,8 @@ impl<T: Float> Resampler<T> {
             return refuse(format!("the ratio of the rates needs more than {MAX_TAPS} taps"));
         }
 
-        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so that is below
-        // t in. Where t in is no whole number it may be floor(t in), the next tick's first input.
+        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so that
+        // is below t in. Where t in is no whole number it may be floor(t in), the next tick's first input.
         let whole = (u64::from(c.in_hz) * u64::from(c.tick_den)).is_multiple_of(u64::from(c.tick_num));
         let wait = usize::from(!whole && !same);
         let (rows, latency) = if same {
@@ -125,8 +125,8 @@ impl<T: Float> Resampler<T> {
         Ok(Self { rows, stride, up, down, wait, latency, ring, size, next: None })
     }
 
-    /// Delay of the output in seconds as `(numerator, denominator)`: exact for linear phase; for minimum phase
-    /// the group delay at a quarter of the pass band (250 Hz from 2500 Hz), to the nanosecond.
+    /// Delay of the output in seconds as `(numerator, denominator)`: exact for linear phase; for minimum
+    /// phase the group delay at a quarter of the pass band (250 Hz from 2500 Hz), to the nanosecond.
     pub fn latency(&self) -> (u64, u64) {
         self.latency
     }

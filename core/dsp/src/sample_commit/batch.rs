@@ -97,8 +97,8 @@ impl<T: Float> Job<T> {
         self.add_to(call.sum, frames, call.from);
     }
 
-    /// Adds each lane's frame, times the window, to the samples from `from` on. The order of additions is that
-    /// of blocks of as many samples as there are lanes.
+    /// Adds each lane's frame, times the window, to the samples from `from` on. The order of additions is
+    /// that of blocks of as many samples as there are lanes.
     #[inline(always)]
     fn add_to(&self, sum: &mut [T], frames: &[(usize, &[T])], from: usize) {
         let n = self.window.len();

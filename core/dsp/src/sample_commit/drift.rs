@@ -1,8 +1,9 @@
 //! Control of the phase that all bins have in common.
 //!
-//! If every bin above 0 is rotated by one angle, only the magnitudes of the lowest bins change, where positive
-//! and negative frequencies meet. The first frames leave this angle to chance, and the frozen samples keep it.
-//! So passes rotate all bins a little along the slope of the squared error over this angle, from bins 0 and 1.
+//! If every bin above 0 is rotated by one angle, only the magnitudes of the lowest bins change, where
+//! positive and negative frequencies meet. The first frames leave this angle to chance, and the frozen
+//! samples keep it. So passes rotate all bins a little along the slope of the squared error over this angle,
+//! from bins 0 and 1.
 
 use crate::{Complex, Float, float::phasor};
 use asperity_state::State;

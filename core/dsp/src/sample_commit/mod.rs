@@ -1,5 +1,4 @@
-//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its
-//! own.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
 //!
 //! The signal is kept around `t`, the first sample that is not emitted. Samples before `t` were emitted
 //! and are frozen. Samples from `t` to the end of the newest frame are free, and keep the result of
@@ -11,32 +10,31 @@
 //! 3. Transform back, and move the free samples to `(sum w y + e z) / (sum w^2 + e)`. This is the
 //!    least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP 32(2), 1984, eq. 6) from the
 //!    frames `y`. It falls back on the last value `z` where the windows `w` almost vanish.
-//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N.
-//!    Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from
-//!    frame to frame.
+//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N. Perraudin,
+//!    P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from frame to frame.
 //!
 //! Choices, and the figures behind them:
 //!
-//! * A pass uses the newest frame, and others spread over all that reach beyond `t`, at positions that differ
-//!   from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The newest frames alone
-//!   diverge for two tones and for smooth magnitudes.
+//! * A pass uses the newest frame, and others spread over all that reach beyond `t`, at positions that
+//!   differ from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The newest
+//!   frames alone diverge for two tones and for smooth magnitudes.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
 //! * The newest hop starts from 0. Where the signal is still silent, phases are those of a sweep through the
 //!   middle half of the window: from random ones two tones may take a second to find their beat.
 //! * One angle that rotates all bins above 0 shows only in the magnitudes of the lowest three or four, so it
-//!   converges slowly. Passes rotate the bins by the slope of the error over this angle: 40 bursts of 220 Hz a
-//!   second come to -40.1 dB between 1.5 and 2.7 s (-37.9 without).
+//!   converges slowly. Passes rotate the bins by the slope of the error over this angle: 40 bursts of 220 Hz
+//!   a second come to -40.1 dB between 1.5 and 2.7 s (-37.9 without).
 //! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions.
 //!
-//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those 20
-//! hops later. An early sample is covered by fewer frames, so quality falls, while the output answers sooner:
-//! a step from 1 to 2 in the magnitudes of a noise has shown by half after 55 ms at 0, 16 at -20 and 10 at -25.
-//! At -20, the default, noise is 12 dB better than with `spsi`, and level and spectrum of smooth magnitudes are
-//! within 0.5 and 1 dB. At -25 the texture has two stable results, depending on the seed; use 5 x 6 with
-//! momentum 0.85. At -30 quality breaks down. 3 passes are as good as 5 for noise; 5 are better for signals
-//! that start and stop. A network's magnitudes belong to no signal: for these 2 x 2 does as well and follows a
-//! change sooner (docs/tradeoff.md). Figures by setting are in `docs/accuracy.md`. In f32 on one AVX-512 core
-//! (AMD EPYC) 5 x 5 takes 9 us a frame at N = 250 and 180 us at 4800.
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those
+//! 20 hops later. An early sample is covered by fewer frames, so quality falls, while the output answers
+//! sooner: a step from 1 to 2 in the magnitudes of a noise has shown by half after 55 ms at 0, 16 at -20 and
+//! 10 at -25. At -20, the default, noise is 12 dB better than with `spsi`, and level and spectrum of smooth
+//! magnitudes are within 0.5 and 1 dB. At -25 the texture has two stable results, depending on the seed; use
+//! 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as good as 5 for noise; 5 are better
+//! for signals that start and stop. A network's magnitudes belong to no signal: for these 2 x 2 does as well
+//! and follows a change sooner (docs/tradeoff.md). Figures by setting are in `docs/accuracy.md`. In f32 on
+//! one AVX-512 core (AMD EPYC) 5 x 5 takes 9 us a frame at N = 250 and 180 us at 4800.
 //!
 //! A stream fades in over a tenth of a window (longer where its first frame's window begins). A missing frame
 //! is silence, so the signal fades out as the windows do.
@@ -261,7 +259,8 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within single precision: divides everything by a power of two near the largest magnitude.
+    /// Keeps squares within single precision: divides everything by a power of two near the largest
+    /// magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
@@ -401,7 +400,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Moves to `start` as the next sample. An earlier position, or one more than a window later, starts anew.
+    /// Moves to `start` as the next sample. An earlier position, or one more than a window later, starts
+    /// anew.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -410,8 +410,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Takes out the samples `start .. start + out.len()`, in order (else see [`seek`](Self::seek)), after the
-    /// frames that start among them. A missing frame is silence.
+    /// Takes out the samples `start .. start + out.len()`, in order (else see [`seek`](Self::seek)), after
+    /// the frames that start among them. A missing frame is silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;

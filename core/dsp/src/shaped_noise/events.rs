@@ -18,10 +18,11 @@ const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 
 /// Bumps along a way: the next one, and the distance to it.
 ///
-/// A sample has mean square 1: the rarer the bumps, the higher they are. Their signs are random, so the spectrum
-/// is white at any regularity (D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point
-/// Processes", 2003). Distances and heights are lognormal. The height grows with the root of the distance from
-/// the previous bump, as a tip falls far into a wide gap. So the power does not vary with the distances.
+/// A sample has mean square 1: the rarer the bumps, the higher they are. Their signs are random, so the
+/// spectrum is white at any regularity (D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of
+/// Point Processes", 2003). Distances and heights are lognormal. The height grows with the root of the
+/// distance from the previous bump, as a tip falls far into a wide gap. So the power does not vary with the
+/// distances.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
@@ -42,7 +43,8 @@ impl Bumps {
         (self.number, self.next) = (None, 0.0);
     }
 
-    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with each bump's number and position.
+    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with each bump's number and
+    /// position.
     fn pass(&mut self, start: u64, way: f64, before: impl Fn(u64) -> f64, mut met: impl FnMut(u64, f64)) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);

@@ -1,5 +1,4 @@
-//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the
-//! magnitudes.
+//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the magnitudes.
 //!
 //! A network answers expected magnitudes, which many signals have. Phase retrieval finds the signal
 //! that fits them best, and at constant speed that signal repeats. This kernel draws a random one
@@ -94,8 +93,7 @@ pub struct ShapedNoise<T> {
     next: Option<u64>,
     waves: [Lines; WAVES],
     unblurred: Unblurred,
-    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit per
-    /// Hz.
+    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit per Hz.
     density: Vec<f64>,
     /// Integral of the density up to each of these frequencies.
     sums: Vec<f64>,
@@ -123,8 +121,8 @@ struct Lines {
 }
 
 impl<T: Float> ShapedNoise<T> {
-    /// Allocates buffers and plans transforms. Positions come every `tick_s` seconds. All random numbers are a
-    /// function of `seed` and the sample number.
+    /// Allocates buffers and plans transforms. Positions come every `tick_s` seconds. All random numbers are
+    /// a function of `seed` and the sample number.
     pub fn new(framing: Framing, tick_s: f64, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;
@@ -222,8 +220,9 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Takes frame number `index`. `magnitudes` are amplitudes: `ratio`, 0.1 to 1, times the root mean square.
-    /// Those that are NaN, infinite or negative count as 0, as missing ones do; their number is returned.
+    /// Takes frame number `index`. `magnitudes` are amplitudes: `ratio`, 0.1 to 1, times the root mean
+    /// square. Those that are NaN, infinite or negative count as 0, as missing ones do; their number is
+    /// returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
         // Sums over all bins stay finite, and so do sums of squares in double precision.
         let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).min(1e150);
@@ -475,9 +474,9 @@ impl<T: Float> ShapedNoise<T> {
             .map(|wave| wave.map_or(0.0, |w| w.per_mm[0] * velocity[0] + w.per_mm[1] * velocity[1]))
     }
 
-    /// Share of the power around a wave's harmonic that belongs to the wave. Shares apply to a hand that crosses
-    /// all waves at one rate. A wave's contribution at one frequency is taken to grow with the square of its
-    /// pitch: along its ridges only the other wave is felt.
+    /// Share of the power around a wave's harmonic that belongs to the wave. Shares apply to a hand that
+    /// crosses all waves at one rate. A wave's contribution at one frequency is taken to grow with the
+    /// square of its pitch: along its ridges only the other wave is felt.
     fn part(&self, w: usize, h: usize, pitches: &[f64; WAVES]) -> f64 {
         let hz = h as f64 * pitches[w].abs();
         let fastest = pitches.iter().fold(0.0, |most: f64, hz| most.max(hz.abs()));

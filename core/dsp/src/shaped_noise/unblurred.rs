@@ -15,10 +15,10 @@ const END: usize = 2;
 /// Finds the power density of noise, on a grid twice as fine as the bins, whose frames have the given
 /// magnitudes, relative to the largest.
 ///
-/// The Hann window spreads a frequency over three bins and more, and a filter that followed magnitudes directly
-/// would spread it again: below a steep slope it would be louder. So the density starts from the magnitudes and
-/// is multiplied by the wanted power over the present one, as seen through the window (as in W. H. Richardson,
-/// J. Opt. Soc. Am. 62, 55, 1972, with the quotient at the same frequency).
+/// The Hann window spreads a frequency over three bins and more, and a filter that followed magnitudes
+/// directly would spread it again: below a steep slope it would be louder. So the density starts from the
+/// magnitudes and is multiplied by the wanted power over the present one, as seen through the window (as in
+/// W. H. Richardson, J. Opt. Soc. Am. 62, 55, 1972, with the quotient at the same frequency).
 #[derive(Debug)]
 pub(super) struct Unblurred {
     /// Density at bins, and half a bin above each; both padded.

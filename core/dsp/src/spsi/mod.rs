@@ -1,22 +1,22 @@
 //! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without
 //! iteration.
 //!
-//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015. The peaks of a
-//! frame are taken as sinusoids, each continues the phase of its bin one hop ago, and the bins around a peak are
-//! locked to it. Differences from the paper:
+//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015. The peaks
+//! of a frame are taken as sinusoids, each continues the phase of its bin one hop ago, and the bins around a
+//! peak are locked to it. Differences from the paper:
 //!
-//! * A peak's distance from its bin is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it. This is
-//!   exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas. 51(2), 2002),
-//!   where a parabola is off by up to 0.05 bins.
+//! * A peak's distance from its bin is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it.
+//!   This is exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas.
+//!   51(2), 2002), where a parabola is off by up to 0.05 bins.
 //! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may move over bins.
 //! * The frequency over a hop is the mean of its two ends, which is exact for a chirp.
-//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase possible in a real
-//!   signal.
+//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase possible in a
+//!   real signal.
 //! * Far from the peak a bin is treated as a side lobe, with its sign, only where it is as weak as one.
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
-//! A pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong to no signal
-//! cannot be expressed as one sinusoid a peak. Figures are in `docs/accuracy.md`.
+//! A pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong to no
+//! signal cannot be expressed as one sinusoid a peak. Figures are in `docs/accuracy.md`.
 
 pub(crate) mod peak;
 
@@ -27,8 +27,8 @@ use crate::{Complex, Float};
 use asperity_state::State;
 use peak::Peak;
 
-/// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length. The state is one
-/// phase and one frequency a bin.
+/// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length. The state
+/// is one phase and one frequency a bin.
 #[derive(Debug)]
 pub struct Spsi<T> {
     fft_len: usize,
@@ -85,10 +85,10 @@ impl<T: Float> Spsi<T> {
         state.require(fft_len == self.fft_len && phases && self.freq.iter().all(|f| f.is_finite()));
     }
 
-    /// Computes phases for one frame, counted from its first sample. `out[k]` gets `magnitudes[k]` in the same
-    /// unit. `advance` is the number of samples since the start of the last frame; the first frame after a reset
-    /// ignores it. Returns the number of magnitudes that are NaN, infinite or negative; they count as 0, as
-    /// missing ones do.
+    /// Computes phases for one frame, counted from its first sample. `out[k]` gets `magnitudes[k]` in the
+    /// same unit. `advance` is the number of samples since the start of the last frame; the first frame
+    /// after a reset ignores it. Returns the number of magnitudes that are NaN, infinite or negative; they
+    /// count as 0, as missing ones do.
     pub fn process<P: Float>(&mut self, magnitudes: &[P], advance: u32, out: &mut [Complex<P>]) -> usize {
         let bad = take(magnitudes, largest_of::<P, T>(), &mut self.mags);
         peak::find(&self.mags, self.last_is_nyquist, &mut self.peaks);

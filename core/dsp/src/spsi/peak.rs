@@ -23,8 +23,8 @@ pub(crate) struct Peak<T> {
     lobe: [T; 5],
 }
 
-/// Lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid at distance `d`: `sin(pi v) /
-/// (v (1 - v^2))` at `v = m - d` over that at `v = -d`, which is rational in `d`.
+/// Lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid at distance `d`: `sin(pi
+/// v) / (v (1 - v^2))` at `v = m - d` over that at `v = -d`, which is rational in `d`.
 fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
     let v = m - d;
     let r = d * (1.0 - d * d) / (v * (1.0 - v * v));
@@ -62,7 +62,8 @@ impl<T: Float> Peak<T> {
         self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1))
     }
 
-    /// Phase at the window's centre of bin `k` of this peak's region (not its own bin), of magnitude `mag > 0`,
+    /// Phase at the window's centre of bin `k` of this peak's region (not its own bin), of magnitude `mag >
+    /// 0`,
     #[inline]
     pub(super) fn phase_at(&self, k: usize, mag: T, other: Option<&Self>) -> Complex<T> {
         // Largest ratio of a bin to the window's own side lobe.

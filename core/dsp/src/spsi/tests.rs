@@ -35,8 +35,10 @@ fn spsi_follows_a_sinusoid_between_bins() {
         let mags = tone(freq, 101);
         let (first, second) = (run(&mut spsi, &mags, 0), run(&mut spsi, &mags, 5));
         let at = freq.round() as usize;
-        // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from centre to start.
-        let ideal = |k: usize| hann_lobe(k as f64 - freq).signum() * if k % 2 == 0 { 1.0 } else { -1.0 };
+        // A true sinusoid's transform: the window's lobe with its signs, half a turn a bin from centre to
+        // start.
+        let ideal =
+            |k: usize| hann_lobe(k as f64 - freq).signum() * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         for k in (0..101).filter(|&k| (k as f64 - freq).abs() < 8.0 && mags[k] > 1e-9) {
             assert!(
                 (first[k] * first[at].conj()).re * ideal(k) * ideal(at) > 0.0,
