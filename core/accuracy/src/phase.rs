@@ -6,6 +6,7 @@
 //! Gaussian noise against its own mean magnitudes.
 
 use asperity_dsp::{Framing, Stft};
+use std::ops::Range;
 
 /// Frames at each end that do not count, where a stream fades in or out.
 pub const EDGE_FRAMES: usize = 50;
@@ -57,28 +58,17 @@ pub fn magnitudes(signal: &[f64], framing: &Framing, frames: usize) -> Vec<f64> 
     all
 }
 
-fn each_frame(
-    signal: &[f64],
-    framing: &Framing,
-    frames: std::ops::Range<usize>,
-    mut f: impl FnMut(usize, &[f64]),
-) {
+fn each_frame(signal: &[f64], framing: &Framing, frames: Range<usize>, mut f: impl FnMut(usize, &[f64])) {
     let mut stft = Stft::<f64>::new(framing.fft_len);
-    let mut bins = vec![0.0; framing.fft_len / 2 + 1];
     for n in frames {
         let start = usize::try_from(framing.start(n as u64)).unwrap_or(usize::MAX).min(signal.len());
         let end = start.saturating_add(framing.fft_len).min(signal.len());
-        for (to, c) in bins.iter_mut().zip(stft.process(&signal[start..end])) {
-            *to = c.norm() * framing.bin_scale();
-        }
-        f(n, &bins);
+        let bins = stft.process(&signal[start..end]).iter().map(|c| c.norm() * framing.bin_scale());
+        f(n, &bins.collect::<Vec<f64>>());
     }
 }
 
 /// Compares a signal with magnitudes `[frames, framing.bins]`; sample 0 is the first of frame 0.
-///
-/// # Errors
-/// Each kind of [`ScoreError`].
 pub fn score(magnitudes: &[f32], framing: &Framing, signal: &[f64]) -> Result<Score, ScoreError> {
     let bins = framing.bins;
     if framing.check().is_err() || !magnitudes.len().is_multiple_of(bins) {
@@ -96,14 +86,13 @@ pub fn score(magnitudes: &[f32], framing: &Framing, signal: &[f64]) -> Result<Sc
     each_frame(&signal, framing, EDGE_FRAMES..frames - EDGE_FRAMES, |n, y| {
         let (inside, outside) = y.split_at(bins.min(y.len()));
         let row = magnitudes.iter().skip(n * bins);
-        for (((&y, &s), want_bin), have_bin) in inside.iter().zip(row).zip(&mut want_bins).zip(&mut have_bins)
-        {
-            let s = f64::from(s);
+        for (k, (y, s)) in inside.iter().zip(row).enumerate() {
+            let s = f64::from(*s);
             error += (y - s) * (y - s);
             want += s * s;
             have += y * y;
-            *want_bin += s * s;
-            *have_bin += y * y;
+            want_bins[k] += s * s;
+            have_bins[k] += y * y;
         }
         above += outside.iter().map(|y| y * y).sum::<f64>();
     });

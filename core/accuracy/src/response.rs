@@ -30,13 +30,12 @@ pub struct Steps<'a> {
 /// the window is shorter, so that it does not reach before it.
 ///
 /// The squared levels are replaced by the nearest sequence that never falls. Squares, since pulses 50 ms
-/// apart, as phase retrieval makes of steady magnitudes, have the level of their energy, and the mean of
-/// their levels is lower. Each share is found by linear interpolation between samples, never before the step.
+/// apart have the level of their energy. Each share is found by linear interpolation between samples, never
+/// before the step.
 ///
-/// None where the reference is silent, the level does not rise, or no step lies within both signals.
-///
-/// With 120 steps of white noise at 2500 Hz and an independent reference, the 90 % of an overlap-add has a
-/// standard deviation of 2 ms, its 10 and 50 % of 1 ms.
+/// None where the reference is silent, the level does not rise, or no step lies within both signals. With
+/// 120 steps of white noise at 2500 Hz, the 90 % of an overlap-add has a standard deviation of 2 ms, its 10
+/// and 50 % of 1 ms.
 pub fn lag_ms(signal: &[f32], reference: &[f32], steps: &Steps<'_>) -> Option<[f64; 3]> {
     let &Steps { rate_hz, at, before, after } = steps;
     let (have, want) = (energies(signal, steps)?, energies(reference, steps)?);
@@ -98,22 +97,20 @@ fn never_falling(values: &[f64]) -> Vec<f64> {
 /// Cumulative energy around all steps that lie within the signal, from 0 on.
 fn energies(signal: &[f32], steps: &Steps<'_>) -> Option<Vec<f64>> {
     let length = steps.before.checked_add(steps.after)?;
-    let mut sums = vec![0.0; length];
-    let mut any = false;
-    for &at in steps.at {
-        let Some(from) = at.checked_sub(steps.before) else { continue };
-        let Some(piece) = signal.get(from..from.saturating_add(length)) else { continue };
-        any = true;
-        for (sum, &x) in sums.iter_mut().zip(piece) {
-            *sum += f64::from(x) * f64::from(x);
-        }
+    let piece = |at: &usize| {
+        let from = at.checked_sub(steps.before)?;
+        signal.get(from..from.saturating_add(length))
+    };
+    let mut sums = vec![0.0; length + 1];
+    let mut pieces = steps.at.iter().filter_map(piece).peekable();
+    pieces.peek()?;
+    for piece in pieces {
+        sums[1..].iter_mut().zip(piece).for_each(|(sum, &x)| *sum += f64::from(x) * f64::from(x));
     }
-    let mut total = 0.0;
-    let running = std::iter::once(0.0).chain(sums.into_iter().map(|e| {
-        total += e;
-        total
-    }));
-    any.then(|| running.collect())
+    for i in 1..=length {
+        sums[i] += sums[i - 1];
+    }
+    Some(sums)
 }
 
 #[cfg(test)]

@@ -53,25 +53,21 @@ impl Timing {
 
     /// Quantile of the durations \[ns\], of a part from 0 to 1; 0 where nothing was recorded.
     pub fn quantile_ns(&self, part: f64) -> u64 {
-        self.histogram
-            .as_ref()
-            .filter(|h| !h.is_empty())
-            .map_or(0, |h| h.value_at_quantile(part.clamp(0.0, 1.0)))
+        let filled = self.histogram.as_ref().filter(|h| !h.is_empty());
+        filled.map_or(0, |h| h.value_at_quantile(part.clamp(0.0, 1.0)))
     }
 
     /// Figures so far.
     pub fn summary(&self) -> Summary {
-        match &self.histogram {
-            Some(h) if !h.is_empty() => Summary {
-                count: h.len(),
-                mean_ns: h.mean(),
-                p50_ns: h.value_at_quantile(0.5),
-                p99_ns: h.value_at_quantile(0.99),
-                p999_ns: h.value_at_quantile(0.999),
-                max_ns: h.max(),
-            },
-            _ => Summary::default(),
-        }
+        let of = |h: &Histogram<u32>| Summary {
+            count: h.len(),
+            mean_ns: h.mean(),
+            p50_ns: h.value_at_quantile(0.5),
+            p99_ns: h.value_at_quantile(0.99),
+            p999_ns: h.value_at_quantile(0.999),
+            max_ns: h.max(),
+        };
+        self.histogram.as_ref().filter(|h| !h.is_empty()).map(of).unwrap_or_default()
     }
 }
 

@@ -6,8 +6,8 @@ use super::polynomial;
 /// Most coefficients of either polynomial.
 pub const MAX_ORDER: usize = 64;
 
-/// A texture at one speed and force: level of the noise and the two polynomials. It is stored in place,
-/// so that nothing is allocated.
+/// A texture at one speed and force: level of the noise and the two polynomials, in place: nothing is
+/// allocated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {
     /// Standard deviation of the noise in m/s^2; 0 is silence.
@@ -26,8 +26,8 @@ impl Filter {
         Self { deviation: 0.0, gain: 1.0, orders, ar: [0.0; MAX_ORDER], ma: [0.0; MAX_ORDER] }
     }
 
-    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation
-    /// in m/s^2. The gain is 1. Stability is not checked.
+    /// A filter from `a_1 .. a_p`, `b_1 .. b_q`, at most [`MAX_ORDER`] each, and the noise's deviation in
+    /// m/s^2, with a gain of 1. Stability is not checked.
     pub fn new(ar: &[f64], ma: &[f64], deviation: f64) -> Self {
         let mut filter = Self::silent([ar.len(), ma.len()]);
         filter.ar.iter_mut().zip(ar).for_each(|(to, x)| *to = *x);
@@ -51,8 +51,7 @@ impl Filter {
         [&mut self.ar[..self.orders[0]], &mut self.ma[..self.orders[1]]]
     }
 
-    /// Power spectrum `S(w)` at `w` radians a sample, in (m/s^2)^2. Its mean over all `w` is the
-    /// signal's variance.
+    /// Power spectrum `S(w)` at `w` radians a sample, in (m/s^2)^2; its mean over all `w` is the variance.
     pub fn power(&self, w: f64) -> f64 {
         let at = |coefficients: &[f64]| {
             let z = polar(1.0, -w);

@@ -11,13 +11,12 @@
 //! S(w) = var gain^2 |B(w) / A(w)|^2,    A = 1 + a_1 e^-iw + ..,    B = 1 + b_1 e^-iw + ..
 //! ```
 //!
-//! It is stable when all roots of `A` lie within the unit circle. Models are mixed as in Culbertson,
-//! Unwin and Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained
-//! tool-surface interactions"). Triangles with models as corners cover the plane of speed and force.
-//! The three models around a point are mixed by barycentric weights: variance and gain linearly,
-//! polynomials by line spectral frequencies, so that every mixture is stable. Outside the triangles the
-//! nearest point of their hull counts; distances are in parts of the models' range of speed and of
-//! force. Without speed or force there is no vibration.
+//! It is stable when all roots of `A` lie within the unit circle. Models are mixed as in Culbertson, Unwin
+//! and Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface
+//! interactions"): triangles with models as corners cover the plane of speed and force. The three models
+//! around a point are mixed by barycentric weights: variance and gain linearly, polynomials by line spectral
+//! frequencies, so that every mixture is stable. Outside the triangles the nearest point of their hull
+//! counts, in parts of the models' range.
 //!
 //! A texture comes from a [file](TextureFile), from a recording by a [fit], or from a file of the Penn
 //! [toolkit].
@@ -31,14 +30,12 @@
 //! E|X_k|^2 = sum_m r(m) c(m) cos(w_k m),    c(m) = sum_n w[n] w[n+m]
 //! ```
 //!
-//! This is exact: the spectrum smoothed by the window's kernel. The short form `S(w_k) sum w^2` takes
-//! the spectrum at the bin alone. It is as good where the spectrum is flat over the 40 Hz of the
-//! window's lobe, but wrong at resonances. For a pole of radius 0.998 at 200 Hz and a rate of 1 kHz it
-//! is 11.9 dB too high at the peak and 12.4 dB too low 10 Hz beside it. So the exact form is used.
+//! This is exact: the spectrum smoothed by the window's kernel. The short form `S(w_k) sum w^2` takes the
+//! spectrum at the bin alone and is wrong at resonances: for a pole of radius 0.998 at 200 Hz and a rate of
+//! 1 kHz it is 11.9 dB too high at the peak and 12.4 dB too low 10 Hz beside it.
 //!
-//! Times on a virtual AMD EPYC core with 60 models of 16 and 4 coefficients: [`Texture::fill`] within
-//! the hull 0.33 us, one sample of [`Synthesis`] 40 ns, [`Frames::expected_power`] with its filter 14
-//! us at 1 kHz and 90 us at 10 kHz.
+//! On a virtual AMD EPYC core with 60 models of 16 and 4 coefficients, [`Texture::fill`] takes 0.33 us, a
+//! sample of [`Synthesis`] 40 ns, [`Frames::expected_power`] 14 us at 1 kHz and 90 us at 10 kHz.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,20 +1,19 @@
 //! Line spectral frequencies of a monic polynomial (Itakura 1975; Soong and Juang 1984, "Line spectrum
 //! pair (LSP) and speech data compression").
 //!
-//! A polynomial `A` of order p is half the sum of `P = A + z^-(p+1) A(1/z)` and `Q = A - z^-(p+1)
-//! A(1/z)`. All roots of `A` lie within the unit circle exactly when those of `P` and `Q` lie on it and
-//! alternate. Their p angles between 0 and pi, rising, `P` first, are the line spectral frequencies in
-//! radians a sample. Any p rising numbers between 0 and pi belong to a stable polynomial. So mixing
-//! frequencies of stable polynomials gives a stable one.
+//! A polynomial `A` of order p is half the sum of `P = A + z^-(p+1) A(1/z)` and `Q = A - z^-(p+1) A(1/z)`.
+//! All roots of `A` lie within the unit circle exactly when those of `P` and `Q` lie on it and alternate.
+//! Their p angles between 0 and pi, rising, `P` first, are the line spectral frequencies in radians a
+//! sample. Any p rising numbers between 0 and pi belong to a stable polynomial, so mixtures of stable
+//! polynomials are stable.
 
 use asperity_numbers::Elementary;
 use std::f64::consts::PI;
 
 use super::{MAX_ORDER, is_stable};
 
-/// The line spectral frequencies of `1 + a_1 z^-1 + ..` in radians a sample, rising. None if the
-/// polynomial is not stable, its order is above [`MAX_ORDER`], or its roots are so near the unit circle
-/// that frequencies coincide.
+/// The line spectral frequencies of `1 + a_1 z^-1 + ..` in radians a sample, rising. None if the polynomial
+/// is not stable, its order is above [`MAX_ORDER`], or frequencies coincide.
 pub fn from_polynomial(a: &[f64]) -> Option<Vec<f64>> {
     let p = a.len();
     if p > MAX_ORDER || !is_stable(a) {
@@ -78,8 +77,8 @@ pub fn to_polynomial(frequencies: &[f64], a: &mut [f64]) {
     }
 }
 
-/// Numbers below `count` in bit-reversed order, which spreads them evenly. In rising order the product
-/// of the roots would grow by twos and lose as many digits: at order 64 all of them.
+/// Numbers below `count` in bit-reversed order. In rising order the product of the roots would lose all
+/// digits.
 fn spread(count: usize) -> impl Iterator<Item = usize> {
     let bits = count.next_power_of_two().trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);

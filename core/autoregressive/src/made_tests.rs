@@ -73,8 +73,7 @@ const ALL: [Made; 3] = [
     ),
 ];
 
-/// `c_1 ..` of a polynomial with these pairs of roots and real roots, rounded to six digits after the
-/// point.
+/// `c_1 ..` of a polynomial with these pairs of roots and real roots, rounded to six digits after the point.
 fn polynomial(pairs: &[[f64; 2]], real: &[f64]) -> Vec<f64> {
     let mut factors: Vec<[f64; 3]> = real.iter().map(|r| [1.0, -r, 0.0]).collect();
     factors.extend(pairs.iter().map(|[hz, bandwidth_hz]| {
@@ -175,8 +174,7 @@ fn harder_and_faster_is_louder() {
     }
 }
 
-/// Number of edges on which some mixture of coefficients, in hundredths, is not stable; and of all
-/// edges.
+/// Number of edges on which some mixture of coefficients, in hundredths, is not stable; and of all edges.
 pub(super) fn unstable_edges(texture: &Texture) -> [usize; 2] {
     let mut edges: Vec<[usize; 2]> = texture
         .triangles()

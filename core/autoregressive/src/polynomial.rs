@@ -31,20 +31,17 @@ fn step_down(lower: &mut [f64], k: f64) {
 pub(super) fn autocovariance(a: &[f64], out: &mut [f64]) {
     let mut predictors = vec![a.to_vec()];
     let mut variance = 1.0;
-    for order in (1..=a.len()).rev() {
+    for _ in 0..a.len() {
         let mut lower = predictors.last().cloned().unwrap_or_default();
         let k = lower.pop().unwrap_or(0.0);
-        debug_assert_eq!(lower.len() + 1, order);
         variance /= 1.0 - k * k;
         step_down(&mut lower, k);
         predictors.push(lower);
     }
     predictors.reverse();
-    if let Some(first) = out.first_mut() {
-        *first = variance;
-    }
-    for lag in 1..out.len() {
-        let predictor = &predictors[lag.min(a.len())];
-        out[lag] = -predictor.iter().enumerate().map(|(i, c)| c * out[lag - 1 - i]).sum::<f64>();
+    for lag in 0..out.len() {
+        let predictor = predictors[lag.min(a.len())].iter().enumerate();
+        out[lag] =
+            if lag == 0 { variance } else { -predictor.map(|(i, c)| c * out[lag - 1 - i]).sum::<f64>() };
     }
 }

@@ -9,13 +9,9 @@ use asperity_numbers::Random;
 /// A tail below this is over. It ends before samples are denormal.
 const TINY: f64 = 1e-30;
 
-/// The acceleration of a touched texture: noise through the current filter.
-///
-/// However fast speed and force change, the signal's deviation never exceeds the largest of the filters
-/// that it went through. The filters rotate one another's states, which keeps lengths.
-///
-/// Noise is indexed by sample number from the seed, so that skipping does not change later noise. Only
-/// [`new`](Self::new) allocates.
+/// The acceleration of a touched texture: noise through the current filter. However fast speed and force
+/// change, its deviation never exceeds the largest of the filters that it went through. Noise is indexed by
+/// sample number from the seed. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct Synthesis {
     texture: Arc<Texture>,

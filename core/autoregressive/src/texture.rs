@@ -55,12 +55,10 @@ impl Model {
             }
         }
         let lines = |coefficients: &[f64], what: &str, bad: &str| {
-            if coefficients.len() > MAX_ORDER {
-                return Err(Diagnostic::new(format!(
-                    "a model of {} {what} coefficients",
-                    coefficients.len()
-                ))
-                .help(format!("at most {MAX_ORDER} are taken")));
+            let count = coefficients.len();
+            if count > MAX_ORDER {
+                return Err(Diagnostic::new(format!("a model of {count} {what} coefficients"))
+                    .help(format!("at most {MAX_ORDER} are taken")));
             }
             line_spectrum::from_polynomial(coefficients).ok_or_else(|| {
                 Diagnostic::new(format!("the {what} part of a model is {bad}"))
@@ -121,11 +119,9 @@ impl Texture {
             lines.push(model.lines().map_err(|e| (Some(i), e))?);
             let found = [model.ar.len(), model.ma.len()];
             if found != orders {
-                let e = Diagnostic::new(format!(
-                    "{} and {} coefficients, where the first has {} and {}",
-                    found[0], found[1], orders[0], orders[1]
-                ))
-                .help("models can be mixed when they are of the same order");
+                let [[p, q], [r, s]] = [found, orders];
+                let what = format!("{p} and {q} coefficients, where the first has {r} and {s}");
+                let e = Diagnostic::new(what).help("models can be mixed when they are of the same order");
                 return Err((Some(i), e));
             }
         }

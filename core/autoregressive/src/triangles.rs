@@ -21,8 +21,8 @@ pub struct Triangles {
     edges: Vec<[usize; 2]>,
 }
 
-/// Twice the least area of a triangle, in parts of the range. Thinner ones hold no point that their
-/// edges do not.
+/// Twice the least area of a triangle, in parts of the range. Thinner ones hold no point that their edges do
+/// not.
 const LEAST_AREA: f64 = 1e-12;
 /// Allowed difference between the triangles' area and the hull's, as a part.
 const AREA_TOLERANCE: f64 = 0.01;
@@ -101,9 +101,8 @@ impl Triangles {
     /// Neighbours along the line on which all points lie. A lone point is its own neighbour.
     fn chain(&self) -> Vec<[usize; 2]> {
         let mut order: Vec<usize> = (0..self.points.len()).collect();
-        let along = |i: &usize| self.points[*i];
-        order.sort_by(|a, b| {
-            let ([ax, ay], [bx, by]) = (along(a), along(b));
+        order.sort_by(|&a, &b| {
+            let ([ax, ay], [bx, by]) = (self.points[a], self.points[b]);
             ax.total_cmp(&bx).then(ay.total_cmp(&by))
         });
         match order.as_slice() {

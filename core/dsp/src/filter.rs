@@ -1,14 +1,14 @@
 //! Recursive filters of first and second order, designed in the s-domain and run with f64 state.
 //!
-//! A [`Section`] is a transfer function in s. [`Section::bilinear`] turns it into a [`Biquad`], which
-//! filters samples. The state is f64 for every sample type: with poles at 20 Hz and a rate of 48 kHz, 1
-//! + a1 + a2 is 7e-6. An f32 state would leave two digits of the pass band.
-
+//! A [`Section`] is a transfer function in s. [`Section::bilinear`] turns it into a [`Biquad`]. Its state is
+//! f64 for every sample type: with poles at 20 Hz and a rate of 48 kHz, 1 + a1 + a2 is 7e-6. An f32 state
+//! would leave two digits of the pass band.
 use asperity_numbers::{Elementary as _, polar};
-use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
-use thiserror::Error;
-
 use asperity_state::State;
+use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
+
+pub use crate::Refused as FilterError;
+use crate::refuse;
 
 pub use realfft::num_complex::Complex64;
 
@@ -36,29 +36,6 @@ impl Sample for f32 {
     fn narrow(x: f64) -> Self {
         if x.is_finite() { x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32 } else { x as f32 }
     }
-}
-
-/// Reason why a filter cannot be made.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[non_exhaustive]
-pub enum FilterError {
-    /// A coefficient, rate or frequency is not finite, or the rate is not positive.
-    #[error("a filter needs finite coefficients and a positive rate")]
-    NotFinite,
-    /// The frequency \[Hz\] is not between 0 and half the rate \[Hz\].
-    #[error("{hz} Hz is not between 0 and half the rate of {rate_hz} Hz")]
-    Frequency {
-        /// Requested frequency \[Hz\].
-        hz: f64,
-        /// Sampling rate \[Hz\].
-        rate_hz: f64,
-    },
-    /// The order of the numerator is above that of the denominator.
-    #[error("the numerator's order is above the denominator's")]
-    Improper,
-    /// A pole is not in the left half plane.
-    #[error("a pole is not in the left half plane")]
-    Unstable,
 }
 
 /// A transfer function `(n0 s^2 + n1 s + n2) / (d0 s^2 + d1 s + d2)` in s \[rad/s\], highest power first.
@@ -103,39 +80,35 @@ impl Section {
         at(self.num) / at(self.den)
     }
 
-    /// Applies the bilinear transform, with prewarping that makes it exact at `exact_hz`: there the
-    /// discrete filter has the gain and phase of the continuous one. With 0 there is no prewarping, and
-    /// only DC is exact.
-    ///
-    /// s becomes `c (z - 1) / (z + 1)` with `c = w / tan(w / 2 rate)`, `w = 2 pi exact_hz`.
+    /// Applies the bilinear transform `s = c (z - 1) / (z + 1)`, `c = w / tan(w / 2 rate)`, `w = 2 pi
+    /// exact_hz`: at `exact_hz` the discrete filter has the gain and phase of the continuous one. With 0 only
+    /// DC is exact.
     ///
     /// # Errors
-    /// Values that are not finite, `exact_hz` outside 0 to half the rate, an improper or unstable
-    /// section.
+    /// Values that are not finite, `exact_hz` outside 0 to half the rate, an improper or unstable section.
     pub fn bilinear(&self, rate_hz: f64, exact_hz: f64) -> Result<Biquad, FilterError> {
         let finite = self.num.iter().chain(&self.den).chain([&rate_hz, &exact_hz]).all(|x| x.is_finite());
         if !finite || rate_hz <= 0.0 {
-            return Err(FilterError::NotFinite);
+            return refuse("a filter needs finite coefficients and a positive rate");
         }
         if !(0.0..rate_hz / 2.0).contains(&exact_hz) {
-            return Err(FilterError::Frequency { hz: exact_hz, rate_hz });
+            return refuse(format!("{exact_hz} Hz is not between 0 and half the rate of {rate_hz} Hz"));
         }
         // Second order is stable when all coefficients have one sign.
         let [d0, d1, d2] = self.den;
         let stable = if d0 == 0.0 { d1 * d2 > 0.0 } else { d0 * d1 > 0.0 && d0 * d2 > 0.0 };
         if d0 == 0.0 && self.num[0] != 0.0 {
-            return Err(FilterError::Improper);
+            return refuse("the numerator's order is above the denominator's");
         }
         if !stable {
-            return Err(FilterError::Unstable);
+            return refuse("a pole is not in the left half plane");
         }
         let c = if exact_hz == 0.0 {
             2.0 * rate_hz
         } else {
             TAU * exact_hz / (PI * exact_hz / rate_hz).tangent()
         };
-        // A first-order section must not be given the pole and zero at z = -1 that the general form would
-        // add.
+        // A first-order section must not get the pole and zero at z = -1 of the general form.
         let map = |[p, q, r]: [f64; 3]| {
             if d0 == 0.0 {
                 [q * c + r, r - q * c, 0.0]
@@ -176,11 +149,11 @@ impl Biquad {
     /// Coefficients that are not finite, or a pole on or outside the unit circle.
     pub fn new(b: [f64; 3], a: [f64; 2]) -> Result<Self, FilterError> {
         if !b.iter().chain(&a).all(|x| x.is_finite()) {
-            return Err(FilterError::NotFinite);
+            return refuse("a filter needs finite coefficients and a positive rate");
         }
         // The stability triangle of a second-order section.
         if !(a[1].abs() < 1.0 && a[0].abs() < 1.0 + a[1]) {
-            return Err(FilterError::Unstable);
+            return refuse("a pole is not within the unit circle");
         }
         Ok(Self { b, a, s: [0.0; 2] })
     }
@@ -208,21 +181,19 @@ impl Biquad {
     /// Filters `input` into `output`, up to the length of the shorter one. The length of blocks changes
     /// no sample. A sample that is not finite counts as 0.
     pub fn process<T: Sample>(&mut self, input: &[T], output: &mut [T]) {
-        let mut run = *self;
-        for (x, y) in input.iter().zip(output) {
-            let x = x.widen();
-            *y = T::narrow(run.step(if x.is_finite() { x } else { 0.0 }));
-        }
-        self.s = run.s;
-        self.settle();
+        self.run(input.iter().zip(output).map(|(x, y)| (*x, y)));
     }
 
     /// Filters a block in place; see [`Biquad::process`].
     pub fn process_in_place<T: Sample>(&mut self, samples: &mut [T]) {
+        self.run(samples.iter_mut().map(|x| (*x, x)));
+    }
+
+    fn run<'a, T: Sample + 'a>(&mut self, samples: impl Iterator<Item = (T, &'a mut T)>) {
         let mut run = *self;
-        for x in samples {
-            let v = x.widen();
-            *x = T::narrow(run.step(if v.is_finite() { v } else { 0.0 }));
+        for (x, y) in samples {
+            let x = x.widen();
+            *y = T::narrow(run.step(if x.is_finite() { x } else { 0.0 }));
         }
         self.s = run.s;
         self.settle();

@@ -1,11 +1,9 @@
 //! Layout of the frames of a short-time Fourier transform in time and frequency.
 
-use thiserror::Error;
+use crate::{Refused, refuse};
 
-/// Layout of a short-time Fourier transform at one sample rate.
-///
-/// Frame `n` covers samples `start(n) .. start(n) + fft_len`. Bins are counted from 0 and are `rate_hz
-/// / fft_len` apart.
+/// Layout of a short-time Fourier transform at one sample rate: frame `n` covers samples `start(n) ..
+/// start(n) + fft_len`. Bins are counted from 0 and are `rate_hz / fft_len` apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Framing {
     /// Samples a second.
@@ -20,28 +18,6 @@ pub struct Framing {
     pub frame_den: u32,
 }
 
-/// Reason why a [`Framing`] is refused.
-#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
-#[non_exhaustive]
-pub enum FramingError {
-    /// A rate, a length, the number of bins or a part of the frame rate is 0.
-    #[error("a rate, a length or a number of bins is 0")]
-    Zero,
-    /// There are more bins than a real transform of this length has; carries the maximum.
-    #[error("a real transform of this length has {0} bins")]
-    TooManyBins(usize),
-    /// The transform is longer than [`MAX_FFT_LEN`].
-    #[error("the transform is longer than {} samples", MAX_FFT_LEN)]
-    TooLong,
-    /// More frames a second than samples.
-    #[error("there are more frames a second than samples")]
-    HopBelowOne,
-    /// Frame positions repeat only after more than [`MAX_PERIOD`] samples, or after so many frames that
-    /// adding up their windows would take seconds. Carries the period in samples.
-    #[error("frame places repeat only after {0} samples, which is too many")]
-    PeriodTooLong(u64),
-}
-
 /// Longest accepted transform in samples.
 pub const MAX_FFT_LEN: usize = 1 << 20;
 
@@ -52,28 +28,27 @@ impl Framing {
     /// Checks the layout.
     ///
     /// # Errors
-    /// Each kind of [`FramingError`].
-    pub fn check(&self) -> Result<(), FramingError> {
-        if self.rate_hz == 0
-            || self.fft_len == 0
-            || self.bins == 0
-            || self.frame_num == 0
-            || self.frame_den == 0
-        {
-            return Err(FramingError::Zero);
+    /// A rate, a length or a number of bins of 0; a transform longer than [`MAX_FFT_LEN`] or with fewer bins;
+    /// more frames than samples; frame positions that repeat only after [`MAX_PERIOD`] samples, or after so
+    /// many frames that adding up their windows would take seconds.
+    pub fn check(&self) -> Result<(), Refused> {
+        let parts = [self.rate_hz as usize, self.fft_len, self.bins];
+        if parts.contains(&0) || self.frame_num == 0 || self.frame_den == 0 {
+            return refuse("a rate, a length or a number of bins is 0");
         }
         if self.fft_len > MAX_FFT_LEN {
-            return Err(FramingError::TooLong);
+            return refuse(format!("the transform is longer than {MAX_FFT_LEN} samples"));
         }
-        if self.bins > self.fft_len / 2 + 1 {
-            return Err(FramingError::TooManyBins(self.fft_len / 2 + 1));
+        let most = self.fft_len / 2 + 1;
+        if self.bins > most {
+            return refuse(format!("a real transform of this length has {most} bins"));
         }
         let (period, frames) = self.period();
         if frames > period {
-            return Err(FramingError::HopBelowOne);
+            return refuse("there are more frames a second than samples");
         }
         if period > MAX_PERIOD || frames.saturating_mul(self.fft_len as u64) > 1 << 31 {
-            return Err(FramingError::PeriodTooLong(period));
+            return refuse(format!("frame places repeat only after {period} samples, which is too many"));
         }
         Ok(())
     }
@@ -119,10 +94,13 @@ mod tests {
     #[test]
     fn impossible_framings_are_refused() {
         let f = Framing { rate_hz: 2500, fft_len: 250, bins: 101, frame_num: 500, frame_den: 1 };
-        assert_eq!(Framing { bins: 127, ..f }.check(), Err(FramingError::TooManyBins(126)));
-        assert_eq!(Framing { rate_hz: 0, ..f }.check(), Err(FramingError::Zero));
-        assert_eq!(Framing { fft_len: usize::MAX, ..f }.check(), Err(FramingError::TooLong));
-        let odd = Framing { rate_hz: 4_294_967_291, ..f };
-        assert_eq!(odd.check(), Err(FramingError::PeriodTooLong(4_294_967_291)));
+        for (bad, why) in [
+            (Framing { bins: 127, ..f }, "a real transform of this length has 126 bins"),
+            (Framing { rate_hz: 0, ..f }, "is 0"),
+            (Framing { fft_len: usize::MAX, ..f }, "longer than"),
+            (Framing { rate_hz: 4_294_967_291, ..f }, "only after 4294967291 samples"),
+        ] {
+            assert!(bad.check().unwrap_err().0.contains(why), "{bad:?}");
+        }
     }
 }

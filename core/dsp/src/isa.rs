@@ -58,10 +58,6 @@ impl Isa {
 
     /// Name in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Isa::Avx512 => "avx512",
-            Isa::Avx2 => "avx2",
-            Isa::Portable => "portable",
-        }
+        ["avx512", "avx2", "portable"][self as usize]
     }
 }

@@ -3,22 +3,10 @@
 //! Constructors allocate and check; what runs per tick does neither, and does not panic. Samples are
 //! counted by absolute index in integers, so nothing drifts.
 //!
-//! Medians in single precision on a virtual AMD EPYC core (two of them, shared with four times their load
-//! in builds, so these are upper bounds), `cargo bench -p asperity-dsp`, frames of noise, back to back:
-//!
-//! | transform length | bins | `spsi` | `overlap_add` | both |
-//! |---|---|---|---|---|
-//! | 50 | 26 | 0.45 us | 0.17 us | 0.67 us |
-//! | 250 | 101 | 2.2 us | 0.82 us | 3.0 us |
-//! | 4410 | 101 | 2.3 us | 10.5 us | 13.8 us |
-//! | 4800 | 101 | 2.2 us | 9.5 us | 11.7 us |
-//!
-//! The plain methods, a frame of 101 bins at transform lengths 250 and 4800: `phase_vocoder` 0.19 us at
-//! both, `random_phase` 1.9 us at both, `oscillator_bank` with its 5 or 96 samples 2.9 and 4.7 us tracked,
-//! 5.0 and 11.6 us as noise.
-//!
-//! `resample`, one tick of 2 ms: 2500 to 48000 Hz 0.82 us, to 44100 Hz 0.84 us, 500 to 48000 Hz 0.79 us.
-//! The widest table made here, 2500 to 44099 Hz at minimum phase, takes 68 ms to compute.
+//! Medians in single precision on a virtual AMD EPYC core under load (`cargo bench -p asperity-dsp`), for
+//! transform lengths 250 and 4800 with 101 bins: `spsi` 2.2 and 2.2 us a frame, `overlap_add` 0.8 and 9.5,
+//! `phase_vocoder` 0.2, `random_phase` 1.9, `oscillator_bank` 2.9 and 4.7 tracked, 5.0 and 11.6 as noise.
+//! `resample` takes 0.8 us a tick of 2 ms; its widest table here, 2500 to 44099 Hz, takes 68 ms to compute.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -49,9 +37,8 @@ mod testing;
 #[cfg(test)]
 mod widths_tests;
 pub mod window;
-
 pub use float::Float;
-pub use framing::{Framing, FramingError, MAX_FFT_LEN, MAX_PERIOD};
+pub use framing::{Framing, MAX_FFT_LEN, MAX_PERIOD};
 pub use isa::Isa;
 pub use magnitude::Level;
 pub use oscillator_bank::{OscillatorBank, Partials};
@@ -65,4 +52,14 @@ pub use sample_commit::SampleCommit;
 pub use scatter::Scatter;
 pub use shaped_noise::ShapedNoise;
 pub use spsi::Spsi;
+use std::borrow::Cow;
 pub use stft::Stft;
+
+/// Reason why a layout, a filter or a frame is refused.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct Refused(pub Cow<'static, str>);
+
+fn refuse<T>(why: impl Into<Cow<'static, str>>) -> Result<T, Refused> {
+    Err(Refused(why.into()))
+}

@@ -8,37 +8,27 @@ use asperity_state::State;
 /// State below this is set to 0. It is far below any signal and far above denormal numbers.
 const TINY: f64 = 1e-30;
 
-/// A second-order Butterworth low-pass in state-variable form.
+/// A second-order Butterworth low-pass in state-variable form (Zavalishin, The Art of VA Filter Design, 2018,
+/// chapter 4). At a fixed corner it is the bilinear transform of the analog filter, exact at the corner.
 ///
 /// Its state is the output and the output's slope, independent of the corner. So a constant input stays
-/// constant while the corner moves. At a fixed corner it is the bilinear transform of the analog
-/// filter, exact at the corner (Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
-///
-/// ```
-/// use asperity_dsp::low_pass::{LowPass, corner};
-/// let mut smooth = LowPass::default();
-/// let first = smooth.step(1.0, corner(20.0, 500.0));
-/// assert!((first - 0.013359200027856505).abs() < 1e-15);
-/// ```
+/// constant while the corner moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LowPass {
     /// Slope of the output over the corner, and the output.
     state: [f64; 2],
 }
 
-/// Corner argument `tan(pi hz / rate)` of [`LowPass::step`]. The corner is limited to 0.499 of the
-/// rate.
+/// Corner argument `tan(pi hz / rate)` of [`LowPass::step`], with the corner limited to 0.499 of the rate.
 #[inline]
 pub fn corner(hz: f64, rate_hz: f64) -> f64 {
     (PI * (hz / rate_hz).min(0.499)).tangent()
 }
 
-/// Corner \[Hz\] of a velocity low-pass that opens with speed: smooth for slow motion, prompt for fast
-/// motion (after the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012). At rest it is `cutoff_hz`.
-/// Each mm/s adds `hz_per_mm_s`, summed in squares.
-///
-/// It opens to at most a tenth of the rate. A position that is read a tick late then changes the speed
-/// by `2 pi / 10 e^(-pi/4)` of it, 29 %.
+/// Corner \[Hz\] of a velocity low-pass that opens with speed: smooth for slow motion, prompt for fast motion
+/// (after the 1 euro filter of Casiez, Roussel and Vogel, CHI 2012). From `cutoff_hz` at rest each mm/s adds
+/// `hz_per_mm_s`, summed in squares, up to a tenth of the rate: a position that is read a tick late then
+/// changes the speed by `2 pi / 10 e^(-pi/4)` of it, 29 %.
 #[inline]
 pub fn opened_hz(cutoff_hz: f64, hz_per_mm_s: f64, speed_mm_s: f64, rate_hz: f64) -> f64 {
     cutoff_hz.hypotenuse(hz_per_mm_s * speed_mm_s).min(rate_hz / 10.0).max(cutoff_hz)
@@ -55,8 +45,8 @@ impl LowPass {
         y
     }
 
-    /// Filters `steps` equal samples at the cost of a few, up to rounding. The distance of the state
-    /// from its limit is multiplied by a power of the filter's matrix, by repeated squaring.
+    /// Filters `steps` equal samples at the cost of a few, up to rounding: multiplies the distance of the
+    /// state from its limit by a power of the filter's matrix, by repeated squaring.
     pub fn hold(&mut self, x: f64, corner: f64, steps: u64) {
         let column = |state: [f64; 2]| {
             let mut of = Self { state };
@@ -91,8 +81,7 @@ impl LowPass {
         finite
     }
 
-    /// Sets a state below `least` to 0. For a filter whose input is at rest: a slow filter would decay
-    /// for long.
+    /// Sets a state below `least` to 0, for a slow filter whose input is at rest.
     pub fn settle_below(&mut self, least: f64) {
         if self.state.iter().all(|s| s.abs() < least) {
             *self = Self::default();

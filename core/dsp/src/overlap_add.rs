@@ -10,16 +10,13 @@ use crate::float::keep_wide;
 use crate::magnitude::largest_of;
 use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, FramingError};
+use crate::{Complex, Float, Framing, Refused, refuse};
 use asperity_state::State;
-use thiserror::Error;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.
 ///
-/// The divisor is that of an endless stream of frames. So a signal fades in over the first `fft_len`
-/// samples after a start or a reset, and a missing frame is silence of the frame's weight. A consistent
-/// stream is restored to rounding error. Where no frame has weight (a hop as long as the window), there
-/// is silence.
+/// The divisor is that of an endless stream of frames. So a signal fades in over the first `fft_len` samples,
+/// and a missing frame is silence of the frame's weight. Where no frame has weight there is silence.
 #[derive(Debug)]
 pub struct OverlapAdd<T> {
     framing: Framing,
@@ -28,8 +25,7 @@ pub struct OverlapAdd<T> {
     window: Vec<T>,
     /// One over the sum of windows, over one period of sample indices.
     gain: Vec<T>,
-    /// Bins are limited to the largest number over this, so that sums over all bins and overlapping
-    /// frames stay finite.
+    /// Bins are limited to the largest number over this, so that sums over bins and frames stay finite.
     summed: f64,
     /// Sums of frames; the sample `next` is at `head`.
     ring: Vec<T>,
@@ -38,27 +34,9 @@ pub struct OverlapAdd<T> {
     next: u64,
 }
 
-/// Reason why a frame was not added.
-#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
-#[non_exhaustive]
-pub enum FrameError {
-    /// It starts more than two hops after the next sample to be emitted.
-    #[error("the frame starts more than two hops ahead")]
-    TooEarly,
-    /// All of it lies before the next sample to be emitted.
-    #[error("the frame's samples have been emitted already")]
-    TooLate,
-    /// A bin is NaN or infinite; it would spoil every sample of the frame.
-    #[error("a bin is not a finite number")]
-    NotFinite,
-}
-
 impl<T: Float> OverlapAdd<T> {
     /// Plans the transform and computes the divisor.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
-    pub fn new(framing: Framing) -> Result<Self, FramingError> {
+    pub fn new(framing: Framing) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;
         let scale = framing.bin_scale() / n as f64;
@@ -95,8 +73,7 @@ impl<T: Float> OverlapAdd<T> {
         self.next = start;
     }
 
-    /// Saves or restores the pending sums of frames and their position. State of frames of another
-    /// length or hop is refused.
+    /// Saves or restores the pending sums of frames and their position, for one length and hop.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring, state);
         state.keep(&mut self.head).keep(&mut self.next);
@@ -114,19 +91,20 @@ impl<T: Float> OverlapAdd<T> {
     /// that were already emitted do not change.
     ///
     /// # Errors
-    /// A frame out of reach is not added; see [`FrameError`].
-    pub fn add_frame<P: Float>(&mut self, start: u64, spectrum: &[Complex<P>]) -> Result<(), FrameError> {
+    /// A frame that starts more than two hops ahead, whose samples have been emitted, or with a bin that is
+    /// not finite.
+    pub fn add_frame<P: Float>(&mut self, start: u64, spectrum: &[Complex<P>]) -> Result<(), Refused> {
         let n = self.framing.fft_len;
         let skip = usize::try_from(self.next.saturating_sub(start)).unwrap_or(usize::MAX);
         if skip >= n {
-            return Err(FrameError::TooLate);
+            return refuse(TOO_LATE);
         }
         let ahead = usize::try_from(start.saturating_sub(self.next)).unwrap_or(usize::MAX);
         if ahead > self.ring.len() - n {
-            return Err(FrameError::TooEarly);
+            return refuse(TOO_EARLY);
         }
         if !spectrum.iter().take(self.framing.bins).all(|x| x.re.finite() && x.im.finite()) {
-            return Err(FrameError::NotFinite);
+            return refuse("a bin is not a finite number");
         }
         self.transform(spectrum);
         let (frame, window) = (&self.transform.time[skip..], &self.window[skip..]);
@@ -150,10 +128,8 @@ impl<T: Float> OverlapAdd<T> {
         self.transform.inverse();
     }
 
-    /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
-    ///
-    /// Samples are taken in order. A later `start` drops the samples in between; an earlier one starts
-    /// anew there, with silence.
+    /// Takes out the samples `start .. start + out.len()`, in order. A later `start` drops the samples in
+    /// between; an earlier one starts anew there, with silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         if start < self.next {
             self.reset(start);
@@ -197,6 +173,8 @@ impl<T: Float> OverlapAdd<T> {
     }
 }
 
+pub(crate) const TOO_EARLY: &str = "the frame starts more than two hops ahead";
+pub(crate) const TOO_LATE: &str = "the frame's samples have been emitted already";
 fn add<T: Float>(to: &mut [T], frame: &[T], window: &[T]) {
     for ((to, &x), &w) in to.iter_mut().zip(frame).zip(window) {
         *to += x * w;

@@ -53,8 +53,7 @@ impl Ramp {
         (self.left, self.now) = (0, self.target);
     }
 
-    /// Saves or restores the position. A ramp with another target or length starts from there. A value
-    /// that is not finite is refused.
+    /// Saves or restores the position. A ramp with another target or length starts from there.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut that = *self;
         state.keep(&mut that.now).keep(&mut that.target).keep(&mut that.by).keep(&mut that.left);

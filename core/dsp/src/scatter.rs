@@ -1,30 +1,25 @@
 //! Adds to magnitudes the random scatter of a random signal's spectrum.
 //!
-//! A network answers expected magnitudes. The short-time magnitudes of a random process scatter about
-//! them: Rayleigh distributed for noise, Rice distributed where a steady line stands in noise. So each
-//! frame is multiplied by `|sqrt(1 - q) e^(j theta_k) + sqrt(q) z_k|`.
+//! A network answers expected magnitudes. Those of a random process scatter about them: Rayleigh distributed
+//! for noise, Rice distributed where a steady line stands in noise. So each frame is multiplied by `|sqrt(1 -
+//! q) e^(j theta_k) + sqrt(q) z_k|`.
 //!
-//! * `z` is the short-time spectrum of unit white noise through the same window at the same position.
-//!   So neighbouring bins and frames are correlated as in a signal.
+//! * `z` is the short-time spectrum of unit white noise through the same window at the same position, so
+//!   neighbouring bins and frames are correlated as in a signal.
 //! * `theta_k = 2 pi k t / N` is the phase of a line in the middle of bin k.
 //! * `q` is the random part of the bin's power. It follows from the ratio of mean to root mean square
-//!   magnitude, which is the mean of the Rice distribution (S. O. Rice, "Mathematical analysis of
-//!   random noise", 1944):
+//!   magnitude, `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|` (S. O. Rice, "Mathematical analysis of random
+//!   noise", 1944): from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for noise.
 //!
-//! `ratio(q) = E |sqrt(1 - q) + sqrt(q) z|`, from 1 for a steady line to `sqrt(pi) / 2 = 0.886` for
-//! noise.
-//!
-//! Single events are common to all bins. Variance of a frame's power beyond the scatter of its bins
-//! becomes one more gain: `g = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen
-//! through the window's square, as the energies of short events are.
-//!
+//! Variance of a frame's power beyond the scatter of its bins, as from single events, becomes one more gain:
+//! `g = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen through the window's square.
 //! Noise is indexed by sample from a seed, so skipping a frame changes no later one.
 
 use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::window::hann;
-use crate::{Float, Framing, FramingError, Stft};
+use crate::{Float, Framing, Refused, Stft};
 use asperity_numbers::Elementary as _;
 use std::sync::LazyLock;
 
@@ -47,8 +42,8 @@ static RATIOS: LazyLock<[f64; STEPS + 1]> =
 /// Statistics of a frame's magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub struct Statistics<'a, P> {
-    /// Ratio of mean to root mean square for each bin, 0 to 1. A bin that is missing, or below
-    /// [`NOISE_RATIO`], is noise.
+    /// Ratio of mean to root mean square for each bin, 0 to 1. A missing one, or one below [`NOISE_RATIO`],
+    /// is noise.
     pub ratio: &'a [P],
     /// Variance of a frame's power over its squared mean, if known.
     pub variance: Option<f64>,
@@ -61,8 +56,6 @@ pub struct Statistics<'a, P> {
 pub struct Scatter<T> {
     framing: Framing,
     stft: Stft<T>,
-    /// Ratios at q = 0, 1 / STEPS, .., 1.
-    ratios: &'static [f64],
     /// The squared window, normalised so that its squares sum to 1.
     common: Vec<T>,
     noise: Line<T>,
@@ -73,18 +66,16 @@ pub struct Scatter<T> {
 
 impl<T: Float> Scatter<T> {
     /// Makes the kernel for a layout.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
-    pub fn new(framing: Framing, seed: u64) -> Result<Self, FramingError> {
+    pub fn new(framing: Framing, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;
+        // Not in a tick.
+        LazyLock::force(&RATIOS);
         let squares: Vec<f64> = hann::<f64>(n).into_iter().map(|w| w * w).collect();
         let norm = squares.iter().map(|w| w * w).sum::<f64>().sqrt().recip();
         Ok(Self {
             framing,
             stft: Stft::new(n),
-            ratios: &*RATIOS,
             common: squares.into_iter().map(|w| T::of(w * norm)).collect(),
             noise: Line::new(seed, n),
             slow: Line::new(seed ^ COMMON, n),
@@ -94,9 +85,7 @@ impl<T: Float> Scatter<T> {
     }
 
     /// Scatters frame number `frame` by `strength`, 0 (not at all) to 1, into `out`, in the same unit.
-    ///
-    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned. Missing
-    /// bins are 0, bins beyond the layout are ignored, and the rest of `out` is set to 0.
+    /// Returns the number of magnitudes that are NaN, infinite or negative; they count as 0, as missing ones.
     pub fn process<P: Float>(
         &mut self,
         frame: u64,
@@ -111,7 +100,7 @@ impl<T: Float> Scatter<T> {
         let n = self.framing.fft_len;
         let start = self.framing.start(frame);
         for (bin, random) in self.random.iter_mut().enumerate() {
-            let q = known.ratio.get(bin).map_or(1.0, |r| random_part(self.ratios, r.f64()));
+            let q = known.ratio.get(bin).map_or(1.0, |r| random_part(r.f64()));
             *random = T::of(q * strength * strength);
         }
         let gain = known.variance.map_or(1.0, |variance| self.gain(variance, strength, start, known.means));
@@ -120,15 +109,10 @@ impl<T: Float> Scatter<T> {
         out.fill(P::zero());
         // Phase in turns of a line in the middle of bin 1 since sample 0.
         let turned = (start % n as u64) as f64 / n as f64;
-        for (bin, out) in out.iter_mut().enumerate().take(self.framing.bins) {
-            let (Some(&m), Some(&q), Some(z)) =
-                (self.magnitudes.get(bin), self.random.get(bin), spectrum.get(bin))
-            else {
-                continue;
-            };
-            if m <= T::zero() {
-                continue;
-            }
+        let bins = self.magnitudes.iter().zip(&self.random).zip(spectrum).enumerate();
+        for (out, (bin, ((m, q), z))) in
+            out.iter_mut().zip(bins).filter(|(_, (_, ((m, _), _)))| **m > T::zero())
+        {
             let (m, q) = (m.f64(), q.f64());
             let real = bin == 0 || 2 * bin == n;
             let (cos, sin) = unit_circle((bin as f64 * turned).fract());
@@ -139,7 +123,7 @@ impl<T: Float> Scatter<T> {
                 (steady * cos + loose * z.re.f64(), steady * sin + loose * z.im.f64())
             };
             // A root mean square exceeds the mean by the ratio of this scatter.
-            let level = if known.means { mean_level(self.ratios, q, real).recip() } else { 1.0 };
+            let level = if known.means { mean_level(q, real).recip() } else { 1.0 };
             *out = P::of(m * level * gain * re.hypotenuse(im));
         }
         bad
@@ -164,12 +148,8 @@ impl<T: Float> Scatter<T> {
     /// Variance of a frame's power over its squared mean from the scatter of its bins alone. White
     /// noise under a Hann window has correlations of 2/3 and 1/6 with the next two bins.
     fn own_variance(&self) -> f64 {
-        let powers = || {
-            self.magnitudes.iter().zip(&self.random).map(|(m, q)| {
-                let (m, q) = (m.f64(), q.f64());
-                (m * m, m * m * (q * (2.0 - q)).sqrt())
-            })
-        };
+        let parts = self.magnitudes.iter().zip(&self.random).map(|(m, q)| (m.f64() * m.f64(), q.f64()));
+        let powers = || parts.clone().map(|(power, q)| (power, power * (q * (2.0 - q)).sqrt()));
         let total: f64 = powers().map(|(power, _)| power).sum();
         if total <= 0.0 {
             return 0.0;
@@ -204,30 +184,28 @@ pub fn ratio(q: f64) -> f64 {
 }
 
 /// Random part of a bin's power for a ratio of mean to root mean square.
-fn random_part(ratios: &[f64], ratio: f64) -> f64 {
+fn random_part(ratio: f64) -> f64 {
     if ratio.is_nan() || ratio <= NOISE_RATIO {
         return 1.0;
     }
-    let after = ratios.partition_point(|r| *r > ratio);
-    match (after.checked_sub(1).and_then(|i| ratios.get(i)), ratios.get(after)) {
-        (Some(above), Some(below)) => {
-            (after as f64 - 1.0 + (above - ratio) / (above - below)) / (ratios.len() - 1) as f64
-        }
+    let after = RATIOS.partition_point(|r| *r > ratio);
+    match (after.checked_sub(1).map(|i| RATIOS[i]), RATIOS.get(after)) {
+        (Some(above), Some(below)) => (after as f64 - 1.0 + (above - ratio) / (above - below)) / STEPS as f64,
         (None, _) => 0.0,
         (_, None) => 1.0,
     }
 }
 
 /// Ratio of mean to root mean square for a random part.
-fn mean_level(ratios: &[f64], q: f64, real: bool) -> f64 {
+fn mean_level(q: f64, real: bool) -> f64 {
     if real {
         // Between a steady line's and noise's; bins 0 and Nyquist carry next to nothing.
         return 1.0 + q * (REAL_NOISE_RATIO - 1.0);
     }
-    let place = q * (ratios.len() - 1) as f64;
-    let at = (place as usize).min(ratios.len() - 2);
+    let place = q * STEPS as f64;
+    let at = (place as usize).min(STEPS - 1);
     let part = place - at as f64;
-    ratios.get(at).zip(ratios.get(at + 1)).map_or(1.0, |(a, b)| a + part * (b - a))
+    RATIOS[at] + part * (RATIOS[at + 1] - RATIOS[at])
 }
 
 /// White noise of unit variance by sample, with a window of it held.

@@ -20,9 +20,8 @@ impl<T: Float> Stft<T> {
         Self { window, transform: Transform::new(len) }
     }
 
-    /// Amplitudes `2 sum(w x e^-i..) / sum(w)` of one frame, in the samples' unit, for all `fft_len / 2
-    /// + 1` bins. Phases are counted from the first sample. Missing samples are 0; samples beyond
-    /// `fft_len` are ignored.
+    /// Amplitudes `2 sum(w x e^-i..) / sum(w)` of one frame, in the samples' unit, for all `fft_len / 2 + 1`
+    /// bins, with phases counted from the first sample. Missing samples are 0.
     pub fn process(&mut self, samples: &[T]) -> &[Complex<T>] {
         self.transform.time.fill(T::zero());
         for ((to, &x), &w) in self.transform.time.iter_mut().zip(samples).zip(&self.window) {

@@ -19,6 +19,22 @@ pub(crate) fn tone(freq: f64, bins: usize) -> Vec<f64> {
     (0..bins).map(|k| hann_lobe(k as f64 - freq).abs()).collect()
 }
 
+/// Amplitude of the line that advances by `turns` a sample.
+pub(crate) fn line(x: &[f64], turns: f64) -> f64 {
+    let turn = |i: usize| Complex::from_polar(2.0 / x.len() as f64, TAU * turns * i as f64);
+    x.iter().enumerate().map(|(i, x)| turn(i) * x).sum::<Complex<f64>>().norm()
+}
+
+/// The largest sample.
+pub(crate) fn peak(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |most, x| most.max(x.abs()))
+}
+
+/// The largest step from a sample to the next.
+pub(crate) fn steepest(x: &[f64]) -> f64 {
+    x.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
+}
+
 /// Phase in turns.
 pub(crate) fn turns(c: Complex<f64>) -> f64 {
     c.im.atan2(c.re) / TAU
@@ -37,9 +53,8 @@ pub(crate) fn saved(mut keep: impl FnMut(&mut State<'_>)) -> Vec<u8> {
     bytes
 }
 
-/// Checks a kernel from magnitudes to spectra, scaled by `gain`, on values that are no magnitudes.
-/// `process` takes a frame's number, its magnitudes and the output, and answers how many magnitudes were
-/// bad.
+/// Checks a kernel from magnitudes to spectra, scaled by `gain`, on values that are no magnitudes. `process`
+/// takes a frame's number, its magnitudes and the output, and answers how many magnitudes were bad.
 pub(crate) fn check_bad_magnitudes(
     mut process: impl FnMut(u64, &[f32], &mut [Complex<f32>]) -> usize,
     mags: &[f32; 101],

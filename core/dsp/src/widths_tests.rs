@@ -1,16 +1,20 @@
-//! Kernels in single and double precision.
+//! Facts of every kernel: state and precision, reset and seed, unit.
 
 use crate::sample_commit::{SampleCommit, Settings};
 use crate::testing::{LOW, saved};
 use crate::{
-    Complex, Conversion, FilterPhase, Float, OscillatorBank, OverlapAdd, Partials, Resampler, Spsi, random,
+    Complex, Conversion, FilterPhase, Float, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder,
+    RandomPhase, Resampler, Spsi, StartPhase, random,
 };
 use asperity_state::State;
 
-macro_rules! keep {
-    () => {
+macro_rules! stateful {
+    ($($start:expr)?) => {
         fn keep(&mut self, state: &mut State<'_>) {
             self.state(state);
+        }
+        fn anew(&mut self) {
+            self.reset($($start)?);
         }
     };
 }
@@ -18,7 +22,8 @@ macro_rules! keep {
 /// A kernel from magnitudes to numbers, one hop at a time, in single precision.
 trait Kernel {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32>;
-    fn keep(&mut self, state: &mut State<'_>);
+    fn keep(&mut self, _: &mut State<'_>) {}
+    fn anew(&mut self) {}
 }
 
 /// Input of overlap-add and resampler: the same spectra for both precisions.
@@ -31,9 +36,9 @@ impl<T: Float> Kernel for Spsi<T> {
     fn hop(&mut self, _: u64, mags: &[f32]) -> Vec<f32> {
         let mut out = vec![Complex::default(); mags.len()];
         self.process(mags, 5, &mut out);
-        out.into_iter().flat_map(|c| [c.re, c.im]).collect()
+        parts(out)
     }
-    keep!();
+    stateful!();
 }
 
 impl<T: Float> Kernel for OverlapAdd<T> {
@@ -43,7 +48,7 @@ impl<T: Float> Kernel for OverlapAdd<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    keep!();
+    stateful!(0);
 }
 
 impl<T: Float> Kernel for Resampler<T> {
@@ -52,7 +57,7 @@ impl<T: Float> Kernel for Resampler<T> {
         self.process(5 * n, &mags[..5], 96 * n, &mut out);
         out
     }
-    keep!();
+    stateful!();
 }
 
 impl<T: Float> Kernel for OscillatorBank<T> {
@@ -62,7 +67,7 @@ impl<T: Float> Kernel for OscillatorBank<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    keep!();
+    stateful!(0);
 }
 
 impl<T: Float> Kernel for SampleCommit<T> {
@@ -72,11 +77,31 @@ impl<T: Float> Kernel for SampleCommit<T> {
         self.emit(5 * n, &mut out);
         out
     }
-    keep!();
+    stateful!(0);
+}
+
+fn parts(spectrum: Vec<Complex<f32>>) -> Vec<f32> {
+    spectrum.into_iter().flat_map(|c| [c.re, c.im]).collect()
+}
+
+impl<T: Float> Kernel for RandomPhase<T> {
+    fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
+        let mut out = vec![Complex::default(); mags.len()];
+        self.process(n, mags, &mut out);
+        parts(out)
+    }
+}
+
+impl<T: Float> Kernel for PhaseVocoder<T> {
+    fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
+        let mut out = vec![Complex::default(); mags.len()];
+        self.process(5 * n, mags, &mut out);
+        parts(out)
+    }
 }
 
 /// Each kernel in one precision.
-fn kernels<T: Float>() -> Vec<(&'static str, Box<dyn Kernel>)> {
+fn kernels<T: Float>(seed: u64) -> Vec<(&'static str, Box<dyn Kernel>)> {
     let conversion = Conversion {
         in_hz: 2500,
         out_hz: 48_000,
@@ -86,12 +111,20 @@ fn kernels<T: Float>() -> Vec<(&'static str, Box<dyn Kernel>)> {
         phase: FilterPhase::Linear,
     };
     vec![
-        ("spsi", Box::new(Spsi::<T>::new(250, 101, 1))),
+        ("spsi", Box::new(Spsi::<T>::new(250, 101, seed))),
+        ("random_phase", Box::new(RandomPhase::<T>::new(LOW, Level::Keep, seed).unwrap())),
+        (
+            "phase_vocoder",
+            Box::new(PhaseVocoder::<T>::new(LOW, StartPhase::Random, Level::Keep, seed).unwrap()),
+        ),
         ("overlap_add", Box::new(OverlapAdd::<T>::new(LOW).unwrap())),
         ("resample", Box::new(Resampler::<T>::new(&conversion).unwrap())),
-        ("oscillator_bank", Box::new(OscillatorBank::<T>::new(LOW, Partials::Noise, 1).unwrap())),
-        ("oscillator_bank, tracked", Box::new(OscillatorBank::<T>::new(LOW, Partials::Tracked, 1).unwrap())),
-        ("sample_commit", Box::new(SampleCommit::<T>::new(LOW, Settings::default(), 1).unwrap())),
+        ("oscillator_bank", Box::new(OscillatorBank::<T>::new(LOW, Partials::Noise, seed).unwrap())),
+        (
+            "oscillator_bank, tracked",
+            Box::new(OscillatorBank::<T>::new(LOW, Partials::Tracked, seed).unwrap()),
+        ),
+        ("sample_commit", Box::new(SampleCommit::<T>::new(LOW, Settings::default(), seed).unwrap())),
     ]
 }
 
@@ -102,7 +135,7 @@ fn mags(n: u64) -> Vec<f32> {
 }
 
 fn goes_on<A: Float, B: Float>() {
-    for ((name, mut old), (_, mut new)) in kernels::<A>().into_iter().zip(kernels::<B>()) {
+    for ((name, mut old), (_, mut new)) in kernels::<A>(1).into_iter().zip(kernels::<B>(1)) {
         let peak = (0..100).flat_map(|n| old.hop(n, &mags(n))).fold(0.0f32, |a, y| a.max(y.abs()));
         assert!(peak > 1e-3, "{name}: {peak}");
         let bytes = saved(|s| old.keep(s));
@@ -119,6 +152,24 @@ fn goes_on<A: Float, B: Float>() {
 fn kernel_continues_from_the_other_precision() {
     goes_on::<f32, f64>();
     goes_on::<f64, f32>();
+}
+
+fn run(kernel: &mut dyn Kernel, scale: f32) -> Vec<f32> {
+    let scaled = |n| mags(n).iter().map(|m| m * scale).collect::<Vec<f32>>();
+    (0..40).flat_map(|n| kernel.hop(n, &scaled(n))).map(|y| y / scale).collect()
+}
+
+#[test]
+fn output_depends_on_input_and_seed_alone_in_any_unit() {
+    for ((name, mut kernel), (_, mut other)) in kernels::<f32>(1).into_iter().zip(kernels::<f32>(2)) {
+        let first = run(&mut *kernel, 1.0);
+        let seeded = !["overlap_add", "resample"].contains(&name);
+        assert_eq!(first != run(&mut *other, 1.0), seeded, "{name}");
+        for scale in [1.0, 2f32.powi(-40), 2f32.powi(40)] {
+            kernel.anew();
+            assert!(run(&mut *kernel, scale) == first, "{name} times {scale}");
+        }
+    }
 }
 
 #[test]

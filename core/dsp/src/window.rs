@@ -3,9 +3,8 @@
 use crate::Float;
 use asperity_numbers::Elementary as _;
 
-/// The periodic Hann window of `len` samples: `0.5 - 0.5 cos(2 pi i / len)`.
-///
-/// Its sum is `len / 2` (for `len >= 2`) and, squared, `3 len / 8` (for `len >= 3`).
+/// The periodic Hann window of `len` samples, `0.5 - 0.5 cos(2 pi i / len)`. Its sum is `len / 2`, and that
+/// of its squares `3 len / 8` (for `len >= 3`).
 pub fn hann<T: Float>(len: usize) -> Vec<T> {
     let step = std::f64::consts::PI / len.max(1) as f64;
     // sin^2 of the half angle does not cancel near the ends, where 0.5 - 0.5 cos does.

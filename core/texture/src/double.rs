@@ -10,52 +10,29 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub(crate) struct Double {
     pub(crate) net: Arc<Lowered>,
-    /// Steps of a run, in order.
-    moving: Vec<usize>,
+    /// Needed steps, in order.
+    needed: Vec<usize>,
     /// Place of each step's result.
     at: Vec<usize>,
     arena: Vec<f64>,
-    /// Results of steps that depend on the material alone, by material. [`constant`](Self::constant)
-    /// has their places.
     materials: Arc<[Vec<f64>]>,
-    constant: Vec<std::ops::Range<usize>>,
-    /// Material whose results are in the arena.
-    material: Option<usize>,
-    multiply_adds: usize,
 }
 
 impl Double {
-    /// Makes room for all results and computes those of the materials.
+    /// Makes room for all results.
     pub(crate) fn new(net: &Lowered, materials: &[Vec<f64>]) -> Self {
-        let constant = net.depends_on_texture_alone();
         let needed = net.needed();
-        let mut at = Vec::with_capacity(net.steps.len());
         let mut len = 0;
-        for step in &net.steps {
-            at.push(len);
+        let place = |step: &crate::lower::Step| {
             len += step.len();
-        }
-        let of = |wanted: bool| {
-            let (constant, needed) = (&constant, &needed);
-            (0..net.steps.len()).filter(move |&i| needed[i] && constant[i] == wanted)
+            len - step.len()
         };
-        let fixed: Vec<bool> = constant.iter().zip(&needed).map(|(c, n)| *c && *n).collect();
-        let materials = materials.iter().map(|texture| {
-            let input = |role| if role == Role::Texture { texture.clone() } else { Vec::new() };
-            net.evaluate(&fixed, input).concat()
-        });
-        let affine = |&i: &usize| match &net.steps[i].kind {
-            StepKind::Affine(a) => a.weights.len(),
-            _ => 0,
-        };
+        let at = net.steps.iter().map(place).collect();
         Self {
-            materials: materials.collect(),
-            constant: of(true).map(|i| at[i]..at[i] + net.steps[i].len()).collect(),
-            moving: of(false).collect(),
-            multiply_adds: of(false).map(|i| affine(&i)).sum(),
+            needed: (0..net.steps.len()).filter(|&i| needed[i]).collect(),
             at,
             arena: vec![0.0; len],
-            material: None,
+            materials: materials.into(),
             net: Arc::new(net.clone()),
         }
     }
@@ -69,20 +46,8 @@ impl Double {
         speed: &[f32],
         out: &mut [&mut [f32]],
     ) -> Option<()> {
-        if out.len() > self.net.outputs.len() {
-            return None;
-        }
-        if self.material != Some(material) {
-            let mut results = self.materials.get(material)?.as_slice();
-            self.material = None;
-            for place in &self.constant {
-                let (these, rest) = results.split_at_checked(place.len())?;
-                self.arena.get_mut(place.clone())?.copy_from_slice(these);
-                results = rest;
-            }
-            self.material = Some(material);
-        }
-        for &i in &self.moving {
+        let texture = self.materials.get(material)?;
+        for &i in &self.needed {
             let (step, start) = (self.net.steps.get(i)?, *self.at.get(i)?);
             // Steps read only earlier results.
             let (before, rest) = self.arena.split_at_mut_checked(start)?;
@@ -91,25 +56,21 @@ impl Double {
             match &step.kind {
                 StepKind::Input(Role::Force) => widen(result, force)?,
                 StepKind::Input(Role::Speed) => widen(result, speed)?,
+                StepKind::Input(Role::Texture) => result.copy_from_slice(texture.get(..result.len())?),
                 _ => {}
             }
             step.compute(read, result)?;
         }
-        for (out, &step) in out.iter_mut().zip(&self.net.outputs) {
-            let start = *self.at.get(step)?;
+        for (i, out) in out.iter_mut().enumerate() {
+            let start = *self.at.get(*self.net.outputs.get(i)?)?;
             let result = self.arena.get(start..start + out.len())?;
             out.iter_mut().zip(result).for_each(|(y, x)| *y = *x as f32);
         }
         Some(())
     }
 
-    /// Bytes of the weights, which are f64.
-    pub(crate) fn weights_bytes(&self) -> usize {
-        self.multiply_adds * size_of::<f64>()
-    }
-
     pub(crate) fn multiply_adds(&self) -> usize {
-        self.multiply_adds
+        self.net.multiply_adds()
     }
 }
 

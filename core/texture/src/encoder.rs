@@ -4,7 +4,7 @@ use crate::onnx::{GraphProto, ModelProto, ValueInfoProto};
 use crate::picture::{IMAGE, Image};
 use crate::plan::Plan;
 use crate::proto::{self, MAX_ENCODER_BYTES};
-use crate::signature::{TEXTURE_LEN, describe, fed_inputs, is_float, shape};
+use crate::signature::{TEXTURE_LEN, fed_inputs, is_float, refused, shape};
 use asperity_diagnostics::{Diagnostic, file};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,7 @@ use std::path::{Path, PathBuf};
 const WANTED: &str =
     "an encoder has the float input image [1,3,192,256] and the float output texture [1,256]";
 
-/// An encoder, checked and compiled by tract. For a control thread: it allocates and takes
-/// milliseconds.
+/// An encoder, checked and compiled by tract. For a control thread: it allocates and takes milliseconds.
 pub struct Encoder {
     path: PathBuf,
     plan: Plan,
@@ -23,22 +22,17 @@ impl Encoder {
     /// Reads an ONNX file of at most [`MAX_ENCODER_BYTES`].
     ///
     /// Its only input, `image [1,3,192,256]`, is red, green and blue from 0 to 1, each row by row. Its
-    /// output is `texture [1,256]`, found by that name if there are several. A free batch size counts
-    /// as 1.
+    /// output is `texture [1,256]`, found by that name if there are several. A free batch size counts as 1.
     ///
     /// # Errors
-    /// A file that cannot be read or is not an ONNX model; weights that are not finite or stored
-    /// elsewhere; inputs and outputs that do not fit (with the shapes found); a graph that tract cannot
-    /// run.
+    /// A file that cannot be read or is not an ONNX model; weights that are not finite or stored elsewhere;
+    /// inputs and outputs that do not fit (with the shapes found); a graph that tract cannot run.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_ENCODER_BYTES)?, path)
     }
 
     /// An encoder in memory; `path` is its name in errors.
-    ///
-    /// # Errors
-    /// As [`load`](Self::load), except for reading.
     pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let (model, mut graph) = proto::decode(bytes, path)?;
@@ -102,15 +96,7 @@ impl fmt::Debug for Encoder {
 /// Checks the graph's input and returns the name of its output.
 fn output(graph: &GraphProto, path: &Path) -> Result<String, Diagnostic> {
     let inputs: Vec<&ValueInfoProto> = fed_inputs(graph).collect();
-    let list = |values: &[&ValueInfoProto]| match values {
-        [] => "none".to_owned(),
-        some => some.iter().take(8).map(|v| describe(v)).collect::<Vec<_>>().join(", "),
-    };
-    let refuse = |what: &str| {
-        let outputs: Vec<&ValueInfoProto> = graph.output.iter().collect();
-        let found = format!("found inputs: {}; outputs: {}", list(&inputs), list(&outputs));
-        Diagnostic::new(format!("{what}; {found}")).in_file(path).help(WANTED)
-    };
+    let refuse = |what: &str| refused(what, graph, path, WANTED);
     let [image] = inputs.as_slice() else {
         return Err(refuse(&format!("this model has {} inputs, not 1", inputs.len())));
     };

@@ -49,9 +49,6 @@ impl Model {
     }
 
     /// Like [`load`](Self::load), but a recent model with the same content is not loaded again.
-    ///
-    /// # Errors
-    /// As [`load`](Self::load).
     pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let path = path.as_ref();
         let bytes = file::read(path, MAX_MODEL_BYTES)?;
@@ -59,9 +56,6 @@ impl Model {
     }
 
     /// A model in memory; `path` is its name in errors.
-    ///
-    /// # Errors
-    /// As [`Model::load`], except for reading.
     pub fn from_bytes(bytes: &[u8], path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let (model, graph) = proto::decode(bytes, path)?;

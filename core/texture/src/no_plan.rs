@@ -13,8 +13,6 @@ const INSTALL: &str = "`cargo install --locked --path hosts/cli` installs a prog
 pub(crate) enum Plan {}
 
 impl Plan {
-    /// # Errors
-    /// Always.
     pub(crate) fn compile(
         _: &ModelProto,
         path: &Path,

@@ -1,6 +1,5 @@
-//! A lowered network packed for one instruction set. Weights lie in reading order, in blocks of
-//! columns, 64-byte aligned. Everything that depends on the texture alone is folded into biases, once
-//! per material.
+//! A lowered network packed for one instruction set. Weights lie in reading order, in blocks of columns,
+//! 64-byte aligned. Everything that depends on the texture alone is folded into biases, once per material.
 
 use crate::kernel::{Bias, Block, Codes, Data, Entry, Instruction, Pick, Program, Shape, largest_code};
 use crate::lower::{Affine, Element, End, Lowered, Ref, StepKind};

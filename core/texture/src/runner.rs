@@ -364,8 +364,8 @@ impl Job<'_> {
     /// The network in f64, checked, or says why not.
     fn double(&self, net: &Lowered) -> Result<Runner, String> {
         let double = Double::new(net, &self.materials);
-        let (bytes, multiply_adds) = (double.weights_bytes(), double.multiply_adds());
-        let tolerance = Precision::F64.tolerance();
+        let multiply_adds = double.multiply_adds();
+        let (bytes, tolerance) = (multiply_adds * size_of::<f64>(), Precision::F64.tolerance());
         self.checked(net, Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
     }
 
@@ -432,12 +432,8 @@ fn outputs(answer: &mut Answer) -> [&mut [f32]; 3] {
 impl Runner {
     /// Predicts magnitudes as [`run`](Self::run), and their scatter.
     ///
-    /// A model without [scatter](Self::answers_scatter) gives ratio and variance as in
-    /// [`Answer::default`]. Others give ratios within 0..=1 and a finite variance from 0, whatever the
-    /// network returns.
-    ///
-    /// # Errors
-    /// See [`RunError`]; `answer` is then untouched.
+    /// A model without [scatter](Self::answers_scatter) gives ratio and variance as in [`Answer::default`].
+    /// Others give ratios within 0..=1 and a finite variance from 0, whatever the network returns.
     #[inline]
     pub fn answer(
         &mut self,
@@ -465,9 +461,6 @@ impl Runner {
     /// [`MAGNITUDES_LEN`] as the model scales them. NaN and infinities are passed on, not refused.
     ///
     /// Neither allocates nor locks where [`Executor::is_allocation_free`].
-    ///
-    /// # Errors
-    /// See [`RunError`]; `out` is then untouched.
     #[inline]
     pub fn run(
         &mut self,

@@ -1,6 +1,6 @@
 //! Inputs and outputs of a texture network, and how they are found in a file.
 
-use crate::onnx::{DataType, DimensionValue, GraphProto, TensorTypeProto, ValueInfoProto};
+use crate::onnx::{DataType, Dimension, DimensionValue, GraphProto, TensorTypeProto, ValueInfoProto};
 use asperity_diagnostics::Diagnostic;
 use std::path::Path;
 
@@ -65,117 +65,92 @@ pub(crate) fn fed_inputs(graph: &GraphProto) -> impl Iterator<Item = &ValueInfoP
     graph.input.iter().filter(move |input| !constants.contains(input.name.as_str()))
 }
 
+/// An error over a graph, with the inputs and outputs found.
+pub(crate) fn refused(what: &str, graph: &GraphProto, path: &Path, wanted: &str) -> Diagnostic {
+    let list = |values: Vec<&ValueInfoProto>| match values.len() {
+        0 => "none".to_owned(),
+        n => {
+            let more = if n > 8 { format!(" and {} more", n - 8) } else { String::new() };
+            values.iter().take(8).map(|v| describe(v)).collect::<Vec<_>>().join(", ") + &more
+        }
+    };
+    let (inputs, outputs) = (list(fed_inputs(graph).collect()), list(graph.output.iter().collect()));
+    Diagnostic::new(format!("{what}; found inputs: {inputs}; outputs: {outputs}")).in_file(path).help(wanted)
+}
+
 /// Finds inputs and magnitudes by name, else by shape; ratio and variance by name.
 pub(crate) fn match_signature(graph: &GraphProto, path: &Path) -> Result<Signature, Diagnostic> {
-    let refuse = |what: String| {
-        let found = |values: Vec<&ValueInfoProto>| match values.len() {
-            0 => "none".to_owned(),
-            n => {
-                let mut list = values.iter().take(8).map(|v| describe(v)).collect::<Vec<_>>().join(", ");
-                if n > 8 {
-                    list.push_str(&format!(" and {} more", n - 8));
-                }
-                list
-            }
-        };
-        Diagnostic::new(format!(
-            "{what}; found inputs: {}; outputs: {}",
-            found(fed_inputs(graph).collect()),
-            found(graph.output.iter().collect())
-        ))
-        .in_file(path)
-        .help(WANTED)
-    };
+    signature(graph).map_err(|what| refused(&what, graph, path, WANTED))
+}
 
+fn signature(graph: &GraphProto) -> Result<Signature, String> {
+    let is = |v: &ValueInfoProto, name: &str| v.name.eq_ignore_ascii_case(name);
     let inputs: Vec<&ValueInfoProto> = fed_inputs(graph).collect();
     if inputs.len() != Role::ALL.len() {
-        return Err(refuse(format!("this model has {} inputs, not 3", inputs.len())));
+        return Err(format!("this model has {} inputs, not 3", inputs.len()));
     }
     let mut roles: Vec<Option<Role>> = vec![None; inputs.len()];
     for role in Role::ALL {
-        let mut named = inputs.iter().position(|v| v.name.eq_ignore_ascii_case(role.name()));
-        if named.is_none() {
-            // The three widths differ, so at most one input fits unless shapes repeat.
-            let mut fits = inputs.iter().enumerate().filter(|(i, v)| {
-                let taken_by_name = Role::ALL.iter().any(|r| v.name.eq_ignore_ascii_case(r.name()));
-                roles[*i].is_none() && !taken_by_name && row_len(v) == Some(role.len())
-            });
-            named = fits.next().map(|(i, _)| i);
-            if fits.next().is_some() {
-                return Err(refuse(format!("two inputs could be {}", role.name())));
-            }
+        let (name, len) = (role.name(), role.len());
+        // The three widths differ, so at most one input fits unless shapes repeat.
+        let taken_by_name = |v: &ValueInfoProto| Role::ALL.iter().any(|r| is(v, r.name()));
+        let fits =
+            |i: &usize| roles[*i].is_none() && !taken_by_name(inputs[*i]) && row_len(inputs[*i]) == Some(len);
+        let named = inputs.iter().position(|v| is(v, name));
+        let mut found = named.into_iter().chain((0..inputs.len()).filter(|i| named.is_none() && fits(i)));
+        let index = found.next().ok_or_else(|| format!("no input is named {name} or has shape [1,{len}]"))?;
+        if found.next().is_some() {
+            return Err(format!("two inputs could be {name}"));
         }
-        let Some(index) = named else {
-            return Err(refuse(format!("no input is named {} or has shape [1,{}]", role.name(), role.len())));
-        };
-        if row_len(inputs[index]) != Some(role.len()) {
-            return Err(refuse(format!("input {} does not fit [1,{}]", describe(inputs[index]), role.len())));
+        let input = inputs[index];
+        if row_len(input) != Some(len) {
+            return Err(format!("input {} does not fit [1,{len}]", describe(input)));
         }
-        if !is_float(inputs[index]) {
-            return Err(refuse(format!("input {} is not 32-bit float", describe(inputs[index]))));
+        if !is_float(input) {
+            return Err(format!("input {} is not 32-bit float", describe(input)));
         }
         roles[index] = Some(role);
     }
-    let mut matched = Vec::with_capacity(inputs.len());
-    for (input, role) in inputs.iter().zip(roles) {
-        match role {
-            Some(role) => matched.push((input.name.clone(), role)),
-            None => {
-                return Err(refuse(format!("input {} is none of force, speed, texture", describe(input))));
-            }
-        }
-    }
-
-    let named = graph.output.iter().find(|v| v.name.eq_ignore_ascii_case("magnitudes"));
-    let output = match named {
-        Some(v) => v,
-        None => {
-            let scatter =
-                |v: &ValueInfoProto| SCATTER.iter().any(|(name, _)| v.name.eq_ignore_ascii_case(name));
-            let mut fits = graph.output.iter().filter(|v| row_len(v) == Some(MAGNITUDES_LEN) && !scatter(v));
-            match (fits.next(), fits.next()) {
-                (Some(v), None) => v,
-                (None, _) => {
-                    return Err(refuse(format!(
-                        "no output is named magnitudes or has shape [1,{MAGNITUDES_LEN}]"
-                    )));
-                }
-                (Some(_), Some(_)) => return Err(refuse("two outputs could be magnitudes".into())),
-            }
-        }
+    let role = |(input, role): (&&ValueInfoProto, Option<Role>)| {
+        let none = || format!("input {} is none of force, speed, texture", describe(input));
+        Ok((input.name.clone(), role.ok_or_else(none)?))
     };
-    let mut outputs = vec![(output, MAGNITUDES_LEN)];
-    let of = |name: &str| graph.output.iter().find(|v| v.name.eq_ignore_ascii_case(name));
-    match SCATTER.map(|(name, _)| of(name)) {
-        [None, None] => {}
-        [Some(ratio), Some(variance)] => {
-            outputs.extend([ratio, variance].into_iter().zip(SCATTER.map(|s| s.1)))
-        }
-        [Some(_), None] => return Err(refuse("this model has the output ratio, but not variance".into())),
-        [None, Some(_)] => return Err(refuse("this model has the output variance, but not ratio".into())),
+    let matched = inputs.iter().zip(roles).map(role).collect::<Result<_, String>>()?;
+
+    let of = |name: &str| graph.output.iter().find(|v| is(v, name));
+    let magnitudes = of("magnitudes");
+    let scatter = |v: &ValueInfoProto| SCATTER.iter().any(|(name, _)| is(v, name));
+    let fits =
+        |v: &&ValueInfoProto| magnitudes.is_none() && row_len(v) == Some(MAGNITUDES_LEN) && !scatter(v);
+    let mut found = magnitudes.into_iter().chain(graph.output.iter().filter(fits));
+    let none = || format!("no output is named magnitudes or has shape [1,{MAGNITUDES_LEN}]");
+    let mut outputs = vec![(found.next().ok_or_else(none)?, MAGNITUDES_LEN)];
+    if found.next().is_some() {
+        return Err("two outputs could be magnitudes".into());
     }
-    for &(output, len) in &outputs {
-        // A file may leave an output's shape open. The typed graph is checked later.
-        if shape(output).is_some() && row_len(output) != Some(len) && !has_open_row(output) {
-            return Err(refuse(format!("output {} does not fit [1,{len}]", describe(output))));
-        }
+    match SCATTER.map(|(name, len)| (of(name), len)) {
+        [(None, _), (None, _)] => {}
+        [(Some(ratio), r), (Some(variance), v)] => outputs.extend([(ratio, r), (variance, v)]),
+        [(Some(_), _), _] => return Err("this model has the output ratio, but not variance".into()),
+        _ => return Err("this model has the output variance, but not ratio".into()),
     }
-    Ok(Signature {
-        inputs: matched,
-        outputs: outputs.into_iter().map(|(output, len)| (output.name.clone(), len)).collect(),
-    })
+    // A file may leave an output's shape open. The typed graph is checked later.
+    let misfit = |(v, len): &&(&ValueInfoProto, usize)| {
+        shape(v).is_some() && row_len(v) != Some(*len) && !has_open_row(v)
+    };
+    if let Some((output, len)) = outputs.iter().find(misfit) {
+        return Err(format!("output {} does not fit [1,{len}]", describe(output)));
+    }
+    let outputs = outputs.into_iter().map(|(output, len)| (output.name.clone(), len)).collect();
+    Ok(Signature { inputs: matched, outputs })
 }
 
 pub(crate) fn shape(v: &ValueInfoProto) -> Option<Vec<Option<i64>>> {
-    let dims = &tensor(v)?.shape.as_ref()?.dim;
-    Some(
-        dims.iter()
-            .map(|d| match d.value {
-                Some(DimensionValue::Size(n)) => Some(n),
-                _ => None,
-            })
-            .collect(),
-    )
+    let size = |d: &Dimension| match d.value {
+        Some(DimensionValue::Size(n)) => Some(n),
+        _ => None,
+    };
+    Some(tensor(v)?.shape.as_ref()?.dim.iter().map(size).collect())
 }
 
 /// n of `[1,n]`, where the 1 may be a free batch size.

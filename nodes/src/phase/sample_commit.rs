@@ -113,17 +113,15 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
             .node_error("the frames come too rarely to overlap")
             .help("at least two frames a window: 20 a second for 0.1 s"));
     }
-    let kernel =
-        sample_commit::SampleCommit::new(framing, settings, super::seed(setup)).map_err(|e| match e {
-            sample_commit::SettingsError::Emission => {
-                params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
-                    "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of \
-                     one inside it, as when `emission` is left out",
-                    -(EARLY * window).round()
-                ))
-            }
-            _ => params.node_error(e.to_string()),
-        })?;
+    settings.delay(&framing).map_err(|e| {
+        params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
+            "a window is {window:.1} frames here, {frames_hz:.1} a second: {:.0} is two fifths of one inside \
+             it, as when `emission` is left out",
+            -(EARLY * window).round()
+        ))
+    })?;
+    let kernel = sample_commit::SampleCommit::new(framing, settings, super::seed(setup))
+        .map_err(|e| params.node_error(e.to_string()))?;
     let samples = |n| Latency::samples(n, framing.rate_hz);
     let (latency, tail) = (samples(kernel.delay()), samples(framing.fft_len as i64 + kernel.delay()));
     let it = Running::<T> { kernel, settings, bad: 0, refused: 0 };

@@ -77,9 +77,6 @@ pub enum AccuracyError {
 ///
 /// Sample 0 of all signals is the same moment. The longer signal's end does not count, nor do frequencies
 /// from half the truth's rate on. The rendered signal has no power from half its own rate on.
-///
-/// # Errors
-/// Each kind of [`AccuracyError`] but `Lengths`.
 pub fn agreement(
     rendered: &[f64],
     rate_hz: f64,

@@ -44,21 +44,17 @@ const LITTLE: f64 = 0.022_750_13;
 ///           over bins and segments; a segment begins with every frame
 /// ```
 ///
-/// L is the level of a sine with this power in the bin. Differences from the papers:
+/// Differences from the papers, which compare waveforms block by block, so that two draws of one noise
+/// differ:
 ///
-/// - The papers compare waveforms block by block, so that two draws of one noise differ. Here a level is
-///   the mean power of a segment of [`SEGMENT_FRAMES`] frames (0.575 s). Over this time speed and force
-///   change little.
-/// - Masks are those of single frames, as in the codec, with their powers averaged over the segment. The
-///   long-term spectrum of a noise has no peaks; its frames have.
-/// - Peaks below the absolute threshold mask nothing, and the loudest bin is one above it.
-/// - The larger mask of both signals counts. With the truth's mask alone a signal that is too loud would
-///   score high, since support ends at 1.
-/// - ST-SIM divides by `sum s_t^2`, so that a signal that is too loud scores above 1. The larger sum is the
-///   same where the rendered signal has less support.
-/// - Segments overlap, and sums are over all of them: neither the ends of segments nor moments without a
-///   sensation matter. `C` is the support of a signal 24 dB below the threshold in every bin, so that two
-///   signals that nobody feels score 1.
+/// - A level is the mean power of a segment of [`SEGMENT_FRAMES`] frames (0.575 s), over which speed and
+///   force change little. Segments overlap, and sums are over all of them.
+/// - Masks are those of single frames, as in the codec, with their powers averaged over the segment. Peaks
+///   below the absolute threshold mask nothing.
+/// - The larger mask of both signals counts, and the larger sum divides: a signal that is too loud scores
+///   below 1.
+/// - `C` is the support of a signal 24 dB below the threshold in every bin, so that two signals that nobody
+///   feels score 1.
 ///
 /// Frames that only one signal has do not count, nor bins from half the truth's rate on. 1 without frames.
 pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
@@ -76,7 +72,7 @@ pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
             masks.each_ref().map(|masks| mean(masks.get(part.clone()).unwrap_or_default()));
         for bin in 0..bins {
             let threshold = absolute[bin] + mask_r[bin].max(mask_t[bin]);
-            let [r, t] = [r[bin], t[bin]].map(|power| support(squared_amplitude(power), threshold));
+            let [r, t] = [r[bin], t[bin]].map(|power| support(3.0 * power, threshold));
             both += r * t;
             of_rendered += r * r;
             of_truth += t * t;
@@ -89,23 +85,15 @@ pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
 
 /// Smallest amplitude \[m/s^2\] at which a sine of a frequency \[Hz\] is felt.
 ///
-/// The codec's curve is in dB without a unit. Its shape, a minimum at 250 Hz and 15 dB an octave below, is
-/// that of thresholds of displacement, and is taken as such: times `(2 pi f)^2` it is an acceleration. It is
-/// set to an amplitude of 0.03 um at 250 Hz, 0.07 m/s^2, about the threshold of hands that hold a tool (A. J.
-/// Brisben, S. S. Hsiao, K. O. Johnson, "Detection of vibration transmitted through an object grasped in the
-/// hand", J. Neurophysiology 81(4), 1999: lowest between 150 and 200 Hz, below 0.01 um for some subjects;
-/// large contactors on the palm need about 0.1 um). Of the two rises in versions of the codec, 62 and 50 dB,
-/// this is the later.
+/// The codec's curve has no unit. Its shape, a minimum at 250 Hz and 15 dB an octave below, is that of
+/// thresholds of displacement: times `(2 pi f)^2` it is an acceleration. It is set to 0.03 um at 250 Hz,
+/// 0.07 m/s^2, about the threshold of hands that hold a tool (A. J. Brisben, S. S. Hsiao, K. O. Johnson, J.
+/// Neurophysiology 81(4), 1999). Of the two rises in versions of the codec, 62 and 50 dB, this is the later.
 pub fn threshold_m_s2(hz: f64) -> f64 {
     let (per_hz, at_0) = CURVE;
     let rise = RISE_DB * ((per_hz * hz.max(0.0) + at_0).log10() / at_0.log10()).powi(2);
     let um = LEAST_UM * 10f64.powf(rise.min(MOST_DB) / 20.0);
     1e-6 * um * (TAU * hz).powi(2)
-}
-
-/// Squared amplitude of a sine that has a power in its bin.
-fn squared_amplitude(power: f64) -> f64 {
-    3.0 * power
 }
 
 fn db(power: f64) -> f64 {
@@ -124,7 +112,8 @@ fn masks(signal: &Spectrogram, frames: usize) -> Vec<[f64; BINS]> {
 
 /// Power of a frame's mask. Bins below the absolute threshold mask nothing.
 fn mask(powers: &[f64; BINS], known: usize) -> [f64; BINS] {
-    let levels: Vec<f64> = powers.iter().take(known).map(|p| db(squared_amplitude(*p))).collect();
+    // Squared amplitudes of sines.
+    let levels: Vec<f64> = powers.iter().take(known).map(|p| db(3.0 * p)).collect();
     let felt = |bin: usize, level: f64| level >= db(threshold_m_s2(bin_hz(bin)).powi(2));
     let loudest = levels.iter().enumerate().filter(|(bin, level)| felt(*bin, **level));
     let loudest = loudest.map(|(_, level)| *level).fold(f64::NEG_INFINITY, f64::max);
@@ -142,8 +131,8 @@ fn mask(powers: &[f64; BINS], known: usize) -> [f64; BINS] {
     mask.map(|db| 10f64.powf(0.1 * db))
 }
 
-/// The means over frames, bin by bin; 0 of none.
-fn mean(frames: &[[f64; BINS]]) -> [f64; BINS] {
+/// The means of frames, bin by bin; 0 of none.
+pub(super) fn mean(frames: &[[f64; BINS]]) -> [f64; BINS] {
     let mut sums = [0.0; BINS];
     for frame in frames {
         sums.iter_mut().zip(frame).for_each(|(sum, x)| *sum += x);
@@ -159,16 +148,10 @@ fn peaks(levels: &[f64]) -> Vec<usize> {
         side.take_while(|level| **level <= peak).copied().fold(peak, f64::min)
     };
     let is_peak = |at: &usize| {
-        let (Some(&here), Some(left), Some(right)) =
-            (levels.get(*at), levels.get(..*at), levels.get(at + 1..))
-        else {
-            return false;
-        };
+        let (left, here, right) = (&levels[..*at], levels[*at], &levels[at + 1..]);
         let higher = left.last().is_some_and(|l| *l < here) && right.first().is_some_and(|r| *r < here);
-        higher && {
-            let bases = [base(here, &mut left.iter().rev()), base(here, &mut right.iter())];
-            here - bases[0].max(bases[1]) >= PEAK_DB.0
-        }
+        let bases = [base(here, &mut left.iter().rev()), base(here, &mut right.iter())];
+        higher && here - bases[0].max(bases[1]) >= PEAK_DB.0
     };
     (0..levels.len()).filter(is_peak).collect()
 }

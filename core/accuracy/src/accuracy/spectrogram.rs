@@ -85,13 +85,8 @@ impl Spectrogram {
     /// Mean powers over some frames \[(m/s^2)^2\]. Frames beyond the last do not count; the mean of none is
     /// 0.
     pub fn mean(&self, frames: Range<usize>) -> [f64; BINS] {
-        let mut sums = [0.0; BINS];
         let end = frames.end.min(self.powers.len());
-        let part = self.powers.get(frames.start.min(end)..end).unwrap_or_default();
-        for frame in part {
-            sums.iter_mut().zip(frame).for_each(|(sum, power)| *sum += power);
-        }
-        sums.map(|sum| sum / part.len().max(1) as f64)
+        super::perceptual::mean(&self.powers[frames.start.min(end)..end])
     }
 }
 
@@ -103,13 +98,12 @@ pub(super) fn check(axes: &[&[f64]], rate_hz: f64) -> Result<usize, AccuracyErro
     if !(100.0..=1e6).contains(&rate_hz) {
         return Err(AccuracyError::Rate(rate_hz));
     }
-    let samples = axes.iter().map(|axis| axis.len()).min().ok_or(AccuracyError::NoAxes)?;
-    for axis in axes {
-        if let Some(at) = axis.iter().position(|x| x.is_nan() || x.abs() > MOST) {
-            return Err(AccuracyError::NotFinite(at));
-        }
+    let bad = axes.iter().find_map(|axis| axis.iter().position(|x| x.is_nan() || x.abs() > MOST));
+    match (axes.iter().map(|axis| axis.len()).min(), bad) {
+        (None, _) => Err(AccuracyError::NoAxes),
+        (_, Some(at)) => Err(AccuracyError::NotFinite(at)),
+        (Some(samples), None) => Ok(samples),
     }
-    Ok(samples)
 }
 
 /// Frequency of a bin in Hz.

@@ -76,9 +76,6 @@ pub fn read(path: impl AsRef<Path>) -> Result<Array, Diagnostic> {
 }
 
 /// Reads a file's bytes; see [`read`].
-///
-/// # Errors
-/// As [`read`], with no file named.
 pub fn parse(bytes: &[u8]) -> Result<Array, Diagnostic> {
     let (header, data) = Header::parse(bytes)?;
     let Header { wide, big_endian, fortran, shape } = header;
@@ -106,11 +103,14 @@ pub fn parse(bytes: &[u8]) -> Result<Array, Diagnostic> {
         ))
         .help("the file was cut short or holds more than one array: save one array again with np.save"));
     }
+    fn each<const N: usize, T>(data: &[u8], of: fn([u8; N]) -> T) -> Vec<T> {
+        data.as_chunks().0.iter().map(|&b| of(b)).collect()
+    }
     let values = match (wide, big_endian) {
-        (false, false) => Values::F32(data.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect()),
-        (false, true) => Values::F32(data.as_chunks().0.iter().map(|&b| f32::from_be_bytes(b)).collect()),
-        (true, false) => Values::F64(data.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b)).collect()),
-        (true, true) => Values::F64(data.as_chunks().0.iter().map(|&b| f64::from_be_bytes(b)).collect()),
+        (false, false) => Values::F32(each(data, f32::from_le_bytes)),
+        (false, true) => Values::F32(each(data, f32::from_be_bytes)),
+        (true, false) => Values::F64(each(data, f64::from_le_bytes)),
+        (true, true) => Values::F64(each(data, f64::from_be_bytes)),
     };
     Ok(Array { shape, values })
 }

@@ -5,20 +5,20 @@ use std::io::{self, Seek, SeekFrom, Write};
 /// Length of the header: room for any shape, and a multiple of 64, as NumPy aligns it.
 const HEADER_LEN: usize = 128;
 
+/// The header of an array of `rows`, with columns or without.
 fn header(shape: &[usize]) -> io::Result<[u8; HEADER_LEN]> {
-    let text = format!(
-        "{{'descr': '<f4', 'fortran_order': False, 'shape': {}, }}",
-        super::header::print_shape(shape)
-    );
+    let shape = super::header::print_shape(shape);
+    let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
     let mut bytes = [b' '; HEADER_LEN];
     bytes[..10].copy_from_slice(b"\x93NUMPY\x01\x00\x76\x00");
     bytes[HEADER_LEN - 1] = b'\n';
-    let room = &mut bytes[10..HEADER_LEN - 1];
-    let Some(place) = room.get_mut(..text.len()) else {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many dimensions for a .npy header"));
-    };
-    place.copy_from_slice(text.as_bytes());
+    let place = bytes[10..HEADER_LEN - 1].get_mut(..text.len());
+    place.ok_or_else(|| invalid("too many dimensions for a .npy header"))?.copy_from_slice(text.as_bytes());
     Ok(bytes)
+}
+
+fn invalid(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
 /// Writes a float32 array, row by row.
@@ -27,10 +27,7 @@ fn header(shape: &[usize]) -> io::Result<[u8; HEADER_LEN]> {
 /// Errors of the writer; a shape that does not fit the number of values, or has too many dimensions.
 pub fn write_f32(mut to: impl Write, shape: &[usize], values: &[f32]) -> io::Result<()> {
     if shape.iter().try_fold(1usize, |a, &n| a.checked_mul(n)) != Some(values.len()) {
-        return Err(io::Error::new(
-            io::ErrorKind::InvalidInput,
-            "the shape does not fit the number of values",
-        ));
+        return Err(invalid("the shape does not fit the number of values"));
     }
     to.write_all(&header(shape)?)?;
     write_values(&mut to, values)?;
@@ -49,12 +46,13 @@ fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
 }
 
 /// Sets the number of rows in the header of a file that a [`Writer`] did not finish.
-///
-/// # Errors
-/// Errors of the writer.
 pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize>) -> io::Result<()> {
     to.seek(SeekFrom::Start(0))?;
-    to.write_all(&header(&std::iter::once(rows).chain(columns).collect::<Vec<_>>())?)
+    to.write_all(&header(&shape(rows, columns))?)
+}
+
+fn shape(rows: usize, columns: Option<usize>) -> Vec<usize> {
+    std::iter::once(rows).chain(columns).collect()
 }
 
 /// Offset of the rows and the columns of a file by a [`Writer`], from its first bytes; none of another file.
@@ -76,16 +74,9 @@ pub struct Writer<W> {
 
 impl<W: Write + Seek> Writer<W> {
     /// Starts an array of shape `(rows,)`, or `(rows, columns)`, at the start of `to`.
-    ///
-    /// # Errors
-    /// Errors of the writer.
     pub fn new(mut to: W, columns: Option<usize>) -> io::Result<Self> {
-        to.write_all(&header(&Self::shape(0, columns))?)?;
+        to.write_all(&header(&shape(0, columns))?)?;
         Ok(Self { to, columns, rows: 0 })
-    }
-
-    fn shape(rows: usize, columns: Option<usize>) -> Vec<usize> {
-        std::iter::once(rows).chain(columns).collect()
     }
 
     /// Appends values: whole rows where the array has columns.
@@ -95,7 +86,7 @@ impl<W: Write + Seek> Writer<W> {
     pub fn append(&mut self, values: &[f32]) -> io::Result<()> {
         let width = self.columns.unwrap_or(1);
         if width == 0 || !values.len().is_multiple_of(width) {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a whole number of rows"));
+            return Err(invalid("not a whole number of rows"));
         }
         write_values(&mut self.to, values)?;
         self.rows += values.len() / width;
@@ -103,20 +94,13 @@ impl<W: Write + Seek> Writer<W> {
     }
 
     /// Writes the number of rows into the header: the file is complete until the next append.
-    ///
-    /// # Errors
-    /// Errors of the writer.
     pub fn flush(&mut self) -> io::Result<()> {
-        self.to.seek(SeekFrom::Start(0))?;
-        self.to.write_all(&header(&Self::shape(self.rows, self.columns))?)?;
+        set_rows(&mut self.to, self.rows, self.columns)?;
         self.to.seek(SeekFrom::End(0))?;
         self.to.flush()
     }
 
     /// Writes the number of rows into the header and returns the writer.
-    ///
-    /// # Errors
-    /// Errors of the writer.
     pub fn finish(mut self) -> io::Result<W> {
         self.flush()?;
         Ok(self.to)

@@ -151,25 +151,17 @@ impl Blocks {
         (blocks * self.len) as f64 / self.rate_hz
     }
 
-    /// Everything dropped, in order of time: unusable blocks and `others`. Neighbours with one reason
-    /// are joined.
+    /// Everything dropped, in order of time. Neighbours with one reason are joined.
     pub(super) fn dropped(&self, others: Vec<(Span, Why)>) -> Vec<Dropped> {
         let mut all = others;
-        all.extend(self.spans().into_iter().filter_map(|(span, why)| why.map(|why| (span, why))));
+        all.extend(self.spans().into_iter().filter_map(|(span, why)| Some((span, why?))));
         all.sort_by_key(|(span, _)| span.start);
-        let mut joined: Vec<(Span, Why)> = Vec::new();
-        for (span, why) in all {
-            match joined.last_mut() {
-                Some((last, same)) if *same == why && last.end == span.start => last.end = span.end,
-                _ => joined.push((span, why)),
-            }
-        }
-        let dropped = |(span, why): &(Span, Why)| Dropped {
-            start_s: self.seconds(span.start),
-            length_s: self.seconds(span.len()),
-            why: *why,
+        let joined = all.chunk_by(|(a, why), (b, other)| why == other && a.end == b.start);
+        let dropped = |run: &[(Span, Why)]| {
+            let (start, end) = (run[0].0.start, run[run.len() - 1].0.end);
+            Dropped { start_s: self.seconds(start), length_s: self.seconds(end - start), why: run[0].1 }
         };
-        joined.iter().map(dropped).collect()
+        joined.map(dropped).collect()
     }
 
     /// Runs of usable blocks.

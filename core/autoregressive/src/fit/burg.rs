@@ -74,9 +74,8 @@ pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Resu
     Ok(Fits { order, criterion: curve, pieces: fitted.collect() })
 }
 
-/// Noise of power 1 a sample through the low-pass that passes exactly the power that the high-pass does
-/// not: `|L|^2 + |H|^2 = 1` for Butterworth filters of one corner, by the same transform. Empty without
-/// a high-pass.
+/// Noise of power 1 a sample through the low-pass of the power that the high-pass takes: `|L|^2 + |H|^2 = 1`
+/// for Butterworth filters of one corner. Empty without a high-pass.
 fn missing(blocks: &Blocks, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     if settings.high_pass_hz == 0.0 {
         return Ok(Vec::new());
@@ -109,9 +108,8 @@ fn whole(signal: &[f64], missing: &[f64], w: f64, most: usize) -> Lattice {
     lattice
 }
 
-/// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975).
-/// Each minimises the mean square error of the forward and the backward predictor. None exceeds 1, so
-/// every order is stable.
+/// Reflection coefficients by Burg's method (J. P. Burg, "Maximum entropy spectral analysis", 1975): each
+/// minimises the error of the forward and the backward predictor. None exceeds 1, so every order is stable.
 pub(super) struct Lattice {
     samples: f64,
     reflections: Vec<f64>,

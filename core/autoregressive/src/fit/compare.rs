@@ -97,9 +97,6 @@ pub struct Comparison {
 impl Recording<'_> {
     /// Renders a texture with the recording's speeds and forces and compares the fitted segments, after
     /// the same high-pass and at the models' rate.
-    ///
-    /// # Errors
-    /// Those of [`fit`](Self::fit) with these settings.
     pub fn compare(
         &self,
         settings: &Settings,
@@ -115,15 +112,13 @@ impl Recording<'_> {
         let samples = blocks.signal.len();
         let count = texture.models().len();
         let mut sums = vec![Sums::new(&meter); count];
-        let parts: Vec<(usize, Range<usize>)> = report
-            .segments
-            .iter()
-            .filter(|segment| segment.model < count)
-            .map(|segment| {
-                let span = blocks.span(segment);
-                (segment.model, (span.start * blocks.len).min(samples)..(span.end * blocks.len).min(samples))
-            })
-            .collect();
+        let sample = |block: usize| (block * blocks.len).min(samples);
+        let known = report.segments.iter().filter(|segment| segment.model < count);
+        let parts = known.map(|segment| {
+            let span = blocks.span(segment);
+            (segment.model, sample(span.start)..sample(span.end))
+        });
+        let parts: Vec<(usize, Range<usize>)> = parts.collect();
         for (model, part) in &parts {
             let sums = &mut sums[*model];
             sums.seconds += part.len() as f64 / blocks.rate_hz;
@@ -133,10 +128,8 @@ impl Recording<'_> {
         }
         let mut signal = vec![0.0f32; samples];
         for pass in 0..passes {
-            for (b, ([speed, force], out)) in
-                blocks.smooth.iter().zip(signal.chunks_exact_mut(blocks.len)).enumerate()
-            {
-                synthesis.touch(*speed, *force);
+            for (b, (at, out)) in blocks.smooth.iter().zip(signal.chunks_exact_mut(blocks.len)).enumerate() {
+                synthesis.touch(at[0], at[1]);
                 synthesis.process((pass * samples + b * blocks.len) as u64, out);
             }
             let mut rendered: Vec<f64> = signal.iter().map(|x| f64::from(*x)).collect();

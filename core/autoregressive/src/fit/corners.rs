@@ -10,12 +10,10 @@ use super::burg::Fitted;
 
 /// Least bandwidth of a resonance in Hz.
 const BANDWIDTH_HZ: f64 = 0.3;
-/// A piece with less than this part of the samples of a neighbour's longest piece is a way to or from
-/// it.
+/// A piece with less than this part of the samples of a neighbour's longest piece is a way to or from it.
 const WAY: f64 = 0.1;
 /// Largest distance of a way, in tolerances.
 const WAY_TOLERANCES: f64 = 3.0;
-/// Growth of the tolerance while there are too many models.
 const WIDER: f64 = 1.25;
 
 /// A piece, or several merged ones with the means of place, mean square and lines.
@@ -103,8 +101,7 @@ pub(super) fn merge(
     (corners.iter().map(Corner::model).collect(), owners)
 }
 
-/// Merges each corner, the longest first, into the nearest earlier one within tolerance, or keeps it. A
-/// way reaches further.
+/// Merges each corner, the longest first, into the nearest earlier one within tolerance, or keeps it.
 fn joined(mut corners: Vec<Corner>, settings: &Settings, wider: f64) -> Vec<Corner> {
     corners.sort_by(|a, b| b.samples.total_cmp(&a.samples));
     // Places to compare with stay fixed during a round.
@@ -133,12 +130,8 @@ fn lines(ar: &[f64], rate_hz: f64) -> Vec<f64> {
     let radius = (-PI * BANDWIDTH_HZ / rate_hz).exp_e();
     // The polynomial with the roots of `a` times `by`.
     let moved = |a: &[f64], by: f64| -> Vec<f64> {
-        let mut power = 1.0;
-        let next = |c: &f64| {
-            power *= by;
-            c * power
-        };
-        a.iter().map(next).collect()
+        let powers = std::iter::successors(Some(by), |power| Some(power * by));
+        a.iter().zip(powers).map(|(c, power)| c * power).collect()
     };
     let mut a = ar.to_vec();
     if !is_stable(&moved(&a, 1.0 / radius)) {

@@ -9,8 +9,7 @@ use asperity_numbers::Elementary as _;
 
 /// Order of the models that compare spectra.
 const ORDER: usize = 8;
-/// Cost of a cut in logarithms of the number of samples: the parameters of one more model (coefficients
-/// and variance) and a place.
+/// Cost of a cut in logarithms of the number of samples: the parameters of one more model and a place.
 const COST: f64 = (ORDER + 2) as f64;
 /// Places to try first; then those around the best.
 const PLACES: usize = 256;
@@ -62,14 +61,13 @@ struct Sums(Vec<[[f64; 2]; 2]>);
 
 impl Sums {
     fn new(values: &[[f64; 2]]) -> Self {
-        let mut sum = [[0.0; 2]; 2];
-        let mut sums = vec![sum];
-        for value in values {
-            for (sum, x) in sum.iter_mut().zip(value) {
-                sum[0] += x;
-                sum[1] += x * x;
-            }
-            sums.push(sum);
+        let mut sums = vec![[[0.0; 2]; 2]];
+        for (i, value) in values.iter().enumerate() {
+            let next = |axis: usize| {
+                let ([sum, squares], x) = (sums[i][axis], value[axis]);
+                [sum + x, squares + x * x]
+            };
+            sums.push([next(0), next(1)]);
         }
         Self(sums)
     }
@@ -112,8 +110,7 @@ pub(super) fn stationary(blocks: &Blocks, stretch: Span, settings: &Settings, pi
     }
 }
 
-/// Running sums by block of products of samples with earlier ones. They give the autocorrelation of any
-/// blocks.
+/// Running sums by block of products of samples with earlier ones: the autocorrelation of any blocks.
 struct Products<'a> {
     signal: &'a [f64],
     len: usize,
@@ -151,9 +148,9 @@ impl<'a> Products<'a> {
         n * residual(&r).max(self.floor).log_e()
     }
 
-    /// The place where some blocks change most, if they change. Autocorrelations find the place: they
-    /// are at hand for any blocks. Burg's method decides whether it is a change: the autocorrelation of
-    /// a near tone depends on where in a period it ends.
+    /// The place where some blocks change most, if they change. Autocorrelations find it. Burg's method
+    /// decides whether it is a change: the autocorrelation of a near tone depends on where in a period it
+    /// ends.
     fn change(&self, part: &Span, shortest: usize) -> Option<usize> {
         let places = part.start + shortest..(part.end + 1).saturating_sub(shortest);
         let cost = |cut: usize| self.cost(part.start, cut) + self.cost(cut, part.end);
@@ -238,8 +235,8 @@ mod tests {
         }
     }
 
-    /// Halves of 4 s whose powers differ by a ratio `r` are separated where `8000 (ln (1 + r) / 2 -
-    /// ln(r) / 2)` is above `10 ln 8000 = 90`: it is 163 for 1.5, 9 for 1.1.
+    /// 4 s of either power are separated where `8000 (ln (1 + r) / 2 - ln(r) / 2)` is above `10 ln 8000 =
+    /// 90`: it is 163 for a ratio of 1.5, 9 for 1.1.
     #[test]
     fn least_change_is_that_of_the_criterion() {
         for (ratio, told) in [(1.5f64, true), (1.1, false)] {

@@ -3,58 +3,40 @@
 //! interactions"): cut where it changes, fit each piece, merge pieces at one speed and force into a
 //! model, join the models by triangles.
 //!
-//! # What is done
+//! # Steps of a fit
 //!
 //! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis
-//!    changes for 20 ms (the sensor gave nothing). Clipped: one axis stays at its highest or lowest
-//!    value for 1 ms; three blocks before and behind go too. No contact, then slow: the mean of five
-//!    blocks of the force, then of the speed, is too low. Clicks: at most 50 ms within a second in
-//!    which the power of the signal's differences is 20 dB above that second's median; a block before
-//!    and behind goes too. A straight line replaces a click, so that no filter rings from it.
-//! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz:
-//!    slower parts are the hand's motion and gravity. Several axes become one signal after DFT321
-//!    (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency
-//!    accelerations for haptic rendering"): each bin has the size of all axes together. Unlike there,
-//!    the phase is that of the loudest axis and not of the sum, in which axes may cancel. It works in
-//!    frames of 0.1 s, so that loud parts do not spread over quiet ones. [`asperity_dsp::resample`]
-//!    then brings the signal to the models' rate, by default 1 kHz.
-//! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its
-//!    tolerance around the middle of its range, the stretch is cut where the sum of squares gets least
-//!    (binary segmentation, Vostrikova 1981).
-//! 4. Each stretch is cut where its spectrum changes, by the generalised likelihood ratio of
-//!    autoregressive models (Appel and Brandt 1983, "Adaptive sequential segmentation of piecewise
-//!    stationary time series"), again by binary segmentation. With `s0^2` the residual variance of a
-//!    model of order 8 over all `n` samples, and `s1^2`, `s2^2` those over the `n1` and `n2` on either
-//!    side, it is cut where
-//!
-//!    ```text
-//!    n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n
-//!    ```
-//!
-//! at the place where the left side is greatest: Schwarz's criterion (BIC) for nine more parameters and
-//! a place. A residual more than 40 dB below the signal counts as 40 dB below. No piece gets shorter
-//! than the shortest.
-//! 5. The power that the high-pass took is put back as noise through a low-pass of the same corner, as
-//!    if the spectrum were level below twice the corner. Its density there is that of a model of the
-//!    highest order, found in two rounds. Otherwise the high-pass would be fitted too, and no order
-//!    would be high enough.
+//!    changes for 20 ms. Clipped: one axis stays at its highest or lowest value for 1 ms; three blocks
+//!    before and behind go too. No contact, then slow: the mean of five blocks of the force, then of the
+//!    speed, is too low. Clicks: at most 50 ms within a second in which the power of the signal's
+//!    differences is 20 dB above that second's median; a block before and behind goes too. A straight line
+//!    replaces a click, so that no filter rings.
+//! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz: slower
+//!    parts are the hand's motion and gravity. Several axes become one signal after DFT321 (Landin, Romano,
+//!    McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for haptic
+//!    rendering"), with the phase of the loudest axis and not of the sum, in which axes may cancel, in
+//!    frames of 0.1 s. [`asperity_dsp::resample`] then brings the signal to the models' rate, by default 1
+//!    kHz.
+//! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its tolerance
+//!    around the middle of its range, the stretch is cut where the sum of squares gets least (binary
+//!    segmentation, Vostrikova 1981).
+//! 4. Each stretch is cut where its spectrum changes, by the generalised likelihood ratio of autoregressive
+//!    models (Appel and Brandt 1983), again by binary segmentation: where `n ln s0^2 - n1 ln s1^2 - n2 ln
+//!    s2^2 > (8 + 2) ln n`, Schwarz's criterion, with `s^2` the residual variance of a model of order 8 over
+//!    all samples and over those on either side. A residual more than 40 dB below the signal counts as that.
+//! 5. The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
+//!    spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
 //! 6. Burg's method (1975) fits stable models of each order to each piece. One order serves all pieces: that
 //!    with the least sum of the [criterion](Criterion).
-//! 7. Resonances narrower than 0.3 Hz are widened to that, since seconds of recording say nothing about
-//!    them. So a pure tone has a model too.
-//! 8. Pieces that differ by less than the tolerances in speed and force are merged, the longest first.
-//!    Line spectral frequencies, speed, force and mean square become means, weighted by length. The
-//!    variance gives the model's signal this mean square; the gain is 1. A piece less than a tenth as
-//!    long as one within three tolerances is the way to or from it: it joins that model but does not
-//!    count, since some tenths of a second tell little about a spectrum.
-//! 9. Delaunay's triangulation joins the models, without border triangles thinner than a hundredth of
-//!    their length. Three models whose forces are nearly equal are meant to be on a line: beyond them
-//!    the nearest counts, not a mixture of the first and the third.
+//! 7. Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.
+//! 8. Pieces that differ by less than the tolerances in speed and force are merged, the longest first. Line
+//!    spectral frequencies, speed, force and mean square become means, weighted by length. A piece less than
+//!    a tenth as long as one within three tolerances is the way to or from it: it joins that model but does
+//!    not count.
+//! 9. Delaunay's triangulation joins the models, without border triangles thinner than a hundredth of their
+//!    length: beyond three models of nearly equal force the nearest counts.
 //!
-//! Fitted models have no moving-average part (q = 0). Textures of the Penn toolkit that have one are
-//! read and rendered.
-//!
-//! [`Recording::compare`] tells how good a fit is.
+//! Fitted models have no moving-average part (q = 0). [`Recording::compare`] tells how good a fit is.
 //!
 //! On a virtual AMD EPYC core a minute of recording takes 25 ms at 1 kHz and 60 ms at 10 kHz.
 
@@ -138,7 +120,8 @@ impl Order {
 }
 
 /// Largest distance from the middle of the range for a constant speed or force, and largest difference
-/// between equal ones. The absolute and the relative limit both apply; the larger counts.
+/// Largest distance from the middle of the range for a constant speed or force, and largest difference
+/// between equal ones: the larger of an absolute and a relative limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Speed in mm/s.
@@ -180,9 +163,8 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Models at 1 kHz, of the best order from 1 to 24 by AICc. Pieces last 0.2 s or more, at 5 mm/s
-    /// and 0.05 N or more. Tolerances are 10 mm/s, 0.1 N or a fifth, whichever is more. At most 64
-    /// models.
+    /// Models at 1 kHz, of the best order from 1 to 24 by AICc. Pieces last 0.2 s or more, at 5 mm/s and
+    /// 0.05 N or more. Tolerances are 10 mm/s, 0.1 N or a fifth, whichever is more. At most 64 models.
     fn default() -> Self {
         Self {
             model_hz: 1000,
@@ -222,44 +204,30 @@ impl Recording<'_> {
         }
         let fits = burg::fit(&blocks, &pieces, settings)?;
         let (models, owners) = corners::merge(&blocks, &pieces, &fits.pieces, settings);
-        let segments = pieces
-            .iter()
-            .zip(&fits.pieces)
-            .zip(owners)
-            .map(|((piece, fitted), model)| blocks.segment(piece, fitted, model))
-            .collect();
+        let owned = pieces.iter().zip(&fits.pieces).zip(owners);
+        let segments = owned.map(|((piece, fitted), model)| blocks.segment(piece, fitted, model)).collect();
         let triangles = border::triangles(&models);
         let texture = Texture::new(rate_hz, models, Some(&triangles))?;
-        let report = Report {
-            duration_s: blocks.duration_s(),
-            model_hz: rate_hz,
-            high_pass_hz: settings.high_pass_hz,
-            order: fits.order,
-            criterion: fits.criterion,
-            segments,
-            dropped,
-        };
+        let (duration_s, high_pass_hz) = (blocks.duration_s(), settings.high_pass_hz);
+        let burg::Fits { order, criterion, .. } = fits;
+        let report =
+            Report { duration_s, model_hz: rate_hz, high_pass_hz, order, criterion, segments, dropped };
         Ok((texture, report))
     }
 
     fn check(&self, settings: &Settings) -> Result<(), Diagnostic> {
+        let refuse = |what: String, help: String| Err(Diagnostic::new(what).help(help));
         if !RATES_HZ.contains(&self.rate_hz) {
-            return Err(Diagnostic::new(format!("a recording at {} Hz", self.rate_hz)).help(format!(
-                "{} to {} Hz; bring it to such a rate",
-                RATES_HZ.start(),
-                RATES_HZ.end()
-            )));
+            let help = format!("{} to {} Hz; bring it to such a rate", RATES_HZ.start(), RATES_HZ.end());
+            return refuse(format!("a recording at {} Hz", self.rate_hz), help);
         }
         if f64::from(settings.model_hz) > self.rate_hz.round() {
-            return Err(Diagnostic::new(format!(
-                "models at {} Hz of a recording at {} Hz",
-                settings.model_hz, self.rate_hz
-            ))
-            .help("models run at the recording's rate at most"));
+            let what = format!("models at {} Hz of a recording at {} Hz", settings.model_hz, self.rate_hz);
+            return refuse(what, "models run at the recording's rate at most".into());
         }
         let axes = self.acceleration_m_s2.len();
         if !(1..=3).contains(&axes) {
-            return Err(Diagnostic::new(format!("{axes} axes of acceleration")).help("one, two or three"));
+            return refuse(format!("{axes} axes of acceleration"), "one, two or three".into());
         }
         let (len, limit) = (self.force_n.len(), MAX_ABS_ACCELERATION_M_S2);
         let mut channels = vec![
@@ -268,22 +236,21 @@ impl Recording<'_> {
         ];
         channels.extend(self.acceleration_m_s2.iter().map(|axis| ("acceleration", *axis, limit, "m/s^2")));
         if let Some((name, other, ..)) = channels.iter().find(|(_, samples, ..)| samples.len() != len) {
-            return Err(Diagnostic::new(format!("{len} samples of force, and {} of {name}", other.len()))
-                .help("channels of one rate and one length"));
+            let what = format!("{len} samples of force, and {} of {name}", other.len());
+            return refuse(what, "channels of one rate and one length".into());
         }
         for (name, samples, limit, unit) in channels {
-            // NaN fails every comparison.
-            let bad = |x: &f64| !matches!(x.abs().partial_cmp(&limit), Some(o) if o.is_le());
-            if let Some(at) = samples.iter().position(bad) {
+            // NaN is in no range.
+            if let Some(at) = samples.iter().position(|x| !(-limit..=limit).contains(x)) {
                 let (x, t) = (samples[at], at as f64 / self.rate_hz);
-                return Err(Diagnostic::new(format!("the {name} is {x} at sample {at}, at {t:.4} s"))
-                    .help(format!("a finite number between -{limit} and {limit} {unit}")));
+                let what = format!("the {name} is {x} at sample {at}, at {t:.4} s");
+                return refuse(what, format!("a finite number between -{limit} and {limit} {unit}"));
             }
         }
         let seconds = len as f64 / self.rate_hz;
         if seconds < settings.shortest_s {
-            return Err(Diagnostic::new(format!("a recording of {seconds:.3} s"))
-                .help(format!("{} s at least, some seconds at each speed and force", settings.shortest_s)));
+            let help = format!("{} s at least, some seconds at each speed and force", settings.shortest_s);
+            return refuse(format!("a recording of {seconds:.3} s"), help);
         }
         Ok(())
     }
@@ -312,13 +279,10 @@ impl Settings {
                     .help(format!("{least} to {most} {unit}").trim_end().to_owned()));
             }
         }
-        let needed = SAMPLES_A_COEFFICIENT * most as f64 / rate;
-        if self.shortest_s < needed {
-            return Err(Diagnostic::new(format!(
-                "models of order {most} of pieces of {} s",
-                self.shortest_s
-            ))
-            .help(format!("pieces of {needed} s at least, or a lower order")));
+        let (needed, shortest) = (SAMPLES_A_COEFFICIENT * most as f64 / rate, self.shortest_s);
+        if shortest < needed {
+            return Err(Diagnostic::new(format!("models of order {most} of pieces of {shortest} s"))
+                .help(format!("pieces of {needed} s at least, or a lower order")));
         }
         Ok(())
     }
@@ -362,10 +326,9 @@ fn filter(
     Ok(())
 }
 
-/// Removes slow motion.
+/// Removes slow motion, from rest.
 fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
     if settings.high_pass_hz > 0.0 {
-        // Start at rest.
         let first = signal.first().copied().unwrap_or(0.0);
         signal.iter_mut().for_each(|x| *x -= first);
         filter(&mut signal, Section::high_pass, rate_hz, settings.high_pass_hz)?;
@@ -378,19 +341,12 @@ fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f
     let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
     let mut signal = axes::joined(axes, rate);
     // In range: checked before.
-    let in_hz = rate as u32;
-    let out_hz = settings.model_hz;
+    let (in_hz, out_hz) = (rate as u32, settings.model_hz);
     if in_hz == out_hz {
         return Ok(signal);
     }
-    let conversion = Conversion {
-        in_hz,
-        out_hz,
-        tick_num: 1,
-        tick_den: 1,
-        passband: PASSBAND,
-        phase: FilterPhase::Linear,
-    };
+    let phase = FilterPhase::Linear;
+    let conversion = Conversion { in_hz, out_hz, tick_num: 1, tick_den: 1, passband: PASSBAND, phase };
     let mut resampler = Resampler::<f64>::new(&conversion).map_err(|e| Diagnostic::new(e.to_string()))?;
     let (num, den) = resampler.latency();
     let late = num as f64 / den as f64;

@@ -133,8 +133,7 @@ fn known_model_comes_back_with_its_order() {
         assert_eq!((report.order, texture.models().len(), report.segments.len()), (order, 1, 1));
         assert_eq!(report.criterion.len(), 24);
         assert_eq!(report.criterion[order - 1], (order, 0.0));
-        // A lower order explains far less, a higher one hardly more: the logarithm of 30000 samples is
-        // 10.3.
+        // A lower order explains far less, a higher one hardly more: the logarithm of 30000 samples is 10.3.
         assert!(report.criterion[order - 2].1 > 1000.0 && report.criterion[order].1 < 10.4);
         let model = &texture.models()[0];
         let off = model.ar.iter().zip(&ar).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
@@ -288,10 +287,7 @@ fn bad_recordings_and_settings_are_refused_with_help() {
         (with(|r| r.force.fill(0.0)), "the force is 0.0000 N at most"),
         (with(|r| r.acceleration.fill(0.0)), "3.00 s without a change of acceleration"),
         (with(|r| r.acceleration.fill(0.0)), "is it the right channel?"),
-        (
-            with(|r| r.acceleration.iter_mut().for_each(|x| *x = x.signum())),
-            "with the acceleration at its limit",
-        ),
+        (with(|r| r.acceleration.iter_mut().for_each(|x| *x = x.signum())), "the acceleration at its limit"),
         (
             with(|r| (0..3000).for_each(|n| r.speed[n] = 100.0 + 80.0 * (TAU * n as f64 / 200.0).sin())),
             "3.00 s with speed or force changing (hold speed and force for a second",

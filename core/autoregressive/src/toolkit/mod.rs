@@ -68,16 +68,14 @@ pub fn parse(source: &Arc<Source>) -> Result<Texture, Diagnostic> {
             .at(source, xml::tag(set))
             .help(format!("at most {MAX_MODELS} are taken: a tick looks at every triangle between them")));
     }
-    let lists = ["speedList", "forceList"].map(|name| xml::numbers(source, set, name));
-    let [speeds, forces] = lists;
+    let [speeds, forces] = ["speedList", "forceList"].map(|name| xml::numbers(source, set, name));
     let (speeds, forces) = (speeds?, forces?);
     let of = |list: &Option<Numbers>, i: usize| {
         list.as_ref().filter(|l| l.values.len() == nodes.len()).and_then(|l| l.values.get(i)).copied()
     };
-    let mut models = Vec::with_capacity(nodes.len());
-    for (i, &node) in nodes.iter().enumerate() {
-        models.push(model(source, node, [of(&speeds, i), of(&forces, i)])?);
-    }
+    let models = nodes.iter().enumerate();
+    let models = models.map(|(i, &node)| model(source, node, [of(&speeds, i), of(&forces, i)]));
+    let models = models.collect::<Result<Vec<Model>, Diagnostic>>()?;
     let triangles = triangles(source, set, &models)?;
     Texture::new(rate_hz, models, triangles.as_deref()).map_err(|e| e.at(source, xml::tag(set)))
 }
@@ -155,13 +153,11 @@ fn polynomial(
         values if values.len() == order => values,
         [1.0, values @ ..] if values.len() == order => values,
         values => {
-            return Err(Diagnostic::new(format!(
-                "`{of_coefficients}` holds {} numbers, and `{of_lines}` {order}",
-                values.len()
-            ))
-            .at(source, coefficients.span)
-            .help("as many, or one more where the first is 1")
-            .related(source, lines.span, "the frequencies"));
+            let (count, what) = (values.len(), of_coefficients);
+            return Err(Diagnostic::new(format!("`{what}` holds {count} numbers, and `{of_lines}` {order}"))
+                .at(source, coefficients.span)
+                .help("as many, or one more where the first is 1")
+                .related(source, lines.span, "the frequencies"));
         }
     };
     let distance = |sign: f64| meant.iter().zip(given).map(|(m, c)| (m - sign * c).abs()).fold(0.0, f64::max);

@@ -9,12 +9,10 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// Most elements, attributes and texts of a file.
 const MAX_NODES: u32 = 4_000_000;
 
-/// Most attributes of one element. The parser compares each with all others. A toolkit file has a
-/// handful.
+/// Most attributes of one element. The parser compares each with all others. A toolkit file has a handful.
 const MAX_ATTRIBUTES: usize = 1000;
 
-/// Most bytes that the parser takes for each `<` or `=`: two nodes or an attribute, in lists that
-/// double.
+/// Most bytes that the parser takes for each `<` or `=`: two nodes or an attribute, in lists that double.
 const NODE_BYTES: u64 = 400;
 
 /// Numbers with their place.

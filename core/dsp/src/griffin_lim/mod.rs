@@ -1,34 +1,18 @@
 //! Phase retrieval of whole signals by iteration: the reference for causal methods.
 //!
-//! A spectrogram with the wanted magnitudes and some phases is transformed into a signal and back, and
-//! its phases are replaced by the result's (D. Griffin, J. Lim, "Signal Estimation from Modified
-//! Short-Time Fourier Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted
-//! least-squares one, eq. 6 there, so the distance to the magnitudes never grows. The fast variant
-//! extrapolates each result by `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A
-//! Fast Griffin-Lim Algorithm", WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n -
-//! t_(n-1))`, where `P2` imposes the magnitudes and `P1` consistency. `alpha = 0` is the original.
-//!
-//! Spectral convergence in dB after 100 iterations, on the vectors in `tests/data/phase` ("published"
-//! are `gla100` and `fgla100` of `graphs/phase/sc.json`, one run each). The result depends on the start;
-//! ranges are of zero and four or six random starts.
-//!
-//! | vector | original | published | fast | published |
-//! |---|---|---|---|---|
-//! | sine_off_2500 | -11.9 to -26.3 | -17.4 | -27.1 to -36.8 | -30.9 |
-//! | chirp_2500 | -19.5 to -20.6 | -19.9 | -26.3 to -33.7 | -29.5 |
-//! | texture_2500 | -17.8 to -18.8 | -18.1 | -24.2 to -26.5 | -25.0 |
-//! | two25_2500 | -13.3 to -28.6 | -13.2 | -17.7 to -34.0 | -33.7 |
-//! | taps_2500 | -26.7 to -33.8 | -30.3 | -32.7 to -38.6 | -39.5 |
-//! | contact_2500 | -18.0 to -20.0 | -18.5 | -24.5 to -28.8 | -26.7 |
-//! | nnsmooth_2500 | -13.6 to -14.1 | -13.7 | -14.5 to -14.9 | -14.6 |
-//! | texture_48000 | | | -24.7 to -29.3 | -29.0 |
-//! | amchirp_48000 | | | -28.1 to -35.8 | -32.8 |
+//! A spectrogram with the wanted magnitudes and some phases is transformed into a signal and back, and its
+//! phases are replaced by the result's (D. Griffin, J. Lim, "Signal Estimation from Modified Short-Time
+//! Fourier Transform", IEEE Trans. ASSP 32(2), 1984). The signal is the weighted least-squares one, eq. 6
+//! there, so the distance to the magnitudes never grows. The fast variant extrapolates each result by
+//! `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast Griffin-Lim Algorithm",
+//! WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the
+//! magnitudes and `P1` consistency. `alpha = 0` is the original. Figures are in `docs/accuracy.md`.
 
 use crate::float::phasor;
 use crate::magnitude::take;
 use crate::plans::Transform;
 use crate::window::hann;
-use crate::{Complex, Float, Framing, FramingError, Stft, random};
+use crate::{Complex, Float, Framing, Refused, Stft, random};
 
 /// Phases before the first iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,20 +52,16 @@ pub struct Reconstruction<T> {
 
 /// Finds a signal whose frames have these magnitudes, as nearly as possible.
 ///
-/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit
-/// of the signal. Bins above are 0, and so are values missing in the last frame. `progress` is called
-/// after each iteration with the number done.
-///
-/// Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and iteration.
-///
-/// # Errors
-/// The errors of [`Framing::check`].
+/// `magnitudes` holds frame after frame of `framing.bins` amplitudes, `2 |sum w x| / sum w` in the unit of
+/// the signal; values missing in the last frame are 0. `progress` is called after each iteration with the
+/// number done. Memory: two complex values a magnitude, and the signal. Time: two transforms a frame and
+/// iteration.
 pub fn griffin_lim<T: Float>(
     magnitudes: &[T],
     framing: Framing,
     options: Options,
     mut progress: impl FnMut(usize),
-) -> Result<Reconstruction<T>, FramingError> {
+) -> Result<Reconstruction<T>, Refused> {
     framing.check()?;
     let frames = magnitudes.len().div_ceil(framing.bins);
     let mut mags = vec![T::zero(); frames * framing.bins];
@@ -134,7 +114,7 @@ struct Plan<T> {
     gain: Vec<T>,
     /// The synthesis window, times the scale of the inverse transform and of the bins.
     window: Vec<T>,
-    forward: Stft<T>,
+    stft: Stft<T>,
     inverse: Transform<T>,
 }
 
@@ -151,14 +131,13 @@ impl<T: Float> Plan<T> {
                 *s += w * w;
             }
         }
-        // At both ends, which few windows cover, the signal fades instead of amplifying rounding
-        // errors.
+        // At both ends, which few windows cover, the signal fades instead of amplifying rounding errors.
         let floor = 1e-3 * sum.iter().fold(0.0, |a: f64, &b| a.max(b));
         Self {
             signal: vec![T::zero(); len],
             gain: sum.into_iter().map(|s| T::of(1.0 / s.max(floor))).collect(),
             window: window.into_iter().map(|w| T::of(w * scale)).collect(),
-            forward: Stft::new(n),
+            stft: Stft::new(n),
             inverse: Transform::new(n),
             framing,
             mags,
@@ -204,14 +183,10 @@ impl<T: Float> Plan<T> {
 
     /// Calls `f` with the signal's own bins, in order.
     fn analyse(&mut self, mut f: impl FnMut(usize, Complex<T>)) {
-        let n = self.framing.fft_len;
-        let mut at = 0;
-        for start in self.starts() {
-            for &found in self.forward.process(&self.signal[start..start + n]).iter().take(self.framing.bins)
-            {
-                f(at, found);
-                at += 1;
-            }
+        let (n, bins) = (self.framing.fft_len, self.framing.bins);
+        for (frame, start) in self.starts().enumerate() {
+            let found = self.stft.process(&self.signal[start..start + n]).iter().take(bins);
+            found.enumerate().for_each(|(k, found)| f(frame * bins + k, *found));
         }
     }
 }

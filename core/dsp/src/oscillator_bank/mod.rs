@@ -1,50 +1,30 @@
-//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, without a
-//! window.
+//! Oscillators whose amplitudes follow the magnitudes: straight from frames to samples, without a window.
 //!
 //! Between two frames every amplitude changes linearly. So a change of magnitude is heard within one
 //! hop, where overlap-add needs half a window. Phases are always continuous: a partial that ends fades
 //! out over a hop, a new one fades in, and a missing frame fades all out. (The smearing of the analysis
 //! window in time remains.)
 //!
-//! Frame `n` arrives when its first sample is due. Its amplitudes are approached from that sample on
-//! and reached a hop later; they describe the window's centre. So the output is `N/2` samples less one
-//! hop ahead of the frames' time.
+//! Frame `n` arrives when its first sample is due. Its amplitudes are approached from that sample on and
+//! reached a hop later; they describe the window's centre. So the output is `N/2` samples less one hop
+//! early.
 //!
-//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri,
-//! "Speech Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its
-//! frequency follows from the larger neighbour. Its amplitude follows from the energy of three bins,
-//! which keeps the level of a chirp, whose lobe is wider than the window's. Peaks of successive frames
-//! that are each other's nearest, less than a bin apart, are one partial. A new one starts with the
-//! phase of its bin, as if the last partial near it had continued at the bin's centre frequency.
+//! [`Partials::Tracked`]: every maximum of a frame is a sinusoid (R. J. McAulay, T. F. Quatieri, "Speech
+//! Analysis/Synthesis Based on a Sinusoidal Representation", IEEE Trans. ASSP 34(4), 1986). Its frequency
+//! follows from the larger neighbour, its amplitude from the energy of three bins, which keeps the level of
+//! a chirp. Peaks of successive frames that are each other's nearest, less than a bin apart, are one
+//! partial. A new one starts with the phase of its bin, as if the last partial near it had continued at the
+//! bin's centre frequency.
 //!
-//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Steady oscillators of
-//! amplitude `A_k` would be seen as `3/2 sum A_k^2`, since each is seen in three bins, so amplitudes
-//! are scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where magnitudes beat
-//! least, plus a slow random walk. Every fourth bin draws an independent uniform phase of up to two
-//! turns every 2.5 windows (4 Hz for 0.1 s); phases between are interpolated in time and frequency. So
-//! neighbours keep their phase relations over a window, which holds the magnitudes closer than true
-//! noise would, while over longer times nothing repeats. All of it is a function of seed and sample
-//! number.
+//! [`Partials::Noise`]: one oscillator a bin, near the bin's centre frequency. Each is seen in three bins,
+//! so amplitudes are scaled by `sqrt(2/3)`. Their phases are those of [`crate::phase_vocoder`], where
+//! magnitudes beat least, plus a slow random walk. Every fourth bin draws an independent uniform phase of up
+//! to two turns every 2.5 windows (4 Hz for 0.1 s); phases between are interpolated in time and frequency.
+//! So neighbours keep their phase relations over a window, while over longer times nothing repeats. All of
+//! it is a function of seed and sample number.
 //!
-//! Spectral convergence, level and error of the long-term spectrum in dB, on the vectors in
-//! `tests/data/phase` ("published" is `ob_tracked` and `ob_bins` of `graphs/phase/sc.json`):
-//!
-//! | vector | `Tracked` | published | `Noise` | published |
-//! |---|---|---|---|---|
-//! | sine_off_2500 | -77.1 -0.0 0.0 | -94.4 -0.0 0.0 | -8.8 -0.0 7.1 | -7.6 +0.0 7.2 |
-//! | chirp_2500 | -45.8 -0.0 0.0 | -40.1 -0.1 0.1 | -7.8 +0.0 3.5 | -7.9 -0.0 2.2 |
-//! | texture_2500 | -10.4 -0.3 0.6 | -9.6 -0.9 1.1 | -8.3 +0.1 0.7 | -7.7 +0.2 0.8 |
-//! | two25_2500 | -18.0 +0.2 0.9 | -18.7 +0.0 0.6 | -8.9 +0.0 5.0 | -7.0 +0.0 4.6 |
-//! | taps_2500 | -6.7 -1.2 39.0 | -6.4 -2.1 39.6 | -8.6 +0.2 0.9 | -6.2 +0.3 0.7 |
-//! | contact_2500 | -10.5 -0.4 0.8 | -9.6 -1.1 1.3 | -8.0 -0.1 0.5 | -7.4 -0.1 0.6 |
-//! | nnsmooth_2500 | -1.6 -5.0 63.0 | -1.5 -6.6 64.5 | -11.2 -0.0 0.8 | -9.7 +0.0 0.7 |
-//! | texture_48000 | -10.7 -0.2 1.0 | -10.3 -1.1 1.5 | -8.6 +0.0 1.0 | -7.4 -0.1 1.0 |
-//! | amchirp_48000 | -13.0 -0.4 2.9 | -12.5 -1.3 2.4 | -8.7 -0.0 3.8 | -6.6 +0.2 3.8 |
-//!
-//! The result for the pure sine varies with the seed from -75.6 to -91 dB. Its image at the negative
-//! frequency beats with it, and only the true phase, which magnitudes do not contain, gives the same
-//! beat. Smooth magnitudes that belong to no signal have few maxima: there `Tracked` is too quiet and
-//! tonal, and `Noise` is right.
+//! Smooth magnitudes that belong to no signal have few maxima: there `Tracked` is too quiet and tonal, and
+//! `Noise` is right. Figures are in `docs/accuracy.md`.
 
 mod noise;
 mod segment;
@@ -53,7 +33,7 @@ mod tracked;
 use crate::float::keep_wide;
 use crate::magnitude::take;
 use crate::spsi::peak::Peak;
-use crate::{Float, Framing, FramingError};
+use crate::{Float, Framing, Refused};
 use asperity_state::State;
 use noise::Noise;
 use segment::{Renderer, Voice};
@@ -74,9 +54,7 @@ enum Source {
     Noise(Box<Noise>),
 }
 
-/// Turns a stream of magnitude frames into samples.
-///
-/// Samples are made a hop at a time, when the first of the hop is asked for.
+/// Turns a stream of magnitude frames into samples, a hop at a time, when the first of the hop is asked for.
 #[derive(Debug)]
 pub struct OscillatorBank<T> {
     framing: Framing,
@@ -102,10 +80,7 @@ pub struct OscillatorBank<T> {
 
 impl<T: Float> OscillatorBank<T> {
     /// Makes the bank for a layout. `seed` determines start phases and noise.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
-    pub fn new(framing: Framing, partials: Partials, seed: u64) -> Result<Self, FramingError> {
+    pub fn new(framing: Framing, partials: Partials, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let bins = framing.bins;
         let (period, frames) = framing.period();
@@ -115,8 +90,7 @@ impl<T: Float> OscillatorBank<T> {
             Partials::Tracked => Source::Tracked(Box::new(Tracker::new(framing.fft_len, bins, seed))),
             Partials::Noise => Source::Noise(Box::new(Noise::new(framing.fft_len, bins, seed))),
         };
-        // Tracked: a frame has at most a peak every other bin, and as many of the last frame may fade
-        // out.
+        // Tracked: a peak every other bin at most, and as many of the last frame may fade out.
         let voices = bins + 2;
         Ok(Self {
             framing,
@@ -156,13 +130,12 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from
-    /// bin 0.
+    /// Takes frame number `frame`, whose first sample is `start`: amplitudes `2 |sum w x| / sum w` from bin
+    /// 0.
     ///
-    /// It replaces a pending frame that has not started. A frame after its first sample is played late,
-    /// and so are those that follow it without a gap. A magnitude that is NaN, infinite or negative
-    /// counts as 0; their number is returned. Missing bins count as 0; those beyond `framing.bins` are
-    /// ignored.
+    /// It replaces a pending frame that has not started. A frame after its first sample is played late, and
+    /// so are those that follow it without a gap. Magnitudes that are NaN, infinite or negative count as 0,
+    /// as missing ones do; their number is returned.
     pub fn add_frame<P: Float>(&mut self, frame: u64, start: u64, magnitudes: &[P]) -> usize {
         if self.pending.is_some_and(|(_, due)| due <= self.next) && self.used == self.len {
             self.begin();
@@ -176,9 +149,8 @@ impl<T: Float> OscillatorBank<T> {
         f64::from(f32::MAX) / (8 * (self.framing.bins + 1)) as f64
     }
 
-    /// Saves or restores the samples up to the next frame, that frame, and every oscillator. A state of
-    /// other frames or partials, or with impossible amplitudes or phases, is refused; the bank is then
-    /// reset.
+    /// Saves or restores the samples up to the next frame, that frame, and every oscillator. A bank that
+    /// refuses a state is reset.
     pub fn state(&mut self, state: &mut State<'_>) {
         let (mut fft_len, mut tracked) = (self.framing.fft_len, matches!(self.source, Source::Tracked(_)));
         let same = (fft_len, tracked);
@@ -202,38 +174,32 @@ impl<T: Float> OscillatorBank<T> {
         }
     }
 
-    /// Writes the samples `start .. start + out.len()`; `out` may be empty. Returns whether anything
-    /// sounds in them or is still to come; otherwise they are exactly 0.
-    ///
-    /// Samples are taken in order. Any other `start` forgets all frames but the pending one.
+    /// Writes the samples `start .. start + out.len()`, in order; any other `start` forgets all frames but
+    /// the pending one. Returns whether anything sounds in them or is still to come; else they are exactly
+    /// 0.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) -> bool {
         if start != self.next {
             let pending = self.pending;
             self.reset(start);
             self.pending = pending;
         }
-        let mut out = out;
-        let mut sounded = false;
+        let (mut out, mut sounded) = (out, false);
         while !out.is_empty() {
-            if self.used == self.len && !self.begin() {
-                let silent = match self.pending {
-                    Some((_, due)) => usize::try_from(due - self.next).unwrap_or(usize::MAX).min(out.len()),
-                    None => out.len(),
-                };
-                let (now, later) = out.split_at_mut(silent);
+            let plays = self.used < self.len || self.begin();
+            let count = match self.pending {
+                _ if plays => self.len - self.used,
+                Some((_, due)) => usize::try_from(due - self.next).unwrap_or(usize::MAX),
+                None => usize::MAX,
+            };
+            let (now, later) = out.split_at_mut(count.min(out.len()));
+            if plays {
+                now.iter_mut().zip(&self.segment[self.used..]).for_each(|(to, from)| *to = from.to());
+                self.used += now.len();
+                sounded |= self.loud;
+            } else {
                 now.fill(P::zero());
-                self.next = self.next.saturating_add(silent as u64);
-                out = later;
-                continue;
             }
-            let count = (self.len - self.used).min(out.len());
-            let (now, later) = out.split_at_mut(count);
-            for (to, from) in now.iter_mut().zip(&self.segment[self.used..]) {
-                *to = from.to();
-            }
-            self.used += count;
-            self.next = self.next.saturating_add(count as u64);
-            sounded |= self.loud;
+            self.next = self.next.saturating_add(now.len() as u64);
             out = later;
         }
         sounded || self.sounding || self.pending.is_some() || (self.used < self.len && self.loud)

@@ -45,17 +45,9 @@ struct Group<T> {
 
 impl<T: Float> Group<T> {
     fn silent() -> Self {
-        let (zero, one) = ([T::zero(); LANES], [T::one(); LANES]);
-        Self {
-            re: one,
-            im: zero,
-            turn_re: one,
-            turn_im: zero,
-            bend_re: one,
-            bend_im: zero,
-            amp: zero,
-            slope: zero,
-        }
+        let (re, im) = ([T::one(); LANES], [T::zero(); LANES]);
+        let (turn_re, turn_im, bend_re, bend_im, amp, slope) = (re, im, re, im, im, im);
+        Self { re, im, turn_re, turn_im, bend_re, bend_im, amp, slope }
     }
 
     /// Puts a voice into a lane, in the state `from` samples into a segment of `len`.
@@ -79,7 +71,6 @@ impl<T: Float> Group<T> {
         self.slope[lane] = T::of(slope);
     }
 
-    /// Adds each lane's samples to `sums`.
     #[inline]
     #[expect(
         clippy::needless_range_loop,
@@ -119,10 +110,8 @@ impl<T: Float> Renderer<T> {
         Self { fft_len, sums: vec![[T::zero(); LANES]; BLOCK] }
     }
 
-    /// Adds all voices to a segment of `out.len()` samples.
-    ///
-    /// Phases are computed in double precision every [`BLOCK`] samples. In between they are rotated in
-    /// `T`, with an error below 3e-5 of the amplitude.
+    /// Adds all voices to a segment of `out.len()` samples. Phases are computed in double precision every
+    /// [`BLOCK`] samples. In between they are rotated in `T`, with an error below 3e-5 of the amplitude.
     pub(super) fn add(&mut self, voices: &[Voice], out: &mut [T]) {
         let len = out.len();
         for (i, block) in out.chunks_mut(BLOCK).enumerate() {

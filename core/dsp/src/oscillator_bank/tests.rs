@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{framing, saved, tone};
+use crate::testing::{framing, line, peak, saved, steepest, tone};
 use std::f64::consts::TAU;
 
 fn new<T: Float>(f: Framing, partials: Partials) -> OscillatorBank<T> {
@@ -34,36 +34,23 @@ fn off_tone(y: &[f64], freq: f64, fft_len: usize) -> f64 {
     y.windows(3).map(|y| (y[2] + y[0] - c * y[1]).abs()).fold(0.0, f64::max)
 }
 
-fn peak(y: &[f64]) -> f64 {
-    y.iter().fold(0.0, |a, y| a.max(y.abs()))
-}
-
-fn steepest(y: &[f64]) -> f64 {
-    y.windows(2).map(|y| (y[1] - y[0]).abs()).fold(0.0, f64::max)
-}
-
 #[test]
 fn voices_are_cosines_with_linear_amplitude_and_frequency() {
     // More voices than lanes and more samples than a block, some of them gliding.
-    let voices: Vec<Voice> = (0..11)
-        .map(|i| {
-            let x = f64::from(i);
-            let glide = if i < 8 { 0.0 } else { 0.4 };
-            Voice { turns: 0.1 * x, freqs: (9.0 * x, 9.0 * x + glide), amps: (1.0 - 0.1 * x, 0.1 * x) }
-        })
-        .collect();
+    let voices: [Voice; 11] = std::array::from_fn(|i| {
+        let (x, glide) = (i as f64, if i < 8 { 0.0 } else { 0.4 });
+        Voice { turns: 0.1 * x, freqs: (9.0 * x, 9.0 * x + glide), amps: (1.0 - 0.1 * x, 0.1 * x) }
+    });
     let (mut single, mut double) = ([1.0f32; 300], [1.0f64; 300]);
     Renderer::new(4800).add(&voices, &mut single);
     Renderer::new(4800).add(&voices, &mut double);
     for t in 0..300 {
         let x = f64::from(t) / 300.0;
-        let sum: f64 = voices
-            .iter()
-            .map(|v| {
-                let cycles = (v.freqs.0 + 0.5 * (v.freqs.1 - v.freqs.0) * x) * f64::from(t) / 4800.0;
-                (v.amps.0 + (v.amps.1 - v.amps.0) * x) * (TAU * (v.turns + cycles)).cos()
-            })
-            .sum();
+        let voice = |v: &Voice| {
+            let cycles = (v.freqs.0 + 0.5 * (v.freqs.1 - v.freqs.0) * x) * f64::from(t) / 4800.0;
+            (v.amps.0 + (v.amps.1 - v.amps.0) * x) * (TAU * (v.turns + cycles)).cos()
+        };
+        let sum: f64 = voices.iter().map(voice).sum();
         assert!((double[t as usize] - 1.0 - sum).abs() < 1e-11, "sample {t}");
         // The amplitudes together are 5.5.
         assert!((f64::from(single[t as usize]) - 1.0 - sum).abs() < 5.5 * 3e-5, "sample {t}");
@@ -78,17 +65,11 @@ fn tracked_partial_is_its_peaks_sinusoid_after_one_hop() {
         let y = run(&mut bank, 0..300, |_| Some(tone(freq, 101)));
         let hop = f.start(1) as usize;
         // Side lobes are maxima too; those of a Hann window are below 0.027.
-        let steady = &y[hop..];
-        assert!((peak(steady) - 1.0).abs() < 0.15, "{rate} Hz, {freq}: {}", peak(steady));
+        assert!((peak(&y[hop..]) - 1.0).abs() < 0.15, "{rate} Hz, {freq}: {}", peak(&y[hop..]));
         let mut alone = new::<f64>(f, Partials::Tracked);
-        let lobe = |n: f64| {
-            tone(n, 101)
-                .iter()
-                .enumerate()
-                .map(|(k, m)| if (k as f64 - n).abs() < 2.0 { *m } else { 0.0 })
-                .collect()
-        };
-        let y = run(&mut alone, 0..300, |_| Some(lobe(freq)));
+        let mut lobe = tone(freq, 101);
+        lobe.iter_mut().enumerate().for_each(|(k, m)| *m *= f64::from((k as f64 - freq).abs() < 2.0));
+        let y = run(&mut alone, 0..300, |_| Some(lobe.clone()));
         assert!(off_tone(&y[hop..], freq, f.fft_len) < 1e-9, "{rate} Hz, {freq}");
         assert!((peak(&y[hop..]) - 1.0).abs() < 1e-2, "{rate} Hz, {freq}: {}", peak(&y[hop..]));
     }
@@ -328,27 +309,6 @@ fn bank_counts_bad_magnitudes_as_silence() {
 }
 
 #[test]
-fn bank_is_independent_of_the_unit() {
-    for partials in BOTH {
-        let mags = |n: u64, scale: f64| -> Vec<f32> {
-            let one = |k| (scale * random_magnitude(n / 4, k)) as f32;
-            (0..101).map(one).collect()
-        };
-        let f = framing(2500, 101);
-        let x = run(&mut new::<f32>(f, partials), 0..200, |n| Some(mags(n, 1.0)));
-        for scale in [1e-12, 1e12] {
-            let y = run(&mut new::<f32>(f, partials), 0..200, |n| Some(mags(n, scale)));
-            let off = x.iter().zip(&y).map(|(x, y)| (f64::from(*x) - f64::from(*y) / scale).abs());
-            assert!(off.fold(0.0, f64::max) < 1e-3, "{partials:?} {scale}");
-        }
-    }
-}
-
-fn random_magnitude(n: u64, k: u64) -> f64 {
-    crate::random::uniform(5, n, k)
-}
-
-#[test]
 fn ties_flat_spectra_and_single_bins_are_tracked() {
     let f = framing(48_000, 101);
     let mut alone = vec![0.0; 101];
@@ -368,16 +328,12 @@ fn noise_floor_does_not_break_up_a_partial() {
     let f = framing(48_000, 101);
     // 26 dB below the tone, another in every frame.
     let mags = |n: u64| {
-        let floor = |k| 0.05 * random_magnitude(n, k as u64);
+        let floor = |k| 0.05 * crate::random::uniform(5, n, k as u64);
         Some(tone(40.3, 101).iter().enumerate().map(|(k, m)| m + floor(k)).collect())
     };
     let y = run(&mut new::<f64>(f, Partials::Tracked), 0..500, mags);
     // The tone's own share of a second, by its transform at 403 Hz.
-    let sum: (f64, f64) = y[96..].iter().enumerate().fold((0.0, 0.0), |s, (t, y)| {
-        let (sin, cos) = (TAU * 403.0 * t as f64 / 48_000.0).sin_cos();
-        (s.0 + y * cos, s.1 + y * sin)
-    });
-    let amp = 2.0 * sum.0.hypot(sum.1) / (y.len() - 96) as f64;
+    let amp = line(&y[96..], 403.0 / 48_000.0);
     assert!(amp > 0.7, "{amp}");
 }
 
@@ -395,21 +351,6 @@ fn bank_works_at_the_edges_of_a_layout() {
         }
     }
     assert!(OscillatorBank::<f32>::new(framing(2500, 127), Partials::Noise, 1).is_err());
-}
-
-#[test]
-fn reset_bank_equals_a_fresh_one_of_its_seed() {
-    let f = framing(2500, 101);
-    for partials in BOTH {
-        let mags = |_| Some(tone(30.3, 101));
-        let fresh = run(&mut new(f, partials), 0..50, mags);
-        let other = run(&mut OscillatorBank::new(f, partials, 2).unwrap(), 0..50, mags);
-        assert_ne!(fresh, other);
-        let mut used = new(f, partials);
-        run(&mut used, 0..77, |n| Some(tone(n as f64, 101)));
-        used.reset(0);
-        assert_eq!(run(&mut used, 0..50, mags), fresh);
-    }
 }
 
 #[test]

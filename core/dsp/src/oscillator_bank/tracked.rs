@@ -1,7 +1,7 @@
 //! Peaks, tracked from frame to frame.
 
 use super::segment::Voice;
-use crate::spsi::peak::{self, Edges, Peak};
+use crate::spsi::peak::{self, Peak};
 use crate::window::hann_lobe;
 use crate::{Float, random};
 use asperity_state::{Keep, State};
@@ -29,12 +29,11 @@ impl Keep for Partial {
 pub(super) struct Tracker {
     fft_len: usize,
     seed: u64,
-    edges: Edges,
+    last_is_nyquist: bool,
     /// Sorted by frequency.
     partials: Vec<Partial>,
     found: Vec<Partial>,
-    /// Each bin's phase less that of its centre frequency, in turns: the start phase of a new partial
-    /// there.
+    /// Each bin's phase less that of its centre frequency, in turns: the start phase of a new partial there.
     turns: Vec<f64>,
 }
 
@@ -44,7 +43,7 @@ impl Tracker {
         let mut new = Self {
             fft_len,
             seed,
-            edges: Edges { last_is_nyquist: fft_len.is_multiple_of(2) && bins == fft_len / 2 + 1 },
+            last_is_nyquist: fft_len.is_multiple_of(2) && bins == fft_len / 2 + 1,
             partials: Vec::with_capacity(most),
             found: Vec::with_capacity(most),
             turns: vec![0.0; bins],
@@ -87,7 +86,7 @@ impl Tracker {
         len: usize,
         voices: &mut Vec<Voice>,
     ) {
-        peak::find(target, self.edges, peaks);
+        peak::find(target, self.last_is_nyquist, peaks);
         self.found.clear();
         for p in peaks.iter() {
             let offset = offset(target, p);
@@ -103,8 +102,7 @@ impl Tracker {
         std::mem::swap(&mut self.partials, &mut self.found);
     }
 
-    /// Adds the voices of all peaks found. Partials that continue get amplitude 0; the other peaks are
-    /// new.
+    /// Adds the voices of all peaks found. Partials that continue get amplitude 0; other peaks are new.
     fn go_on<T>(&mut self, peaks: &[Peak<T>], from: u64, len: usize, voices: &mut Vec<Voice>) {
         let (mut before, mut back) = (0, 0);
         for i in 0..self.found.len() {
@@ -157,9 +155,8 @@ fn nearest(partials: &[Partial], freq: f64, at: &mut usize) {
     }
 }
 
-/// Distance from a peak's bin to the sinusoid in bins: the two-point interpolated DFT for the Hann
-/// window, with the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983). A partial
-/// three bins away disturbs it less than the three-point formula.
+/// Distance from a peak's bin to the sinusoid in bins: the two-point interpolated DFT for the Hann window,
+/// with the larger neighbour (T. Grandke, IEEE Trans. Instrum. Meas. 32(2), 1983).
 fn offset<T: Float>(mags: &[T], peak: &Peak<T>) -> f64 {
     let at = |k: usize| mags.get(k).map(|m| m.f64());
     let sides = (peak.bin.checked_sub(1).and_then(at), at(peak.bin + 1), at(peak.bin));

@@ -1,24 +1,22 @@
 //! Conversion between sample rates, by any ratio of whole numbers, tick by tick.
 //!
-//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch.
-//! 3). With `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M
-//! mod L` of a table of taps. Positions are computed in integers from the index, so nothing drifts, and
-//! the length of ticks changes no bit.
+//! Polyphase interpolation (R. Crochiere, L. Rabiner, "Multirate Digital Signal Processing", 1983, ch. 3).
+//! With `L / M` the reduced ratio, output `m` is one dot product of the newest inputs with row `m M mod L`
+//! of a table of taps. Positions are computed in integers from the index, so nothing drifts, and the length
+//! of ticks changes no bit.
 //!
-//! The standard pass band of 0.4 of the lower rate has 28 taps. It is flat to 0.001 dB (minimum phase:
-//! 0.01) up to 0.4; images are below -85 dB from 0.6 of the lower rate on (tests here). The transition
-//! lies between, -6 dB at 0.5: there both input and image pass in part. Linear phase delays by 14 input
-//! samples, 5.6 ms from 2500 Hz (from 500 Hz: 28 ms). Minimum phase delays by 0.96 ms at 250 Hz (from
-//! 500 Hz: 4.79 ms at 50 Hz).
+//! The standard pass band of 0.4 of the lower rate has 28 taps. It is flat to 0.001 dB (minimum phase: 0.01)
+//! up to 0.4; images are below -85 dB from 0.6 of the lower rate on (tests here), -6 dB at 0.5. Linear phase
+//! delays by 14 input samples, 5.6 ms from 2500 Hz (from 500 Hz: 28 ms). Minimum phase delays by 0.96 ms at
+//! 250 Hz (from 500 Hz: 4.79 ms at 50 Hz).
 
 mod prototype;
 
-use crate::Float;
 use crate::float::keep_wide;
 use crate::framing::gcd;
+use crate::{Float, Refused, refuse};
 use asperity_state::State;
 use prototype::Prototype;
-use thiserror::Error;
 
 /// Phase of the filter for its magnitude response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,22 +52,6 @@ impl Conversion {
 /// Largest table of taps: 64 MiB in single precision.
 pub const MAX_TAPS: usize = 1 << 24;
 
-/// Reason why a resampler cannot be made.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[non_exhaustive]
-pub enum ResampleError {
-    /// A rate is 0.
-    #[error("a rate is 0")]
-    Zero,
-    /// The pass band is not from 0.05 to 0.48 of the lower rate.
-    #[error("the pass band is not from 0.05 to 0.48 of the lower rate")]
-    Passband,
-    /// The table would have more than [`MAX_TAPS`] taps: the reduced ratio of the rates has too large
-    /// numbers.
-    #[error("the ratio of the rates needs more than {} taps", MAX_TAPS)]
-    TooLarge,
-}
-
 /// Converts a stream from one rate to another.
 #[derive(Debug)]
 pub struct Resampler<T> {
@@ -83,8 +65,8 @@ pub struct Resampler<T> {
     /// Delay of outputs in input samples, so that a tick needs no input of the next one.
     wait: usize,
     latency: (u64, u64),
-    /// The newest inputs, stored twice, so that any `stride` of them are contiguous: sample `n` at `n
-    /// mod size` and at that plus `size`.
+    /// The newest inputs, sample `n` at `n mod size` and at that plus `size`, so that any `stride` of them
+    /// are contiguous.
     ring: Vec<T>,
     size: usize,
     /// Index of the next input; none before the first.
@@ -95,13 +77,13 @@ impl<T: Float> Resampler<T> {
     /// Computes the table of taps.
     ///
     /// # Errors
-    /// Each kind of [`ResampleError`].
-    pub fn new(c: &Conversion) -> Result<Self, ResampleError> {
+    /// A rate of 0; a pass band out of range; more than [`MAX_TAPS`] taps.
+    pub fn new(c: &Conversion) -> Result<Self, Refused> {
         if c.in_hz == 0 || c.out_hz == 0 || c.tick_num == 0 || c.tick_den == 0 {
-            return Err(ResampleError::Zero);
+            return refuse("a rate is 0");
         }
         if !(0.05..=0.48).contains(&c.passband) {
-            return Err(ResampleError::Passband);
+            return refuse("the pass band is not from 0.05 to 0.48 of the lower rate");
         }
         let g = gcd(u64::from(c.in_hz), u64::from(c.out_hz));
         let (up, down) = ((u64::from(c.out_hz) / g) as usize, (u64::from(c.in_hz) / g) as usize);
@@ -115,12 +97,11 @@ impl<T: Float> Resampler<T> {
         // Longer than a row by the inputs between two outputs.
         let size = stride + down / up + 4;
         if up.checked_mul(stride).is_none_or(|n| n > MAX_TAPS) || size > MAX_TAPS {
-            return Err(ResampleError::TooLarge);
+            return refuse(format!("the ratio of the rates needs more than {MAX_TAPS} taps"));
         }
 
-        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so
-        // that is below t in. Where t in is no whole number it may be floor(t in), the next tick's
-        // first input.
+        // Output m needs inputs up to floor(m in / out). In a tick that ends at time t, m < t out, so that
+        // is below t in. Where t in is no whole number it may be floor(t in), the next tick's first input.
         let whole = (u64::from(c.in_hz) * u64::from(c.tick_den)).is_multiple_of(u64::from(c.tick_num));
         let wait = usize::from(!whole && !same);
         let (rows, latency) = if same {
@@ -128,15 +109,14 @@ impl<T: Float> Resampler<T> {
             row[stride - 1] = T::one();
             (row, (0, 1))
         } else {
-            let (prototype, centre) = match c.phase {
-                FilterPhase::Linear => (Prototype::linear(c.passband), half),
-                FilterPhase::Minimum => (Prototype::minimum(c.passband), 0.0),
-            };
-            let latency = match c.phase {
-                FilterPhase::Linear => (half as u64 + wait as u64, u64::from(c.in_hz)),
+            let whole = half as u64 + wait as u64;
+            let (prototype, centre, latency) = match c.phase {
+                FilterPhase::Linear => (Prototype::linear(c.passband), half, (whole, u64::from(c.in_hz))),
                 FilterPhase::Minimum => {
+                    let prototype = Prototype::minimum(c.passband);
                     let inputs = prototype.group_delay(c.passband / 4.0) / slow + wait as f64;
-                    ((inputs / f64::from(c.in_hz) * 1e9).round() as u64, 1_000_000_000)
+                    let nanoseconds = (inputs / f64::from(c.in_hz) * 1e9).round() as u64;
+                    (prototype, 0.0, (nanoseconds, 1_000_000_000))
                 }
             };
             (rows(&prototype, up, taps, stride, slow, centre), latency)
@@ -145,10 +125,8 @@ impl<T: Float> Resampler<T> {
         Ok(Self { rows, stride, up, down, wait, latency, ring, size, next: None })
     }
 
-    /// Delay of the output in seconds as `(numerator, denominator)`.
-    ///
-    /// Exact for linear phase. For minimum phase it is the group delay at a quarter of the pass band
-    /// (250 Hz from 2500 Hz), to the nanosecond.
+    /// Delay of the output in seconds as `(numerator, denominator)`: exact for linear phase; for minimum
+    /// phase the group delay at a quarter of the pass band (250 Hz from 2500 Hz), to the nanosecond.
     pub fn latency(&self) -> (u64, u64) {
         self.latency
     }
@@ -159,8 +137,7 @@ impl<T: Float> Resampler<T> {
         self.next = None;
     }
 
-    /// Saves or restores the newest inputs. State of another filter length, or of rates that keep
-    /// another number of inputs, is refused.
+    /// Saves or restores the newest inputs, for one number of them.
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.ring[..self.size], state);
         state.keep(&mut self.next);
@@ -170,12 +147,10 @@ impl<T: Float> Resampler<T> {
         }
     }
 
-    /// Takes the inputs from `first_in` on and computes the outputs from `first_out` on; both may be
-    /// empty.
+    /// Takes the inputs from `first_in` on and computes the outputs from `first_out` on; both may be empty.
     ///
-    /// Sample `n` of either rate belongs to the tick that covers it: tick `k` is samples `floor(k rate
-    /// / tick)` to `floor((k + 1) rate / tick)`. Called with whole ticks, an output never needs a later
-    /// input. Skipped inputs are silence; an earlier index starts anew.
+    /// Sample `n` of either rate belongs to the tick that covers it. Called with whole ticks, an output never
+    /// needs a later input. Skipped inputs are silence; an earlier index starts anew.
     pub fn process<P: Float>(&mut self, first_in: u64, input: &[P], first_out: u64, out: &mut [P]) {
         self.seek(first_in);
         let mut input = input.iter();
@@ -192,8 +167,7 @@ impl<T: Float> Resampler<T> {
             return;
         }
         let (step, step_phase) = (self.down / self.up, self.down % self.up);
-        // Position in the ring of the window's first sample, newest - wait - stride + 1; size > stride
-        // + wait.
+        // Position in the ring of the window's first sample, newest - wait - stride + 1.
         let mut at =
             ((newest % self.size as u64) as usize + 2 * self.size - self.wait + 1 - self.stride) % self.size;
         for y in out {
@@ -212,24 +186,16 @@ impl<T: Float> Resampler<T> {
                 at -= self.size;
             }
         }
-        for x in input {
-            self.push(x.to());
-        }
+        input.for_each(|x| self.push(x.to()));
     }
 
     fn seek(&mut self, first: u64) {
-        let next = self.next.unwrap_or(first);
-        self.next = Some(next);
-        if first < next {
-            self.reset();
-            self.next = Some(first);
-        } else if first - next >= self.size as u64 {
+        let next = *self.next.get_or_insert(first);
+        if first < next || first - next >= self.size as u64 {
             self.ring.fill(T::zero());
             self.next = Some(first);
         } else {
-            for _ in next..first {
-                self.push(T::zero());
-            }
+            (next..first).for_each(|_| self.push(T::zero()));
         }
     }
 

@@ -76,15 +76,17 @@ impl Prototype {
             *x = Complex::new(size_of(*x).max(10f64.power(-130.0 / 20.0)).log_e(), 0.0);
         }
         transform.inverse();
-        for (i, c) in transform.time.iter_mut().enumerate() {
-            let fold = if i == 0 || i == size / 2 {
+        let fold = |i: usize| {
+            if i == 0 || i == size / 2 {
                 1.0
             } else if i < size / 2 {
                 2.0
             } else {
                 0.0
-            };
-            *c *= fold / size as f64;
+            }
+        };
+        for (i, c) in transform.time.iter_mut().enumerate() {
+            *c *= fold(i) / size as f64;
         }
         transform.forward();
         for x in &mut transform.bins {
@@ -106,8 +108,7 @@ impl Prototype {
                 if place < 0.0 || place > (grid.len() - 1) as f64 {
                     return 0.0;
                 }
-                // Lagrange interpolation through six points: the response's band is a 27th of the
-                // grid's.
+                // Lagrange interpolation through six points: the response's band is a 27th of the grid's.
                 let base = place.floor();
                 let x = place - base;
                 let mut sum = 0.0;

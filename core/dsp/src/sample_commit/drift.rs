@@ -2,9 +2,8 @@
 //!
 //! If every bin above 0 is rotated by one angle, only the magnitudes of the lowest bins change, where
 //! positive and negative frequencies meet. The first frames leave this angle to chance, and the frozen
-//! samples keep it. In bursts of 220 Hz it moved by 2 degrees a second. Here the slope of the squared
-//! error over this angle is computed from bins 0 and 1, and passes rotate all bins a little in its
-//! direction.
+//! samples keep it. So passes rotate all bins a little along the slope of the squared error over this angle,
+//! from bins 0 and 1.
 
 use crate::{Complex, Float, float::phasor};
 use asperity_state::State;

@@ -31,8 +31,8 @@ impl<T: Float> History<T> {
         let slots = slots.max(1);
         Self {
             framing,
-            slots: vec![Slot { start: 0, peak: T::zero() }; slots],
-            mags: vec![T::zero(); slots * framing.bins],
+            slots: vec![Slot { start: 0, peak: T::zero() }; slots.max(1)],
+            mags: vec![T::zero(); slots.max(1) * framing.bins],
             first: 0,
             next: 0,
         }
@@ -47,24 +47,23 @@ impl<T: Float> History<T> {
         (self.next > self.first).then_some(self.next)
     }
 
+    /// The frames from the newest back.
+    pub(super) fn all(&self) -> impl Iterator<Item = (Slot<T>, &[T])> {
+        let known = (self.next - self.first).min(self.slots.len() as u64);
+        (0..known).map(|age| {
+            let at = self.place(self.next - 1 - age);
+            (self.slots[at], &self.mags[at * self.framing.bins..][..self.framing.bins])
+        })
+    }
+
     /// The frame `age` frames before the newest, if there is one.
     pub(super) fn get(&self, age: u64) -> Option<(Slot<T>, &[T])> {
-        let known = (self.next - self.first).min(self.slots.len() as u64);
-        if age >= known {
-            return None;
-        }
-        let at = self.place(self.next - 1 - age);
-        let bins = self.framing.bins;
-        Some((*self.slots.get(at)?, self.mags.get(at * bins..(at + 1) * bins)?))
+        self.all().nth(age as usize)
     }
 
     /// Number of frames, from the newest back, that start after `sample`.
     pub(super) fn starting_after(&self, sample: i64) -> u64 {
-        let mut count = 0;
-        while self.get(count).is_some_and(|(slot, _)| slot.start > sample) {
-            count += 1;
-        }
-        count
+        self.all().take_while(|(slot, _)| slot.start > sample).count() as u64
     }
 
     /// Adds silent frames before number `index`, for those that are missing.
@@ -76,8 +75,7 @@ impl<T: Float> History<T> {
         }
     }
 
-    /// Adds the frame after the newest, or any frame after [`clear`](Self::clear), limited to `most`,
-    /// times `factor`.
+    /// Adds the frame after the newest, or any frame after [`clear`](Self::clear), limited, times `factor`.
     pub(super) fn add_at<P: Float>(&mut self, index: u64, magnitudes: &[P], most: P, factor: T) {
         if self.next == self.first {
             (self.first, self.next) = (index, index);
@@ -101,13 +99,7 @@ impl<T: Float> History<T> {
 
     /// Largest magnitude of all frames.
     pub(super) fn peak(&self) -> T {
-        let mut peak = T::zero();
-        let mut age = 0;
-        while let Some((slot, _)) = self.get(age) {
-            peak = if slot.peak > peak { slot.peak } else { peak };
-            age += 1;
-        }
-        peak
+        self.all().fold(T::zero(), |peak, (slot, _)| if slot.peak > peak { slot.peak } else { peak })
     }
 
     pub(super) fn rescale(&mut self, factor: f64) {

@@ -1,5 +1,4 @@
-//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its
-//! own.
+//! Phase retrieval that commits to samples, not to frames: iterative, causal, with no latency of its own.
 //!
 //! The signal is kept around `t`, the first sample that is not emitted. Samples before `t` were emitted
 //! and are frozen. Samples from `t` to the end of the newest frame are free, and keep the result of
@@ -11,90 +10,34 @@
 //! 3. Transform back, and move the free samples to `(sum w y + e z) / (sum w^2 + e)`. This is the
 //!    least-squares estimate of D. Griffin, J. Lim (IEEE Trans. ASSP 32(2), 1984, eq. 6) from the
 //!    frames `y`. It falls back on the last value `z` where the windows `w` almost vanish.
-//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N.
-//!    Perraudin, P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from
-//!    frame to frame.
+//! 4. Start the next pass from a point further in the same direction, as in fast Griffin-Lim (N. Perraudin,
+//!    P. Balazs, P. Sondergaard, WASPAA 2013). The free samples keep this momentum from frame to frame.
 //!
 //! Choices, and the figures behind them:
 //!
 //! * A pass uses the newest frame, and others spread over all that reach beyond `t`, at positions that
-//!   differ from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The
-//!   newest frames alone diverge for two tones and for smooth magnitudes. Spread frames without the
-//!   newest are 6 to 15 dB worse for noise.
+//!   differ from pass to pass. Fixed positions leave a tone's error at -50 dB instead of -80. The newest
+//!   frames alone diverge for two tones and for smooth magnitudes.
 //! * Momentum that ends with each frame costs 2 dB on noise and 5 dB on taps (3 passes).
-//! * The newest hop starts from 0. A signal continued at the period of the strongest bin is 0.3 dB
-//!   worse for noise at emission 0, and up to 1.6 dB better at -20. Where the signal is still silent,
-//!   phases are those of a sweep through the middle half of the window: from random ones two tones may
-//!   take a second to find their beat.
-//! * One angle that rotates all bins above 0 shows only in the magnitudes of the lowest three or four,
-//!   so it converges slowly. Passes rotate the bins by the slope of the error over this angle. 40
-//!   bursts of 220 Hz a second come to -40.1 dB between 1.5 and 2.7 s (median of 12 seeds; -37.9
-//!   without), and to -50 after 8 s.
-//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions. More is better for
-//!   smooth magnitudes, and worse at negative emissions.
+//! * The newest hop starts from 0. Where the signal is still silent, phases are those of a sweep through the
+//!   middle half of the window: from random ones two tones may take a second to find their beat.
+//! * One angle that rotates all bins above 0 shows only in the magnitudes of the lowest three or four, so it
+//!   converges slowly. Passes rotate the bins by the slope of the error over this angle: 40 bursts of 220 Hz
+//!   a second come to -40.1 dB between 1.5 and 2.7 s (-37.9 without).
+//! * Of 1, 3, 10, 30 and 100 thousandths for `e`, 3 does well at all emissions.
 //!
-//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20
-//! those 20 hops later. An early sample is covered by fewer frames, so quality falls, while the output
-//! answers sooner.
+//! `emission` says which samples are emitted when a frame comes: at 0 those from its start on, at -20 those
+//! 20 hops later. An early sample is covered by fewer frames, so quality falls, while the output answers
+//! sooner: a step from 1 to 2 in the magnitudes of a noise has shown by half after 55 ms at 0, 16 at -20 and
+//! 10 at -25. At -20, the default, noise is 12 dB better than with `spsi`, and level and spectrum of smooth
+//! magnitudes are within 0.5 and 1 dB. At -25 the texture has two stable results, depending on the seed; use
+//! 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as good as 5 for noise; 5 are better
+//! for signals that start and stop. A network's magnitudes belong to no signal: for these 2 x 2 does as well
+//! and follows a change sooner (docs/tradeoff.md). Figures by setting are in `docs/accuracy.md`. In f32 on
+//! one AVX-512 core (AMD EPYC) 5 x 5 takes 9 us a frame at N = 250 and 180 us at 4800.
 //!
-//! Spectral convergence in dB (lower is better) on the vectors of `tests/data/phase`, mean of three
-//! seeds, momentum 0.9:
-//!
-//! | frames x passes | emission | sine | chirp | texture | two tones | taps | contact | nnsmooth |
-//! |---|---|---|---|---|---|---|---|---|
-//! | 5 x 2 | 0 | -87.8 | -68.6 | -28.8 | -55.4 | -29.9 | -26.7 | -16.7 |
-//! | 5 x 3 | 0 | -93.2 | -72.4 | -30.0 | -56.3 | -30.7 | -30.0 | -17.1 |
-//! | 5 x 5 | 0 | -90.0 | -79.0 | -31.1 | -63.0 | -32.6 | -30.7 | -16.9 |
-//! | 10 x 5 | 0 | -99.2 | -87.7 | -28.0 | -61.8 | -31.7 | -30.9 | -17.3 |
-//! | 5 x 5 | 10 | -78.7 | -73.6 | -31.8 | -70.9 | -38.6 | -32.8 | -16.6 |
-//! | 5 x 5 | -10 | -86.4 | -69.5 | -28.1 | -43.5 | -27.5 | -30.3 | -17.0 |
-//! | 5 x 5 | -15 | -87.7 | -72.8 | -25.0 | -38.4 | -26.2 | -27.3 | -17.0 |
-//! | 5 x 3 | -20 | -95.8 | -67.2 | -20.5 | -38.4 | -21.3 | -22.9 | -16.8 |
-//! | 5 x 5 | -20 | -91.9 | -71.7 | -22.3 | -36.1 | -23.3 | -24.9 | -16.8 |
-//! | 5 x 3 | -25 | -78.3 | -64.8 | -20.9 | -36.3 | -19.2 | -20.4 | -16.4 |
-//! | 5 x 5 | -25 | -77.1 | -66.9 | -20.5 | -33.7 | -22.0 | -22.8 | -16.6 |
-//! | 5 x 6, momentum 0.85 | -25 | -79.2 | -67.6 | -22.4 | -34.3 | -21.5 | -21.8 | -16.6 |
-//! | 10 x 5 | -25 | -76.3 | -68.6 | -20.5 | -29.6 | -24.5 | -24.2 | -16.9 |
-//!
-//! The same for two vectors at 48 kHz, and three more figures. Gain and rms error of the long-term
-//! spectrum in dB are for smooth magnitudes that belong to no signal (nnsmooth: the output of a network
-//! trained on squared error). Lag is the time until a step from 1 to 2 in the magnitudes of a noise has
-//! shown by 10, 50 and 90 %. Time is the median a frame at N = 250 and 4800 in f32 on one AVX-512 core
-//! (AMD EPYC) of a busy machine, where up to eight frames are transformed at once in the lanes of a
-//! register:
-//!
-//! | frames x passes | emission | gain, LTAS | texture 48k | amchirp 48k | lag [ms] | time [us] |
-//! |---|---|---|---|---|---|---|
-//! | 5 x 2 | 0 | -0.19, 0.33 | -27.8 | -58.1 | 44, 55, 60 | 3.9, 74 |
-//! | 5 x 3 | 0 | -0.14, 0.30 | -28.2 | -63.8 | 44, 55, 60 | 5.7, 112 |
-//! | 5 x 5 | 0 | -0.13, 0.36 | -28.4 | -72.1 | 44, 55, 60 | 9.4, 186 |
-//! | 10 x 5 | 0 | -0.12, 0.48 | -28.4 | -79.1 | 44, 55, 60 | 17.4, 286 |
-//! | 5 x 5 | 10 | -0.07, 0.43 | -31.8 | -66.3 | 63, 74, 80 | 9.4, 186 |
-//! | 5 x 5 | -10 | -0.11, 0.37 | -29.0 | -65.5 | 26, 34, 41 | 9.1, 182 |
-//! | 5 x 5 | -15 | -0.23, 0.46 | -24.6 | -61.9 | 16, 25, 30 | 9.0, 179 |
-//! | 5 x 3 | -20 | -0.37, 0.47 | -23.4 | -54.0 | 11, 16, 22 | 5.6, 107 |
-//! | 5 x 5 | -20 | -0.38, 0.52 | -20.3 | -57.2 | 11, 16, 22 | 9.1, 176 |
-//! | 5 x 3 | -25 | -0.46, 0.49 | -18.1 | -49.3 | 0, 10, 14 | 5.5, 106 |
-//! | 5 x 5 | -25 | -0.46, 0.52 | -18.8 | -50.7 | 0, 10, 14 | 9.0, 178 |
-//! | 5 x 6, momentum 0.85 | -25 | -0.46, 0.62 | -18.8 | -51.0 | 0, 10, 14 | 10.6, 212 |
-//! | 10 x 5 | -25 | -0.35, 0.45 | -18.5 | -49.3 | 0, 10, 14 | 16.9, 275 |
-//!
-//! Seeds of taps differ by 2 dB. Lag and time were measured before phases were rotated, which makes a
-//! frame cost 3 to 10 % more; so was 5 x 6.
-//!
-//! A network's magnitudes belong to no signal. For these, fewer frames do as well and follow a change
-//! sooner: 2 x 2 (docs/tradeoff.md). Two frames a pass are transformed one by one, 2.9 us a frame at N
-//! = 250 and 37 at 4800.
-//!
-//! At -20 a step shows after 16 ms instead of 55, noise is 12 dB better than with `spsi`, and level and
-//! spectrum of smooth magnitudes are within 0.5 and 1 dB: that is the default. At -25 it shows 6 ms
-//! sooner, and the level is 0.46 dB low. There the texture has two stable results, near -20 and -24 dB,
-//! depending on the seed; use 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as
-//! good as 5 for noise; 5 are better for signals that start and stop.
-//!
-//! A stream fades in over a tenth of a window (longer where its first frame's window begins). Nothing
-//! is assumed before its first frame. A missing frame is silence, so the signal fades out as the
-//! windows do.
+//! A stream fades in over a tenth of a window (longer where its first frame's window begins). A missing frame
+//! is silence, so the signal fades out as the windows do.
 
 mod batch;
 mod drift;
@@ -102,14 +45,14 @@ mod history;
 mod project;
 mod settings;
 
-pub use settings::{MAX_WORK, Settings, SettingsError};
+pub use settings::{MAX_WORK, Settings};
 
 use crate::float::{keep_wide, phasor};
 use crate::lanes::LANES;
 use crate::magnitude::largest_of;
-use crate::overlap_add::FrameError;
+use crate::overlap_add::{TOO_EARLY, TOO_LATE};
 use crate::random::uniform;
-use crate::{Complex, Float, Framing};
+use crate::{Complex, Float, Framing, Refused, refuse};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 use drift::Drift;
@@ -175,12 +118,12 @@ pub struct SampleCommit<T> {
 }
 
 impl<T: Float> SampleCommit<T> {
-    /// Plans transforms and allocates the frames in use. All random numbers are a function of `seed`
-    /// and the frame number.
+    /// Plans transforms and allocates the frames in use. All random numbers are a function of `seed` and the
+    /// frame number.
     ///
     /// # Errors
-    /// Each kind of [`SettingsError`].
-    pub fn new(framing: Framing, settings: Settings, seed: u64) -> Result<Self, SettingsError> {
+    /// A layout or settings that are refused.
+    pub fn new(framing: Framing, settings: Settings, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         settings.check()?;
         let n = framing.fft_len;
@@ -233,8 +176,7 @@ impl<T: Float> SampleCommit<T> {
         self.framing
     }
 
-    /// Delay of the output in samples relative to an overlap-add: `floor(emission * hop)`, negative
-    /// where it is early.
+    /// Delay of the output in samples relative to an overlap-add: `floor(emission * hop)`; early if negative.
     pub fn delay(&self) -> i64 {
         self.delay
     }
@@ -244,11 +186,9 @@ impl<T: Float> SampleCommit<T> {
         self.settings
     }
 
-    /// Changes frames, passes and momentum from the next frame on. The emission stays.
-    ///
-    /// # Errors
-    /// [`SettingsError::Work`] and [`SettingsError::Momentum`]; then nothing changes.
-    pub fn set_work(&mut self, settings: Settings) -> Result<(), SettingsError> {
+    /// Changes frames, passes and momentum from the next frame on. The emission stays. Bad settings change
+    /// nothing.
+    pub fn set_work(&mut self, settings: Settings) -> Result<(), Refused> {
         settings.check()?;
         self.settings = Settings { emission: self.settings.emission, ..settings };
         Ok(())
@@ -283,20 +223,19 @@ impl<T: Float> SampleCommit<T> {
     /// Takes frame number `index`, which covers `fft_len` samples from `framing.start(index)` on, and
     /// refines the samples not emitted yet.
     ///
-    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Missing ones are 0; those beyond
-    /// `framing.bins` are ignored. A magnitude that is NaN, infinite or negative counts as 0; their
-    /// number is returned. Frames skipped since the last one are silent.
+    /// `magnitudes` are amplitudes `2 |sum w x| / sum w` from bin 0. Those that are NaN, infinite or negative
+    /// count as 0, as missing ones do; their number is returned. Frames skipped since the last are silent.
     ///
     /// # Errors
-    /// A frame out of reach or out of order is not used; see [`FrameError`].
-    pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P]) -> Result<usize, FrameError> {
+    /// A frame out of reach or out of order is not used.
+    pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P]) -> Result<usize, Refused> {
         let n = self.framing.fft_len as i64;
         let start = i64::try_from(self.framing.start(index)).unwrap_or(i64::MAX);
         if start.saturating_add(n) <= self.next || self.history.expected().is_some_and(|next| index < next) {
-            return Err(FrameError::TooLate);
+            return refuse(TOO_LATE);
         }
         if start.saturating_sub(self.next) > self.sum.len() as i64 - 2 * n {
-            return Err(FrameError::TooEarly);
+            return refuse(TOO_EARLY);
         }
         let magnitudes = magnitudes.get(..self.framing.bins).unwrap_or(magnitudes);
         let bad = magnitudes.iter().filter(|&&m| !usable(m)).count();
@@ -320,8 +259,8 @@ impl<T: Float> SampleCommit<T> {
         Ok(bad)
     }
 
-    /// Keeps squares within single precision in any unit: divides everything by a power of two near the
-    /// largest magnitude.
+    /// Keeps squares within single precision: divides everything by a power of two near the largest
+    /// magnitude.
     fn set_scale(&mut self, peak: f64) {
         let held = self.history.peak().f64() * 4.0 * self.scale;
         let most = peak.max(held);
@@ -378,8 +317,8 @@ impl<T: Float> SampleCommit<T> {
         phasor(self.drift.turns())
     }
 
-    /// Computes the average weight of the frames of a pass: that of all frames, times the `share` that
-    /// a pass uses. The newest frame starts at `at`.
+    /// Average weight of the frames of a pass: that of all, times the `share` that a pass uses. The newest
+    /// starts at `at`.
     fn expect(&mut self, candidates: u64, share: f64, at: usize, end: usize) {
         let n = self.framing.fft_len;
         let share = T::of(share);
@@ -396,9 +335,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Chooses the newest frame, and one from each of equal spans of time over the others, at positions
-    /// that differ from pass to pass. A pass of one frame uses the newest in every second pass on
-    /// average.
+    /// Chooses the newest frame, and one from each of equal spans of time over the others, at positions that
+    /// differ from pass to pass. A pass of one frame uses the newest in every second pass on average.
     fn choose(&mut self, candidates: u64, pass: usize) {
         self.chosen.clear();
         self.chosen.push(0);
@@ -418,8 +356,7 @@ impl<T: Float> SampleCommit<T> {
         self.chosen.extend((0..frames).map(|j| 1 + ((j as f64 + shift) * span) as u64));
     }
 
-    /// Projects the chosen frames, rotated by `turn`, and moves the free samples to their weighted
-    /// mean.
+    /// Projects the chosen frames, rotated by `turn`, and moves the free samples to their weighted mean.
     fn pass(&mut self, origin: i64, end: usize, momentum: f64, turn: Complex<T>) {
         let n = self.framing.fft_len;
         let unheard = self.unheard(origin);
@@ -455,8 +392,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Samples in view that have frames but were never emitted, because the first frame came too late
-    /// for them.
+    /// Samples in view that have frames but were never emitted, because the first frame came too late.
     fn unheard(&self, origin: i64) -> Option<std::ops::Range<usize>> {
         let n = self.framing.fft_len as i64;
         let place = |sample: i64| sample.saturating_sub(origin).clamp(0, n);
@@ -464,8 +400,8 @@ impl<T: Float> SampleCommit<T> {
         (range.start < range.end).then_some(range.start as usize..range.end as usize)
     }
 
-    /// Moves to `start` as the next sample. Samples in between are dropped; an earlier position, or one
-    /// more than a window later, starts anew.
+    /// Moves to `start` as the next sample. An earlier position, or one more than a window later, starts
+    /// anew.
     pub fn seek(&mut self, start: u64) {
         let gap = self.content(start).saturating_sub(self.next);
         match usize::try_from(gap) {
@@ -474,10 +410,8 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Takes out the samples `start .. start + out.len()`; `out` may be empty.
-    ///
-    /// Samples are taken in order (else see [`seek`](Self::seek)), after the frames that start among
-    /// them. A missing frame is silence.
+    /// Takes out the samples `start .. start + out.len()`, in order (else see [`seek`](Self::seek)), after
+    /// the frames that start among them. A missing frame is silence.
     pub fn emit<P: Float>(&mut self, start: u64, out: &mut [P]) {
         self.seek(start);
         let view = self.framing.fft_len;
@@ -541,8 +475,7 @@ impl<T: Float> SampleCommit<T> {
         }
     }
 
-    /// Saves or restores the frames in use, their samples and positions. A state of another layout or
-    /// emission, or an impossible one, is refused.
+    /// Saves or restores the frames in use, their samples and positions, for one layout and emission.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut delay = self.delay;
         self.history.state(state);
@@ -569,9 +502,8 @@ impl<T: Float> SampleCommit<T> {
     }
 }
 
-/// Changes the scale. The factor may exceed single precision, so the product is in double precision.
-/// Samples emitted long ago may be far louder than any frame still held, so they are limited to
-/// [`LOUD`].
+/// Changes the scale, in double precision, since the factor may exceed single precision. Samples emitted long
+/// ago may be far louder than any frame still held, so they are limited to [`LOUD`].
 fn rescaled<T: Float>(x: T, factor: f64) -> T {
     T::of((x.f64() * factor).clamp(-LOUD, LOUD))
 }
@@ -588,9 +520,8 @@ fn add<T: Float>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// Moves to the weighted mean of the frames and the last value, then extrapolates in the same
-/// direction. The last value has the weight that the frames lack of the expected one, and at least
-/// `inertia`.
+/// Moves to the weighted mean of the frames and the last value, then extrapolates in the same direction. The
+/// last value has the weight that the frames lack of the expected one, and at least `inertia`.
 fn step<T: Float>(x: &mut [T], z: &mut [T], [sum, weight, expected]: [&[T]; 3], momentum: T, inertia: T) {
     let frames = sum.iter().zip(weight).zip(expected);
     for ((x, z), ((&sum, &weight), &expected)) in x.iter_mut().zip(z).zip(frames) {

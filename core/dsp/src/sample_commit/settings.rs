@@ -1,13 +1,11 @@
 //! Settings of [`SampleCommit`](super::SampleCommit).
 
-use crate::{Framing, FramingError};
-use thiserror::Error;
+use crate::{Framing, Refused, refuse};
 
 /// Amount of work and time of emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Frames of a pass, 1 or more: the newest, and others spread over those that reach past the last
-    /// emitted sample.
+    /// Frames of a pass, 1 or more: the newest, and others spread over those that reach past the last sample.
     pub frames: usize,
     /// Passes for each new frame, 1 or more.
     pub passes: usize,
@@ -24,48 +22,30 @@ impl Default for Settings {
     }
 }
 
-/// Reason why [`Settings`] or their framing are refused.
-#[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
-#[non_exhaustive]
-pub enum SettingsError {
-    /// The framing is refused.
-    #[error(transparent)]
-    Framing(#[from] FramingError),
-    /// No frames or no passes, or more than [`MAX_WORK`] of one of them.
-    #[error("frames and passes are 1 to {}", MAX_WORK)]
-    Work,
-    /// The momentum is not in [0, 1).
-    #[error("the momentum is not in [0, 1)")]
-    Momentum,
-    /// Emission after the end of the newest frame, or more than ten windows before its start.
-    #[error("samples can be emitted from the end of a window to ten windows before it")]
-    Emission,
-}
-
 /// Most frames in a pass, and most passes for a frame.
 pub const MAX_WORK: usize = 100;
 
 impl Settings {
     /// Checks the settings that do not depend on the framing.
-    pub(super) fn check(&self) -> Result<(), SettingsError> {
+    pub(super) fn check(&self) -> Result<(), Refused> {
         if [self.frames, self.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
-            return Err(SettingsError::Work);
+            return refuse(format!("frames and passes are 1 to {MAX_WORK}"));
         }
         if !(0.0..1.0).contains(&self.momentum) {
-            return Err(SettingsError::Momentum);
+            return refuse("the momentum is not in [0, 1)");
         }
         Ok(())
     }
-
-    /// `floor(emission * hop)` in samples, rounded towards 0.
-    ///
-    /// # Errors
-    /// [`SettingsError::Emission`].
-    pub fn delay(&self, framing: &Framing) -> Result<i64, SettingsError> {
-        let samples =
-            i64::try_from(framing.start(u64::from(self.emission.unsigned_abs()))).unwrap_or(i64::MAX);
+    /// `floor(emission * hop)` in samples, rounded towards 0. Emission is refused after the end of the newest
+    /// frame, and more than ten windows before its start.
+    pub fn delay(&self, framing: &Framing) -> Result<i64, Refused> {
+        let samples = framing.start(u64::from(self.emission.unsigned_abs()));
+        let samples = i64::try_from(samples).unwrap_or(i64::MAX);
         let n = framing.fft_len as i64;
         let delay = if self.emission < 0 { -samples } else { samples };
-        if delay > -n && delay <= 10 * n { Ok(delay) } else { Err(SettingsError::Emission) }
+        if delay <= -n || delay > 10 * n {
+            return refuse("samples can be emitted from the end of a window to ten windows before it");
+        }
+        Ok(delay)
     }
 }

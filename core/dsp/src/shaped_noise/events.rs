@@ -19,10 +19,10 @@ const RIDGES_HZ: (f64, f64) = (4.0, 12.0);
 /// Bumps along a way: the next one, and the distance to it.
 ///
 /// A sample has mean square 1: the rarer the bumps, the higher they are. Their signs are random, so the
-/// spectrum is white at any regularity (power spectrum of a marked point process with marks of mean 0;
-/// D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of Point Processes", 2003). Distances
-/// and heights are lognormal. The height grows with the root of the distance from the previous bump, as
-/// a tip falls far into a wide gap. So the power does not vary with the distances.
+/// spectrum is white at any regularity (D. J. Daley and D. Vere-Jones, "An Introduction to the Theory of
+/// Point Processes", 2003). Distances and heights are lognormal. The height grows with the root of the
+/// distance from the previous bump, as a tip falls far into a wide gap. So the power does not vary with the
+/// distances.
 #[derive(Clone, Debug)]
 pub(super) struct Bumps {
     seed: u64,
@@ -43,9 +43,9 @@ impl Bumps {
         (self.number, self.next) = (None, 0.0);
     }
 
-    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with the number and position
-    /// of each bump.
-    fn pass(&mut self, start: u64, way: f64, intervals: &Intervals, mut met: impl FnMut(u64, f64)) {
+    /// Moves along a way, in spacings, from sample `start` on. Calls `met` with each bump's number and
+    /// position.
+    fn pass(&mut self, start: u64, way: f64, before: impl Fn(u64) -> f64, mut met: impl FnMut(u64, f64)) {
         let mut number = self.number.unwrap_or_else(|| {
             let first = start.wrapping_mul(A_SAMPLE);
             self.next = uniform(self.seed, first, 11);
@@ -54,7 +54,7 @@ impl Bumps {
         while self.next < way {
             met(number, self.next);
             number = number.wrapping_add(1);
-            self.next += intervals.before(number);
+            self.next += before(number);
         }
         (self.number, self.next) = (Some(number), self.next - way);
     }
@@ -83,11 +83,11 @@ impl Bumps {
         if a_sample <= 0.0 || a_sample > MOST_A_SAMPLE {
             return;
         }
-        let pulse = Pulse::new(self.seed, (seldom / a_sample).sqrt(), events);
-        let intervals = Intervals::new(self.seed, events);
-        self.pass(start, way, &intervals, |number, at| {
+        let pulse = pulses(self.seed, (seldom / a_sample).sqrt(), events);
+        let before = intervals(self.seed, events);
+        self.pass(start, way, &before, |number, at| {
             let at = ((at / way * samples) as usize).min(out.len() - 1);
-            out[at] += T::of(pulse.of(number) * intervals.before(number).sqrt());
+            out[at] += T::of(pulse(number) * before(number).sqrt());
         });
     }
 
@@ -117,7 +117,7 @@ pub(super) fn at_ridges<T: Float>(
         return;
     }
     out.iter_mut().for_each(|x| *x *= T::of((1.0 - part).sqrt()));
-    let pulse = Pulse::new(seed, (part * samples / way.abs()).sqrt(), events);
+    let pulse = pulses(seed, (part * samples / way.abs()).sqrt(), events);
     let (least, most) = (from.min(to), from.max(to));
     // A pulse may lie half a pitch beside its ridge.
     for ridge in least.floor() as i64..=most.ceil() as i64 {
@@ -127,7 +127,7 @@ pub(super) fn at_ridges<T: Float>(
             continue;
         }
         let at = (((place - from) / way * samples) as usize).min(out.len() - 1);
-        out[at] += T::of(pulse.of(number));
+        out[at] += T::of(pulse(number));
     }
 }
 
@@ -136,61 +136,28 @@ fn drawn(seed: u64, number: u64, column: u64) -> f64 {
     normal(seed, number.wrapping_mul(3).wrapping_add(column))
 }
 
-/// Distances from bump to bump in spacings; their mean is 1.
-struct Intervals {
-    seed: u64,
-    law: Lognormal,
+/// Distance of each bump, by number, from the one before in spacings; their mean is 1.
+fn intervals(seed: u64, events: &Events) -> impl Fn(u64) -> f64 + use<> {
+    let law = lognormal(events.interval_cv);
+    move |number| law(drawn(seed, number, 1))
 }
 
-impl Intervals {
-    fn new(seed: u64, events: &Events) -> Self {
-        Self { seed, law: Lognormal::new(events.interval_cv) }
-    }
-
-    /// Distance from the previous bump to this one.
-    fn before(&self, number: u64) -> f64 {
-        self.law.of(drawn(self.seed, number, 1))
-    }
-}
-
-/// Heights of bumps, with sign.
-struct Pulse {
-    seed: u64,
-    high: f64,
-    law: Lognormal,
-}
-
-impl Pulse {
-    /// Bumps whose root mean square height is `rms`.
-    fn new(seed: u64, rms: f64, events: &Events) -> Self {
-        // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
-        let high = rms / (1.0 + events.height_cv * events.height_cv).sqrt();
-        Self { seed, high, law: Lognormal::new(events.height_cv) }
-    }
-
-    /// Height of a bump.
-    fn of(&self, number: u64) -> f64 {
-        let sign = if uniform(self.seed, number, 7) < 0.5 { -self.high } else { self.high };
-        sign * self.law.of(drawn(self.seed, number, 0))
+/// Height of each bump, by number, with a root mean square of `rms`.
+fn pulses(seed: u64, rms: f64, events: &Events) -> impl Fn(u64) -> f64 + use<> {
+    // The square of a lognormal number of mean 1 has the mean 1 + cv^2.
+    let high = rms / (1.0 + events.height_cv * events.height_cv).sqrt();
+    let law = lognormal(events.height_cv);
+    move |number| {
+        let sign = if uniform(seed, number, 7) < 0.5 { -high } else { high };
+        sign * law(drawn(seed, number, 0))
     }
 }
 
-/// The lognormal distribution of mean 1 and a given standard deviation.
-struct Lognormal {
-    variance: f64,
-    deviation: f64,
-}
-
-impl Lognormal {
-    fn new(cv: f64) -> Self {
-        let variance = (1.0 + cv * cv).log_e();
-        Self { variance, deviation: variance.sqrt() }
-    }
-
-    /// The value for a normal number. It stays above 0.001, so that no two bumps coincide.
-    fn of(&self, normal: f64) -> f64 {
-        (self.deviation * normal - 0.5 * self.variance).exp_e().max(1e-3)
-    }
+/// Normal numbers become lognormal ones of mean 1 and this deviation, above 0.001: no two bumps coincide.
+fn lognormal(cv: f64) -> impl Fn(f64) -> f64 {
+    let variance = (1.0 + cv * cv).log_e();
+    let deviation = variance.sqrt();
+    move |normal| (deviation * normal - 0.5 * variance).exp_e().max(1e-3)
 }
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
-//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the
-//! magnitudes.
+//! A texture without phase retrieval: noise, bumps and ridges through a filter that follows the magnitudes.
 //!
 //! A network answers expected magnitudes, which many signals have. Phase retrieval finds the signal
 //! that fits them best, and at constant speed that signal repeats. This kernel draws a random one
@@ -35,7 +34,7 @@ pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 use crate::float::{keep_wide, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
-use crate::{Complex, Float, Framing, FramingError};
+use crate::{Complex, Float, Framing, Refused};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 use events::{Bumps, at_ridges};
@@ -94,8 +93,7 @@ pub struct ShapedNoise<T> {
     next: Option<u64>,
     waves: [Lines; WAVES],
     unblurred: Unblurred,
-    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit per
-    /// Hz.
+    /// Power density of the newest frame from 0 Hz to Nyquist's frequency, in squares of its unit per Hz.
     density: Vec<f64>,
     /// Integral of the density up to each of these frequencies.
     sums: Vec<f64>,
@@ -123,12 +121,9 @@ struct Lines {
 }
 
 impl<T: Float> ShapedNoise<T> {
-    /// Allocates buffers and plans transforms. Positions come every `tick_s` seconds. All random
-    /// numbers are a function of `seed` and the sample number.
-    ///
-    /// # Errors
-    /// The errors of [`Framing::check`].
-    pub fn new(framing: Framing, tick_s: f64, seed: u64) -> Result<Self, FramingError> {
+    /// Allocates buffers and plans transforms. Positions come every `tick_s` seconds. All random numbers are
+    /// a function of `seed` and the sample number.
+    pub fn new(framing: Framing, tick_s: f64, seed: u64) -> Result<Self, Refused> {
         framing.check()?;
         let n = framing.fft_len;
         let longest = (f64::from(framing.rate_hz) * tick_s).ceil() as usize + 2;
@@ -226,9 +221,8 @@ impl<T: Float> ShapedNoise<T> {
     }
 
     /// Takes frame number `index`. `magnitudes` are amplitudes: `ratio`, 0.1 to 1, times the root mean
-    /// square. Missing bins are 0.
-    ///
-    /// A magnitude that is NaN, infinite or negative counts as 0; their number is returned.
+    /// square. Those that are NaN, infinite or negative count as 0, as missing ones do; their number is
+    /// returned.
     pub fn push<P: Float>(&mut self, index: u64, magnitudes: &[P], ratio: f64) -> usize {
         // Sums over all bins stay finite, and so do sums of squares in double precision.
         let most = (largest_of::<P, T>() / (64.0 * (self.framing.fft_len + 1) as f64)).min(1e150);
@@ -322,18 +316,16 @@ impl<T: Float> ShapedNoise<T> {
     fn settle(&mut self) {
         let [before, after] = &mut self.taps;
         before.copy_from_slice(after);
-        let mut lines = 0;
         for wave in &mut self.waves {
             let [before, after] = &mut wave.at;
             before.copy_from_slice(after);
             wave.count[0] = wave.count[1];
-            lines += wave.count[0];
         }
+        let lines = self.waves.iter().any(|wave| wave.count[0] > 0);
         self.followed = true;
-        self.silent = lines == 0 && self.magnitudes.iter().all(|m| *m == T::zero());
+        self.silent = !lines && self.magnitudes.iter().all(|m| *m == T::zero());
         self.change_waves();
     }
-
     /// Computes taps and lines for the newest frame.
     fn follow(&mut self, placed: bool) {
         self.spread();
@@ -365,15 +357,11 @@ impl<T: Float> ShapedNoise<T> {
         self.unblurred.find(&self.magnitudes, 1.0 / (3.0 * bin_hz), &mut self.density);
     }
 
-    /// Minimum-phase phases that ridges get from the newest frame, as complex numbers of size 1: one
-    /// for each harmonic of a pitch, from the fundamental on, for a hand that moves forwards. `weights`
-    /// are a wave's. The wave's own phases are added later.
+    /// Minimum-phase phases that ridges get from the newest frame, as complex numbers of size 1: one for each
+    /// harmonic of a pitch, for a hand that moves forwards, without the wave's own phases.
     pub fn ridge_phases(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS], phases: &mut [Complex<f64>]) {
         phases.fill(Complex::new(1.0, 0.0));
-        if pitch_hz >= LEAST_PITCH_HZ {
-            self.spread();
-            integrate(&self.density, self.step_hz(), &mut self.sums);
-            self.divide(pitch_hz, weights);
+        if self.divided(pitch_hz, weights) {
             self.respond(pitch_hz);
             for (h, phase) in phases.iter_mut().enumerate() {
                 *phase = self.unit_at((h + 1) as f64 * pitch_hz);
@@ -381,23 +369,29 @@ impl<T: Float> ShapedNoise<T> {
         }
     }
 
-    /// Frequency step of the density in Hz.
-    fn step_hz(&self) -> f64 {
-        0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
-    }
-
-    /// Powers that the harmonics of a pitch get from the newest frame if all weights are 1, from the
-    /// fundamental on.
+    /// Powers that the harmonics of a pitch get from the newest frame if all weights are 1.
     pub fn ridge_powers(&mut self, pitch_hz: f64, powers: &mut [f64]) {
         powers.fill(0.0);
-        if pitch_hz >= LEAST_PITCH_HZ {
-            self.spread();
-            integrate(&self.density, self.step_hz(), &mut self.sums);
-            self.divide(pitch_hz, &[1.0; HARMONICS]);
+        if self.divided(pitch_hz, &[1.0; HARMONICS]) {
             powers.iter_mut().zip(&self.powers).for_each(|(to, power)| *to = *power);
         }
     }
 
+    /// Divides the newest frame's power among the harmonics of a pitch, unless that is too low.
+    fn divided(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) -> bool {
+        let played = pitch_hz >= LEAST_PITCH_HZ;
+        if played {
+            self.spread();
+            integrate(&self.density, self.step_hz(), &mut self.sums);
+            self.divide(pitch_hz, weights);
+        }
+        played
+    }
+
+    /// Frequency step of the density in Hz.
+    fn step_hz(&self) -> f64 {
+        0.5 * f64::from(self.framing.rate_hz) / self.framing.fft_len as f64
+    }
     /// Divides the frame's power, whose integral is in `sums`, among the harmonics of a pitch. Each
     /// gets its weight times the power around it; then all are scaled to the total power around them.
     fn divide(&mut self, pitch_hz: f64, weights: &[f64; HARMONICS]) {
@@ -446,8 +440,7 @@ impl<T: Float> ShapedNoise<T> {
         self.step_hz() * 2.0 * (self.framing.bins as f64 - 0.5)
     }
 
-    /// Updates the phases of a wave's lines when they are due. They change little from frame to frame,
-    /// and cost most.
+    /// Updates the phases of a wave's lines when they are due: they change little, and cost most.
     fn find_phases(&mut self, w: usize, pitch_hz: f64) {
         let turn = self.found_in.is_some_and(|n| n % PHASES_EVERY == w as u64 * PHASES_EVERY / WAVES as u64);
         let known = self.waves[w].units_hz;
@@ -481,11 +474,9 @@ impl<T: Float> ShapedNoise<T> {
             .map(|wave| wave.map_or(0.0, |w| w.per_mm[0] * velocity[0] + w.per_mm[1] * velocity[1]))
     }
 
-    /// Share of the power around a wave's harmonic that belongs to the wave.
-    ///
-    /// Shares apply to a hand that crosses all waves at the same rate. A wave's contribution at one
-    /// frequency is taken to grow with the square of its pitch: a wave whose ridges come more slowly is
-    /// a higher harmonic there, and along its ridges only the other wave is felt.
+    /// Share of the power around a wave's harmonic that belongs to the wave. Shares apply to a hand that
+    /// crosses all waves at one rate. A wave's contribution at one frequency is taken to grow with the
+    /// square of its pitch: along its ridges only the other wave is felt.
     fn part(&self, w: usize, h: usize, pitches: &[f64; WAVES]) -> f64 {
         let hz = h as f64 * pitches[w].abs();
         let fastest = pitches.iter().fold(0.0, |most: f64, hz| most.max(hz.abs()));
@@ -615,22 +606,13 @@ impl<T: Float> ShapedNoise<T> {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
         keep_wide(&mut self.excitation, state);
-        state
-            .keep(&mut self.newest)
-            .keep(&mut self.followed)
-            .keep(&mut self.found_in)
-            .keep(&mut self.end)
-            .keep(&mut self.next);
+        state.keep(&mut self.newest).keep(&mut self.followed).keep(&mut self.found_in);
+        state.keep(&mut self.end).keep(&mut self.next);
         state.keep(&mut self.way_mm).keep(&mut self.from_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
             state.keep(&mut lines.count).keep(&mut lines.units_hz);
-            for unit in &mut lines.units {
-                state.keep(&mut unit.re).keep(&mut unit.im);
-            }
-            for at in &mut lines.at {
-                for line in at.iter_mut() {
-                    state.keep(&mut line.re).keep(&mut line.im);
-                }
+            for line in lines.units.iter_mut().chain(lines.at.iter_mut().flatten()) {
+                state.keep(&mut line.re).keep(&mut line.im);
             }
         }
         self.pattern.state(state);
@@ -644,21 +626,18 @@ impl<T: Float> ShapedNoise<T> {
         let n = self.framing.fft_len;
         let finite = |values: &[T]| values.iter().all(|x| x.finite());
         let lines = self.waves.iter().all(|lines| {
-            let fine = |at: &Vec<Complex<f64>>| at.iter().all(|c| c.re.is_finite() && c.im.is_finite());
-            lines.units_hz.is_finite()
-                && fine(&lines.units)
+            let mut all = lines.units.iter().chain(lines.at.iter().flatten());
+            all.all(|c| c.re.is_finite() && c.im.is_finite())
+                && lines.units_hz.is_finite()
                 && lines.count.iter().all(|n| *n <= MOST_LINES)
-                && lines.at.iter().all(fine)
         });
         let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
             && self.way_mm.is_finite()
             && self.from_mm.iter().all(|x| x.abs() < 1e12)
-            && self.newest.is_none_or(|newest| newest < LAST)
-            && self.next.is_none_or(|next| next < LAST)
-            && finite(&self.magnitudes)
-            && finite(&self.taps[0])
-            && finite(&self.taps[1])
-            && finite(&self.excitation)
+            && [self.newest, self.next].into_iter().flatten().all(|number| number < LAST)
+            && [&self.magnitudes, &self.taps[0], &self.taps[1], &self.excitation]
+                .into_iter()
+                .all(|v| finite(v))
             && lines;
         if state.restores() && (!fine || state.failed()) {
             self.reset();

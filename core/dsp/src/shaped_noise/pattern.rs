@@ -68,8 +68,7 @@ impl Events {
 pub struct Wave {
     /// Wave vector in 1/mm.
     pub per_mm: [f64; 2],
-    /// Power of each harmonic relative to the frame's power around it, 0 to 10. The total stays the
-    /// frame's.
+    /// Power of each harmonic relative to the frame's power around it, 0 to 10. The total stays the frame's.
     pub weights: [f64; HARMONICS],
     /// Share of the power around each harmonic that repeats, 0 to 1.
     pub shares: [f64; HARMONICS],

@@ -1,7 +1,6 @@
 use super::*;
 use crate::Stft;
-use crate::testing::LOW as FRAMING;
-use std::f64::consts::TAU;
+use crate::testing::{LOW as FRAMING, line, peak, steepest};
 
 /// A spectrum as networks answer it: smooth, with a hill.
 fn smooth() -> Vec<f64> {
@@ -13,6 +12,19 @@ fn new() -> ShapedNoise<f32> {
     ShapedNoise::new(FRAMING, 0.002, 3).unwrap()
 }
 
+/// The samples of one tick.
+fn tick<T: Float>(
+    kernel: &mut ShapedNoise<T>,
+    tick: u64,
+    magnitudes: &[f64],
+    place: Option<[f64; 2]>,
+) -> [f64; 5] {
+    let mut out = [0.0; 5];
+    kernel.push(tick, magnitudes, 1.0);
+    kernel.emit(5 * tick, place, &mut out);
+    out
+}
+
 /// The signal of magnitudes that stand still while a hand moves.
 fn played(
     pattern: Pattern,
@@ -22,12 +34,20 @@ fn played(
 ) -> Vec<f64> {
     let mut kernel = new();
     kernel.set_pattern(pattern);
-    let mut all = vec![0.0_f64; (2500.0 * seconds) as usize];
-    for (tick, out) in all.chunks_exact_mut(5).enumerate() {
-        kernel.push(tick as u64, magnitudes, 1.0);
-        kernel.emit(5 * tick as u64, place(tick as f64 * 0.002), out);
-    }
-    all
+    let ticks = 0..(500.0 * seconds) as u64;
+    ticks.flat_map(|n| tick(&mut kernel, n, magnitudes, place(n as f64 * 0.002))).collect()
+}
+
+/// Level of a signal in decibels above that of [`smooth`] magnitudes.
+fn level_db(x: &[f64]) -> f64 {
+    10.0 * (rms(x).powi(2) / smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).log10()
+}
+
+/// Magnitudes of a line of 40 Hz.
+fn hill() -> Vec<f64> {
+    let mut magnitudes = vec![0.0; 101];
+    (magnitudes[3], magnitudes[4], magnitudes[5]) = (0.5, 1.0, 0.5);
+    magnitudes
 }
 
 fn rms(x: &[f64]) -> f64 {
@@ -78,15 +98,14 @@ fn forwards(mm_s: f64) -> impl Fn(f64) -> Option<[f64; 2]> {
 #[test]
 fn steady_magnitudes_keep_level_and_spectrum() {
     let want = smooth();
-    let right = (want.iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
     for (name, pattern) in [
         ("noise", Pattern::default()),
         ("bumps", events(0.3, 0.2, 0.5)),
         ("rare bumps", events(3.0, 0.4, 0.3)),
     ] {
         let x = played(pattern, &want, 60.0, forwards(100.0));
-        let level_db = 20.0 * (rms(&x[500..]) / right).log10();
-        assert!(level_db.abs() < 0.3, "{name}: {level_db} dB");
+        let level = level_db(&x[500..]);
+        assert!(level.abs() < 0.3, "{name}: {level} dB");
         let found = spectrum(&x[500..]);
         let off = |k: usize| 20.0 * (found[k] / want[k]).log10();
         let off = ((5..96).map(|k| off(k).powi(2)).sum::<f64>() / 91.0).sqrt();
@@ -122,9 +141,8 @@ fn ridges_repeat_at_pitch_over_speed() {
             (lag as f64 - want).abs() <= 1.5 && most > 0.85,
             "{pitch} mm at {speed}: {most} at {lag}, not {want}"
         );
-        let level_db =
-            10.0 * (rms(&x[1000..]).powi(2) / smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).log10();
-        assert!(level_db.abs() < 0.5, "{level_db} dB");
+        let level = level_db(&x[1000..]);
+        assert!(level.abs() < 0.5, "{level} dB");
     }
 }
 
@@ -190,12 +208,10 @@ fn call_during_silence_changes_nothing_after_it() {
             let mut kernel = new();
             kernel.set_pattern(pattern);
             let mut all = Vec::new();
-            for tick in from..300 {
-                let loud = if tick < 200 { vec![0.0; 101] } else { smooth() };
-                let mut out = [0.0_f64; 5];
-                kernel.push(tick, &loud, 1.0);
-                kernel.emit(5 * tick, Some([0.2 * tick as f64, 0.01 * tick as f64]), &mut out);
-                all.extend((tick >= 200).then_some(out).iter().flatten());
+            for n in from..300 {
+                let loud = if n < 200 { vec![0.0; 101] } else { smooth() };
+                let out = tick(&mut kernel, n, &loud, Some([0.2 * n as f64, 0.01 * n as f64]));
+                all.extend((n >= 200).then_some(out).iter().flatten());
             }
             all
         };
@@ -215,26 +231,15 @@ fn ridges_turn_around_with_the_hand() {
         turns: [Complex::new(1.0, 0.0); HARMONICS],
     };
     let pattern = Pattern { waves: [Some(wave), None], ..Pattern::default() };
-    let mut magnitudes = vec![0.0; 101];
-    (magnitudes[3], magnitudes[4], magnitudes[5]) = (0.5, 1.0, 0.5);
-    let x = played(pattern, &magnitudes, 4.0, place);
-    // 40 Hz either way.
-    let line = |from: usize| {
-        let x = &x[from..from + 1250];
-        let part = |phase: f64| {
-            x.iter().enumerate().map(|(i, x)| x * (TAU * 40.0 * i as f64 / 2500.0 + phase).cos()).sum::<f64>()
-                / 625.0
-        };
-        part(0.0).hypot(part(TAU / 4.0))
-    };
-    // All of the hill from 20 to 60 Hz is this line.
+    let x = played(pattern, &hill(), 4.0, place);
+    // 40 Hz either way. All of the hill from 20 to 60 Hz is this line.
     let want = (2.0_f64 * (0.25 + 1.0 + 0.25) / 3.0).sqrt();
     for from in [2500, 7500] {
-        assert!((line(from) / want - 1.0).abs() < 0.1, "{from}: {}", line(from));
+        let found = line(&x[from..from + 1250], 40.0 / 2500.0);
+        assert!((found / want - 1.0).abs() < 0.1, "{from}: {found}");
     }
     // It does not jump where the hand turns: it fades over the 5 samples of a tick.
-    let step = |x: &[f64]| x.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
-    let turn = step(&x[4900..5100]);
+    let turn = steepest(&x[4900..5100]);
     assert!(turn < 0.4 * want, "{turn}");
 }
 
@@ -279,18 +284,13 @@ fn new_stroke_has_new_bumps() {
     // A gate closes where the hand turns, and what it let sleep begins anew: each stroke had the same bumps.
     let mut kernel = new();
     kernel.set_pattern(events(0.3, 0.2, 0.5));
-    let mut strokes = [vec![0.0_f64; 2500], vec![0.0; 2500]];
-    for (number, stroke) in strokes.iter_mut().enumerate() {
+    let [first, second] = [0, 500].map(|from| {
         kernel.reset();
-        for (tick, out) in stroke.chunks_exact_mut(5).enumerate() {
-            let at = (500 * number + tick) as u64;
-            kernel.push(at, &smooth(), 1.0);
-            kernel.emit(5 * at, Some([0.2 * tick as f64, 0.0]), out);
-        }
-    }
-    let [first, second] = &strokes;
+        let out = |n: u64| tick(&mut kernel, from + n, &smooth(), Some([0.2 * n as f64, 0.0]));
+        (0..500).flat_map(out).collect::<Vec<f64>>()
+    });
     let alike =
-        first.iter().zip(second).map(|(a, b)| a * b).sum::<f64>() / (2500.0 * rms(first) * rms(second));
+        first.iter().zip(&second).map(|(a, b)| a * b).sum::<f64>() / (2500.0 * rms(&first) * rms(&second));
     assert!(alike.abs() < 0.2, "{alike}");
 }
 
@@ -302,8 +302,8 @@ fn bumps_at_ridges_follow_the_ridges() {
     let right = (smooth().iter().map(|m| m * m / 3.0).sum::<f64>()).sqrt();
     for speed in [60.0, 100.0] {
         let x = played(pattern, &smooth(), 20.0, forwards(speed));
-        let level_db = 20.0 * (rms(&x[500..]) / right).log10();
-        assert!(level_db.abs() < 0.3, "{level_db} dB");
+        let level = level_db(&x[500..]);
+        assert!(level.abs() < 0.3, "{level} dB");
         // No wave repeats, but the envelope does.
         assert!(kurtosis(&x[500..]) > 6.0, "{}", kurtosis(&x[500..]));
         let squares: Vec<f64> = x[500..].iter().map(|x| x * x - right * right).collect();
@@ -315,8 +315,8 @@ fn bumps_at_ridges_follow_the_ridges() {
     }
     // Along the ridges none is met: noise, as loud.
     let x = played(pattern, &smooth(), 20.0, |t| Some([0.0, 100.0 * t]));
-    let level_db = 20.0 * (rms(&x[500..]) / right).log10();
-    assert!(level_db.abs() < 0.3 && (kurtosis(&x[500..]) - 3.0).abs() < 0.2, "{level_db} dB");
+    let level = level_db(&x[500..]);
+    assert!(level.abs() < 0.3 && (kurtosis(&x[500..]) - 3.0).abs() < 0.2, "{level} dB");
 }
 
 #[test]
@@ -329,12 +329,11 @@ fn ridge_at_the_end_of_a_tick_is_met_once() {
     let mut kernel = new();
     kernel.set_pattern(pattern);
     let mut met = Vec::new();
-    for tick in 0..5000 {
-        kernel.push(tick, &smooth(), 1.0);
-        kernel.emit(5 * tick, Some([0.32 * tick as f64, 0.0]), &mut [0.0_f64; 5]);
+    for n in 0..5000 {
+        tick(&mut kernel, n, &smooth(), Some([0.32 * n as f64, 0.0]));
         let new = &kernel.excitation[kernel.end - 5..kernel.end];
-        if tick > 100 {
-            met.extend(new.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(i, _)| 5 * tick + i as u64));
+        if n > 100 {
+            met.extend(new.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(i, _)| 5 * n + i as u64));
         }
     }
     // 160 mm/s: a ridge every 25 samples.
@@ -368,16 +367,14 @@ fn louder_frame_is_heard_within_4_ms() {
     // The mean over many changes, each at another place of the noise.
     for change in 0..400_u64 {
         let first = 60 * change;
-        for tick in 0..60 {
+        for n in 0..60 {
             // In the first tick of a period of 4 ms, and in its second.
             let louder = 20 + change % 2;
-            let level = if tick < louder { 1.0 } else { 4.0 };
+            let level = if n < louder { 1.0 } else { 4.0 };
             let magnitudes: Vec<f64> = smooth().iter().map(|m| level * m).collect();
-            let mut out = [0.0_f64; 5];
-            kernel.push(first + tick, &magnitudes, 1.0);
-            kernel.emit(5 * (first + tick), None, &mut out);
-            if (louder - 10..louder + 30).contains(&tick) {
-                levels[(tick + 10 - louder) as usize] += out.iter().map(|x| x * x).sum::<f64>();
+            let out = tick(&mut kernel, first + n, &magnitudes, None);
+            if (louder - 10..louder + 30).contains(&n) {
+                levels[(n + 10 - louder) as usize] += out.iter().map(|x| x * x).sum::<f64>();
             }
         }
     }
@@ -410,14 +407,10 @@ fn missing_frame_is_silence() {
 fn noise_after_sleep_equals_noise_without() {
     let all = played(Pattern::default(), &smooth(), 1.0, |_| None);
     let mut kernel = new();
-    let mut out = [0.0_f64; 5];
-    for tick in 300..400 {
-        kernel.push(tick, &smooth(), 1.0);
-        kernel.emit(5 * tick, None, &mut out);
-        let from = 5 * tick as usize;
-        if tick > 300 {
-            assert_eq!(out, all[from..from + 5], "{tick}");
-        }
+    for n in 300..400 {
+        let out = tick(&mut kernel, n, &smooth(), None);
+        let from = 5 * n as usize;
+        assert!(n == 300 || out == all[from..from + 5], "{n}");
     }
 }
 
@@ -458,13 +451,7 @@ fn harmonic_of_weight_0_is_not_played() {
         wave.weights = std::array::from_fn(|h| if h % 3 == 2 { 0.0 } else { 1.5 });
     }
     let x = played(pattern, &vec![1.0; 101], 8.0, forwards(100.0));
-    let power = |hz: f64| {
-        let part = |phase: f64| {
-            let term = |(i, x): (usize, &f64)| x * (TAU * hz * i as f64 / 2500.0 + phase).cos();
-            x[2500..].iter().enumerate().map(term).sum::<f64>()
-        };
-        part(0.0).powi(2) + part(TAU / 4.0).powi(2)
-    };
+    let power = |hz: f64| line(&x[2500..], hz / 2500.0).powi(2);
     for h in [3.0, 6.0, 9.0, 12.0] {
         assert!(power(40.0 * h) < 1e-3 * power(40.0 * (h - 1.0)), "harmonic {h}");
     }
@@ -478,21 +465,11 @@ fn harmonic_of_weight_0_is_not_played() {
 fn lines_fade_at_a_change_of_material() {
     // A single line, and then none: the second difference of a line of 40 Hz that fades within 5 samples.
     let mut kernel = ShapedNoise::<f64>::new(FRAMING, 0.002, 3).unwrap();
-    let mut magnitudes = vec![0.0; 101];
-    (magnitudes[3], magnitudes[4], magnitudes[5]) = (0.5, 1.0, 0.5);
-    kernel.set_pattern(ridges(2.5));
     let mut all = Vec::new();
-    for tick in 0..400_u64 {
-        if tick == 203 {
-            kernel.set_pattern(ridges(1.0));
-        }
-        let mut out = [0.0_f64; 5];
-        kernel.push(tick, &magnitudes, 1.0);
-        kernel.emit(5 * tick, Some([0.2 * tick as f64, 0.0]), &mut out);
-        all.extend(out);
+    for n in 0..400_u64 {
+        kernel.set_pattern(ridges(if n < 203 { 2.5 } else { 1.0 }));
+        all.extend(tick(&mut kernel, n, &hill(), Some([0.2 * n as f64, 0.0])));
     }
-    let most = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    let peak = all[500..1000].iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let step = most(&all[1000..1100]);
+    let (peak, step) = (peak(&all[500..1000]), steepest(&all[1000..1100]));
     assert!(step < 0.35 * peak, "a step of {step}, a line of {peak}");
 }

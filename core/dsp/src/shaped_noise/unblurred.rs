@@ -13,15 +13,12 @@ const LEAST: f32 = 1e-15;
 const END: usize = 2;
 
 /// Finds the power density of noise, on a grid twice as fine as the bins, whose frames have the given
-/// magnitudes.
+/// magnitudes, relative to the largest.
 ///
 /// The Hann window spreads a frequency over three bins and more, and a filter that followed magnitudes
-/// directly would spread it again. Where a spectrum falls by 20 dB within a few bins, the part below
-/// the slope would become louder. So a density is sought that has the given powers when seen through
-/// the window. It starts from the magnitudes and is multiplied by the wanted power over the present one
-/// (as in W. H. Richardson, J. Opt. Soc. Am. 62, 55, 1972, with the quotient at the same frequency).
-///
-/// Powers are relative to the largest, so that single precision suffices.
+/// directly would spread it again: below a steep slope it would be louder. So the density starts from the
+/// magnitudes and is multiplied by the wanted power over the present one, as seen through the window (as in
+/// W. H. Richardson, J. Opt. Soc. Am. 62, 55, 1972, with the quotient at the same frequency).
 #[derive(Debug)]
 pub(super) struct Unblurred {
     /// Density at bins, and half a bin above each; both padded.
@@ -57,8 +54,7 @@ impl Unblurred {
             *above = relative(&pair[0]) * relative(&pair[1]);
         }
         self.at[END..END + bins].copy_from_slice(&self.wanted);
-        // Bin 0 is often 0, and there is no bin beyond the last: next to them the mean of powers is
-        // used.
+        // Bin 0 is often 0, and there is none beyond the last: next to them the mean of powers is used.
         if let [first, second, ..] = self.wanted[..] {
             self.above[END] = 0.5 * (first + second);
         }

@@ -1,41 +1,22 @@
 //! Single Pass Spectrogram Inversion: a spectrum for each frame of magnitudes, at once and without
 //! iteration.
 //!
-//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015. The
-//! peaks of a frame are taken as sinusoids, each continues the phase of its bin one hop ago, and the
-//! bins around a peak are locked to it. Differences from the paper:
+//! After G. T. Beauregard, M. Harish, L. Wyse, "Single Pass Spectrogram Inversion", IEEE DSP 2015. The peaks
+//! of a frame are taken as sinusoids, each continues the phase of its bin one hop ago, and the bins around a
+//! peak are locked to it. Differences from the paper:
 //!
-//! * A peak's distance from its bin is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around
-//!   it. This is exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum.
-//!   Meas. 51(2), 2002), where a parabola is off by up to 0.05 bins. It follows from the lobe `sin(pi
-//!   v) / (pi v (1 - v^2))`.
-//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may move over
-//!   bins.
-//! * The frequency over a hop is the mean of its two ends (trapezoidal rule), which is exact for a
-//!   chirp.
-//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase possible in
-//!   a real signal.
+//! * A peak's distance from its bin is `d = 2 (c - a) / (a + 2 b + c)` for magnitudes `a, b, c` around it.
+//!   This is exact for a Hann window (three-point interpolated DFT: D. Agrez, IEEE Trans. Instrum. Meas.
+//!   51(2), 2002), where a parabola is off by up to 0.05 bins.
+//! * Phase is kept at the window's centre, where all bins of a main lobe agree, so a peak may move over bins.
+//! * The frequency over a hop is the mean of its two ends, which is exact for a chirp.
+//! * A run of equal bins is one peak at its middle. A peak at bin 0 or Nyquist gets a phase possible in a
+//!   real signal.
 //! * Far from the peak a bin is treated as a side lobe, with its sign, only where it is as weak as one.
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
-//! Spectral convergence in dB (lower is better) on the vectors in `tests/data/phase` ("published" is
-//! the best of three published or textbook variants for each vector; all figures are in
-//! `graphs/phase/sc.json`):
-//!
-//! | vector | published | this |
-//! |---|---|---|
-//! | sine_off_2500 | -76.4 | -76.3 |
-//! | chirp_2500 | -38.4 | -38.6 |
-//! | texture_2500 | -11.3 | -11.4 |
-//! | two25_2500 | -14.8 | -16.1 |
-//! | taps_2500 | -6.6 | -6.5 |
-//! | contact_2500 | -10.7 | -10.9 |
-//! | nnsmooth_2500 | -1.6 | -1.4 |
-//! | texture_48000 | -11.2 | -11.9 |
-//! | amchirp_48000 | -11.9 | -12.1 |
-//!
-//! The pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong
-//! to no signal (nnsmooth, a mean over phases) cannot be expressed as one sinusoid a peak.
+//! A pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong to no
+//! signal cannot be expressed as one sinusoid a peak. Figures are in `docs/accuracy.md`.
 
 pub(crate) mod peak;
 
@@ -44,16 +25,15 @@ use crate::magnitude::{largest_of, take};
 use crate::random::uniform_at;
 use crate::{Complex, Float};
 use asperity_state::State;
-use peak::{Edges, Peak};
+use peak::Peak;
 
-/// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length.
-///
-/// The state is one phase and one frequency a bin.
+/// Phase retrieval by Single Pass Spectrogram Inversion, for Hann-windowed frames of one length. The state
+/// is one phase and one frequency a bin.
 #[derive(Debug)]
 pub struct Spsi<T> {
     fft_len: usize,
     seed: u64,
-    edges: Edges,
+    last_is_nyquist: bool,
     /// This frame's magnitudes; invalid ones are 0.
     mags: Vec<T>,
     /// Phase at the window's centre in turns, in [0, 1).
@@ -71,7 +51,7 @@ impl<T: Float> Spsi<T> {
         let mut new = Self {
             fft_len: fft_len.max(1),
             seed,
-            edges: Edges { last_is_nyquist: fft_len.is_multiple_of(2) && bins == fft_len / 2 + 1 },
+            last_is_nyquist: fft_len.is_multiple_of(2) && bins == fft_len / 2 + 1,
             mags: vec![T::zero(); bins],
             turns: vec![0.0; bins],
             freq: vec![-1.0; bins],
@@ -97,8 +77,7 @@ impl<T: Float> Spsi<T> {
         self.started = false;
     }
 
-    /// Saves or restores phase and frequency of every bin. State of frames of another length, or with
-    /// an invalid phase or frequency, is refused.
+    /// Saves or restores phase and frequency of every bin, for one transform length.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut fft_len = self.fft_len;
         state.keep(&mut fft_len).keep(&mut self.turns).keep(&mut self.freq).keep(&mut self.started);
@@ -106,17 +85,13 @@ impl<T: Float> Spsi<T> {
         state.require(fft_len == self.fft_len && phases && self.freq.iter().all(|f| f.is_finite()));
     }
 
-    /// Computes phases for one frame. `out[k]` gets `magnitudes[k]` in the same unit and a phase
-    /// counted from the first sample of the frame.
-    ///
-    /// `advance` is the number of samples from the start of the last frame to the start of this one;
-    /// the first frame after a reset ignores it. A magnitude that is NaN, infinite or negative counts
-    /// as 0; their number is returned. Missing magnitudes count as 0, those beyond [`bins`](Self::bins)
-    /// are ignored, and the rest of `out` is set to 0.
+    /// Computes phases for one frame, counted from its first sample. `out[k]` gets `magnitudes[k]` in the
+    /// same unit. `advance` is the number of samples since the start of the last frame; the first frame
+    /// after a reset ignores it. Returns the number of magnitudes that are NaN, infinite or negative; they
+    /// count as 0, as missing ones do.
     pub fn process<P: Float>(&mut self, magnitudes: &[P], advance: u32, out: &mut [Complex<P>]) -> usize {
         let bad = take(magnitudes, largest_of::<P, T>(), &mut self.mags);
-        let edges = self.edges;
-        peak::find(&self.mags, edges, &mut self.peaks);
+        peak::find(&self.mags, self.last_is_nyquist, &mut self.peaks);
         self.run_on(if self.started { advance } else { 0 });
         self.started = true;
         out.fill(Complex::default());

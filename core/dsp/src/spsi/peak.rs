@@ -3,13 +3,6 @@
 use crate::Float;
 use realfft::num_complex::Complex;
 
-/// Meaning of the last bin.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Edges {
-    /// The last bin is at half the sample rate.
-    pub(crate) last_is_nyquist: bool,
-}
-
 /// A sinusoid seen in one frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Peak<T> {
@@ -30,8 +23,8 @@ pub(crate) struct Peak<T> {
     lobe: [T; 5],
 }
 
-/// Lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid at distance `d`: the
-/// ratio of `sin(pi v) / (v (1 - v^2))` at `v = m - d` and at `v = -d`, which is rational in `d`.
+/// Lobe of a Hann window `m` bins from a bin, relative to that bin, for a sinusoid at distance `d`: `sin(pi
+/// v) / (v (1 - v^2))` at `v = m - d` over that at `v = -d`, which is rational in `d`.
 fn lobe_ratio(m: f64, d: f64, odd: bool) -> f64 {
     let v = m - d;
     let r = d * (1.0 - d * d) / (v * (1.0 - v * v));
@@ -69,20 +62,18 @@ impl<T: Float> Peak<T> {
         self.mag * T::of(lobe_ratio(m, self.offset, k.abs_diff(self.bin) % 2 == 1))
     }
 
-    /// Phase at the window's centre of bin `k` of this peak's region (not the peak's own bin), of
-    /// magnitude `mag > 0`, as a point on the unit circle. `other` is the next peak on the side of `k`.
+    /// Phase at the window's centre of bin `k` of this peak's region (not its own bin), of magnitude `mag >
+    /// 0`,
     #[inline]
     pub(super) fn phase_at(&self, k: usize, mag: T, other: Option<&Self>) -> Complex<T> {
         // Largest ratio of a bin to the window's own side lobe.
         const SIDE: f64 = 1.5;
         let side = T::of(SIDE);
+        let alike = |own: T| if own.abs() * side > mag { own } else { mag };
         let own = match self.near(k) {
-            Some(own) if k.abs_diff(self.bin) < 2 || own.abs() * side > mag => own,
-            Some(_) => mag,
-            None => {
-                let own = self.far(k);
-                if own.abs() * side > mag { own } else { mag }
-            }
+            Some(own) if k.abs_diff(self.bin) < 2 => own,
+            Some(own) => alike(own),
+            None => alike(self.far(k)),
         };
         let mine = if own < T::zero() { -self.unit } else { self.unit };
         let Some(other) = other else { return mine };
@@ -102,9 +93,8 @@ impl<T: Float> Peak<T> {
     }
 }
 
-/// Finds all maxima. A run of equal bins above both its sides is one maximum, at its middle. Any frame
-/// that is not all zero has at least one.
-pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>) {
+/// Finds all maxima. A run of equal bins above both its sides is one maximum, at its middle.
+pub(crate) fn find<T: Float>(mags: &[T], last_is_nyquist: bool, peaks: &mut Vec<Peak<T>>) {
     peaks.clear();
     let mut rising = true;
     let mut from = 0;
@@ -117,7 +107,7 @@ pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>)
                 Some(next) if next > mag => from = k + 1,
                 Some(next) if next == mag => {}
                 _ if mag > T::zero() => {
-                    let peak = interpolate(mags, from + (k - from) / 2, edges);
+                    let peak = interpolate(mags, from + (k - from) / 2, last_is_nyquist);
                     if let Some(before) = peaks.last_mut() {
                         // The bin in the valley goes to the weaker side, which has less to lose by it.
                         before.end = if before.mag < peak.mag { valley + 1 } else { valley };
@@ -146,7 +136,7 @@ pub(crate) fn find<T: Float>(mags: &[T], edges: Edges, peaks: &mut Vec<Peak<T>>)
     }
 }
 
-fn interpolate<T: Float>(mags: &[T], bin: usize, edges: Edges) -> Peak<T> {
+fn interpolate<T: Float>(mags: &[T], bin: usize, last_is_nyquist: bool) -> Peak<T> {
     let at = |k: usize| mags.get(k).map(|m| m.f64());
     let mag = mags.get(bin).copied().unwrap_or_default();
     let b = mag.f64();
@@ -154,7 +144,7 @@ fn interpolate<T: Float>(mags: &[T], bin: usize, edges: Edges) -> Peak<T> {
     let (offset, real) = match (left, at(bin + 1)) {
         // A real signal's spectrum is even about 0 and about half the rate.
         (None, _) => (0.0, true),
-        (_, None) if edges.last_is_nyquist => (0.0, true),
+        (_, None) if last_is_nyquist => (0.0, true),
         (Some(a), Some(c)) => (2.0 * (c - a) / (a + 2.0 * b + c), false),
         (Some(a), None) => {
             // One side only: Hann lobes give a / b = (1 - d) / (2 + d), from 0.2 (d = 0.5) up. Less is no

@@ -6,9 +6,8 @@
 //! and stores within slices of checked length. Layers whose weights are whole numbers have a loop of their
 //! own, in [`whole`].
 //!
-//! A result has the same bits on every instruction set. Each column is summed up in the order of the
-//! inputs, and a product is rounded before it is added: not every CPU has an instruction that rounds
-//! once.
+//! A result has the same bits on every instruction set. Each column is summed up in the order of the inputs,
+//! and a product is rounded before it is added: not every CPU has an instruction that rounds once.
 
 /// Functions of one expression for each operation of an instruction set.
 macro_rules! operations {

@@ -30,14 +30,14 @@ pub const BLENDED: usize = 3;
 impl Library {
     /// The `n` materials nearest to a vector, nearest first. Ties keep the file's order.
     pub fn nearest(&self, vector: &[f32; VECTOR_LEN], n: usize) -> Vec<Neighbour<'_>> {
-        let distance = |m: &LibraryMaterial| {
-            let squares = m.vector.iter().zip(vector).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
-            squares.sum::<f64>().sqrt()
+        let neighbour = |material: &'_ LibraryMaterial| {
+            let off = material.vector.iter().zip(vector).map(|(a, b)| f64::from(*a) - f64::from(*b));
+            off.map(|x| x.powi(2)).sum::<f64>().sqrt()
         };
-        let mut all: Vec<Neighbour<'_>> = self
+        let mut all: Vec<_> = self
             .materials
             .iter()
-            .map(|material| Neighbour { material, distance: distance(material) })
+            .map(|material| Neighbour { material, distance: neighbour(material) })
             .collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         all.truncate(n);
@@ -78,18 +78,9 @@ mod tests {
 
     /// Materials on a line: the first number differs.
     fn line(places: &[f32]) -> Library {
-        let material = |(i, x): (usize, &f32)| {
-            let mut vector = Box::new([0.5; VECTOR_LEN]);
-            vector[0] = *x;
-            let name = format!("m{i}");
-            LibraryMaterial {
-                name,
-                description: "d".into(),
-                family: None,
-                images: Vec::new(),
-                pattern: Default::default(),
-                vector,
-            }
+        let material = |(i, x): (usize, &f32)| LibraryMaterial {
+            vector: Box::new(at(*x)),
+            ..super::super::tests::material(&format!("m{i}"))
         };
         Library::new("l.ron", None, places.iter().enumerate().map(material).collect())
     }

@@ -8,9 +8,8 @@ use asperity_diagnostics::{Diagnostic, Source, Span};
 use super::{LARGEST, Library, LibraryMaterial};
 
 impl Library {
-    /// The text of a library file with one more material at the end. Everything else stays byte for
-    /// byte, comments included. Only a comma after the last material may be added, and the version may
-    /// rise.
+    /// The text of a library file with one more material at the end. Everything else stays byte for byte,
+    /// comments included. Only a comma after the last material may be added, and the version may rise.
     ///
     /// # Errors
     /// Those of [`parse`](Self::parse); an empty or existing name; a number that is not finite or beyond
@@ -125,12 +124,9 @@ mod tests {
 
     fn new(name: &str) -> LibraryMaterial {
         LibraryMaterial {
-            name: name.into(),
             description: "a \"new\" one".into(),
-            family: None,
-            images: Vec::new(),
-            pattern: Default::default(),
             vector: Box::new(std::array::from_fn(|i| i as f32 / 3.0 - 20.0)),
+            ..super::super::tests::material(name)
         }
     }
 

@@ -34,8 +34,9 @@ use std::sync::Arc;
 use asperity_diagnostics::ron::{self, Value, quoted};
 use asperity_diagnostics::{Diagnostic, Recent, Source, fingerprint, one_of};
 
+pub use asperity_dsp::shaped_noise::Events;
 pub use assign::{Assignment, BLENDED, Neighbour};
-pub use pattern::{Events, Harmonic, MAX_HARMONICS, MAX_WAVES, Pattern, Wave};
+pub use pattern::{Harmonic, MAX_HARMONICS, MAX_WAVES, Pattern, Wave};
 
 /// Numbers in a material's vector.
 pub const VECTOR_LEN: usize = 256;
@@ -89,9 +90,6 @@ impl Library {
     }
 
     /// Like [`read`](Self::read), but a recent library with the same content is not read again.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
     pub fn shared(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let source = Source::read(path)?;
         let key = (source.path().to_owned(), fingerprint(source.text().as_bytes()));
@@ -256,18 +254,26 @@ mod tests {
     use super::*;
     use asperity_numbers::Random;
 
-    /// A library of three.
-    pub(super) fn three() -> Library {
-        let mut random = Random::new(5);
-        let material = |name: &str| LibraryMaterial {
+    /// A material without anything optional.
+    pub(crate) fn material(name: &str) -> LibraryMaterial {
+        LibraryMaterial {
             name: name.into(),
             description: format!("What {name} feels like."),
             family: None,
             images: Vec::new(),
             pattern: Pattern::default(),
+            vector: Box::new([0.0; VECTOR_LEN]),
+        }
+    }
+
+    /// A library of three.
+    pub(super) fn three() -> Library {
+        let mut random = Random::new(5);
+        let mut material = |name: &str| LibraryMaterial {
             vector: Box::new(std::array::from_fn(|_| random.range(-4.0, 4.0) as f32)),
+            ..material(name)
         };
-        Library::new("three.ron", None, ["coarse weave", "brick", "cork"].map(material).into())
+        Library::new("three.ron", None, ["coarse weave", "brick", "cork"].map(&mut material).into())
     }
 
     fn error(text: &str) -> String {
@@ -278,11 +284,11 @@ mod tests {
         format!("Library(version: 1, materials: {{\n\"a\": (description: \"d\",\n vector: {vector}),\n}})")
     }
 
-    #[test]
-    fn a_library_reads_back_to_the_same_bits() {
-        let library = three();
-        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
-        assert_eq!(library, back);
+    /// Checks that a library reads back to the same bits, and returns its text.
+    pub(super) fn reads_back(library: &Library) -> String {
+        let text = library.to_ron();
+        assert_eq!(Library::parse(&Source::new(&library.path, text.as_str())).unwrap(), *library);
+        text
     }
 
     #[test]
@@ -292,12 +298,10 @@ mod tests {
         library.encoder = Some("../models/e.onnx".into());
         library.materials[1].family = Some("weave".into());
         library.materials[2].images = vec!["a.png".into(), "b \"c\".jpg".into()];
-        let text = library.to_ron();
+        let text = reads_back(&library);
         assert!(text.starts_with("Library(\n    version: 2,\n    encoder: \"../models/e.onnx\",\n"));
-        let back = Library::parse(&Source::new("some/where/m.ron", text)).unwrap();
-        assert_eq!(library, back);
-        assert_eq!(back.encoder().unwrap(), Path::new("some/where/../models/e.onnx"));
-        assert_eq!(back.beside("a.png"), Path::new("some/where/a.png"));
+        assert_eq!(library.encoder().unwrap(), Path::new("some/where/../models/e.onnx"));
+        assert_eq!(library.beside("a.png"), Path::new("some/where/a.png"));
         assert_eq!(Library::new("m.ron", None, Vec::new()).beside("a.png"), Path::new("a.png"));
     }
 
@@ -327,8 +331,7 @@ mod tests {
         let mut library = three();
         library.materials[0].name = "the \"odd\" \\ one".into();
         library.materials[0].description = "two\nlines, é".into();
-        let back = Library::parse(&Source::new("three.ron", library.to_ron())).unwrap();
-        assert_eq!(library, back);
+        reads_back(&library);
     }
 
     #[test]
@@ -355,15 +358,15 @@ mod tests {
             let e = error(&with_vector(&vector));
             assert!(e.starts_with("m.ron:3:") && e.contains(what), "{e}");
         }
-        assert!(error("Library(version: 4, materials: {})").starts_with("m.ron:1:18: 4 is out of range"));
-        assert!(error("Library(version: 1, materials: {})").contains("without materials"));
-        assert!(error("Library(version: 1)").contains("`materials` is missing"));
-        assert!(
-            error(&with_vector("[]").replace("description", "descripton"))
-                .contains("`description` is missing")
-        );
-        let twice = "Library(version: 1, materials: {\"a\": (), \"a\": ()})";
-        assert!(error(twice).contains("twice"));
+        for (text, what) in [
+            ("Library(version: 4, materials: {})", "m.ron:1:18: 4 is out of range"),
+            ("Library(version: 1, materials: {})", "without materials"),
+            ("Library(version: 1)", "`materials` is missing"),
+            (&with_vector("[]").replace("description", "descripton"), "`description` is missing"),
+            ("Library(version: 1, materials: {\"a\": (), \"a\": ()})", "twice"),
+        ] {
+            assert!(error(text).contains(what), "{}", error(text));
+        }
     }
 
     #[test]

@@ -170,8 +170,7 @@ impl Lowered {
         needed
     }
 
-    /// Whether each step depends on the texture alone (or on nothing), and so is constant for a
-    /// material.
+    /// Whether each step depends on the texture alone (or on nothing), and so is constant for a material.
     pub(crate) fn depends_on_texture_alone(&self) -> Vec<bool> {
         let mut fixed = vec![false; self.steps.len()];
         for (i, step) in self.steps.iter().enumerate() {

@@ -1,5 +1,4 @@
-//! Lowers single ONNX operators, as the ONNX operator reference defines them, operator sets 7 and
-//! later.
+//! Lowers single ONNX operators, as the ONNX operator reference defines them, operator sets 7 and later.
 
 use super::value::{self, Affine, Content, Element, Value};
 use super::{Builder, End, elements_of};

@@ -77,8 +77,7 @@ fn a_wide_and_a_high_picture_give_their_middle() {
 
 #[test]
 fn stripes_finer_than_a_pixel_become_their_mean() {
-    // 1024 columns to 256: if every fourth were taken, stripes of 1.05 columns would alias to waves of
-    // 20.
+    // 1024 columns to 256: if every fourth were taken, stripes of 1.05 columns would alias to waves of 20.
     let stripes = RgbImage::from_fn(1024, 768, |x, _| {
         let wave = (f64::from(x) * std::f64::consts::TAU / 4.2).sin();
         Rgb([(127.5 + 100.0 * wave) as u8, 40, 90])
@@ -204,12 +203,12 @@ fn non_picture_is_an_error_with_its_real_type() {
 #[test]
 fn pictures_of_wrong_size_are_refused_before_unpacking() {
     let folder = Folder::new();
-    assert!(
-        folder
-            .error(&png(colours(15, 300)))
-            .contains("15 x 300 pixels (a tactile image has at least 16 x 16)")
-    );
-    assert!(folder.error(&png(colours(300, 15))).contains("at least 16 x 16"));
+    for (size, told) in [
+        ((15, 300), "15 x 300 pixels (a tactile image has at least 16 x 16)"),
+        ((300, 15), "at least 16 x 16"),
+    ] {
+        assert!(folder.error(&png(colours(size.0, size.1))).contains(told), "{size:?}");
+    }
     assert_eq!(folder.read(&png(colours(16, 16))).image.size, IMAGE);
     // 3.6 thousand million pixels are announced, and a few bytes come.
     let mut bytes = Vec::new();

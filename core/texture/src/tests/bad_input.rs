@@ -83,28 +83,26 @@ fn flipped_bytes_never_panic_out_of_load() {
 
 #[test]
 fn wrong_signature_tells_what_was_found_and_what_would_fit() {
-    let e = error(|m| m.graph.as_mut().unwrap().input[0] = value_info("force", &[Some(1), Some(12)]));
-    assert!(
-        e.contains("force [1,12]") && e.contains("texture [1,256]") && e.contains("magnitudes [1,100]"),
-        "{e}"
-    );
-    let e = error(|m| m.graph.as_mut().unwrap().input[2] = value_info("texture", &[Some(1), Some(1 << 40)]));
-    assert!(e.contains("texture [1,1099511627776]"), "{e}");
-    let e = error(|m| m.graph.as_mut().unwrap().input[1] = value_info("speed", &[Some(2), Some(20)]));
-    assert!(e.contains("speed [2,20]"), "{e}");
-    let e = error(|m| {
-        m.graph.as_mut().unwrap().input.remove(1);
-    });
-    assert!(e.contains("2 inputs") && e.contains("speed [1,20]"), "{e}");
-    let e = error(|m| m.graph.as_mut().unwrap().input.push(value_info("image", &[Some(1), Some(3)])));
-    assert!(e.contains("4 inputs") && e.contains("image [1,3]"), "{e}");
-    let e = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("magnitudes", &[Some(1), Some(101)]));
-    assert!(e.contains("magnitudes [1,101]"), "{e}");
-    let e = error(|m| {
-        let input = &mut m.graph.as_mut().unwrap().input[0];
-        input.r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 11;
-    });
-    assert!(e.contains("not 32-bit float"), "{e}");
+    type Change = fn(&mut crate::onnx::GraphProto);
+    let cases: [(Change, &[&str]); 7] = [
+        (
+            |g| g.input[0] = value_info("force", &[Some(1), Some(12)]),
+            &["force [1,12]", "texture [1,256]", "magnitudes [1,100]"],
+        ),
+        (|g| g.input[2] = value_info("texture", &[Some(1), Some(1 << 40)]), &["texture [1,1099511627776]"]),
+        (|g| g.input[1] = value_info("speed", &[Some(2), Some(20)]), &["speed [2,20]"]),
+        (|g| drop(g.input.remove(1)), &["2 inputs", "speed [1,20]"]),
+        (|g| g.input.push(value_info("image", &[Some(1), Some(3)])), &["4 inputs", "image [1,3]"]),
+        (|g| g.output[0] = value_info("magnitudes", &[Some(1), Some(101)]), &["magnitudes [1,101]"]),
+        (
+            |g| g.input[0].r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 11,
+            &["not 32-bit float"],
+        ),
+    ];
+    for (change, texts) in cases {
+        let e = error(|m| change(m.graph.as_mut().unwrap()));
+        assert!(texts.iter().all(|text| e.contains(text)), "{e}");
+    }
 }
 
 #[test]
@@ -169,15 +167,17 @@ fn weights_that_lie_about_themselves_are_errors() {
             change(m.graph.as_mut().unwrap().initializer.iter_mut().find(|t| t.dims.len() == 2).unwrap())
         })
     };
-    assert!(weights(|t| t.dims = vec![1 << 40, 1 << 40]).contains("shape"));
-    assert!(weights(|t| t.dims = vec![-1, 10]).contains("shape"));
-    assert!(weights(|t| t.raw_data.truncate(13)).contains("elements"));
-    assert!(weights(|t| t.data_type = 99).contains("element type"));
-    let e = weights(|t| {
-        t.raw_data.clear();
-        t.data_location = Some(1);
-    });
-    assert!(e.contains("in another file"), "{e}");
+    type Change = fn(&mut TensorProto);
+    let cases: [(Change, &str); 5] = [
+        (|t| t.dims = vec![1 << 40, 1 << 40], "shape"),
+        (|t| t.dims = vec![-1, 10], "shape"),
+        (|t| t.raw_data.truncate(13), "elements"),
+        (|t| t.data_type = 99, "element type"),
+        (|t| (t.raw_data, t.data_location) = (Vec::new(), Some(1)), "in another file"),
+    ];
+    for (change, text) in cases {
+        assert!(weights(change).contains(text), "{text}");
+    }
 }
 
 #[test]
@@ -251,13 +251,16 @@ fn runners() -> Vec<Runner> {
 fn a_runner_refuses_what_it_does_not_have() {
     for mut runner in runners() {
         let mut out = [7.0; 100];
-        assert_eq!(runner.materials(), 2);
-        let e = runner.run(2, &[0.0; 10], &[0.0; 20], &mut out).unwrap_err();
-        assert_eq!(e, RunError::Material { index: 2, count: 2 });
-        assert!(runner.run(usize::MAX, &[0.0; 10], &[0.0; 20], &mut out).is_err());
-        assert_eq!(runner.run(0, &[0.0; 9], &[0.0; 20], &mut out), Err(RunError::Length));
-        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 21], &mut out), Err(RunError::Length));
-        assert_eq!(runner.run(0, &[0.0; 10], &[0.0; 20], &mut out[..99]), Err(RunError::Length));
+        let good = ([0.0; 10], [0.0; 20]);
+        for (material, force, speed, len, want) in [
+            (2, &good.0[..], &good.1[..], 100, RunError::Material { index: 2, count: 2 }),
+            (usize::MAX, &good.0, &good.1, 100, RunError::Material { index: usize::MAX, count: 2 }),
+            (0, &good.0[..9], &good.1, 100, RunError::Length),
+            (0, &good.0, &[0.0; 21], 100, RunError::Length),
+            (0, &good.0, &good.1, 99, RunError::Length),
+        ] {
+            assert_eq!(runner.run(material, force, speed, &mut out[..len]), Err(want));
+        }
         assert_eq!(out, [7.0; 100]);
     }
 }

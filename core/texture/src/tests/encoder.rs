@@ -121,14 +121,17 @@ fn a_free_batch_size_and_other_names_and_outputs_are_taken() {
     assert!((encoder.encode(&white).unwrap()[0] - 576.0).abs() < 1e-2);
 }
 
+/// A network whose file states these facts.
+fn stating(pairs: &[(&str, &str)]) -> Result<Model, asperity_diagnostics::Diagnostic> {
+    let mut m = model(&Net::random(1), Spelling::default());
+    let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };
+    m.metadata_props = pairs.iter().map(entry).collect();
+    Model::from_bytes(&bytes(&m), "m.onnx")
+}
+
 #[test]
 fn target_is_read_from_the_file_and_another_is_refused() {
-    let with = |pairs: &[(&str, &str)]| {
-        let mut m = model(&Net::random(1), Spelling::default());
-        let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };
-        m.metadata_props = pairs.iter().map(entry).collect();
-        Model::from_bytes(&bytes(&m), "m.onnx").map(|m| m.target())
-    };
+    let with = |pairs: &[(&str, &str)]| stating(pairs).map(|m| m.target());
     assert_eq!(with(&[]).unwrap(), Target::RootMeanSquare);
     assert_eq!(with(&[("target", "rms")]).unwrap(), Target::RootMeanSquare);
     assert_eq!(with(&[("target", "mean")]).unwrap(), Target::Mean);
@@ -147,10 +150,7 @@ fn shipped_networks_say_what_their_magnitudes_are() {
 #[test]
 fn trained_range_is_read_from_the_file_or_refused() {
     let with = |pairs: &[(&str, &str)]| {
-        let mut m = model(&Net::random(1), Spelling::default());
-        let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };
-        m.metadata_props = pairs.iter().map(entry).collect();
-        Model::from_bytes(&bytes(&m), "m.onnx").map(|m| (m.trained().force_max_n, m.trained().speed_max_mm_s))
+        stating(pairs).map(|m| (m.trained().force_max_n, m.trained().speed_max_mm_s))
     };
     assert_eq!(with(&[]).unwrap(), (None, None));
     assert_eq!(with(&[("x", "1"), ("force_max_n", "3.3")]).unwrap(), (Some(3.3), None));

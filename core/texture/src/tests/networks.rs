@@ -155,15 +155,8 @@ pub struct Writer {
 }
 
 pub fn value_info(name: &str, dims: &[Option<i64>]) -> ValueInfoProto {
-    let dim = dims
-        .iter()
-        .map(|d| Dimension {
-            value: Some(match d {
-                Some(n) => DimensionValue::Size(*n),
-                None => DimensionValue::Name("batch".into()),
-            }),
-        })
-        .collect();
+    let value = |d: &Option<i64>| d.map_or(DimensionValue::Name("batch".into()), DimensionValue::Size);
+    let dim = dims.iter().map(|d| Dimension { value: Some(value(d)) }).collect();
     let tensor = TensorTypeProto { elem_type: DataType::Float as i32, shape: Some(TensorShapeProto { dim }) };
     ValueInfoProto { name: name.into(), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
 }
@@ -188,23 +181,17 @@ pub fn float(name: &str, f: f32) -> AttributeProto {
 
 impl Writer {
     pub fn new(spelling: Spelling) -> Writer {
-        let mut graph = GraphProto { name: "network".into(), ..Default::default() };
+        let graph = GraphProto { name: "network".into(), ..Default::default() };
+        let mut made = Writer { graph, spelling, count: 0 };
         let batch = if spelling.free_batch { None } else { Some(1) };
-        let names = if spelling.other_names {
-            ["a", "b", "c", "d"]
-        } else {
-            ["force", "speed", "texture", "magnitudes"]
-        };
-        graph.input = vec![
-            value_info(names[0], &[batch, Some(10)]),
-            value_info(names[1], &[batch, Some(20)]),
-            value_info(names[2], &[batch, Some(256)]),
-        ];
+        let values = made.names().into_iter().zip([10, 20, 256, 100]);
+        let mut values: Vec<_> = values.map(|(name, len)| value_info(name, &[batch, Some(len)])).collect();
+        made.graph.output.extend(values.pop());
         if spelling.other_names {
-            graph.input.reverse();
+            values.reverse();
         }
-        graph.output = vec![value_info(names[3], &[batch, Some(100)])];
-        Writer { graph, spelling, count: 0 }
+        made.graph.input = values;
+        made
     }
 
     pub fn names(&self) -> [&'static str; 4] {

@@ -1,13 +1,11 @@
 //! Pulses, repetition and steadiness, which a long-term spectrum does not show.
 //!
-//! A texture at constant speed and force is close to Gaussian noise: its envelope fluctuates without a
-//! rhythm. A renderer that repeats itself, or that pulses with its frames, can have the right spectrum and
-//! still feel like a rattle. [`Rhythm`] has the figures of one signal, [`Rhythm::of_noise_like`] those of
-//! Gaussian noise of its spectrum. [`compare`] compares a rendered signal with the truth.
+//! A renderer that repeats itself, or that pulses with its frames, can have the right spectrum and still
+//! feel like a rattle. [`Rhythm`] has the figures of one signal, [`Rhythm::of_noise_like`] those of Gaussian
+//! noise of its spectrum. [`compare`] compares a rendered signal with the truth.
 //!
-//! All figures are of the wave between [`FIRST_HZ`] and [`END_HZ`], or half the rate where that is less. The
-//! band-pass is a mask on the whole signal's Fourier transform: it has no phase, and treats the signal as
-//! periodic. The wave is resampled to 8000 Hz.
+//! All figures are of the wave between [`FIRST_HZ`] and [`END_HZ`], or half the rate where that is less, at
+//! 8000 Hz. The band-pass is a mask on the whole signal's Fourier transform.
 
 mod wave;
 
@@ -26,7 +24,7 @@ pub const MODULATIONS: usize = 5;
 pub const MODULATION_EDGES_HZ: [f64; MODULATIONS + 1] = [2.0, 4.0, 8.0, 15.0, 25.0, 50.0];
 /// The band of modulation in which pulses of 50 ms lie.
 pub const PULSES: usize = 3;
-/// Smallest modulation depth in comparisons: smaller ones count as this.
+/// Smallest modulation depth in comparisons.
 pub const LEAST_MODULATION: f64 = 0.01;
 /// Shortest and longest lag of a repetition \[s\].
 pub const LAGS_S: (f64, f64) = (0.02, 0.2);
@@ -49,56 +47,40 @@ pub struct Rhythm {
     /// End of the band in Hz.
     pub end_hz: f64,
     /// Modulation depth in each band of [`MODULATION_EDGES_HZ`]: the root mean square of the envelope's part
-    /// in the band over the envelope's mean. 0 is steady. `1 + m sin` has `m / sqrt 2`. A depth is 0 or
-    /// more; above 1 only single events stand out of silence.
+    /// in the band over the envelope's mean. `1 + m sin` has `m / sqrt 2`.
     pub modulation: [f64; MODULATIONS],
-    /// Largest autocorrelation of the envelope over [`LAGS_S`], 0 to 1. Frequencies below 5 Hz, the inverse
-    /// of the longest lag, are removed first: they show how speed and force change along the stroke. 0 where
-    /// the rest is below [`LEAST_MODULATION`].
+    /// Largest autocorrelation of the envelope over [`LAGS_S`], 0 to 1, without frequencies below 5 Hz, the
+    /// inverse of the longest lag. 0 where the rest is below [`LEAST_MODULATION`].
     pub envelope_repetition: f64,
     /// Largest autocorrelation of the wave over the same lags, 0 to 1. A tone has 1, a narrow band of noise
     /// a little less.
     pub wave_repetition: f64,
-    /// Kurtosis of the wave, `mean x^4 / (mean x^2)^2`, 1 or more: a sine has 1.5, Gaussian noise 3, single
-    /// pulses much more.
+    /// Kurtosis of the wave: a sine has 1.5, Gaussian noise 3, single pulses much more.
     pub kurtosis: f64,
-    /// Standard deviation of the level of pieces of [`PIECE_S`] \[dB\]. Silent pieces, and those more than
-    /// [`PIECE_RANGE_DB`] below the loudest, are pauses and left out, as is an incomplete piece at the end.
+    /// Standard deviation of the level of pieces of [`PIECE_S`] \[dB\], without pauses: silent pieces, and
+    /// those more than [`PIECE_RANGE_DB`] below the loudest.
     pub level_deviation_db: f64,
 }
 
 impl Rhythm {
-    /// Of a signal of one axis or more in m/s^2, at least 0.5 s; the shortest axis counts.
-    ///
-    /// Of several axes the principal axis counts: the direction in which the wave's variance is largest. One
-    /// actuator has one axis. Envelopes of three axes, added, would fluctuate less than that of any one
-    /// signal can; the figures of a single direction compare.
+    /// Of a signal of one axis or more in m/s^2, at least 0.5 s. Of several axes the principal one counts:
+    /// the direction in which the wave's variance is largest, since one actuator has one axis.
     ///
     /// # Errors
-    /// [`AccuracyError`]: a rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite, less than
-    /// 0.5 s.
+    /// A rate that is not 100 to 1e6 Hz, no axis, a sample that is not finite, less than 0.5 s.
     pub fn new(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
         Self::up_to(axes, rate_hz, END_HZ)
     }
 
-    /// As [`new`](Self::new), with a band that ends at `end_hz`, at most [`END_HZ`] and half the rate: for a
-    /// truth of a low rate.
-    ///
-    /// # Errors
-    /// Those of [`new`](Self::new).
+    /// As [`new`](Self::new), with a band that ends at `end_hz`, at most [`END_HZ`] and half the rate.
     pub fn up_to(axes: &[&[f64]], rate_hz: f64, end_hz: f64) -> Result<Self, AccuracyError> {
         let (band, end_hz) = band(axes, rate_hz, end_hz)?;
         Ok(Self::of(&Wave::new(&band), end_hz))
     }
 
-    /// Mean of the figures of [`NOISES`] draws of Gaussian noise: of the signal's length, and of its Welch
-    /// spectrum (windows of 0.1 s, 10 Hz). The same signal has the same noise. `rms` is the signal's.
-    ///
-    /// The noise is stationary. Where speed or force change along a stroke, the lowest bands of modulation
-    /// and the deviation of level are larger by right.
-    ///
-    /// # Errors
-    /// Those of [`new`](Self::new).
+    /// Mean of the figures of [`NOISES`] draws of stationary Gaussian noise: of the signal's length, and of
+    /// its Welch spectrum (windows of 0.1 s, 10 Hz). The same signal has the same noise. `rms` is the
+    /// signal's.
     pub fn of_noise_like(axes: &[&[f64]], rate_hz: f64) -> Result<Self, AccuracyError> {
         let (band, end_hz) = band(axes, rate_hz, END_HZ)?;
         let wave = Wave::new(&band);
@@ -198,31 +180,19 @@ pub struct Envelope {
 
 /// The envelope from which [`Rhythm::new`] takes its figures, and its modulation from 2 to 50 Hz. Of silence
 /// all is 0.
-///
-/// # Errors
-/// Those of [`Rhythm::new`].
 pub fn envelope(axes: &[&[f64]], rate_hz: f64) -> Result<Envelope, AccuracyError> {
     let (band, _) = band(axes, rate_hz, END_HZ)?;
     let wave = Wave::new(&band);
-    let hz = (2..=50).map(f64::from);
-    if wave.is_silent() {
-        let over_mean = vec![0.0; wave.envelope.len()];
-        return Ok(Envelope { rate_hz: wave.rate_hz, over_mean, depths: hz.map(|f| (f, 0.0)).collect() });
-    }
-    let ripple = wave.ripple(1.0);
-    let middle = mean(wave.envelope.iter().copied());
-    Ok(Envelope {
-        rate_hz: wave.rate_hz,
-        over_mean: wave.envelope.iter().map(|e| e / middle).collect(),
-        depths: hz.map(|f| (f, ripple.rms(f - 1.0, f + 1.0))).collect(),
-    })
+    let silent = wave.is_silent();
+    let (ripple, middle) = (wave.ripple(1.0), mean(wave.envelope.iter().copied()));
+    let of = |depth: f64| if silent { 0.0 } else { depth };
+    let depths = (2..=50).map(f64::from).map(|f| (f, of(ripple.rms(f - 1.0, f + 1.0))));
+    let over_mean = wave.envelope.iter().map(|e| of(e / middle));
+    Ok(Envelope { rate_hz: wave.rate_hz, over_mean: over_mean.collect(), depths: depths.collect() })
 }
 
-/// The envelope's autocorrelation, -1 to 1, at each lag of [`LAGS_S`] in s, 0.125 ms apart: that of which
+/// The envelope's autocorrelation at each lag of [`LAGS_S`] in s, 0.125 ms apart: that of which
 /// [`Rhythm::envelope_repetition`] is the largest. Of silence it is 0.
-///
-/// # Errors
-/// Those of [`Rhythm::new`].
 pub fn envelope_likeness(axes: &[&[f64]], rate_hz: f64) -> Result<Vec<(f64, f64)>, AccuracyError> {
     let wave = Wave::new(&band(axes, rate_hz, END_HZ)?.0);
     let ripple = wave.ripple(1.0 / LAGS_S.1).samples(wave.samples.len());
@@ -315,13 +285,8 @@ pub struct Repeat {
 }
 
 /// The lag of the wave's largest autocorrelation between 0.5 and 1.5 times `about_s`. A stroke over a
-/// periodic surface repeats itself after its pitch over its speed; this says how well the rendered one does,
-/// and how much it is off. The wave begins at half the frequency 1 / `about_s` here, and ends at [`END_HZ`]
-/// as ever.
-///
-/// # Errors
-/// Those of [`Rhythm::new`]; [`AccuracyError::TooShort`] also where the signal is shorter than three times
-/// `about_s`, or that is no time.
+/// periodic surface repeats itself after its pitch over its speed. The wave begins at half the frequency 1 /
+/// `about_s` here.
 pub fn repeats_at(signal: &[f64], rate_hz: f64, about_s: f64) -> Result<Repeat, AccuracyError> {
     band(&[signal], rate_hz, END_HZ)?;
     if !(about_s > 1e-3 && 3.0 * about_s * rate_hz <= signal.len() as f64) {

@@ -11,13 +11,7 @@ const INNER_HZ: f64 = 8000.0;
 /// Squarings of a matrix in the search of its principal axis: the power method with 2^40 steps.
 const SQUARINGS: usize = 40;
 
-/// From samples to half a spectrum, unscaled.
-fn forward(samples: &[f64]) -> Vec<Complex<f64>> {
-    plans::spectrum(samples.to_vec())
-}
-
-/// From the first bins of half a spectrum, each times a factor, to `length` samples. Bins that are missing
-/// are 0.
+/// From the first bins of half a spectrum, each times a factor, to `length` samples. Missing bins are 0.
 fn inverse(bins: &[Complex<f64>], factor: Complex<f64>, length: usize) -> Vec<f64> {
     plans::signal(bins.iter().map(|bin| factor * bin), length)
 }
@@ -47,7 +41,7 @@ impl Band {
             .iter()
             .map(|axis| {
                 let scaled: Vec<f64> = axis.iter().take(length).map(|x| x / scale).collect();
-                let mut bins = forward(&scaled);
+                let mut bins = plans::spectrum(scaled);
                 bins.truncate(end);
                 bins.iter_mut().take(first).for_each(|bin| *bin = Complex::default());
                 bins
@@ -74,7 +68,7 @@ impl Band {
     }
 
     /// Gaussian noise of so many seconds with powers that are known `step_hz` apart, from 0 Hz on, and
-    /// interpolated between. Its root mean square is 1 on average; that of no power is 0.
+    /// interpolated. Its root mean square is 1 on average.
     pub(super) fn noise(powers: &[f64], step_hz: f64, within: (f64, f64), seconds: f64, seed: u64) -> Self {
         let (first, end) = (bin_of(within.0, seconds), bin_of(within.1, seconds));
         let power = |k: usize| {
@@ -151,8 +145,8 @@ impl Wave {
         (self.samples.iter().map(|x| x * x).sum::<f64>() / self.samples.len() as f64).sqrt()
     }
 
-    /// Welch's spectrum, of windows of 0.1 s, Hann, overlapped by three quarters, from 0 Hz on; and how far
-    /// its bins are apart in Hz.
+    /// Welch's spectrum from 0 Hz on, of Hann windows of 0.1 s, overlapped by three quarters; and its step
+    /// in Hz.
     pub(super) fn spectrum(&self) -> (Vec<f64>, f64) {
         let window = (0.1 * self.rate_hz).round() as usize;
         let mut stft = Stft::<f64>::new(window);
@@ -196,7 +190,8 @@ pub(super) fn likeness(samples: &[f64], lags: RangeInclusive<usize>) -> Vec<(usi
     let mut padded: Vec<f64> = samples.iter().map(|x| x / peak).collect();
     // Zeros keep the end from being compared with the beginning.
     padded.resize((samples.len() + last).next_power_of_two(), 0.0);
-    let powers: Vec<Complex<f64>> = forward(&padded).iter().map(|c| c.norm_sqr().into()).collect();
+    let powers: Vec<Complex<f64>> =
+        plans::spectrum(padded.clone()).iter().map(|c| c.norm_sqr().into()).collect();
     let products = inverse(&powers, Complex::new(1.0 / padded.len() as f64, 0.0), padded.len());
     let mut sums = vec![0.0];
     sums.extend(padded.iter().take(samples.len()).scan(0.0, |sum, x| {
