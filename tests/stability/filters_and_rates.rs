@@ -1,41 +1,15 @@
 //! Rates, tails, changes, and clocks that are off.
 
-use std::sync::Arc;
-
 use asperity_checks::{Effort, Subject};
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
-use asperity_node::{Fault, NodeKind, Param, Status, time};
+use asperity_node::{Fault, Param, Tick, time};
 
-use crate::{fails, graph, holds, plugin, scene, subject, wrap};
+use crate::{broken, called, fails, graph, holds, plugin, scene, subject};
 
-/// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the
-/// call, and ticks a second.
-fn changed(
-    subject: &Subject<'_>,
-    kind: &str,
-    change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
-) -> Arc<NodeKind> {
-    wrap::of(subject, kind, move |_| {
-        let (change, mut calls) = (change.clone(), 0);
-        Box::new(move |node, tick| {
-            node.run(tick)?;
-            let hz = tick.tick_hz;
-            change(tick.outputs.audio(0), calls, hz);
-            calls += 1;
-            Ok(Status::Continue)
-        })
-    })
-}
-
-/// A kind that fails in some ticks.
-fn failing(
-    subject: &Subject<'_>,
-    kind: &str,
-    when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
-) -> Arc<NodeKind> {
-    wrap::of(subject, kind, move |_| {
-        let when = when.clone();
+/// A mutant that fails in some ticks.
+fn failing<'g>(subject: &Subject<'g>, kind: &str, when: fn(&mut Tick<'_>) -> bool) -> Subject<'g> {
+    called(subject, kind, move |_| {
         Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
     })
 }
@@ -59,7 +33,7 @@ fn rates_of_graph() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     let odd = failing(&subject, "velocity", |tick| tick.tick_hz % 10 != 0);
-    fails("rates_of_graph", &subject.clone().with(odd), "faults at");
+    fails("rates_of_graph", &odd, "faults at");
 }
 
 #[test]
@@ -67,10 +41,10 @@ fn rates_of_kinds() {
     let subject = subject(None);
     holds("rates_of_kinds", &subject);
     let empty = failing(&subject, "overlap_add", |tick| tick.outputs.audio(0).is_empty());
-    fails("rates_of_kinds", &subject.clone().with(empty), "faults at");
+    fails("rates_of_kinds", &empty, "faults at");
 }
 
-/// A change of the first output of a kind, as [`changed`] takes it.
+/// A change of the first output of a kind: by the samples, the number of the call, and ticks a second.
 type Change = fn(&mut [f32], u64, u32);
 
 /// A case of kinds holds, and fails where one of them is changed.
@@ -78,8 +52,12 @@ fn holds_but_for(case: &str, mutants: &[(&str, Change, &str)]) {
     let subject = subject(None);
     holds(case, &subject);
     for &(kind, change, why) in mutants {
-        let mutant = changed(&subject, kind, change);
-        fails(case, &subject.clone().with(mutant), why);
+        let mutant = broken(&subject, kind, move |calls: &mut u64, tick| {
+            let hz = tick.tick_hz;
+            change(tick.outputs.audio(0), *calls, hz);
+            *calls += 1;
+        });
+        fails(case, &mutant, why);
     }
 }
 
@@ -146,20 +124,12 @@ fn tail_of_graph() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     // Once it has been heard it is never quite silent.
-    let hums = wrap::of(&subject, "limiter", |_| {
-        let mut heard = false;
-        Box::new(move |node, tick| {
-            let status = node.run(tick)?;
-            let y = tick.outputs.audio(0);
-            heard |= y.iter().any(|y| *y != 0.0);
-            if heard {
-                y.iter_mut().for_each(|y| *y += 1e-9);
-                return Ok(Status::Continue);
-            }
-            Ok(status)
-        })
+    let hums = broken(&subject, "limiter", |heard: &mut bool, tick| {
+        let y = tick.outputs.audio(0);
+        *heard |= y.iter().any(|y| *y != 0.0);
+        y.iter_mut().filter(|_| *heard).for_each(|y| *y += 1e-9);
     });
-    fails("tail_of_graph", &subject.clone().with(hums), "something is played until");
+    fails("tail_of_graph", &hums, "something is played until");
 }
 
 #[test]

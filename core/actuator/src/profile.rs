@@ -112,41 +112,28 @@ impl ActuatorProfile {
             return Err(name.error("an actuator needs a name").help("what is printed on it"));
         }
         let name = name.text()?.to_owned();
-        let mut values = Vec::with_capacity(FIELDS.len());
+        let mut all = Vec::with_capacity(FIELDS.len());
         for field in FIELDS {
             let value = record.required(field.0)?;
-            values.push((quantity(value, field)?, value));
+            all.push((quantity(value, field)?, value));
         }
         record.finish()?;
-        let values: [(Quantity, &Value); 11] =
-            values.try_into().map_err(|_| root.error("this profile is not complete"))?;
-        check_together(&values)?;
-        let [
-            moving_mass,
-            stiffness,
-            damping,
-            force_factor,
-            resistance,
-            inductance,
-            stroke,
-            thermal_time_constant,
-            rated_current,
-            peak_current,
-            peak_voltage,
-        ] = values.map(|(q, _)| q);
+        check_together(&all)?;
+        let mut all = all.into_iter();
+        let mut next = || all.next().map(|(quantity, _)| quantity).expect("a quantity for each field");
         Ok(Self {
             name,
-            moving_mass,
-            stiffness,
-            damping,
-            force_factor,
-            resistance,
-            inductance,
-            stroke,
-            thermal_time_constant,
-            rated_current,
-            peak_current,
-            peak_voltage,
+            moving_mass: next(),
+            stiffness: next(),
+            damping: next(),
+            force_factor: next(),
+            resistance: next(),
+            inductance: next(),
+            stroke: next(),
+            thermal_time_constant: next(),
+            rated_current: next(),
+            peak_current: next(),
+            peak_voltage: next(),
         })
     }
 
@@ -196,22 +183,18 @@ fn example(field: &str) -> f64 {
     }
 }
 
-fn check_together(values: &[(Quantity, &Value); 11]) -> Result<(), Diagnostic> {
-    let [_, _, _, _, resistance, inductance, _, _, rated, peak, _] = values;
+fn check_together(all: &[(Quantity, &Value)]) -> Result<(), Diagnostic> {
+    let [.., resistance, inductance, _, _, rated, peak, _] = all else { return Ok(()) };
     if peak.0.value < rated.0.value {
-        return Err(peak
-            .1
-            .error("the peak current is below the rated current")
-            .label("too small")
-            .related(rated.1.source(), rated.1.span(), "the rated current")
-            .help(format!("at least {} mA", rated.0.value * 1e3)));
+        let wrong = peak.1.error("the peak current is below the rated current").label("too small");
+        let wrong = wrong.related(rated.1.source(), rated.1.span(), "the rated current");
+        return Err(wrong.help(format!("at least {} mA", rated.0.value * 1e3)));
     }
     if inductance.0.value > 2e-3 * resistance.0.value {
-        return Err(inductance
-            .1
-            .error("a coil of this inductance and resistance would take over 2 ms to follow its voltage")
-            .related(resistance.1.source(), resistance.1.span(), "the resistance")
-            .help(format!("at most {} uH", 2e3 * resistance.0.value)));
+        let wrong = "a coil of this inductance and resistance would take over 2 ms to follow its voltage";
+        let wrong = inductance.1.error(wrong);
+        let wrong = wrong.related(resistance.1.source(), resistance.1.span(), "the resistance");
+        return Err(wrong.help(format!("at most {} uH", 2e3 * resistance.0.value)));
     }
     Ok(())
 }

@@ -96,22 +96,19 @@ fn grid(
 }
 
 /// All figures: ln k_f, ln m_a, ln k, ln c, then ln m_h and the latency of each recording.
-#[derive(Clone)]
-struct Point(Vec<f64>);
+type Point = Vec<f64>;
 
-impl Point {
-    fn model(&self, run: &Run, n: usize, coil: Coil) -> Model {
-        let p = &self.0;
-        Model {
-            coil,
-            force_factor: p[0].exp_e(),
-            moving_mass: p[1].exp_e(),
-            stiffness: p[2].exp_e(),
-            damping: p[3].exp_e(),
-            handle_mass: p[SHARED + OWN * n].exp_e(),
-            latency: p[SHARED + OWN * n + 1],
-            sign: run.start.sign,
-        }
+/// The model of a recording.
+fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
+    Model {
+        coil,
+        force_factor: p[0].exp_e(),
+        moving_mass: p[1].exp_e(),
+        stiffness: p[2].exp_e(),
+        damping: p[3].exp_e(),
+        handle_mass: p[SHARED + OWN * n].exp_e(),
+        latency: p[SHARED + OWN * n + 1],
+        sign: run.start.sign,
     }
 }
 
@@ -137,11 +134,11 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
             if coil.drive == Drive::Voltage { force_factor * force_factor / coil.resistance } else { 0.0 };
         (all - emf).max(0.1 * all)
     });
-    let mut point = Vec::with_capacity(SHARED + OWN * runs.len());
+    let mut point = Point::with_capacity(SHARED + OWN * runs.len());
     let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
     point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
     runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
-    Point(point)
+    point
 }
 
 /// Half gradient and normal matrix of the cost: the sum of 2 |r|^2 / noise and the priors.
@@ -161,10 +158,10 @@ struct Problem<'a> {
 
 impl Problem<'_> {
     fn normal(&self, at: &Point) -> Normal {
-        let len = at.0.len();
+        let len = at.len();
         let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
         for (n, run) in self.runs.iter().enumerate() {
-            let model = at.model(run, n, self.coil);
+            let model = model(at, run, n, self.coil);
             let place = places(n);
             let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
             cost += own;
@@ -176,7 +173,7 @@ impl Problem<'_> {
             }
         }
         for (i, (value, spread)) in self.beliefs.iter().enumerate() {
-            let off = (value - at.0[i]) / spread;
+            let off = (value - at[i]) / spread;
             cost += off * off;
             gradient[i] += off / spread;
             matrix[i][i] += 1.0 / (spread * spread);
@@ -216,7 +213,7 @@ fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Squar
 /// `noise` is a factor on each recording's noise; it widens the covariance.
 pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) -> Fitted {
     let mut at = first_guess(runs, coil, moving_mass);
-    let mut beliefs: Vec<(f64, f64)> = at.0.iter().map(|x| (*x, UNKNOWN)).collect();
+    let mut beliefs: Vec<(f64, f64)> = at.iter().map(|x| (*x, UNKNOWN)).collect();
     beliefs[1] = (moving_mass.value.log_e(), moving_mass.spread);
     for (n, run) in runs.iter().enumerate() {
         beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
@@ -229,10 +226,10 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         damped.iter_mut().enumerate().for_each(|(i, row)| row[i] *= 1.0 + lambda);
         let Some(step) = solve(&damped, &now.gradient) else { break };
         let mut next = at.clone();
-        for (i, (x, by)) in next.0.iter_mut().zip(&step).enumerate() {
+        for (i, (x, by)) in next.iter_mut().zip(&step).enumerate() {
             *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
         }
-        for (x, (least, most)) in next.0.iter_mut().zip(RANGES) {
+        for (x, (least, most)) in next.iter_mut().zip(RANGES) {
             *x = x.clamp(least.log_e(), most.log_e());
         }
         let there = problem.normal(&next);
@@ -248,8 +245,8 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
             lambda *= 5.0;
         }
     }
-    let models = runs.iter().enumerate().map(|(n, run)| at.model(run, n, coil)).collect();
-    Fitted { models, covariance: inverse(&now.matrix), at: at.0 }
+    let models = runs.iter().enumerate().map(|(n, run)| model(&at, run, n, coil)).collect();
+    Fitted { models, covariance: inverse(&now.matrix), at }
 }
 
 impl Fitted {

@@ -203,18 +203,13 @@ pub(super) fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex
 
 /// The least even 2^a 3^b 5^c that is at least `count`.
 pub(super) fn fast_len(count: usize) -> usize {
-    let rough = |n: usize| {
-        [2, 3, 5].iter().fold(n, |n, p| {
-            let mut n = n;
-            while n % p == 0 {
-                n /= p;
-            }
-            n
-        })
+    let without = |mut n: usize, factor: usize| {
+        while n % factor == 0 {
+            n /= factor;
+        }
+        n
     };
-    let mut len = count.max(2).next_multiple_of(2);
-    while rough(len) != 1 {
-        len += 2;
-    }
-    len
+    let even = (count.max(2).next_multiple_of(2)..).step_by(2);
+    let smooth = |n: &usize| [2, 3, 5].into_iter().fold(*n, without) == 1;
+    even.into_iter().find(smooth).unwrap_or(count)
 }

@@ -6,7 +6,8 @@ use asperity_autoregressive::{Filter, Texture};
 use asperity_graph::NodeDecl;
 use asperity_node::{Settings, Unit, random};
 
-use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
+use super::phase::decibels;
+use crate::case::{Case, Family, Found, Stop, not_applicable};
 use crate::played::{Played, Values};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::{Effort, Subject};
@@ -72,11 +73,9 @@ fn at_vertex(
     let mut heard = bench.begin(slot, stay(at))?;
     heard.square(1.0)?;
     let found = heard.square(seconds)?;
-    let say = |off: f64| {
-        format!("slot {slot} at {:.0} mm/s and {:.2} N: the level is {off:+.1} dB off", at[0], at[1])
-    };
+    let here = format!("slot {slot} at {:.0} mm/s and {:.2} N", at[0], at[1]);
     if wanted == 0.0 {
-        holds(found == 0.0, || say(f64::INFINITY))?;
+        ensure!(found == 0.0, "{here}: it sounds");
         return Ok(0.0);
     }
     // The part below 0.4 of a model's rate must sound, the part above need not.
@@ -85,7 +84,8 @@ fn at_vertex(
     let parts = voices.iter().map(|v| part_below(&filter(v), v.texture.rate_hz(), 0.4 * v.texture.rate_hz()));
     let least = parts.fold(1.0, f64::min).max(1e-6);
     let (off, room) = (decibels(found, wanted), 1.5 + 4.3 * 4.0 * draws);
-    holds(off <= room && off >= decibels(least, 1.0) - room, || say(off))?;
+    let holds = off <= room && off >= decibels(least, 1.0) - room;
+    ensure!(holds, "{here}: the level is {off:+.1} dB off");
     Ok(off.abs())
 }
 
@@ -103,10 +103,9 @@ fn let_go(bench: &Bench<'_>, slot: usize, voices: &[Voice], at: &[[f64; 2]]) -> 
     let mut heard = bench.begin(slot, move |tick| [if tick < hz { loud[0] } else { 0.0 }, loud[1]])?;
     heard.square(1.0 + silence)?;
     let rest = heard.square(0.5)?;
-    holds(rest == 0.0, || {
-        format!("slot {slot}: {:.1e} m/s^2 is left {silence:.1} s after it was let go", rest.sqrt())
-    })?;
-    holds(heard.denormals == 0, || format!("slot {slot}: {} samples are denormal", heard.denormals))
+    ensure!(rest == 0.0, "slot {slot}: {:.1e} m/s^2 is left {silence:.1} s after it was let go", rest.sqrt());
+    ensure!(heard.denormals == 0, "slot {slot}: {} samples are denormal", heard.denormals);
+    Ok(())
 }
 
 /// Mean square of all textures of a slot at a speed and a force, in closed form \[(m/s^2)^2\].
@@ -139,10 +138,8 @@ pub fn across(
     let mut heard = bench.begin(slot, move |tick| moved(tick))?;
     let rms = heard.square(seconds)?.sqrt() / loudest;
     let peak = heard.largest / loudest;
-    holds(rms <= most, || format!("{rms:.3e} times the root mean square of the loudest place"))?;
-    holds(peak <= farthest, || {
-        format!("a sample of {peak:.3e} times the root mean square of the loudest place")
-    })?;
+    ensure!(rms <= most, "{rms:.3e} times the root mean square of the loudest place");
+    ensure!(peak <= farthest, "a sample of {peak:.3e} times the root mean square of the loudest place");
     Ok((rms, peak))
 }
 
@@ -266,9 +263,10 @@ impl Heard {
                 self.denormals += u64::from(x.is_subnormal());
                 count += 1;
             }
-            holds(self.rig.engine.faults() == 0 && sum.is_finite(), || {
-                format!("tick {tick}: the output is not finite")
-            })?;
+            ensure!(
+                self.rig.engine.faults() == 0 && sum.is_finite(),
+                "tick {tick}: the output is not finite"
+            );
         }
         Ok(sum / count.max(1) as f64)
     }
@@ -319,11 +317,6 @@ pub fn radius(ar: &[f64]) -> f64 {
 /// resampler is empty within another second.
 pub fn silent_after(radius: f64, rate_hz: f64, rms: f64) -> f64 {
     1.0 + (10.0 * rms.max(1e-20) / 1e-30).ln() / -radius.max(1e-3).ln() / rate_hz
-}
-
-/// Difference of two mean squares \[dB\].
-pub fn decibels(found: f64, wanted: f64) -> f64 {
-    10.0 * (found / wanted).log10()
 }
 
 /// Speed \[mm/s\] and force \[N\] by the number of the tick.
