@@ -5,7 +5,7 @@ use std::sync::Arc;
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
-use asperity_node::{Buffer, NodeKind};
+use asperity_node::NodeKind;
 use harness::graph::of_lines;
 use harness::live::largest_step;
 

@@ -196,8 +196,8 @@ fn what_a_panic_carries_is_freed() {
 /// whose other branches miss a tick when a node fails.
 #[test]
 fn an_engine_that_loses_count_leaks_or_stumbles_is_found_out() {
-    let loses =
-        Host { counted: |engine| engine.faults() - engine.faults() / 100, ..host(50, &mut Engine::tick) };
+    let mut tick = Engine::tick;
+    let loses = Host { counted: |engine| engine.faults() - engine.faults() / 100, ..host(50, &mut tick) };
     let found = endures(loses, 20_000, 1000).unwrap_err();
     assert!(found.contains("were counted"), "{found}");
     let leak: fn(&mut Engine) = |_| std::mem::forget(std::hint::black_box(Box::new([0_u8; 16])));
