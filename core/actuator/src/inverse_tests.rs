@@ -87,8 +87,8 @@ fn voltage_inverse_has_its_transfer_function() {
     }
 }
 
-/// In closed form from 1 Hz, where the actuator pushes nothing, to far above its band; also for actuators whose
-/// mass, spring and damping are 20 % off.
+/// In closed form from 1 Hz, where the actuator pushes nothing, to far above its band. Also for actuators
+/// whose mass, spring and damping are 20 % off.
 #[test]
 fn pair_answers_as_its_filters_in_closed_form() {
     let d = hapcoil(100.0);

@@ -25,7 +25,6 @@ mod inverse;
 mod limiter;
 mod plant;
 mod profile;
-mod shipped;
 
 use asperity_diagnostics::Diagnostic;
 

@@ -36,8 +36,8 @@ fn source(name: &str, shape: ShapeSpec, unit: Unit) -> Descriptor {
     Descriptor::new(name.to_owned(), "Plays what it is given.").output(Output::new("out", shape, unit))
 }
 
-/// A stylus with the outputs of `like`: `position` is where `place` says, `force` is that of a floor at z = 0,
-/// and the others stay 0.
+/// A stylus with the outputs of `like`: `position` is where `place` says, `force` is that of a floor at z =
+/// 0, and the others stay 0.
 fn stylus(
     mut descriptor: Descriptor,
     like: &Descriptor,

@@ -192,8 +192,8 @@ fn what_a_panic_carries_is_freed() {
     assert_eq!(left, 0);
 }
 
-/// Mutants: an engine that loses one count of a hundred, one that leaves what a panic carried where it is, one
-/// whose other branches miss a tick when a node fails.
+/// Mutants: an engine that loses one count of a hundred, one that leaves what a panic carried where it is,
+/// one whose other branches miss a tick when a node fails.
 #[test]
 fn an_engine_that_loses_count_leaks_or_stumbles_is_found_out() {
     let mut tick = Engine::tick;

@@ -166,7 +166,7 @@ fn ends_on_ctrl_c(mut child: Child, patience: Duration) -> Result<(Option<i32>, 
     Ok((child.wait().expect("a program").code(), said(&mut child)))
 }
 
-/// What a program that has ended said.
+/// Error output of a program that has ended.
 fn said(child: &mut Child) -> String {
     let mut said = String::new();
     std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");

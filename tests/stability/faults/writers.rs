@@ -196,7 +196,7 @@ macro_rules! tradeoff {
 static TRADEOFF: [Made; 26] = tradeoff!("pitch" "spectrum" "perceptual" "modulation" "repetition" "kurtosis"
     "steadiness" "bands" "level" "convergence" "precision");
 
-/// What mutants write: a file `out` of what stands in `new`, by the shell.
+/// Files of mutants: `out` is a copy of `new`, by the shell.
 pub(super) const MUTANT_MAKES: &[Made] =
     &[file("out", |path| std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000]))];
 

@@ -4,7 +4,7 @@ use asperity_numbers::Elementary as _;
 use realfft::num_complex::Complex64;
 
 use super::super::Drive;
-use super::model::Model;
+use super::fit::Model;
 use super::spectra::{Band, Spectra};
 use super::{Estimate, Findings, IdentifySettings, Measurement, Recording, Trust};
 

@@ -162,7 +162,7 @@ fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> R
 struct Slide {
     /// Largest kinetic energy, as a part of the first.
     most: f64,
-    /// Largest speed in the last tenth \[mm/s\].
+    /// Largest speed at last \[mm/s\].
     last_mm_s: f64,
     /// Changes of the sign of the force.
     turns: u32,
@@ -173,7 +173,13 @@ const NEARLY: f64 = 1.25;
 const MASS_KG: f64 = 0.1;
 const SPEED_MM_S: f64 = 100.0;
 
-fn slide(force: &mut dyn FnMut(f64) -> f64, device: Device, tick_hz: f64, ticks: u64) -> Slide {
+/// Slides for so many ticks; the last speed counts from the tick `late` on.
+fn slide(
+    mut force: impl FnMut(f64) -> f64,
+    device: Device,
+    tick_hz: f64,
+    (ticks, late): (u64, u64),
+) -> Slide {
     let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
     servo.handle.put(0.0, SPEED_MM_S, 0.0);
     let first = servo.handle.energy_mj();
@@ -189,7 +195,7 @@ fn slide(force: &mut dyn FnMut(f64) -> f64, device: Device, tick_hz: f64, ticks:
             it.turns += u32::from(sign * now < 0.0);
             sign = now.signum();
         }
-        if 10 * tick >= 9 * ticks {
+        if tick >= late {
             it.last_mm_s = it.last_mm_s.max(servo.handle.v_mm_s().abs());
         }
     }
@@ -215,29 +221,21 @@ fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> 
         let rest_s = (40.0 * MASS_KG / spare).min(4.0);
         it.begin(normal_n);
         let ticks = ((rest_s * tick_hz) as u64).max(20);
-        let slid = slide(&mut |x| it.at([x, 0.0], normal_n)[0], device, tick_hz, ticks);
-        ensure!(
-            slid.most <= 1.0 + 1e-9,
-            "{part} times {bound:.4} N s/m: {:.6} of its energy at first",
-            slid.most
-        );
+        let times = (ticks, (9 * ticks).div_ceil(10));
+        let Slide { most, last_mm_s, turns } =
+            slide(|x| it.at([x, 0.0], normal_n)[0], device, tick_hz, times);
+        ensure!(most <= 1.0 + 1e-9, "{part} times {bound:.4} N s/m: {most:.6} of its energy at first");
         if part > 1.1 {
             // Swings of a spring, and of a damper that is a tick late: each is a part of the one before.
             let swings = if z > 0.0 && z < 1.0 { 1.0 / (PI * z) } else { 0.0 };
             let rattles = 1.0 / (device.damping_ns_per_m / law.damping_ns_per_m).ln();
             let rattles = if rattles.is_finite() { rattles } else { 0.0 };
             let bound = NEARLY * (2.0 + 6.0 * 10.0_f64.ln() * (swings + rattles));
-            ensure!(
-                f64::from(slid.turns) <= bound,
-                "its force changes its sign {} times; the bound is {bound:.0}",
-                slid.turns
-            );
-            ensure!(
-                rest_s >= 4.0 || slid.last_mm_s <= 1e-4 * SPEED_MM_S,
-                "it still moves with {:.3e} mm/s after {rest_s:.2} s",
-                slid.last_mm_s
-            );
-            figure = f64::from(slid.turns) / bound;
+            let signs = f64::from(turns);
+            ensure!(signs <= bound, "its force changes its sign {turns} times; the bound is {bound:.0}");
+            let rests = rest_s >= 4.0 || last_mm_s <= 1e-4 * SPEED_MM_S;
+            ensure!(rests, "it still moves with {last_mm_s:.3e} mm/s after {rest_s:.2} s");
+            figure = signs / bound;
         }
     }
     Ok(figure)
@@ -254,17 +252,9 @@ fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> 
     let bound = 1e3 * LIMIT_N * ((3.0 / (tick_hz * damping * mass)).sqrt() + 2.0 / (tick_hz * mass));
     let stops_s = 0.5;
     let look_s = subject.by_effort(0.5, 2.0, 60.0);
+    let times = (((stops_s + look_s) * tick_hz) as u64, (stops_s * tick_hz).ceil() as u64);
     it.begin(normal_n);
-    let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
-    servo.handle.put(0.0, SPEED_MM_S, 0.0);
-    let mut fastest = 0.0_f64;
-    let ticks = ((stops_s + look_s) * tick_hz) as u64;
-    for tick in 0..ticks {
-        servo.tick(|x| it.at([x, 0.0], normal_n)[0], 0.0, |_| {});
-        if tick as f64 >= stops_s * tick_hz {
-            fastest = fastest.max(servo.handle.v_mm_s().abs());
-        }
-    }
+    let fastest = slide(|x| it.at([x, 0.0], normal_n)[0], device, tick_hz, times).last_mm_s;
     ensure!(fastest <= bound, "{fastest:.1} mm/s; the bound is {bound:.1}");
     Ok(fastest / bound)
 }
@@ -501,12 +491,8 @@ fn rubs(subject: &Subject<'_>) -> Found {
             let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 1.05 * bound, friction_n: 0.0 };
             it.begin();
             // No further than some mm, within the wall.
-            let slid = slide(&mut |x| it.at(x), device, tick_hz, (0.03 * tick_hz) as u64);
-            ensure!(
-                slid.most <= 1.0 + 1e-9,
-                "1.05 times {bound:.4} N s/m: {:.6} of its energy at first",
-                slid.most
-            );
+            let most = slide(|x| it.at(x), device, tick_hz, ((0.03 * tick_hz) as u64, u64::MAX)).most;
+            ensure!(most <= 1.0 + 1e-9, "1.05 times {bound:.4} N s/m: {most:.6} of its energy at first");
             let Law { stiffness_n_per_mm: k, damping_ns_per_m: b } = law;
             found.push(format!("{push_n:.1} N: {k:.2} N/mm and {b:.2} N s/m, at least {bound:.2} N s/m"));
         }

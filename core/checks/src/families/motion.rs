@@ -407,9 +407,9 @@ fn circles(
 
 /// Compares the level a second later: within 1 dB or a part of the peak.
 ///
-/// A texture of random phases has another waveform after a trouble. The mean square of noise in a band of B Hz
-/// deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB is three
-/// times that.
+/// A texture of random phases has another waveform after a trouble. The mean square of noise in a band of B
+/// Hz deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB is
+/// three times that.
 fn as_before(usual: &Heard, other: &Heard, part: f64) -> Result<String, Stop> {
     let [a, b] = [usual, other].map(Heard::rms);
     let apart = (10.0_f64.powf(1.0 / 20.0) - 1.0) * a;

@@ -27,17 +27,18 @@ const LONG: Conditions = Conditions {
 };
 
 /// The main place, and the one with long frames where the kind takes it.
-fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Stop> {
-    Ok((main(subject)?, Place::settle(subject, &LONG).ok()))
+fn places(subject: &Subject<'_>) -> Result<Vec<Place>, Stop> {
+    let mut all = vec![main(subject)?.clone()];
+    all.extend(Place::settle(subject, &LONG));
+    Ok(all)
 }
 
 pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
-    let (main, other) = two_places(subject)?;
-    for place in [Some(main), other.as_ref()].into_iter().flatten() {
-        subject.doing(&format!("{}, {} input", place.conditions, signal.word()));
-        let run = place.stand(subject, signal, false)?.run(0..TICKS);
-        if let Some(wrong) = run.wrong {
-            bail!("{wrong} ({}, {} input)", place.conditions, signal.word());
+    for place in &places(subject)? {
+        let told = format!("{}, {} input", place.conditions, signal.word());
+        subject.doing(&told);
+        if let Some(wrong) = place.stand(subject, signal, false)?.run(0..TICKS).wrong {
+            bail!("{wrong} ({told})");
         }
     }
     Ok(format!("{TICKS} ticks"))
@@ -117,8 +118,8 @@ pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn outputs(subject: &Subject<'_>) -> Found {
-    let (main, other) = two_places(subject)?;
-    for place in [Some(main), other.as_ref()].into_iter().flatten() {
+    let places = places(subject)?;
+    for place in &places {
         subject.doing(&place.conditions.to_string());
         let mut stand = place.stand(subject, Signal::Scattered, false)?;
         for tick in 0..TICKS {
@@ -135,11 +136,10 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             bail!("wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks");
         }
     }
-    Ok(if main.outputs.is_empty() {
-        "it has no outputs; inputs untouched".into()
-    } else {
-        format!("{TICKS} ticks")
-    })
+    match places[0].outputs.is_empty() {
+        true => Ok("it has no outputs; inputs untouched".into()),
+        false => Ok(format!("{TICKS} ticks")),
+    }
 }
 
 /// Ticks in which the loader found samples that the node did not report.
@@ -203,11 +203,10 @@ pub(super) fn somewhere(p: &Param, at: f64) -> Option<f64> {
 }
 
 pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
-    let (main, other) = two_places(subject)?;
-    let params = &main.kind.descriptor().params;
+    let places = places(subject)?;
+    let params = &places[0].kind.descriptor().params;
     // A tenth of them with long frames, which take long.
-    let parts = [(Some(main), subject.ticks * 9 / 10), (other.as_ref(), subject.ticks / 10)];
-    for (place, ticks) in parts.into_iter().filter_map(|(p, n)| Some((p?, n))) {
+    for (place, ticks) in places.iter().zip([subject.ticks * 9 / 10, subject.ticks / 10]) {
         subject.doing(&place.conditions.to_string());
         let mut stand = place.stand(subject, Signal::Scattered, false)?;
         for tick in 0..ticks {
@@ -225,12 +224,11 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
             stand.set_up(tick);
             let answer = stand.call(tick);
             stand.conclude(answer);
+            let here = || format!("at tick {tick} ({})", place.conditions);
             if let Err(fault) = answer {
-                bail!("{} at tick {tick} ({})", described(fault), place.conditions);
+                bail!("{} {}", described(fault), here());
             }
-            if !stand.outputs.iter().all(is_well) {
-                bail!("put out what is not finite at tick {tick} ({})", place.conditions);
-            }
+            ensure!(stand.outputs.iter().all(is_well), "put out what is not finite {}", here());
         }
     }
     Ok(format!("{} ticks", subject.ticks))

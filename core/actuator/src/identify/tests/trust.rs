@@ -115,11 +115,8 @@ fn distortion_is_measured() {
     let acceleration = drive.iter().map(|u| plant.step(bent(f64::from(*u))).acceleration as f32).collect();
     let tape = Tape { drive, acceleration, limited: false, scene };
     let constant = Some(sweep.time_constant_s());
-    let found = distortion::distortion(
-        &Recording { sweep_time_constant_s: constant, ..tape.recording() },
-        2000.0,
-        0.0,
-    );
+    let found =
+        spectra::distortion(&Recording { sweep_time_constant_s: constant, ..tape.recording() }, 2000.0, 0.0);
     assert!((found.unwrap() / 0.1 - 1.0).abs() < 0.1, "{found:?}");
 }
 

@@ -184,7 +184,7 @@ fn intervals_hold_the_truth_about_19_times_in_20() {
 fn model_slopes_are_its_differences() {
     for drive in [Drive::Current, Drive::Voltage] {
         let coil = Coil { drive, resistance: 4.5, inductance: 128e-6, hold: 1.0 / RATE };
-        let at = |p: [f64; 6]| model::Model {
+        let at = |p: [f64; 6]| fit::Model {
             coil,
             force_factor: p[0].exp(),
             moving_mass: p[1].exp(),

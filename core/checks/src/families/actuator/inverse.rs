@@ -1,5 +1,5 @@
-//! The inverse before the actuator that it was made for, and before others. `core/actuator` compares them with
-//! their closed forms.
+//! The inverse before the actuator that it was made for, and before others. `core/actuator` compares them
+//! with their closed forms.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::Arc;

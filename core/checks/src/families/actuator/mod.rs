@@ -23,15 +23,16 @@ pub(super) const CASES: &[Case] = &[
         "the inverse is asked for sines from 1 Hz, where the actuator pushes nothing, to just below half \
          the rate, far above its band, and for a constant",
         "with current and voltage drive, inverse and simulated actuator together are within 0.3 dB of a \
-         Butterworth high-pass at 20 Hz from 5 to 1000 Hz. They never give more than 1.1 times what is asked, and nothing for a constant after 1 s",
+         Butterworth high-pass at 20 Hz from 5 to 1000 Hz. They never give more than 1.1 times what is \
+         asked, and nothing for a constant after 1 s",
     ),
     ACTUATOR.kinds(
         "inverse_off",
         inverse::off,
         "the actuator's mass, spring and damping are each 20 % above or below those of the inverse: all \
          eight corners",
-        "from 20 to 400 Hz they are at most 8 dB off the right actuator. Within 0.5 s of the end the actuator is at rest, below \
-         10^-6 of what was asked",
+        "from 20 to 400 Hz they are at most 8 dB off the right actuator. Within 0.5 s of the end the \
+         actuator is at rest, below 10^-6 of what was asked",
     ),
     ACTUATOR.kinds(
         "full_scale_at_resonance",

@@ -147,7 +147,7 @@ fn change(
             let usual = level.unwrap_or(now);
             ensure!(
                 (now - usual).abs() < 1.0 || level.is_none(),
-                "`{param}` to {value}: half a second later the level is {now:.1} dB, {usual:.1} dB without a change"
+                "`{param}` to {value}: half a second later the level is {now:.1} dB, {usual:.1} dB without"
             );
         }
     }

@@ -76,8 +76,8 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             let (more, times) = (repeats - usual, if *single { 0.0 } else { deep / usually });
             ensure!(
                 more <= MORE_REPETITION && times <= MORE_MODULATION,
-                "{about}: the envelope repeats by {repeats:.2}, that of noise by {usual:.2}; it is modulated by \
-                 {deep:.2} from 15 to 25 Hz, noise by {usually:.2}"
+                "{about}: the envelope repeats by {repeats:.2}, that of noise by {usual:.2}; it is modulated \
+                 by {deep:.2} from 15 to 25 Hz, noise by {usually:.2}"
             );
             worst = (worst.0.max(more), worst.1.max(times));
             count += 1;

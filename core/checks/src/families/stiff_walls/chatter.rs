@@ -177,7 +177,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
         if turns > 0 && !over {
             ensure!(
                 fast_mm_s <= fastest,
-                "{here} what is touched takes turns ({turns}) at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
+                "{here} what is touched takes turns at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
             );
             (trembles, turned) = (trembles + 1, turned.max(fast_mm_s));
         }
