@@ -154,7 +154,7 @@ fn poles_at_0_999_hold(subject: &Subject<'_>) -> Found {
     let mut last = 0.0_f64;
     for of in [&eight[2..3], &eight[..]] {
         let (bench, _file) = made(subject, vec![model(poles(of), 1.0, [100.0, 1.0])])?;
-        let end = (seconds + 10.0) * f64::from(bench.tick_hz());
+        let end = (seconds + 10.0) * f64::from(bench.hz[0]);
         let mut heard = bench.begin(0, move |tick| [if (tick as f64) < end { 100.0 } else { 0.0 }, 1.0])?;
         heard.square(10.0)?;
         let off = decibels(heard.square(seconds)?, 1.0);
@@ -240,8 +240,8 @@ fn fast_walks_hold(subject: &Subject<'_>) -> Found {
     let forces: Way = Arc::new(|k| if k % 2 == 0 { [200.0, 0.3] } else { [200.0, 3.0] });
     let mut worst = [0.0_f64; 2];
     for tick_hz in [100, 500, 1000] {
-        let (bench, _file) = made(subject, models.clone())?;
-        let bench = bench.at_ticks(tick_hz);
+        let (mut bench, _file) = made(subject, models.clone())?;
+        bench.hz[0] = tick_hz;
         for (name, way) in
             [("anywhere", &anywhere), ("between two corners", &corners), ("between two forces", &forces)]
         {

@@ -156,46 +156,16 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// A clock for ticks: told of a callback (time in ns, frames), it says when a frame is asked for,
-/// and at which frame a time is.
-trait Follows {
-    fn heard(&mut self, now_ns: f64, frames: u64);
-    fn time_ns(&self, position: f64) -> f64;
-}
-
-impl Follows for Dll {
-    fn heard(&mut self, now_ns: f64, frames: u64) {
-        assert_eq!(self.callback(now_ns as u64, frames).lost, 0, "nothing was lost");
-    }
-
-    fn time_ns(&self, position: f64) -> f64 {
-        self.line().time_ns(position)
-    }
-}
-
-/// The mutant: a clock that is right at the first callback, and goes by the rate that is written on the
-/// device.
-#[derive(Default)]
-struct Nominal {
-    began_ns: Option<f64>,
-}
-
-impl Follows for Nominal {
-    fn heard(&mut self, now_ns: f64, _frames: u64) {
-        self.began_ns.get_or_insert(now_ns);
-    }
-
-    fn time_ns(&self, position: f64) -> f64 {
-        self.began_ns.unwrap_or_default() + position * 1e9 / f64::from(RATE_HZ)
-    }
-}
+/// A clock for ticks: told of the time of a callback \[ns\], if there is one, it answers when a frame is asked
+/// for.
+type Clock<'a> = &'a mut dyn FnMut(Option<f64>, f64) -> f64;
 
 /// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames
 /// between the ticks that have been run and what the device has taken, the least and the most of them after
 /// the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks
 /// are run by the rule of the paced driver, each a period and 1.5 ms before its first frame is asked for: it
 /// is the driver's clock that is looked at here.
-fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
+fn an_hour(ppm: f64, clock: Clock<'_>) -> (f64, f64, f64) {
     let frame_ns = 1e9 / (f64::from(RATE_HZ) * (1.0 + ppm * 1e-6));
     let lead_ns = PERIOD as f64 * frame_ns + 1.5e6;
     // The stream begins at a frame a little ahead, once a tenth of a second has been listened to.
@@ -205,7 +175,7 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
     for call in 0..3600 * u64::from(RATE_HZ) / PERIOD {
         let asked = call * PERIOD;
         let now = 1e9 + asked as f64 * frame_ns + 5e5 * uniform(5, call);
-        clock.heard(now, PERIOD);
+        clock(Some(now), 0.0);
         if asked < begin {
             continue;
         }
@@ -213,7 +183,7 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
         let next = now + PERIOD as f64 * frame_ns;
         loop {
             let first = time::first_sample(tick, RATE_HZ, TICK_HZ);
-            let due = clock.time_ns((begin + first) as f64) - lead_ns;
+            let due = clock(None, (begin + first) as f64) - lead_ns;
             if due > next {
                 break;
             }
@@ -238,11 +208,23 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
 fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
     let bound = PERIOD as f64 + 96.0 + 0.003 * f64::from(RATE_HZ);
     for ppm in [500.0, -500.0, 0.0] {
-        let (least, most, uneven) = an_hour(ppm, &mut Dll::new(RATE_HZ));
+        let mut dll = Dll::new(RATE_HZ);
+        let mut follows = |heard: Option<f64>, position| {
+            let lost = heard.map_or(0, |now| dll.callback(now as u64, PERIOD).lost);
+            assert_eq!(lost, 0, "nothing was lost");
+            dll.line().time_ns(position)
+        };
+        let (least, most, uneven) = an_hour(ppm, &mut follows);
         println!("{ppm} ppm: {least} to {most} frames ahead, ticks uneven by {uneven:.1} us at most");
         assert!(least >= 0.0 && most <= bound, "{ppm} ppm: {least} to {most} frames, {bound} at most");
         assert!(uneven <= 100.0, "{ppm} ppm: ticks are uneven by {uneven} us");
-        let (least, most, _) = an_hour(ppm, &mut Nominal::default());
+        // The mutant: it is right at the first callback, and goes by the rate that is written on the device.
+        let mut began = None;
+        let mut nominal = |heard: Option<f64>, position: f64| {
+            began = began.or(heard);
+            began.unwrap_or_default() + position * 1e9 / f64::from(RATE_HZ)
+        };
+        let (least, most, _) = an_hour(ppm, &mut nominal);
         assert_eq!(least < 0.0 || most > bound, ppm != 0.0, "the mutant at {ppm} ppm: {least} to {most}");
     }
 }

@@ -34,11 +34,9 @@ fn own_models(subject: &Subject<'_>) -> Found {
     for bench in &benches {
         for (slot, voices) in bench.slots.iter().enumerate().take(most) {
             slots += 1;
-            let at: Vec<[f64; 2]> = voices
-                .iter()
-                .flat_map(|v| v.texture.models().iter().map(|m| [m.speed_mm_s, m.force_n]))
-                .filter(|at| at[0] > 0.0 && at[1] > 0.0)
-                .collect();
+            let models = voices.iter().flat_map(|v| v.texture.models());
+            let at = models.map(|m| [m.speed_mm_s, m.force_n]).filter(|at| at[0] > 0.0 && at[1] > 0.0);
+            let at: Vec<[f64; 2]> = at.collect();
             let step = if subject.allowed() == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
             for at in at.iter().step_by(step) {
                 worst = worst.max(at_vertex(bench, slot, voices, *at, seconds)?);
@@ -99,7 +97,7 @@ fn let_go(bench: &Bench<'_>, slot: usize, voices: &[Voice], at: &[[f64; 2]]) -> 
         silent_after(radius(v.texture.at(0.0, loud[1]).ar()), v.texture.rate_hz(), rms)
     };
     let silence = voices.iter().map(end).fold(1.0, f64::max);
-    let hz = u64::from(bench.tick_hz());
+    let hz = u64::from(bench.hz[0]);
     let mut heard = bench.begin(slot, move |tick| [if tick < hz { loud[0] } else { 0.0 }, loud[1]])?;
     heard.square(1.0 + silence)?;
     let rest = heard.square(0.5)?;
@@ -127,7 +125,7 @@ pub fn across(
     farthest: f64,
 ) -> Result<(f64, f64), Stop> {
     let Some(voices) = bench.slots.get(slot) else { return not_applicable("no such slot") };
-    let ticks = (seconds * f64::from(bench.tick_hz())) as u64;
+    let ticks = (seconds * f64::from(bench.hz[0])) as u64;
     // The loudest of the first 3000 places has to do for an endless walk.
     let places = (0..ticks.min(3000)).map(|k| closed_form(voices, way(k)));
     let loudest = places.fold(0.0, f64::max).sqrt();
@@ -165,7 +163,8 @@ pub struct Voice {
 pub struct Bench<'s> {
     subject: &'s Subject<'s>,
     node: NodeDecl,
-    hz: [u32; 2],
+    /// Ticks and samples a second.
+    pub hz: [u32; 2],
     /// The textures of each slot.
     pub slots: Vec<Vec<Voice>>,
 }
@@ -191,18 +190,6 @@ impl<'s> Bench<'s> {
             all.push(Self::new(subject, node.clone(), [graph.tick_hz, graph.audio_hz], slots));
         }
         Ok(all)
-    }
-
-    /// The same at another tick rate \[Hz\].
-    #[must_use]
-    pub fn at_ticks(mut self, tick_hz: u32) -> Self {
-        self.hz[0] = tick_hz;
-        self
-    }
-
-    /// Tick rate \[Hz\].
-    pub fn tick_hz(&self) -> u32 {
-        self.hz[0]
     }
 
     /// Begins a run of a slot, with speed \[mm/s\] and force \[N\] by the number of the tick.
@@ -251,24 +238,13 @@ impl Heard {
     /// # Errors
     /// A sample that is not finite, a node that fails.
     pub fn square(&mut self, seconds: f64) -> Result<f64, Stop> {
-        let (mut sum, mut count) = (0.0, 0_u64);
-        let ticks = self.rig.ticks(seconds);
-        for _ in 0..ticks {
-            let tick = self.rig.engine.next_tick();
-            self.rig.engine.tick();
-            for &x in self.rig.audio(IT, 0) {
-                let value = f64::from(x);
-                sum += value * value;
-                self.largest = self.largest.max(value.abs());
-                self.denormals += u64::from(x.is_subnormal());
-                count += 1;
-            }
-            ensure!(
-                self.rig.engine.faults() == 0 && sum.is_finite(),
-                "tick {tick}: the output is not finite"
-            );
-        }
-        Ok(sum / count.max(1) as f64)
+        let heard = self.rig.heard(self.rig.ticks(seconds), IT)?;
+        let largest = heard.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        self.largest = self.largest.max(f64::from(largest));
+        self.denormals += heard.iter().filter(|x| x.is_subnormal()).count() as u64;
+        let square = heard.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / heard.len().max(1) as f64;
+        ensure!(square.is_finite(), "the output is not finite");
+        Ok(square)
     }
 }
 
@@ -304,11 +280,7 @@ pub fn radius(ar: &[f64]) -> f64 {
     for _ in 0..50 {
         let middle: f64 = 0.5 * (low + high);
         let scaled: Vec<f64> = ar.iter().zip(1..).map(|(a, i)| a / middle.powi(i)).collect();
-        if asperity_autoregressive::is_stable(&scaled) {
-            high = middle;
-        } else {
-            low = middle;
-        }
+        *if asperity_autoregressive::is_stable(&scaled) { &mut high } else { &mut low } = middle;
     }
     high
 }
