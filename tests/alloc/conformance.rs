@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use asperity_checks::{Heap, Outcome, Subject, Touched, Verdict, node_cases, tick_time};
-use asperity_engine::Engine;
 use asperity_graph::GraphFile;
 use asperity_node::{NodeKind, Param, ParamKind};
 use harness::counting::{bind, own};
@@ -116,11 +115,8 @@ fn no_node_allocates_in_real_time() {
 fn every_case_is_run_here() {
     let here = include_str!("conformance.rs");
     for case in node_cases() {
-        assert!(
-            here.contains(&format!("{:?}", case.name)),
-            "{} is not run over the built-in kinds",
-            case.name
-        );
+        let name = case.name;
+        assert!(here.contains(&format!("{name:?}")), "{name} is not run over the built-in kinds");
     }
 }
 
@@ -131,8 +127,11 @@ fn the_time_of_a_tick_can_be_told() {
     assert!(time.median_us > 0.0 && time.median_us <= time.p99_us && time.p99_us <= time.max_us, "{time:?}");
 }
 
-fn engine(graph: &GraphFile) -> Engine {
-    harness::graph::engine(graph, &harness::registry())
+/// Runs a graph for a while without a fault.
+fn runs(graph: &GraphFile, name: &str) {
+    let mut engine = harness::graph::engine(graph, &harness::registry());
+    (0..1000).for_each(|_| engine.tick());
+    assert_eq!(engine.faults(), 0, "{name}");
 }
 
 #[test]
@@ -143,13 +142,9 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
         if path.extension().is_none_or(|e| e != "ron") {
             continue;
         }
-        let text = std::fs::read_to_string(&path).unwrap();
-        assert!(text.starts_with("// "), "{} must begin with a comment", path.display());
-        let mut e = engine(&GraphFile::read(&path).unwrap());
-        for _ in 0..1000 {
-            e.tick();
-        }
-        assert_eq!(e.faults(), 0, "{}", path.display());
+        let (text, name) = (std::fs::read_to_string(&path).unwrap(), path.display().to_string());
+        assert!(text.starts_with("// "), "{name} must begin with a comment");
+        runs(&GraphFile::read(&path).unwrap(), &name);
         count += 1;
     }
     assert!(count > 0);
@@ -159,9 +154,5 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
 fn the_graph_in_the_readme_compiles() {
     let readme = std::fs::read_to_string(harness::root().join("README.md")).unwrap();
     let block = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
-    let mut e = engine(&harness::graph::parsed(block));
-    for _ in 0..1000 {
-        e.tick();
-    }
-    assert_eq!(e.faults(), 0);
+    runs(&harness::graph::parsed(block), "README.md");
 }

@@ -5,6 +5,7 @@ use asperity_graph::{Compiled, GraphFile};
 use asperity_node::Buffer;
 use harness::counting::allocations;
 use harness::graph::of_lines;
+use harness::live::largest_step;
 use harness::nodes;
 
 /// Samples of a tick, and of a crossfade.
@@ -23,6 +24,13 @@ pub fn compiled(lines: &str) -> Compiled {
     compiled_file(&of_lines(lines))
 }
 
+/// The same with changes as for `--set`.
+pub fn compiled_with(lines: &str, changes: &[&str]) -> Compiled {
+    let mut graph = of_lines(lines);
+    changes.iter().for_each(|change| graph.set(change, "test").expect("a change"));
+    compiled_file(&graph)
+}
+
 /// An engine with its controller, and what can be heard of it.
 pub struct Rig {
     pub controller: Controller,
@@ -39,6 +47,27 @@ impl Rig {
     pub fn of(compiled: Compiled) -> Self {
         let (controller, engine) = Engine::controlled(compiled, Options::default());
         Self { controller, engine, heard: Vec::new() }
+    }
+
+    /// An engine that has run for so many ticks when another graph is sent, and the report of that.
+    pub fn swapped(from: &str, ticks: usize, to: &str) -> (Self, SwapReport) {
+        let mut rig = Self::new(from);
+        let report = rig.run(ticks).swap(to);
+        (rig, report)
+    }
+
+    /// Checks that no step from this sample on is as large as the bound.
+    pub fn is_smooth(&self, from: usize, bound: f32) {
+        let step = largest_step(&self.heard[from..]);
+        assert!(step < bound, "a step of {step}, {bound} is the bound");
+    }
+
+    /// The output audio of a node in the last tick.
+    pub fn samples(&self, id: &str) -> &[f32] {
+        match self.engine.output(self.node(id), 0) {
+            Some(Buffer::Audio { samples, .. }) => samples,
+            other => panic!("no audio: {other:?}"),
+        }
     }
 
     pub fn tick(&mut self) {

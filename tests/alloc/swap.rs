@@ -3,10 +3,10 @@
 use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError, SwapReport};
 use asperity_node::Buffer;
 use harness::counting::allocations;
-use harness::graph::{of_lines, parsed};
+use harness::graph::of_lines;
 use harness::live::largest_step;
 
-use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file};
+use crate::rig::{FADE, Rig, SINE, STEEPEST, TICK, compiled, compiled_file, compiled_with};
 
 fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
     &report.nodes.iter().find(|n| n.id == id).unwrap_or_else(|| panic!("no {id}: {report}")).change
@@ -26,16 +26,14 @@ fn fresh(lines: &str, ticks: u64) -> Vec<f32> {
 #[test]
 fn a_gain_changed_under_a_sine_fades_in_10_ms_without_a_click() {
     let with = |gain| format!("t: tone\ng: scale(by: {gain:?})\nout: probe\nt -> g\ng -> out");
-    let mut rig = Rig::new(&with(1.0));
-    rig.run(10);
-    let report = rig.swap(&with(-0.5));
+    let (mut rig, report) = Rig::swapped(&with(1.0), 10, &with(-0.5));
     assert_eq!(report.to_string(), "`g` rebuilt (`by` changed), 2 nodes kept");
     assert_eq!(report.crossfades, 1);
     rig.run(1);
     assert_eq!((rig.engine.swaps(), rig.engine.is_fading()), (1, true));
     rig.run(9);
     let at = 10 * TICK;
-    assert!(largest_step(&rig.heard) < 1.1 * SINE, "{}", largest_step(&rig.heard));
+    rig.is_smooth(0, 1.1 * SINE);
     let tone: Vec<f32> = (0..20 * TICK).map(|n| (n as f32 * 0.013_089_97).cos()).collect();
     let gain = |n: usize| rig.heard[n] / tone[n];
     assert!((gain(at) - 1.0).abs() < 1e-3, "it begins where it was: {}", gain(at));
@@ -80,7 +78,7 @@ fn phase_retrieval_swapped_with_its_synthesis_fades_audio() {
     }
     let peak = rig.heard[100 * TICK..].iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     let bound = own + 2.0 * peak * STEEPEST;
-    assert!(largest_step(&rig.heard) < bound, "{} of {bound}", largest_step(&rig.heard));
+    rig.is_smooth(0, bound);
 }
 
 #[test]
@@ -88,22 +86,18 @@ fn a_filter_goes_on_from_the_state_of_the_one_before() {
     let with =
         |kind, part| format!("t: tone(hz: 0.0)\np: {kind}(part: {part})\nout: probe\nt -> p\np -> out");
     for (kind, keeps) in [("one_pole", true), ("forgetful", false)] {
-        let mut rig = Rig::new(&with(kind, 0.01));
-        rig.run(100);
-        rig.swap(&with(kind, 0.0005));
+        let (mut rig, _) = Rig::swapped(&with(kind, 0.01), 100, &with(kind, 0.0005));
         rig.run(100);
         let least = rig.heard[100 * TICK..].iter().copied().fold(1.0, f32::min);
         assert_eq!(least > 0.999, keeps, "{kind}: {least}");
-        assert!(largest_step(&rig.heard[100 * TICK..]) < 1.1 * STEEPEST, "{kind}");
+        rig.is_smooth(100 * TICK, 1.1 * STEEPEST);
     }
 }
 
 #[test]
 fn a_state_that_does_not_fit_is_left_and_told() {
     let with = |p| format!("t: taps({p})\nout: probe\nt -> out");
-    let mut rig = Rig::new(&with("taps: 3"));
-    rig.run(7);
-    rig.swap(&with("taps: 3, fails_from: 1000"));
+    let (mut rig, _) = Rig::swapped(&with("taps: 3"), 7, &with("taps: 3, fails_from: 1000"));
     rig.run(10);
     assert_eq!(rig.control("t"), 17.0, "it goes on counting");
     rig.swap(&with("taps: 4"));
@@ -129,14 +123,12 @@ fn nodes_are_inserted_removed_and_rewired_without_a_click() {
     ];
     for from in &graphs {
         for to in &graphs {
-            let mut rig = Rig::new(from);
-            rig.run(11);
-            rig.swap(to);
+            let (mut rig, _) = Rig::swapped(from, 11, to);
             rig.run(15);
             assert_eq!(rig.last(), fresh(to, 26), "{from}\nto\n{to}");
             // Of at most 1.5 in level, and that over half a fade's steepest.
             let bound = 1.5 * SINE + 3.0 * STEEPEST;
-            assert!(largest_step(&rig.heard) < bound, "{}: {from}\nto\n{to}", largest_step(&rig.heard));
+            rig.is_smooth(0, bound);
             assert_eq!(rig.controller.collect().len(), 1);
         }
     }
@@ -159,9 +151,7 @@ fn nothing_is_heard_that_is_neither_the_old_graph_nor_the_new() {
         (format!("{nodes}t -> a\na -> p\np -> out"), format!("{nodes}t -> p\np -> a\na -> out")),
     ];
     for (from, to) in pairs {
-        let mut rig = Rig::new(&from);
-        rig.run(20);
-        let report = rig.swap(&to);
+        let (mut rig, report) = Rig::swapped(&from, 20, &to);
         assert!(is_rebuilt(&report, "p") && report.crossfades == 1, "{report}");
         rig.run(20);
         let one = Rig::new(&from).run(40).heard.clone();
@@ -175,9 +165,7 @@ fn nothing_is_heard_that_is_neither_the_old_graph_nor_the_new() {
 fn swapped_control_steps_from_old_to_new_value() {
     for reader in ["waker", "deaf"] {
         let with = |value| format!("v: level(value: {value:?})\nw: {reader}\nout: probe\nv -> w\nw -> out");
-        let mut rig = Rig::new(&with(2.0));
-        rig.run(5);
-        rig.swap(&with(12.0));
+        let (mut rig, _) = Rig::swapped(&with(2.0), 5, &with(12.0));
         let mut seen = Vec::new();
         for _ in 0..10 {
             rig.tick();
@@ -226,16 +214,14 @@ fn what_a_new_gate_would_silence_is_heard_until_it_has_faded() {
     let t = "t: tone\na: scale(by: 0.5)\nout: file_out(file: \"x.wav\")\nt -> a\n";
     let open = format!("{t}a -> out");
     let gated = format!("{t}gate: test_gate(close: 0, open: 100)\na -> gate\ngate -> out");
-    let mut rig = Rig::new(&open);
+    let (mut rig, _) = Rig::swapped(&open, 10, &gated);
     rig.run(10);
-    rig.swap(&gated);
-    rig.run(10);
-    assert!(largest_step(&rig.heard) < SINE, "{}", largest_step(&rig.heard));
+    rig.is_smooth(0, SINE);
     assert_eq!((rig.calls("t"), rig.calls("a")), (15, 15), "they run for as long as it fades, and no longer");
     assert!(rig.last().iter().all(|x| *x == 0.0));
     rig.swap(&open);
     rig.run(10);
-    assert!(largest_step(&rig.heard) < SINE, "and back: {}", largest_step(&rig.heard));
+    rig.is_smooth(0, SINE);
     assert_eq!(rig.last(), fresh(&open, 30));
 }
 
@@ -314,13 +300,11 @@ fn a_delay_that_closes_a_cycle_keeps_what_is_on_its_way() {
                  f.audio -> sum.in1\nlater -> sum.in2\nsum -> half\nhalf -> later\nsum -> out"
         )
     };
-    let mut rig = Rig::new(&with(0.5));
-    rig.run(40);
-    let report = rig.swap(&with(0.2));
+    let (mut rig, report) = Rig::swapped(&with(0.5), 40, &with(0.2));
     assert!(is_rebuilt(&report, "half") && *change(&report, "later") == Change::Kept, "{report}");
     rig.run(40);
     assert!(rig.last().iter().all(|x| (x - 1.25).abs() < 1e-5));
-    assert!(largest_step(&rig.heard[39 * TICK..]) < STEEPEST, "{}", largest_step(&rig.heard[39 * TICK..]));
+    rig.is_smooth(39 * TICK, STEEPEST);
     // The delay itself, and the cycle cut.
     let longer = with(0.2).replace("2.0", "3.0");
     assert!(is_rebuilt(&rig.swap(&longer), "later"));
@@ -329,46 +313,34 @@ fn a_delay_that_closes_a_cycle_keeps_what_is_on_its_way() {
     rig.swap(&with(0.2).replace("later -> sum.in2\n", ""));
     rig.run(40);
     assert!(rig.last().iter().all(|x| (x - 1.0).abs() < 1e-6));
-    assert!(largest_step(&rig.heard[39 * TICK..]) < STEEPEST, "{}", largest_step(&rig.heard[39 * TICK..]));
+    rig.is_smooth(39 * TICK, STEEPEST);
 }
 
 #[test]
 fn a_sink_that_is_rebuilt_renamed_or_new_fades_too() {
     let t = "t: tone\na: amps\nt -> a\n";
     let with = |id, volts| format!("{t}{id}: audio_out(volts_at_full_scale: {volts:?})\na -> {id}");
-    let mut rig = Rig::new(&with("other", 1.0));
-    rig.run(10);
-    rig.swap(&with("out", 1.0));
+    let (mut rig, _) = Rig::swapped(&with("other", 1.0), 10, &with("out", 1.0));
     rig.run(10);
     let tone = fresh(&with("out", 1.0), 11);
     let renamed: Vec<_> = rig.heard[..TICK].iter().zip(tone).map(|(a, b)| (a - b).abs()).collect();
     assert!(renamed.iter().all(|d| *d < 1e-5), "a device that is renamed plays on: {renamed:?}");
     rig.swap(&with("out", 4.0));
     rig.run(10);
-    assert!(largest_step(&rig.heard) < SINE, "{}", largest_step(&rig.heard));
+    rig.is_smooth(0, SINE);
     assert_eq!(rig.last(), fresh(&with("out", 4.0), 30));
     rig.swap(&format!("{}\nnew: file_out(file: \"x.wav\")\nt -> new", with("out", 4.0)));
     rig.run(1);
-    let Some(Buffer::Audio { samples, .. }) = rig.engine.output(rig.node("new"), 0) else {
-        panic!("no audio")
-    };
+    let samples = rig.samples("new");
     assert!(samples[0].abs() < 1e-4 && samples[95].abs() > 0.03, "it fades in from silence: {samples:?}");
 }
 
 #[test]
 fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
-    let text = |seldom: &str| {
-        let text = format!(
-            "Graph(version: 1, nodes: {{\"v\": (kind: \"level\", params: (value: 3.0)), \
-             {seldom} \"out\": (kind: \"probe\")}}, \
-             wires: [{}])",
-            if seldom.is_empty() { "(\"v\", \"out\")" } else { "(\"v\", \"s\"), (\"s\", \"out\")" }
-        );
-        compiled_file(&parsed(text))
-    };
-    let mut rig = Rig::of(text(""));
+    let mut rig = Rig::new("v: level(value: 3.0)\nout: probe\nv -> out");
     rig.run(3);
-    rig.controller.swap(text("\"s\": (kind: \"gain\", every: 20),"), &[]).unwrap();
+    let seldom = "v: level(value: 3.0)\ns: gain\nout: probe\nv -> s\ns -> out";
+    rig.controller.swap(compiled_with(seldom, &["s.every=20"]), &[]).unwrap();
     for tick in 3..60 {
         rig.tick();
         assert_eq!(rig.engine.swaps(), u64::from(tick >= 20), "tick {tick}");
@@ -378,11 +350,8 @@ fn a_node_that_runs_seldom_starts_in_a_tick_in_which_it_runs() {
         assert_eq!(values[0], 3.0, "tick {tick}");
     }
     // Two that meet seldom do not wait for each other.
-    let text = "Graph(version: 1, nodes: {\"v\": (kind: \"level\"), \"a\": (kind: \"gain\", every: 23), \
-                \"b\": (kind: \"gain\", every: 29), \"out\": (kind: \"probe\")}, wires: [(\"v\", \"a\"), \
-                (\"a\", \"b\"), (\"b\", \"out\")])";
-    let file = parsed(text);
-    rig.controller.swap(compiled_file(&file), &[]).unwrap();
+    let two = "v: level\na: gain\nb: gain\nout: probe\nv -> a\na -> b\nb -> out";
+    rig.controller.swap(compiled_with(two, &["a.every=23", "b.every=29"]), &[]).unwrap();
     rig.run(1);
     assert_eq!(rig.engine.swaps(), 2);
 }
@@ -401,7 +370,7 @@ fn a_rebuilt_node_has_a_clean_record_and_a_kept_one_its_own() {
     rig.swap(&with(10));
     rig.run(20);
     assert_eq!(rig.last(), [1.0; TICK], "out of quarantine, and faded in");
-    assert!(largest_step(&rig.heard[20 * TICK - 1..]) < 1.1 * STEEPEST);
+    rig.is_smooth(20 * TICK - 1, 1.1 * STEEPEST);
     let report = |id| rig.engine.report(rig.node(id)).unwrap().clone();
     assert_eq!((report("f").faults, report("f").quarantined), (0, false));
     assert_eq!((report("k").faults, report("k").calls), (2, 40));

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use asperity_diagnostics::Source;
 use asperity_engine::{Change, SwapReport};
 use asperity_graph::{Compiled, GraphFile, compile};
-use asperity_node::{Buffer, NodeKind};
-use harness::graph::{of_lines, parsed};
+use asperity_node::NodeKind;
+use harness::graph::of_lines;
 use harness::live::largest_step;
 
-use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file};
+use crate::rig::{Rig, STEEPEST, TICK, compiled, compiled_file, compiled_with};
 
 /// Why a node is rebuilt; nothing where it is not.
 fn why(report: &SwapReport, id: &str) -> Option<String> {
@@ -140,15 +140,10 @@ fn who_reads_a_sink_hears_what_its_host_hears() {
              \"x.wav\")\nt -> a\na -> out\nout.samples -> f"
         )
     };
-    let mut rig = Rig::new(&with(1.0));
-    rig.run(7);
-    rig.swap(&with(4.0));
+    let (mut rig, _) = Rig::swapped(&with(1.0), 7, &with(4.0));
     for _ in 0..7 {
         rig.tick();
-        let Some(Buffer::Audio { samples, .. }) = rig.engine.output(rig.node("f"), 0) else {
-            panic!("no audio")
-        };
-        assert_eq!(rig.last(), &samples[..TICK]);
+        assert_eq!(rig.last(), &rig.samples("f")[..TICK]);
     }
 }
 
@@ -188,9 +183,7 @@ fn a_gate_opens_in_its_tick_also_while_something_else_fades() {
                  s\ns -> other"
         )
     };
-    let mut rig = Rig::new(&with(1.0));
-    rig.run(10);
-    rig.swap(&with(2.0));
+    let (mut rig, _) = Rig::swapped(&with(1.0), 10, &with(2.0));
     rig.run(4);
     assert_eq!((rig.engine.is_fading(), rig.calls("a")), (true, 2));
 }
@@ -208,12 +201,8 @@ fn a_node_that_slept_is_told_how_long_although_it_was_rebuilt() {
 
 #[test]
 fn gate_rebuilt_between_two_questions_holds_its_answer() {
-    let text = || {
-        let text = "Graph(version: 1, nodes: {\"t\": (kind: \"taps\"), \"g\": (kind: \"shut\", every: 3), \
-                    \"q\": (kind: \"gain\"), \
-                    \"out\": (kind: \"probe\")}, wires: [(\"t\", \"g\"), (\"g\", \"q\"), (\"q\", \"out\")])";
-        compiled_file(&parsed(text))
-    };
+    let lines = "t: taps\ng: shut\nq: gain\nout: probe\nt -> g\ng -> q\nq -> out";
+    let text = || compiled_with(lines, &["g.every=3"]);
     let mut rig = Rig::of(text());
     rig.run(10);
     rig.controller.swap(text(), &["g".to_owned()]).expect("it is sent");
@@ -224,9 +213,7 @@ fn gate_rebuilt_between_two_questions_holds_its_answer() {
 #[test]
 fn a_node_in_quarantine_hands_nothing_on() {
     let with = |from| format!("t: taps(fails_from: {from})\nout: probe\nt -> out");
-    let mut rig = Rig::new(&with(3));
-    rig.run(20);
-    rig.swap(&with(1000));
+    let (mut rig, _) = Rig::swapped(&with(3), 20, &with(1000));
     rig.run(10);
     assert_eq!(rig.control("t"), 10.0, "it may have left anything behind");
     assert_eq!(rig.controller.collect()[0].anew, ["t"]);
@@ -292,9 +279,7 @@ fn a_tail_is_counted_from_the_end_of_the_fade() {
 #[test]
 fn no_step_enters_a_delay_that_goes_on_or_begins_anew() {
     let step = |from: &str, to: &str, ticks: usize| {
-        let mut rig = Rig::new(from);
-        rig.run(20);
-        rig.swap(to);
+        let (mut rig, _) = Rig::swapped(from, 20, to);
         rig.run(ticks);
         let anew = rig.controller.collect().into_iter().flat_map(|f| f.anew).any(|id| id == "d");
         assert_eq!(anew, to.contains("late"), "a node that hands nothing on is told to have begun anew");

@@ -4,6 +4,7 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
+use asperity_checks::wrap::stateless;
 use asperity_node::{
     Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Prepared, Processor, RateSpec, Registry,
     Resume, Setup, ShapeSpec, State, Status, Tick, Unit,
@@ -11,47 +12,25 @@ use asperity_node::{
 
 const AUDIO: ShapeSpec = ShapeSpec::Audio(RateSpec::Graph);
 
-/// A sine by the sample's number, so that it is the same whenever it began.
-struct Tone {
-    hz: f64,
-    level: f64,
-    rate_hz: u32,
+/// A node that passes audio on.
+fn passes(kind: &'static str, docs: &'static str) -> Descriptor {
+    Descriptor::new(kind, docs).input(Input::new("in", AUDIO, Unit::NONE)).output(Output::new(
+        "out",
+        AUDIO,
+        Unit::NONE,
+    ))
 }
 
-impl Node for Tone {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("tone", "A sine.")
-            .output(Output::new("out", AUDIO, Unit::NONE))
-            .param(Param::number(
-                "hz",
-                100.0,
-                0.0..=20_000.0,
-                "Its frequency; a quarter of a turn ahead at 0.",
-            ))
-            .param(Param::number("level", 1.0, -10.0..=10.0, "Its amplitude."))
-            .resumes(Resume::Continue)
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let p = setup.params;
-        Ok(Prepared::new(Self {
-            hz: p.number("hz"),
-            level: p.number("level"),
-            rate_hz: setup.output_rate(0),
-        }))
-    }
+/// A parameter that changes nothing.
+fn version(name: &'static str, most: i64) -> Param {
+    Param::integer(name, 0, 0..=most, "Changes nothing.")
 }
 
-impl Processor for Tone {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let span = tick.samples(self.rate_hz);
-        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = (self.level * (TAU * self.hz * n as f64 / f64::from(self.rate_hz)).cos()) as f32;
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
+/// Multiplies this tick's audio.
+fn scaled(tick: &mut Tick<'_>, by: f32) -> Status {
+    let pairs = tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0));
+    pairs.for_each(|(y, x)| *y = by * x);
+    Status::Continue
 }
 
 /// A one-pole low-pass that hands its memory on; `KEEPS` false forgets to.
@@ -62,9 +41,7 @@ struct OnePole<const KEEPS: bool> {
 
 impl<const KEEPS: bool> Node for OnePole<KEEPS> {
     fn descriptor() -> Descriptor {
-        Descriptor::new(if KEEPS { "one_pole" } else { "forgetful" }, "A low-pass.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::NONE))
+        passes(if KEEPS { "one_pole" } else { "forgetful" }, "A low-pass.")
             .param(Param::number("part", 0.001, 0.0..=1.0, "Part of a new sample."))
             .param(Param::integer("taps", 1, 1..=9, "Only makes the state longer."))
             .resumes(Resume::Never)
@@ -139,10 +116,7 @@ struct Late(Vec<f32>);
 
 impl Node for Late {
     fn descriptor() -> Descriptor {
-        Descriptor::new("late", "A delay that forgets.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::NONE))
-            .param(Param::integer("version", 0, 0..=9, "Changes nothing."))
+        passes("late", "A delay that forgets.").param(version("version", 9))
     }
 
     fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -193,42 +167,13 @@ impl Processor for Shut {
     fn reset(&mut self) {}
 }
 
-/// A gain that may not change while it runs.
-struct Scale(f32);
-
-impl Node for Scale {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("scale", "A gain.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::NONE))
-            .param(Param::number("by", 1.0, -1e6..=1e6, "The factor."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(setup.params.number("by") as f32)))
-    }
-}
-
-impl Processor for Scale {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
-            *y = self.0 * x;
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
 /// A gain that may change while it runs.
 struct LiveGain(f32);
 
 impl Node for LiveGain {
     fn descriptor() -> Descriptor {
-        Descriptor::new("live_gain", "A gain.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::NONE))
-            .param(Param::integer("fixed", 0, 0..=9, "Changes nothing."))
+        passes("live_gain", "A gain.")
+            .param(version("fixed", 9))
             .param(Param::number("gain", 1.0, 0.0..=2.0, "The factor.").live())
             .param(Param::choice("sign", &["plus", "minus"], "Its sign.").live())
     }
@@ -249,10 +194,7 @@ impl Processor for LiveGain {
     }
 
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
-            *y = self.0 * x;
-        }
-        Status::Continue
+        scaled(tick, self.0)
     }
 
     fn reset(&mut self) {}
@@ -287,30 +229,6 @@ impl<const LIVE: bool> Processor for Level<LIVE> {
     fn reset(&mut self) {}
 }
 
-/// Makes an ampere of a number, as if a limiter stood behind it.
-struct Amps;
-
-impl Node for Amps {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("amps", "A limited current.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::AMPERE).limited())
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Amps {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
 thread_local! {
     static TRACKED: Cell<i64> = const { Cell::new(0) };
     static TRACKED_CALLS: Cell<u64> = const { Cell::new(0) };
@@ -326,8 +244,15 @@ pub fn tracked() -> i64 {
     TRACKED.get()
 }
 
-/// Passes audio on, and is counted for as long as it lives.
+/// The memory of a node that is counted for as long as it lives.
 struct Tracked(Vec<f32>);
+
+impl Tracked {
+    fn new() -> Self {
+        TRACKED.set(TRACKED.get() + 1);
+        Self(vec![0.0; 1000])
+    }
+}
 
 impl Drop for Tracked {
     fn drop(&mut self) {
@@ -335,45 +260,59 @@ impl Drop for Tracked {
     }
 }
 
-impl Node for Tracked {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("tracked", "Passes on.")
-            .input(Input::new("in", AUDIO, Unit::NONE))
-            .output(Output::new("out", AUDIO, Unit::NONE))
-            .param(Param::integer("version", 0, 0..=1_000_000, "Changes nothing."))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        TRACKED.set(TRACKED.get() + 1);
-        Ok(Prepared::new(Self(vec![0.0; 1000])))
-    }
-}
-
-impl Processor for Tracked {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        TRACKED_CALLS.set(TRACKED_CALLS.get() + 1);
-        let input = tick.inputs.audio(0);
-        self.0[..input.len()].copy_from_slice(input);
-        tick.outputs.audio(0).copy_from_slice(input);
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
 /// Adds these kinds.
 pub fn with_tones(registry: Registry) -> Registry {
-    registry
-        .with::<Tone>()
+    // A sine by the sample's number, so that it is the same whenever it began.
+    let hz = Param::number("hz", 100.0, 0.0..=20_000.0, "Its frequency; a quarter of a turn ahead at 0.");
+    let tone = Descriptor::new("tone", "A sine.")
+        .output(Output::new("out", AUDIO, Unit::NONE))
+        .param(hz)
+        .param(Param::number("level", 1.0, -10.0..=10.0, "Its amplitude."))
+        .resumes(Resume::Continue);
+    let tone = stateless(tone, |setup| {
+        let (hz, level) = (setup.params.number("hz"), setup.params.number("level"));
+        let rate_hz = setup.output_rate(0);
+        move |tick| {
+            let span = tick.samples(rate_hz);
+            for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+                *y = (level * (TAU * hz * n as f64 / f64::from(rate_hz)).cos()) as f32;
+            }
+            Status::Continue
+        }
+    });
+    // A gain that may not change while it runs.
+    let scale = passes("scale", "A gain.").param(Param::number("by", 1.0, -1e6..=1e6, "The factor."));
+    let scale = stateless(scale, |setup| {
+        let by = setup.params.number("by") as f32;
+        move |tick| scaled(tick, by)
+    });
+    // Makes an ampere of a number, as if a limiter stood behind it.
+    let amps = Descriptor::new("amps", "A limited current.")
+        .input(Input::new("in", AUDIO, Unit::NONE))
+        .output(Output::new("out", AUDIO, Unit::AMPERE).limited());
+    let amps = stateless(amps, |_| |tick| scaled(tick, 1.0));
+    // Passes audio on, and is counted for as long as it lives.
+    let counted = passes("tracked", "Passes on.").param(version("version", 1_000_000));
+    let counted = stateless(counted, |_| {
+        let mut memory = Tracked::new();
+        move |tick| {
+            TRACKED_CALLS.set(TRACKED_CALLS.get() + 1);
+            let input = tick.inputs.audio(0);
+            memory.0[..input.len()].copy_from_slice(input);
+            scaled(tick, 1.0)
+        }
+    });
+    let mut registry = registry
         .with::<OnePole<true>>()
         .with::<OnePole<false>>()
         .with::<Taps>()
-        .with::<Scale>()
         .with::<LiveGain>()
         .with::<Late>()
         .with::<Shut>()
         .with::<Level<false>>()
-        .with::<Level<true>>()
-        .with::<Amps>()
-        .with::<Tracked>()
+        .with::<Level<true>>();
+    for kind in [tone, scale, amps, counted] {
+        registry.add(kind);
+    }
+    registry
 }

@@ -152,7 +152,7 @@ fn wrapped_node_hears_every_call() {
     let (kind, heard) = witness();
     let plain = seen(&kind, &heard);
     assert!(plain.contains("warm 7") && plain.contains("Err(Failed(9))"), "{plain}");
-    let through = wrap(kind.clone(), Arc::new(|_| Box::new(|node, tick| Ok(node.process(tick)))));
+    let through = wrap(kind.clone(), |_| Box::new(|node, tick| Ok(node.process(tick))));
     let apart = asperity_live::apart(kind.clone(), None);
     for (name, wrapped) in [("wrap", through), ("apart", apart)] {
         heard.lock().expect("nobody panicked").clear();

@@ -4,30 +4,16 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use asperity_autoregressive::{Filter, Model, Texture, TextureFile, is_stable, line_spectrum};
-use asperity_checks::textures::{
-    Bench, Voice, Way, across, decibels, draw, radius, silent_after, square, stay,
-};
-use asperity_checks::{Found, Stop, Subject, Verdict, holds as hold};
+use asperity_checks::textures::{Bench, Voice, Way, across, draw, radius, silent_after, square, stay};
+use asperity_checks::{Found, Stop, Subject, Verdict, decibels, ensure};
 use asperity_graph::GraphFile;
 use asperity_node::{Fault, Setup, Status, random};
 
 use tempfile::TempDir;
 
-use crate::{breaks, case, fails, graph, holds, passes, scene as shipped, subject, wrap};
+use crate::{breaks, called, case, fails, graph, holds, passes, scene as shipped, sounding, subject};
 
 const KIND: &str = "autoregressive";
-
-/// The kind with something done to what it puts out, by the number of the tick.
-fn after(
-    subject: &Subject<'static>,
-    change: impl Fn(u64, &mut [f32]) + Send + Sync + Clone + 'static,
-) -> Subject<'static> {
-    let kind = subject.kind(KIND).expect("the kind");
-    subject.clone().with(wrap::after(kind, move |tick| {
-        let index = tick.index;
-        change(index, tick.outputs.audio(0));
-    }))
-}
 
 /// The first texture of a node that is prepared.
 fn first(setup: &Setup<'_>) -> Arc<Texture> {
@@ -39,9 +25,7 @@ fn first(setup: &Setup<'_>) -> Arc<Texture> {
 /// The recursion over the signal's own past, as in papers, instead of the kind. Eight samples at 8 kHz hold
 /// one at 1 kHz. `filter` answers the filter at a place.
 fn recursion(filter: fn(&Texture, f64, f64) -> Filter) -> Subject<'static> {
-    let subject = subject(None);
-    let kind = subject.kind(KIND).expect("the kind");
-    let make = move |setup: &Setup<'_>| -> wrap::Process {
+    called(&subject(None), KIND, move |setup| {
         let texture = first(setup);
         let mut past: Vec<f64> = vec![0.0; 64];
         let mut number = 0_u64;
@@ -59,8 +43,7 @@ fn recursion(filter: fn(&Texture, f64, f64) -> Filter) -> Subject<'static> {
             }
             if past[0].is_finite() { Ok(Status::Continue) } else { Err(Fault::NotFinite) }
         })
-    };
-    subject.with(wrap::wrap(kind, Arc::new(make)))
+    })
 }
 
 /// A mixture of coefficients, of which papers warn.
@@ -133,7 +116,7 @@ fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
         x.iter().zip(y).map(|(x, y)| x + w * (y - x)).collect()
     };
     let unstable = (1..8).filter(|i| !is_stable(&mixed(&one, &other, part(*i)))).count();
-    hold(unstable > 0, || "the models of this case are not hard".to_owned())?;
+    ensure!(unstable > 0, "the models of this case are not hard");
     let lines = |ar: &[f64]| {
         line_spectrum::from_polynomial(ar)
             .ok_or_else(|| Stop::Failed("a model of this case is unstable".to_owned()))
@@ -152,7 +135,7 @@ fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
         let mut heard = bench.begin(0, stay([50.0 + 200.0 * w, 1.0]))?;
         heard.square(1.0)?;
         let off = decibels(heard.square(seconds)?, wanted);
-        hold(off.abs() <= 1.5, || format!("at {w} of the edge the level is {off:+.1} dB off"))?;
+        ensure!(off.abs() <= 1.5, "at {w} of the edge the level is {off:+.1} dB off");
         (worst, loudest) = (worst.max(off.abs()), loudest.max(wanted.sqrt()));
     }
     Ok(format!(
@@ -171,29 +154,26 @@ fn poles_at_0_999_hold(subject: &Subject<'_>) -> Found {
     let mut last = 0.0_f64;
     for of in [&eight[2..3], &eight[..]] {
         let (bench, _file) = made(subject, vec![model(poles(of), 1.0, [100.0, 1.0])])?;
-        let end = (seconds + 10.0) * f64::from(bench.tick_hz());
+        let end = (seconds + 10.0) * f64::from(bench.hz[0]);
         let mut heard = bench.begin(0, move |tick| [if (tick as f64) < end { 100.0 } else { 0.0 }, 1.0])?;
         heard.square(10.0)?;
         let off = decibels(heard.square(seconds)?, 1.0);
-        hold(off.abs() <= 1.5, || format!("{} pairs: the level is {off:+.1} dB off", of.len()))?;
+        ensure!(off.abs() <= 1.5, "{} pairs: the level is {off:+.1} dB off", of.len());
         worst = worst.max(off.abs());
         // 0.999^7000 is -60.8 dB; what was there when it was let go may have been 8 dB louder than the mean.
         heard.square(7.0)?;
         let left = decibels(heard.square(0.1)?, 1.0);
-        hold(left < -50.0, || {
-            format!("{} pairs: 7 s after it was let go there is {left:.0} dB left", of.len())
-        })?;
+        ensure!(left < -50.0, "{} pairs: 7 s after it was let go there is {left:.0} dB left", of.len());
         let silence = silent_after(0.999, RATE_HZ, 1.0);
         heard.square(silence - 7.1)?;
         let rest = heard.square(1.0)?;
-        hold(rest == 0.0, || {
-            format!(
-                "{} pairs: not silent {silence:.0} s after it was let go: {:.1e} m/s^2",
-                of.len(),
-                rest.sqrt()
-            )
-        })?;
-        hold(heard.denormals == 0, || format!("{} samples are denormal", heard.denormals))?;
+        ensure!(
+            rest == 0.0,
+            "{} pairs: not silent {silence:.0} s after it was let go: {:.1e} m/s^2",
+            of.len(),
+            rest.sqrt()
+        );
+        ensure!(heard.denormals == 0, "{} samples are denormal", heard.denormals);
         last = silence;
     }
     Ok(format!("levels are within {worst:.2} dB; silent {last:.0} s after they are let go"))
@@ -210,7 +190,7 @@ fn zero_variance_hold(subject: &Subject<'_>) -> Found {
     for m in models.iter().filter(|m| m.variance == 0.0) {
         let mut heard = bench.begin(0, stay([m.speed_mm_s, m.force_n]))?;
         let square = heard.square(2.0)?;
-        hold(square == 0.0, || format!("{:.1e} m/s^2 at a model without variance", square.sqrt()))?;
+        ensure!(square == 0.0, "{:.1e} m/s^2 at a model without variance", square.sqrt());
     }
     // On the edge to a silent one the variance is mixed linearly.
     let seconds = subject.by_effort(5.0, 20.0, 600.0);
@@ -219,9 +199,7 @@ fn zero_variance_hold(subject: &Subject<'_>) -> Found {
         let mut heard = bench.begin(0, stay([20.0 + 200.0 * part, 2.2]))?;
         heard.square(1.0)?;
         let off = decibels(heard.square(seconds)?, part);
-        hold(off.abs() <= 1.5, || {
-            format!("{part} of the way to the one that sounds the level is {off:+.1} dB off")
-        })?;
+        ensure!(off.abs() <= 1.5, "{part} of the way to the one that sounds the level is {off:+.1} dB off");
         worst = worst.max(off.abs());
     }
     let silence = silent_after(radius(&ar), RATE_HZ, 1.0);
@@ -229,10 +207,12 @@ fn zero_variance_hold(subject: &Subject<'_>) -> Found {
     let sounded = heard.square(2.0)?;
     heard.square(silence)?;
     let rest = heard.square(1.0)?;
-    hold(sounded > 0.1 && rest == 0.0, || {
-        format!("{:.1e} m/s^2 is left {silence:.1} s after the way to a silent model", rest.sqrt())
-    })?;
-    hold(heard.denormals == 0, || format!("{} samples are denormal", heard.denormals))?;
+    ensure!(
+        sounded > 0.1 && rest == 0.0,
+        "{:.1e} m/s^2 is left {silence:.1} s after the way to a silent model",
+        rest.sqrt()
+    );
+    ensure!(heard.denormals == 0, "{} samples are denormal", heard.denormals);
     Ok(format!("levels between are within {worst:.2} dB; what sounded is gone within {silence:.1} s"))
 }
 
@@ -260,8 +240,8 @@ fn fast_walks_hold(subject: &Subject<'_>) -> Found {
     let forces: Way = Arc::new(|k| if k % 2 == 0 { [200.0, 0.3] } else { [200.0, 3.0] });
     let mut worst = [0.0_f64; 2];
     for tick_hz in [100, 500, 1000] {
-        let (bench, _file) = made(subject, models.clone())?;
-        let bench = bench.at_ticks(tick_hz);
+        let (mut bench, _file) = made(subject, models.clone())?;
+        bench.hz[0] = tick_hz;
         for (name, way) in
             [("anywhere", &anywhere), ("between two corners", &corners), ("between two forces", &forces)]
         {
@@ -298,9 +278,7 @@ fn every_vertex_hold(subject: &Subject<'_>) -> Found {
             let off = decibels(heard.square(third)?, square(&m.filter()));
             // Four deviations of the draw, where there is little time.
             let limit = (4.3 * 4.0 * draw(&m.filter(), RATE_HZ, third)).max(1.0);
-            hold(off.abs() <= limit, || {
-                format!("vertex {i}: the level is {off:+.1} dB off in the {when} third")
-            })?;
+            ensure!(off.abs() <= limit, "vertex {i}: the level is {off:+.1} dB off in the {when} third");
             worst = worst.max(off.abs());
         }
     }
@@ -318,9 +296,9 @@ fn poles_at_0_999() {
     let subject = subject(None);
     passes("poles_at_0_999", poles_at_0_999_hold, &subject);
     // Something of the signal stays for ever.
-    let lasting = after(&subject, |_, out| out.iter_mut().for_each(|x| *x += 1e-12));
+    let lasting = sounding(&subject, KIND, |out, _| out.iter_mut().for_each(|x| *x += 1e-12));
     breaks("poles_at_0_999", poles_at_0_999_hold, &lasting, "not silent");
-    let loud = after(&subject, |_, out| out.iter_mut().for_each(|x| *x *= 1.3));
+    let loud = sounding(&subject, KIND, |out, _| out.iter_mut().for_each(|x| *x *= 1.3));
     breaks("poles_at_0_999", poles_at_0_999_hold, &loud, "the level is");
 }
 
@@ -328,7 +306,8 @@ fn poles_at_0_999() {
 fn zero_variance() {
     let subject = subject(None);
     passes("zero_variance", zero_variance_hold, &subject);
-    let hum = after(&subject, |tick, out| out.iter_mut().for_each(|x| *x += 1e-9 * (tick % 2) as f32));
+    let hum =
+        sounding(&subject, KIND, |out, tick| out.iter_mut().for_each(|x| *x += 1e-9 * (tick % 2) as f32));
     breaks("zero_variance", zero_variance_hold, &hum, "at a model without variance");
 }
 
@@ -349,7 +328,7 @@ fn every_vertex() {
     let subject = subject(None);
     passes("every_vertex", every_vertex_hold, &subject);
     // A level that creeps: 2 dB in a quarter of a minute.
-    let creeps = after(&subject, |tick, out| {
+    let creeps = sounding(&subject, KIND, |out, tick| {
         let gain = 1.0 + (tick as f32 / 30_000.0).min(1.0);
         out.iter_mut().for_each(|x| *x *= gain);
     });
@@ -361,9 +340,8 @@ fn own_models() {
     let every = shipped("every_effect.ron");
     let with_models = subject(Some(&every));
     holds("own_models", &with_models);
-    let kind = with_models.kind(KIND).expect("the kind");
-    let loud = wrap::after(kind, |tick| tick.outputs.audio(0).iter_mut().for_each(|x| *x *= 2.0));
-    fails("own_models", &with_models.clone().with(loud), "the level is");
+    let loud = sounding(&with_models, KIND, |out, _| out.iter_mut().for_each(|x| *x *= 2.0));
+    fails("own_models", &loud, "the level is");
     let without = graph("texture.ron");
     assert_eq!(case("own_models").run(&subject(Some(&without))).verdict, Verdict::NotApplicable);
 }

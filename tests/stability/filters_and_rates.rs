@@ -1,41 +1,15 @@
 //! Rates, tails, changes, and clocks that are off.
 
-use std::sync::Arc;
-
 use asperity_checks::{Effort, Subject};
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
-use asperity_node::{Fault, NodeKind, Param, Status, time};
+use asperity_node::{Fault, Param, Tick, time};
 
-use crate::{fails, graph, holds, plugin, scene, subject, wrap};
+use crate::{broken, called, fails, graph, holds, plugin, scene, subject};
 
-/// A kind that changes the samples of its first output, a tick at a time: by the samples, the number of the
-/// call, and ticks a second.
-fn changed(
-    subject: &Subject<'_>,
-    kind: &str,
-    change: impl Fn(&mut [f32], u64, u32) + Clone + Send + Sync + 'static,
-) -> Arc<NodeKind> {
-    wrap::of(subject, kind, move |_| {
-        let (change, mut calls) = (change.clone(), 0);
-        Box::new(move |node, tick| {
-            node.run(tick)?;
-            let hz = tick.tick_hz;
-            change(tick.outputs.audio(0), calls, hz);
-            calls += 1;
-            Ok(Status::Continue)
-        })
-    })
-}
-
-/// A kind that fails in some ticks.
-fn failing(
-    subject: &Subject<'_>,
-    kind: &str,
-    when: impl Fn(&mut asperity_node::Tick<'_>) -> bool + Clone + Send + Sync + 'static,
-) -> Arc<NodeKind> {
-    wrap::of(subject, kind, move |_| {
-        let when = when.clone();
+/// A mutant that fails in some ticks.
+fn failing<'g>(subject: &Subject<'g>, kind: &str, when: fn(&mut Tick<'_>) -> bool) -> Subject<'g> {
+    called(subject, kind, move |_| {
         Box::new(move |node, tick| if when(tick) { Err(Fault::Failed(3)) } else { node.run(tick) })
     })
 }
@@ -59,7 +33,7 @@ fn rates_of_graph() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     let odd = failing(&subject, "velocity", |tick| tick.tick_hz % 10 != 0);
-    fails("rates_of_graph", &subject.clone().with(odd), "faults at");
+    fails("rates_of_graph", &odd, "faults at");
 }
 
 #[test]
@@ -67,10 +41,10 @@ fn rates_of_kinds() {
     let subject = subject(None);
     holds("rates_of_kinds", &subject);
     let empty = failing(&subject, "overlap_add", |tick| tick.outputs.audio(0).is_empty());
-    fails("rates_of_kinds", &subject.clone().with(empty), "faults at");
+    fails("rates_of_kinds", &empty, "faults at");
 }
 
-/// A change of the first output of a kind, as [`changed`] takes it.
+/// A change of the first output of a kind: by the samples, the number of the call, and ticks a second.
 type Change = fn(&mut [f32], u64, u32);
 
 /// A case of kinds holds, and fails where one of them is changed.
@@ -78,8 +52,12 @@ fn holds_but_for(case: &str, mutants: &[(&str, Change, &str)]) {
     let subject = subject(None);
     holds(case, &subject);
     for &(kind, change, why) in mutants {
-        let mutant = changed(&subject, kind, change);
-        fails(case, &subject.clone().with(mutant), why);
+        let mutant = broken(&subject, kind, move |calls: &mut u64, tick| {
+            let hz = tick.tick_hz;
+            change(tick.outputs.audio(0), *calls, hz);
+            *calls += 1;
+        });
+        fails(case, &mutant, why);
     }
 }
 
@@ -146,20 +124,12 @@ fn tail_of_graph() {
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     // Once it has been heard it is never quite silent.
-    let hums = wrap::of(&subject, "limiter", |_| {
-        let mut heard = false;
-        Box::new(move |node, tick| {
-            let status = node.run(tick)?;
-            let y = tick.outputs.audio(0);
-            heard |= y.iter().any(|y| *y != 0.0);
-            if heard {
-                y.iter_mut().for_each(|y| *y += 1e-9);
-                return Ok(Status::Continue);
-            }
-            Ok(status)
-        })
+    let hums = broken(&subject, "limiter", |heard: &mut bool, tick| {
+        let y = tick.outputs.audio(0);
+        *heard |= y.iter().any(|y| *y != 0.0);
+        y.iter_mut().filter(|_| *heard).for_each(|y| *y += 1e-9);
     });
-    fails("tail_of_graph", &subject.clone().with(hums), "something is played until");
+    fails("tail_of_graph", &hums, "something is played until");
 }
 
 #[test]
@@ -186,46 +156,16 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// A clock for ticks: told of a callback (time in ns, frames), it says when a frame is asked for,
-/// and at which frame a time is.
-trait Follows {
-    fn heard(&mut self, now_ns: f64, frames: u64);
-    fn time_ns(&self, position: f64) -> f64;
-}
-
-impl Follows for Dll {
-    fn heard(&mut self, now_ns: f64, frames: u64) {
-        assert_eq!(self.callback(now_ns as u64, frames).lost, 0, "nothing was lost");
-    }
-
-    fn time_ns(&self, position: f64) -> f64 {
-        self.line().time_ns(position)
-    }
-}
-
-/// The mutant: a clock that is right at the first callback, and goes by the rate that is written on the
-/// device.
-#[derive(Default)]
-struct Nominal {
-    began_ns: Option<f64>,
-}
-
-impl Follows for Nominal {
-    fn heard(&mut self, now_ns: f64, _frames: u64) {
-        self.began_ns.get_or_insert(now_ns);
-    }
-
-    fn time_ns(&self, position: f64) -> f64 {
-        self.began_ns.unwrap_or_default() + position * 1e9 / f64::from(RATE_HZ)
-    }
-}
+/// A clock for ticks: told of the time of a callback \[ns\], if there is one, it answers when a frame is asked
+/// for.
+type Clock<'a> = &'a mut dyn FnMut(Option<f64>, f64) -> f64;
 
 /// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames
 /// between the ticks that have been run and what the device has taken, the least and the most of them after
 /// the first 10 s; and by how much two ticks were nearer or further apart than they should be, in us. Ticks
 /// are run by the rule of the paced driver, each a period and 1.5 ms before its first frame is asked for: it
 /// is the driver's clock that is looked at here.
-fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
+fn an_hour(ppm: f64, clock: Clock<'_>) -> (f64, f64, f64) {
     let frame_ns = 1e9 / (f64::from(RATE_HZ) * (1.0 + ppm * 1e-6));
     let lead_ns = PERIOD as f64 * frame_ns + 1.5e6;
     // The stream begins at a frame a little ahead, once a tenth of a second has been listened to.
@@ -235,7 +175,7 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
     for call in 0..3600 * u64::from(RATE_HZ) / PERIOD {
         let asked = call * PERIOD;
         let now = 1e9 + asked as f64 * frame_ns + 5e5 * uniform(5, call);
-        clock.heard(now, PERIOD);
+        clock(Some(now), 0.0);
         if asked < begin {
             continue;
         }
@@ -243,7 +183,7 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
         let next = now + PERIOD as f64 * frame_ns;
         loop {
             let first = time::first_sample(tick, RATE_HZ, TICK_HZ);
-            let due = clock.time_ns((begin + first) as f64) - lead_ns;
+            let due = clock(None, (begin + first) as f64) - lead_ns;
             if due > next {
                 break;
             }
@@ -268,11 +208,23 @@ fn an_hour(ppm: f64, clock: &mut dyn Follows) -> (f64, f64, f64) {
 fn a_clock_that_is_off_by_500_ppm_is_followed_for_an_hour() {
     let bound = PERIOD as f64 + 96.0 + 0.003 * f64::from(RATE_HZ);
     for ppm in [500.0, -500.0, 0.0] {
-        let (least, most, uneven) = an_hour(ppm, &mut Dll::new(RATE_HZ));
+        let mut dll = Dll::new(RATE_HZ);
+        let mut follows = |heard: Option<f64>, position| {
+            let lost = heard.map_or(0, |now| dll.callback(now as u64, PERIOD).lost);
+            assert_eq!(lost, 0, "nothing was lost");
+            dll.line().time_ns(position)
+        };
+        let (least, most, uneven) = an_hour(ppm, &mut follows);
         println!("{ppm} ppm: {least} to {most} frames ahead, ticks uneven by {uneven:.1} us at most");
         assert!(least >= 0.0 && most <= bound, "{ppm} ppm: {least} to {most} frames, {bound} at most");
         assert!(uneven <= 100.0, "{ppm} ppm: ticks are uneven by {uneven} us");
-        let (least, most, _) = an_hour(ppm, &mut Nominal::default());
+        // The mutant: it is right at the first callback, and goes by the rate that is written on the device.
+        let mut began = None;
+        let mut nominal = |heard: Option<f64>, position: f64| {
+            began = began.or(heard);
+            began.unwrap_or_default() + position * 1e9 / f64::from(RATE_HZ)
+        };
+        let (least, most, _) = an_hour(ppm, &mut nominal);
         assert_eq!(least < 0.0 || most > bound, ppm != 0.0, "the mutant at {ppm} ppm: {least} to {most}");
     }
 }

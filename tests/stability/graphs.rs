@@ -1,27 +1,26 @@
 //! Graphs of any shape and size.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use asperity_checks::{Became, Drawn, Subject, drawn};
-use asperity_node::{Fault, NodeKind, Status};
+use asperity_node::{Fault, Status, Tick};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestError, TestRng, TestRunner};
 
-use crate::{fails, graph, holds, scene, subject, wrap};
+use crate::{broken, called, fails, graph, holds, scene, subject};
 
-/// A kind that does something else in its 30th call.
+/// A mutant that does something else in its 30th call.
 fn once(
-    subject: &Subject<'_>,
+    subject: &Subject<'static>,
     kind: &str,
-    what: fn(&mut asperity_node::Tick<'_>) -> Result<Status, Fault>,
-) -> Arc<NodeKind> {
-    wrap::of(subject, kind, move |_| {
+    does: fn(&mut Tick<'_>) -> Result<Status, Fault>,
+) -> Subject<'static> {
+    called(subject, kind, move |_| {
         let mut calls = 0;
         Box::new(move |node, tick| {
             calls += 1;
             let status = node.run(tick)?;
-            if calls == 30 { what(tick) } else { Ok(status) }
+            if calls == 30 { does(tick) } else { Ok(status) }
         })
     })
 }
@@ -31,35 +30,31 @@ fn random_graphs() {
     let subject = subject(None);
     holds("random_graphs", &subject);
     let fault = once(&subject, "gain", |_| Err(Fault::Failed(3)));
-    fails("random_graphs", &subject.clone().with(fault), "failed with code 3");
+    fails("random_graphs", &fault, "failed with code 3");
     let panics = once(&subject, "velocity", |_| panic!("asked for"));
-    fails("random_graphs", &subject.clone().with(panics), "panicked");
+    fails("random_graphs", &panics, "panicked");
     let nan = once(&subject, "resample", |tick| {
         tick.outputs.audio(0).iter_mut().for_each(|y| *y = f32::NAN);
         Ok(Status::Continue)
     });
-    fails("random_graphs", &subject.clone().with(nan), "wrote a value that is not finite");
+    fails("random_graphs", &nan, "wrote a value that is not finite");
 }
 
 #[test]
 fn same_bytes() {
-    for name in ["texture.ron", "heravi2024.ron", "live.ron", "haply.ron"] {
-        let graph = graph(name);
-        holds("same_bytes", &subject(Some(&graph)));
-    }
-    for name in ["every_effect.ron", "side_by_side.ron"] {
-        let graph = scene(name);
-        holds("same_bytes", &subject(Some(&graph)));
+    let graphs = ["texture.ron", "heravi2024.ron", "live.ron", "haply.ron"].map(graph);
+    for graph in graphs.iter().chain(&["every_effect.ron", "side_by_side.ron"].map(scene)) {
+        holds("same_bytes", &subject(Some(graph)));
     }
     let graph = graph("texture.ron");
     let subject = subject(Some(&graph));
     static CALLS: AtomicU64 = AtomicU64::new(0);
     // What it answers follows from how often any node of its kind was called.
-    let shared = wrap::after(subject.kind("virtual_floor").expect("the kind"), |tick| {
+    let shared = broken(&subject, "virtual_floor", |(): &mut (), tick| {
         let calls = CALLS.fetch_add(1, Ordering::Relaxed);
         tick.outputs.control(0).iter_mut().for_each(|x| *x += 1e-15 * calls as f64);
     });
-    fails("same_bytes", &subject.clone().with(shared), "differs in tick");
+    fails("same_bytes", &shared, "differs in tick");
 }
 
 /// Draws a graph by a list of choices; those beyond its end are 0.
@@ -94,8 +89,7 @@ proptest! {
 /// A fault in one kind of node is found, and the graph that shows it is cut down to what one can read.
 #[test]
 fn failing_graph_shrinks_to_a_few_nodes() {
-    let plain = subject(None);
-    let subject = plain.clone().with(once(&plain, "gain", |_| Err(Fault::Failed(3))));
+    let subject = once(&subject(None), "gain", |_| Err(Fault::Failed(3)));
     let config = ProptestConfig { cases: 512, failure_persistence: None, ..ProptestConfig::default() };
     // A draw may be stuck where nothing that is left out alone still fails: the best of some.
     let shrunk = (0..6_u8).map(|seed| {

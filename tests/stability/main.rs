@@ -16,13 +16,13 @@ mod phase;
 mod readers;
 mod shapes;
 mod stiff_walls;
-mod wrap;
 
 use std::sync::Arc;
 
+use asperity_checks::wrap::{Process, with_memory, wrap};
 use asperity_checks::{Case, Effort, Found, Outcome, Stop, Subject, Verdict, cases};
 use asperity_graph::GraphFile;
-use asperity_node::{Descriptor, NodeKind};
+use asperity_node::{Descriptor, NodeKind, Setup, Tick};
 use harness::graph::lowered;
 use harness::registry;
 
@@ -59,9 +59,35 @@ fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
     if let Some(graph) = graph { subject.graph(graph) } else { subject }
 }
 
-/// The same kinds with one replaced, without a graph.
-fn mutated(subject: &Subject<'_>, kind: Arc<NodeKind>) -> Subject<'static> {
-    Subject::new(subject.registry().clone()).effort(subject.allowed()).with(kind)
+/// A mutant: the outputs of a kind are changed after each call. The change has a memory for each node, which
+/// a reset leaves alone.
+fn broken<'g, M: Default + Send + 'static>(
+    subject: &Subject<'g>,
+    kind: &str,
+    change: impl Fn(&mut M, &mut Tick<'_>) + Clone + Send + Sync + 'static,
+) -> Subject<'g> {
+    subject.clone().with(with_memory(subject.kind(kind).expect("the kind"), change))
+}
+
+/// A mutant: the nodes of a kind are called in another way.
+fn called<'g>(
+    subject: &Subject<'g>,
+    kind: &str,
+    make: impl Fn(&Setup<'_>) -> Process + Send + Sync + 'static,
+) -> Subject<'g> {
+    subject.clone().with(wrap(subject.kind(kind).expect("the kind"), make))
+}
+
+/// A mutant: the samples of a kind's first output are changed a tick at a time, by the number of the tick.
+fn sounding<'g>(
+    subject: &Subject<'g>,
+    kind: &str,
+    change: impl Fn(&mut [f32], u64) + Clone + Send + Sync + 'static,
+) -> Subject<'g> {
+    broken(subject, kind, move |(): &mut (), tick| {
+        let index = tick.index;
+        change(tick.outputs.audio(0), index);
+    })
 }
 
 /// A kind as of a plugin: like another, with another name and more in its descriptor.

@@ -1,13 +1,11 @@
 //! A texture network that goes wrong.
 
-use std::sync::Arc;
-
 use asperity_checks::{Effort, Subject};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
 use asperity_texture::Library;
 
-use crate::{effort, fails, graph, holds, scene, subject, wrap};
+use crate::{broken, called, effort, fails, graph, holds, scene, sounding, subject};
 
 /// Shipped graphs that are looked at where there is time.
 const SHIPPED: [&str; 4] = ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"];
@@ -27,26 +25,11 @@ fn holds_for(name: &str, others: &[&str]) {
     }
 }
 
-/// The learned texture with a kind whose nodes are called by way of something else.
-fn mutant<'a>(
-    graph: &'a GraphFile,
-    kind: &str,
-    make: impl Fn() -> wrap::Process + Send + Sync + 'static,
-) -> Subject<'a> {
-    let subject = subject(Some(graph));
-    let kind = subject.kind(kind).expect("the kind");
-    subject.with(wrap::wrap(kind, Arc::new(move |_| make())))
-}
-
 /// The learned texture with a limiter that is none: what comes in goes out, up to a size.
 fn without_limiter(graph: &GraphFile, most: f32) -> Subject<'_> {
-    mutant(graph, "limiter", move || {
-        Box::new(move |node, tick| {
-            let status = node.run(tick)?;
-            let given = tick.inputs.audio(0);
-            tick.outputs.audio(0).iter_mut().zip(given).for_each(|(y, x)| *y = x.clamp(-most, most));
-            Ok(status)
-        })
+    broken(&subject(Some(graph)), "limiter", move |(): &mut (), tick| {
+        let given = tick.inputs.audio(0);
+        tick.outputs.audio(0).iter_mut().zip(given).for_each(|(y, x)| *y = x.clamp(-most, most));
     })
 }
 
@@ -56,17 +39,12 @@ fn network_not_finite() {
     // Phase retrieval that never gets over a frame of zeros, which is what the engine puts in the place of
     // a bad one.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "shaped_noise", || {
-        let mut hurt = false;
-        Box::new(move |node, tick| {
-            hurt |= tick.index > 450
-                && tick.inputs.magnitude(0).is_some_and(|f| f.bins.iter().all(|m| *m == 0.0));
-            let status = node.run(tick)?;
-            if hurt {
-                tick.outputs.audio(0).iter_mut().for_each(|x| *x *= 0.5);
-            }
-            Ok(status)
-        })
+    let mutant = broken(&subject(Some(&graph)), "shaped_noise", |hurt: &mut bool, tick| {
+        let frame = tick.inputs.magnitude(0).filter(|_| tick.index > 450);
+        *hurt |= frame.is_some_and(|f| f.bins.iter().all(|m| *m == 0.0));
+        if *hurt {
+            tick.outputs.audio(0).iter_mut().for_each(|x| *x *= 0.5);
+        }
     });
     fails("network_not_finite", &mutant, "the level is");
 }
@@ -83,7 +61,7 @@ fn network_negative() {
     holds_for("network_negative", &SHIPPED);
     // Phase retrieval that takes a negative magnitude for a mistake.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "shaped_noise", || {
+    let mutant = called(&subject(Some(&graph)), "shaped_noise", |_| {
         Box::new(|node, tick| match tick.inputs.magnitude(0) {
             Some(frame) if frame.bins.iter().any(|m| *m < 0.0) => Err(Fault::Failed(3)),
             _ => node.run(tick),
@@ -97,13 +75,8 @@ fn network_denormal() {
     holds_for("network_denormal", &SHIPPED);
     // A gain that lets nothing end.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "gain", || {
-        Box::new(|node, tick| {
-            let status = node.run(tick)?;
-            let tail = f32::from_bits(77);
-            tick.outputs.audio(0).iter_mut().filter(|x| x.abs() < 1e-7).for_each(|x| *x = tail);
-            Ok(status)
-        })
+    let mutant = sounding(&subject(Some(&graph)), "gain", |y, _| {
+        y.iter_mut().filter(|x| x.abs() < 1e-7).for_each(|x| *x = f32::from_bits(77));
     });
     fails("network_denormal", &mutant, "denormal numbers in the outputs of other nodes");
 }
@@ -120,15 +93,11 @@ fn network_out_of_range() {
     holds_for("network_out_of_range", &SHIPPED);
     // A network that grows with the third power of the force.
     let graph = graph("texture.ron");
-    let mutant = mutant(&graph, "texture_network", || {
-        Box::new(|node, tick| {
-            let force = tick.inputs.control(0).iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-            let status = node.run(tick)?;
-            if let Some(Buffer::Magnitude { bins, frame: Some(_), .. }) = tick.outputs.buffers().first_mut() {
-                bins.iter_mut().for_each(|m| *m *= force.powi(3) as f32);
-            }
-            Ok(status)
-        })
+    let mutant = broken(&subject(Some(&graph)), "texture_network", |(): &mut (), tick| {
+        let force = tick.inputs.control(0).iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        if let Some(Buffer::Magnitude { bins, frame: Some(_), .. }) = tick.outputs.buffers().first_mut() {
+            bins.iter_mut().for_each(|m| *m *= force.powi(3) as f32);
+        }
     });
     fails("network_out_of_range", &mutant, "a magnitude of");
 }

@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
 use asperity_checks::Subject;
+use asperity_checks::wrap::Process;
 use asperity_loader::Plugin;
 use asperity_node::{Complex, Fault, NodeKind, Registry, Setup, Status, Tick};
 
-use crate::{effort, fails, holds, wrap};
+use crate::{called, effort, fails, holds, sounding, subject};
 use harness::plugins;
 
 /// The built-in kinds and those of the plugins that retrieve phase.
@@ -26,14 +27,9 @@ fn all() -> Subject<'static> {
     Subject::new(registry.clone()).effort(effort())
 }
 
-/// The built-in kinds with one that is called by way of something else.
-fn mutant(
-    kind: &str,
-    make: impl Fn(&Setup<'_>) -> wrap::Process + Send + Sync + 'static,
-) -> Subject<'static> {
-    let subject = Subject::new(harness::registry()).effort(effort());
-    let kind = subject.kind(kind).expect("the kind");
-    subject.with(wrap::wrap(kind, Arc::new(make)))
+/// The built-in kinds with one that is called in another way.
+fn mutant(kind: &str, make: impl Fn(&Setup<'_>) -> Process + Send + Sync + 'static) -> Subject<'static> {
+    called(&subject(None), kind, make)
 }
 
 /// Change of a spectrum by a mutant: with the input, the frame's number and first sample, and the
@@ -65,13 +61,7 @@ fn turn(spectrum: &mut [Complex<f32>], samples: f64, len: f64) {
 #[test]
 fn phase_silence() {
     holds("phase_silence", &all());
-    let hum = mutant("oscillator_bank", |_| {
-        Box::new(|node, tick| {
-            node.run(tick)?;
-            tick.outputs.audio(0).iter_mut().for_each(|x| *x += 1e-6);
-            Ok(Status::Continue)
-        })
-    });
+    let hum = sounding(&subject(None), "oscillator_bank", |y, _| y.iter_mut().for_each(|x| *x += 1e-6));
     fails("phase_silence", &hum, "before its tone begins");
 }
 

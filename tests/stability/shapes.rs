@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use asperity_checks::played::Played;
-use asperity_checks::{Found, Rig, Subject, holds};
-use asperity_graph::GraphFile;
+use asperity_checks::{Found, Rig, Subject, ensure};
 use asperity_node::{Role, Unit};
+use harness::graph::of_lines;
 
-use crate::{breaks, passes, subject, wrap};
+use crate::{breaks, broken, passes, subject};
 
 /// Ticks of each run.
 const TICKS: u64 = 24;
@@ -21,7 +21,7 @@ const MANY: usize = 100;
 /// A shape of a number of nodes or a few more, and the value at its sinks in a tick.
 struct Shape {
     name: &'static str,
-    make: fn(usize) -> Sketch,
+    make: fn(usize) -> String,
     stated: fn(usize, u64) -> f64,
 }
 
@@ -33,97 +33,74 @@ const SHAPES: [Shape; 5] = [
     Shape { name: "many to many", make: many_to_many, stated: |_, _| 1.0 },
 ];
 
-/// A graph that is built.
-struct Sketch(GraphFile);
-
-impl Sketch {
-    fn node(mut self, id: &str, kind: &str, params: &[(&str, &str)]) -> Self {
-        self.0.add_node(id, kind, params, "the test").expect("a new id");
-        self
-    }
-
-    fn wire(mut self, from: &str, to: &str) -> Self {
-        self.0.add_wire(from, to, "the test");
-        self
-    }
+/// A graph with a source of 1, in lines of nodes and wires.
+fn begun() -> String {
+    format!("one: {ONE}\n")
 }
 
-/// A graph with a source of 1.
-fn begun() -> Sketch {
-    Sketch(GraphFile::empty("the test")).node("one", ONE, &[])
+/// The graph with a probe at its end.
+fn heard(mut graph: String, end: &str) -> String {
+    graph += &format!("out: probe\n{end} -> out\n");
+    graph
 }
 
 /// Gains of 2 and 1/2 in a row.
-fn chain(nodes: usize) -> Sketch {
-    let (mut graph, last) = run_of(begun(), "one".into(), nodes.saturating_sub(2));
-    graph = graph.node("out", "probe", &[]);
-    graph.wire(&last, "out")
+fn chain(nodes: usize) -> String {
+    let mut graph = begun();
+    let last = run_of(&mut graph, "one".into(), nodes.saturating_sub(2));
+    heard(graph, &last)
 }
 
-/// A number of gains behind `from` with a product of 1. Answers the last of them.
-fn run_of(mut graph: Sketch, from: String, nodes: usize) -> (Sketch, String) {
-    let mut last = from;
-    for i in 0..nodes {
+/// Adds a number of gains behind `from` with a product of 1. Answers the last of them.
+fn run_of(graph: &mut String, from: String, nodes: usize) -> String {
+    (0..nodes).fold(from, |last, i| {
         let gain = if nodes % 2 == 1 && i + 1 == nodes { "1.0" } else { ["2.0", "0.5"][i % 2] };
-        let id = format!("g{i}");
-        graph = graph.node(&id, "gain", &[("gain", gain)]).wire(&last, &id);
-        last = id;
-    }
-    (graph, last)
+        *graph += &format!("g{i}: gain(gain: {gain})\n{last} -> g{i}\n");
+        format!("g{i}")
+    })
 }
 
-/// The mean of many, by mixes of mixes.
-fn mean(mut graph: Sketch, mut ends: Vec<String>) -> (Sketch, String) {
+/// Adds the mean of many, by mixes of mixes. Answers its node.
+fn mean(graph: &mut String, mut ends: Vec<String>) -> String {
     let mut level = 0;
     while ends.len() > 1 {
-        let (all, mut next) = (ends.len() as f64, Vec::new());
+        let mut next = Vec::new();
         for (k, some) in ends.chunks(MIX).enumerate() {
-            let id = format!("m{level} {k}");
+            let (id, count) = (format!("m{level} {k}"), some.len());
             // The ends are equal, so the mean of means is their mean.
-            let weight =
-                format!("[{}]", vec![format!("{:?}", 1.0 / some.len() as f64); some.len()].join(", "));
-            graph = graph.node(&id, "mix", &[("inputs", &some.len().to_string()), ("gains", &weight)]);
-            for (i, end) in some.iter().enumerate() {
-                graph = graph.wire(end, &format!("{id}.in{}", i + 1));
+            let gains = vec![1.0 / count as f64; count];
+            *graph += &format!("{id}: mix(inputs: {count}, gains: {gains:?})\n");
+            for (end, i) in some.iter().zip(1..) {
+                *graph += &format!("{end} -> {id}.in{i}\n");
             }
             next.push(id);
         }
-        assert!((next.len() as f64) < all, "the mixes make no tree");
+        assert!(next.len() < ends.len(), "the mixes make no tree");
         (ends, level) = (next, level + 1);
     }
-    (graph, ends.pop().unwrap_or_default())
+    ends.pop().unwrap_or_default()
 }
 
 /// One into many, and all into one.
-fn fan(nodes: usize) -> Sketch {
+fn fan(nodes: usize) -> String {
     let wide = nodes.saturating_sub(2).max(1) * (MIX - 1) / MIX + 1;
     let mut graph = begun();
-    let mut ends = Vec::new();
     for i in 0..wide {
-        let id = format!("g{i}");
-        graph = graph.node(&id, "gain", &[]).wire("one", &id);
-        ends.push(id);
+        graph += &format!("g{i}: gain\none -> g{i}\n");
     }
-    let (graph, last) = mean(graph, ends);
-    graph.node("out", "probe", &[]).wire(&last, "out")
+    let last = mean(&mut graph, (0..wide).map(|i| format!("g{i}")).collect());
+    heard(graph, &last)
 }
 
 /// Two ways from node to node, again and again: 2^n paths.
-fn diamonds(nodes: usize) -> Sketch {
+fn diamonds(nodes: usize) -> String {
     let (mut graph, mut last) = (begun(), "one".to_owned());
     for i in 0..(nodes / 3).max(1) {
-        let [a, b, sum] = ["a", "b", "s"].map(|side| format!("{side}{i}"));
-        graph = graph
-            .node(&a, "gain", &[("gain", "0.25")])
-            .node(&b, "gain", &[("gain", "0.75")])
-            .node(&sum, "mix", &[])
-            .wire(&last, &a)
-            .wire(&last, &b)
-            .wire(&a, &format!("{sum}.in1"))
-            .wire(&b, &format!("{sum}.in2"));
-        last = sum;
+        graph += &format!("a{i}: gain(gain: 0.25)\nb{i}: gain(gain: 0.75)\ns{i}: mix\n");
+        graph += &format!("{last} -> a{i}\n{last} -> b{i}\na{i} -> s{i}.in1\nb{i} -> s{i}.in2\n");
+        last = format!("s{i}");
     }
-    graph.node("out", "probe", &[]).wire(&last, "out")
+    heard(graph, &last)
 }
 
 /// Number of loops in so many nodes.
@@ -132,19 +109,14 @@ fn loops_in(nodes: usize) -> usize {
 }
 
 /// Loops in a row: y is half of x and half of y a tick before.
-fn loops(nodes: usize) -> Sketch {
+fn loops(nodes: usize) -> String {
     let (mut graph, mut last) = (begun(), "one".to_owned());
     for i in 0..loops_in(nodes) {
-        let [sum, later] = ["s", "d"].map(|part| format!("{part}{i}"));
-        graph = graph
-            .node(&sum, "mix", &[("gains", "[0.5, 0.5]")])
-            .node(&later, "delay", &[("delay_ms", "2.0")])
-            .wire(&last, &format!("{sum}.in1"))
-            .wire(&later, &format!("{sum}.in2"))
-            .wire(&sum, &later);
-        last = sum;
+        graph += &format!("s{i}: mix(gains: [0.5, 0.5])\nd{i}: delay(delay_ms: 2.0)\n");
+        graph += &format!("{last} -> s{i}.in1\nd{i} -> s{i}.in2\ns{i} -> d{i}\n");
+        last = format!("s{i}");
     }
-    graph.node("out", "probe", &[]).wire(&last, "out")
+    heard(graph, &last)
 }
 
 /// The output of the last loop in a tick: the probability that n coins, each thrown until heads, take n +
@@ -162,21 +134,19 @@ fn settling(nodes: usize, tick: u64) -> f64 {
 }
 
 /// The mean of a hundred sources, through a chain to a hundred sinks.
-fn many_to_many(nodes: usize) -> Sketch {
+fn many_to_many(nodes: usize) -> String {
     let many = MANY.min(nodes / 4).max(1);
     let (mut graph, mut ends) = (begun(), vec!["one".to_owned()]);
     for i in 1..many {
-        let id = format!("source {i}");
-        graph = graph.node(&id, ONE, &[]);
-        ends.push(id);
+        graph += &format!("source {i}: {ONE}\n");
+        ends.push(format!("source {i}"));
     }
-    let (graph, first) = mean(graph, ends);
-    let (mut graph, last) = run_of(graph, first, nodes.saturating_sub(2 * many + many / MIX + 1).max(1));
-    for i in 0..many {
-        let id = if i == 0 { "out".to_owned() } else { format!("out {i}") };
-        graph = graph.node(&id, "probe", &[]).wire(&last, &id);
+    let first = mean(&mut graph, ends);
+    let last = run_of(&mut graph, first, nodes.saturating_sub(2 * many + many / MIX + 1).max(1));
+    for i in 1..many {
+        graph += &format!("out {i}: probe\n{last} -> out {i}\n");
     }
-    graph
+    heard(graph, &last)
 }
 
 /// Runs every shape. One node alone is refused, as nobody hears it. Each other graph loads and runs without
@@ -189,20 +159,23 @@ fn sizes(subject: &Subject<'_>) -> Found {
         &[1, 2, 3, 10, 100, 1000, 5000],
         &[1, 2, 3, 5, 10, 30, 100, 300, 1000, 3000, 5000],
     );
-    let refused = subject.compiled(&begun().0, &one).err();
-    holds(refused.as_ref().is_some_and(|why| why.contains("sink")), || {
-        format!("a node that nobody hears is not refused: {}", refused.unwrap_or_default())
-    })?;
+    let refused = subject.compiled(&of_lines(&begun()), &one).err();
+    ensure!(
+        refused.as_ref().is_some_and(|why| why.contains("sink")),
+        "a node that nobody hears is not refused: {}",
+        refused.unwrap_or_default()
+    );
     let (mut most, mut worst, mut named) = (0, 0.0_f64, 0);
     for shape in &SHAPES {
         for size in sizes {
             let place = format!("{} of {size}", shape.name);
-            let mut rig = Rig::of(subject, &(shape.make)(*size).0, &one).map_err(|e| e.after(&place))?;
+            let mut rig =
+                Rig::of(subject, &of_lines(&(shape.make)(*size)), &one).map_err(|e| e.after(&place))?;
             let nodes = rig.schedule.nodes.len();
             let steps = rig.schedule.steps.len();
-            holds(steps <= 3 * nodes, || format!("{place}: {steps} steps for {nodes} nodes"))?;
+            ensure!(steps <= 3 * nodes, "{place}: {steps} steps for {nodes} nodes");
             let paths: usize = rig.schedule.paths.iter().map(|p| p.through.len()).sum();
-            holds(paths <= 20 * nodes + 200_000, || format!("{place}: paths of {paths} nodes for {nodes}"))?;
+            ensure!(paths <= 20 * nodes + 200_000, "{place}: paths of {paths} nodes for {nodes}");
             let sinks: Vec<usize> = rig.schedule.with_role(Role::Probe).map(|(i, _)| i).collect();
             rig.run(TICKS, |rig, tick| {
                 for &sink in &sinks {
@@ -213,11 +186,11 @@ fn sizes(subject: &Subject<'_>) -> Found {
                     let stated = (shape.stated)(*size, tick);
                     let off = got.map_or(f64::INFINITY, |got| (got - stated).abs());
                     worst = worst.max(off);
-                    holds(off <= 1e-6, || format!("{place}: {got:?} and not {stated} in tick {tick}"))?;
+                    ensure!(off <= 1e-6, "{place}: {got:?} and not {stated} in tick {tick}");
                 }
                 Ok(())
             })?;
-            holds(rig.engine.faults() == 0, || format!("{place}: {} faults", rig.engine.faults()))?;
+            ensure!(rig.engine.faults() == 0, "{place}: {} faults", rig.engine.faults());
             (most, named) = (most.max(nodes), named.max(paths));
         }
     }
@@ -229,9 +202,9 @@ fn one_to_5000_nodes() {
     let subject = subject(None);
     passes("one_to_5000_nodes", sizes, &subject);
     for kind in ["gain", "mix", "delay"] {
-        let louder = wrap::after(subject.kind(kind).expect("the kind"), |tick| {
+        let louder = broken(&subject, kind, |(): &mut (), tick| {
             tick.outputs.control(0).iter_mut().for_each(|x| *x *= 1.0001);
         });
-        breaks("one_to_5000_nodes", sizes, &subject.clone().with(louder), "and not");
+        breaks("one_to_5000_nodes", sizes, &louder, "and not");
     }
 }

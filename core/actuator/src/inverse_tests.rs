@@ -3,6 +3,7 @@
 use super::super::testing::{RungeKutta, hapcoil, lock_in};
 use super::super::{Drive, Plant};
 use super::*;
+use std::f64::consts::PI;
 
 const RATE: f64 = 48_000.0;
 
@@ -83,6 +84,33 @@ fn voltage_inverse_has_its_transfer_function() {
         let want = v_per_i / a_per_i * corner / (s / (TAU * 10_000.0) + 1.0);
         let got = inv.response(hz);
         assert!((got / want - 1.0).norm() < 2e-3, "{hz}: {got} {want}");
+    }
+}
+
+/// In closed form from 1 Hz, where the actuator pushes nothing, to far above its band. Also for actuators
+/// whose mass, spring and damping are 20 % off.
+#[test]
+fn pair_answers_as_its_filters_in_closed_form() {
+    let d = hapcoil(100.0);
+    for drive in [Drive::Current, Drive::Voltage] {
+        for corner in 0..9 {
+            let by = |bit: u32| if corner == 8 { 1.0 } else { 0.8 + 0.4 * f64::from(corner >> bit & 1) };
+            let other = Dynamics {
+                moving_mass: d.moving_mass * by(0),
+                stiffness: d.stiffness * by(1),
+                damping: d.damping * by(2),
+                ..d
+            };
+            let all = [1.0, 5.0, 20.0, 65.0, 90.0, 400.0, 1000.0, 8000.0, 20_000.0, 23_999.0];
+            for hz in all.into_iter().filter(|hz| corner == 8 || (20.0..=400.0).contains(hz)) {
+                let mut plant = Plant::new(&other, drive, RATE);
+                let got = pair(drive, hz, |u| plant.step(u).acceleration);
+                let stated = stated_inverse(&d, drive, hz) * stated_plant(&other, drive, hz);
+                // f32 rounds away 10^-5 of what is asked at most.
+                let off = (got - stated).norm();
+                assert!(off <= 1e-3 * stated.norm() + 1e-5, "{drive:?} {corner} {hz} Hz: {got} {stated}");
+            }
+        }
     }
 }
 
@@ -211,4 +239,71 @@ fn huge_acceleration_decays_like_a_large_one() {
         // exp(-w_c zeta_c t) at 20 Hz is 309 dB in 0.4 s.
         assert!(rest[19_200..].iter().all(|u| u.abs() < 1e-6), "{drive:?} {}", rest[19_200]);
     }
+}
+
+/// Drive per acceleration of the inverse of `d` \[A or V per m/s^2\], by the bilinear transform that is
+/// exact at the resonance w: `s = j c tan(pi f / rate)`, `c = w / tan(w / 2 rate)`.
+fn stated_inverse(d: &Dynamics, drive: Drive, hz: f64) -> Complex64 {
+    let w = d.natural_rad_s();
+    let c = w / (w / 2.0 / RATE).tan();
+    let s = Complex64::new(0.0, c * (PI * hz / RATE).tan());
+    let (mu, wc) = (d.reduced_mass(), TAU * 20.0);
+    let corner = s * s + s * (2.0 * FRAC_1_SQRT_2 * wc) + wc * wc;
+    let current =
+        -(d.handle_mass / d.force_factor) * (s * s + s * (d.damping / mu) + d.stiffness / mu) / corner;
+    match drive {
+        Drive::Current => current,
+        Drive::Voltage => {
+            let emf = -(d.force_factor * d.handle_mass / mu) * s / corner;
+            let roof = s / (TAU * (RATE / 4.0).min(10_000.0)) + 1.0;
+            ((s * d.inductance + d.resistance) * current + emf) / roof
+        }
+    }
+}
+
+/// Acceleration per drive of the actuator \[m/s^2 per A or V\]; the drive is held from sample to sample.
+///
+/// By partial fractions: the hold makes `r (e^(p T) - 1) / p / (z - e^(p T))` of a part `r / (s - p)`.
+fn stated_plant(d: &Dynamics, drive: Drive, hz: f64) -> Complex64 {
+    let (mu, push) = (d.reduced_mass(), d.force_factor / d.handle_mass);
+    let (b, ww) = (d.damping / mu, d.stiffness / mu);
+    // A/u = direct + part / den, highest power first; den is monic.
+    let (direct, part, den) = match drive {
+        Drive::Current => (-push, vec![push * b, push * ww], vec![1.0, b, ww]),
+        Drive::Voltage => {
+            let (r, l) = (d.resistance, d.inductance);
+            let brake = d.force_factor * d.force_factor / mu;
+            (0.0, vec![-push / l, 0.0, 0.0], vec![1.0, r / l + b, r * b / l + ww + brake / l, r * ww / l])
+        }
+    };
+    let derivative: Vec<f64> =
+        den.iter().zip((1..den.len()).rev()).map(|(a, power)| a * power as f64).collect();
+    let z = Complex64::from_polar(1.0, TAU * hz / RATE);
+    let parts = roots(&den).into_iter().map(|p| {
+        let held = (p / RATE).exp();
+        at(&part, p) / at(&derivative, p) * (held - 1.0) / p / (z - held)
+    });
+    parts.sum::<Complex64>() + direct
+}
+
+fn at(polynomial: &[f64], s: Complex64) -> Complex64 {
+    polynomial.iter().fold(Complex64::new(0.0, 0.0), |sum, a| sum * s + *a)
+}
+
+/// The roots of a monic polynomial, all at once (K. Weierstrass 1891, E. Durand 1960, I. Kerner 1966).
+fn roots(monic: &[f64]) -> Vec<Complex64> {
+    let degree = monic.len() - 1;
+    // A circle around all of them (Fujiwara).
+    let radius = monic.iter().enumerate().skip(1).map(|(k, a)| 2.0 * a.abs().powf(1.0 / k as f64));
+    let radius = radius.fold(0.0, f64::max);
+    let start = |k: usize| Complex64::from_polar(radius, TAU * k as f64 / degree as f64 + 0.4);
+    let mut all: Vec<Complex64> = (0..degree).map(start).collect();
+    for _ in 0..500 {
+        for k in 0..degree {
+            let others = (0..degree).filter(|i| *i != k).map(|i| all[k] - all[i]);
+            let step = at(monic, all[k]) / others.product::<Complex64>();
+            all[k] -= step;
+        }
+    }
+    all
 }

@@ -5,7 +5,6 @@
 //! suspension (k, c). The coil pushes it with k_f I. The housing is fixed to the handle (together m_h),
 //! which gets the opposite push. With x the mover's place relative to the handle and mu = m_a m_h /
 //! (m_a + m_h):
-//! / (m_a + m_h):
 //!
 //! ```text
 //! mu x'' + c x' + k x = k_f I        x/I = (k_f / mu) / (s^2 + 2 zeta w_n s + w_n^2)
@@ -26,14 +25,13 @@ mod inverse;
 mod limiter;
 mod plant;
 mod profile;
-mod shipped;
 
 use asperity_diagnostics::Diagnostic;
 
 pub use dynamics::Dynamics;
 pub use inverse::{Inverse, InverseModel, InverseSettings};
 pub use limiter::{ChannelGuard, Limiter, LimiterReport, LimiterSettings, Limits};
-pub use plant::{Motion, Plant};
+pub use plant::{Motion, Plant, exponential};
 pub use profile::{ActuatorProfile, Quantity};
 
 /// The meaning of a sample to the amplifier.

@@ -108,28 +108,24 @@ impl Plant {
     }
 }
 
-type Matrix = [[f64; 4]; 4];
-
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-/// e^m by scaling and squaring of the Taylor series.
-fn exponential(m: Matrix) -> Matrix {
+/// e^m by scaling and squaring of the Taylor series. Where the last rows are 0, it takes a linear system over
+/// a time of constant inputs, exactly.
+pub fn exponential<const N: usize>(m: [[f64; N]; N]) -> [[f64; N]; N] {
+    let matrix =
+        |at: &dyn Fn(usize, usize) -> f64| std::array::from_fn(|i| std::array::from_fn(|j| at(i, j)));
+    let product = |a: &[[f64; N]; N], b: &[[f64; N]; N]| -> [[f64; N]; N] {
+        matrix(&|i, j| (0..N).map(|k| a[i][k] * b[k][j]).sum())
+    };
     let norm = m.iter().map(|r| r.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
     let squarings = if norm > 0.25 { ((norm / 0.25).log_2().ceil() as i32).clamp(0, 60) } else { 0 };
     let small = m.map(|r| r.map(|x| x / f64::from(squarings).exp_2()));
-    let one: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let one: [[f64; N]; N] = matrix(&|i, j| f64::from(u8::from(i == j)));
     // Horner; 0.25^14 / 14! is below 1e-19.
-    let mut sum = one;
-    for n in (1..=14).rev() {
+    let sum = (1..=14).rev().fold(one, |sum, n| {
         let p = product(&small, &sum);
-        sum = std::array::from_fn(|i| std::array::from_fn(|j| one[i][j] + p[i][j] / f64::from(n)));
-    }
-    for _ in 0..squarings {
-        sum = product(&sum, &sum);
-    }
-    sum
+        matrix(&|i, j| one[i][j] + p[i][j] / f64::from(n))
+    });
+    (0..squarings).fold(sum, |sum, _| product(&sum, &sum))
 }
 
 #[cfg(test)]

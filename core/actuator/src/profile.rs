@@ -1,10 +1,10 @@
 //! The file of an actuator.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_diagnostics::ron::{Value, parse};
-use asperity_diagnostics::{Diagnostic, Source};
+use asperity_diagnostics::{Diagnostic, Source, one_of};
 
 /// A value and its origin.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,41 +112,28 @@ impl ActuatorProfile {
             return Err(name.error("an actuator needs a name").help("what is printed on it"));
         }
         let name = name.text()?.to_owned();
-        let mut values = Vec::with_capacity(FIELDS.len());
+        let mut all = Vec::with_capacity(FIELDS.len());
         for field in FIELDS {
             let value = record.required(field.0)?;
-            values.push((quantity(value, field)?, value));
+            all.push((quantity(value, field)?, value));
         }
         record.finish()?;
-        let values: [(Quantity, &Value); 11] =
-            values.try_into().map_err(|_| root.error("this profile is not complete"))?;
-        check_together(&values)?;
-        let [
-            moving_mass,
-            stiffness,
-            damping,
-            force_factor,
-            resistance,
-            inductance,
-            stroke,
-            thermal_time_constant,
-            rated_current,
-            peak_current,
-            peak_voltage,
-        ] = values.map(|(q, _)| q);
+        check_together(&all)?;
+        let mut all = all.into_iter();
+        let mut next = || all.next().map(|(quantity, _)| quantity).expect("a quantity for each field");
         Ok(Self {
             name,
-            moving_mass,
-            stiffness,
-            damping,
-            force_factor,
-            resistance,
-            inductance,
-            stroke,
-            thermal_time_constant,
-            rated_current,
-            peak_current,
-            peak_voltage,
+            moving_mass: next(),
+            stiffness: next(),
+            damping: next(),
+            force_factor: next(),
+            resistance: next(),
+            inductance: next(),
+            stroke: next(),
+            thermal_time_constant: next(),
+            rated_current: next(),
+            peak_current: next(),
+            peak_voltage: next(),
         })
     }
 
@@ -166,6 +153,53 @@ impl ActuatorProfile {
             &self.peak_voltage,
         ];
         std::array::from_fn(|n| (FIELDS[n].0, all[n]))
+    }
+}
+
+/// Profiles that a graph names without a file.
+const SHIPPED: [(&str, &str); 2] = [
+    ("hapcoil_one", include_str!("../../../graphs/actuators/hapcoil_one.ron")),
+    ("haptuator_mark_ii", include_str!("../../../graphs/actuators/haptuator_mark_ii.ron")),
+];
+
+impl ActuatorProfile {
+    /// The shipped profile of this name, such as `hapcoil_one`, if there is one.
+    ///
+    /// # Errors
+    /// None in practice: shipped profiles are valid.
+    pub fn shipped(name: &str) -> Option<Result<Self, Diagnostic>> {
+        let (name, text) = SHIPPED.iter().find(|(n, _)| *n == name)?;
+        Some(Self::parse(&Source::new(format!("actuators/{name}.ron (shipped)"), *text)))
+    }
+
+    /// The names of the shipped profiles.
+    pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
+        SHIPPED.iter().map(|(name, _)| *name)
+    }
+
+    /// Path of the file that [`find`](Self::find) reads. None for a shipped profile.
+    pub fn file(name: &str, base: &Path) -> Option<PathBuf> {
+        Self::shipped_names().all(|shipped| shipped != name).then(|| base.join(name))
+    }
+
+    /// A profile as a graph names it: a shipped one by name, or a RON file relative to `base`.
+    ///
+    /// # Errors
+    /// An unknown name; a file that is missing or not a profile.
+    pub fn find(name: &str, base: &Path) -> Result<Self, Diagnostic> {
+        if let Some(shipped) = Self::shipped(name) {
+            return shipped;
+        }
+        if !name.ends_with(".ron") {
+            let help = one_of(name, Self::shipped_names());
+            return Err(Diagnostic::new(format!("there is no shipped actuator profile `{name}`"))
+                .help(format!("{help}; or name a .ron file")));
+        }
+        let path = base.join(name);
+        if path.is_file() {
+            return Self::read(path);
+        }
+        Err(Diagnostic::new(format!("cannot find the actuator profile {}", path.display())))
     }
 }
 
@@ -196,22 +230,18 @@ fn example(field: &str) -> f64 {
     }
 }
 
-fn check_together(values: &[(Quantity, &Value); 11]) -> Result<(), Diagnostic> {
-    let [_, _, _, _, resistance, inductance, _, _, rated, peak, _] = values;
+fn check_together(all: &[(Quantity, &Value)]) -> Result<(), Diagnostic> {
+    let [.., resistance, inductance, _, _, rated, peak, _] = all else { return Ok(()) };
     if peak.0.value < rated.0.value {
-        return Err(peak
-            .1
-            .error("the peak current is below the rated current")
-            .label("too small")
-            .related(rated.1.source(), rated.1.span(), "the rated current")
-            .help(format!("at least {} mA", rated.0.value * 1e3)));
+        let wrong = peak.1.error("the peak current is below the rated current").label("too small");
+        let wrong = wrong.related(rated.1.source(), rated.1.span(), "the rated current");
+        return Err(wrong.help(format!("at least {} mA", rated.0.value * 1e3)));
     }
     if inductance.0.value > 2e-3 * resistance.0.value {
-        return Err(inductance
-            .1
-            .error("a coil of this inductance and resistance would take over 2 ms to follow its voltage")
-            .related(resistance.1.source(), resistance.1.span(), "the resistance")
-            .help(format!("at most {} uH", 2e3 * resistance.0.value)));
+        let wrong = "a coil of this inductance and resistance would take over 2 ms to follow its voltage";
+        let wrong = inductance.1.error(wrong);
+        let wrong = wrong.related(resistance.1.source(), resistance.1.span(), "the resistance");
+        return Err(wrong.help(format!("at most {} uH", 2e3 * resistance.0.value)));
     }
     Ok(())
 }

@@ -4,24 +4,12 @@ use std::f64::consts::TAU;
 
 use asperity_dsp::filter::Complex64;
 
-use super::{Drive, Dynamics, Motion};
+use super::{ActuatorProfile, Drive, Dynamics, Motion};
 
-/// The shipped profile's figures on a handle of `grams`.
+/// The shipped actuator on a handle of `grams`.
 pub(crate) fn hapcoil(grams: f64) -> Dynamics {
-    Dynamics {
-        moving_mass: 4.4e-3,
-        handle_mass: grams * 1e-3,
-        stiffness: 702.97,
-        damping: 0.629,
-        force_factor: 1.78,
-        resistance: 4.5,
-        inductance: 128e-6,
-        stroke: 3e-3,
-        thermal_time_constant: 2.0,
-        rated_current: 0.1478,
-        peak_current: 0.6,
-        peak_voltage: 4.5,
-    }
+    let profile = ActuatorProfile::shipped("hapcoil_one").unwrap().unwrap();
+    Dynamics::new(&profile, grams).unwrap()
 }
 
 /// Fourth-order Runge-Kutta on the equations of both masses, not of their difference.

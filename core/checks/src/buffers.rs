@@ -19,7 +19,7 @@ fn look(buffer: &Buffer, mut each: impl FnMut(FpCategory)) {
 }
 
 /// Whether every number is finite.
-pub(crate) fn finite(buffer: &Buffer) -> bool {
+pub fn finite(buffer: &Buffer) -> bool {
     let mut finite = true;
     look(buffer, |class| finite &= !matches!(class, FpCategory::Nan | FpCategory::Infinite));
     finite
@@ -56,7 +56,7 @@ pub(crate) fn hash(words: impl IntoIterator<Item = u64>) -> u64 {
 }
 
 /// Whether two buffers hold the same to the bit, and are both valid or both not.
-pub(crate) fn same(a: &Buffer, b: &Buffer) -> bool {
+pub fn same(a: &Buffer, b: &Buffer) -> bool {
     words(a).eq(words(b)) && a.is_valid() == b.is_valid()
 }
 

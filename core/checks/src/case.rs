@@ -37,7 +37,16 @@ impl Stop {
     pub fn after(self, about: &str) -> Self {
         match self {
             Self::Failed(why) => Self::Failed(format!("{about}: {why}")),
-            Self::NotApplicable(why) => Self::NotApplicable(why),
+            other => other,
+        }
+    }
+
+    /// Adds to the reason of a failure.
+    #[must_use]
+    pub(crate) fn and(self, more: &str) -> Self {
+        match self {
+            Self::Failed(why) => Self::Failed(format!("{why}, {more}")),
+            other => other,
         }
     }
 }
@@ -65,15 +74,7 @@ pub fn not_applicable<T>(why: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::NotApplicable(why.into()))
 }
 
-/// Ends a case that fails.
-pub(crate) fn fails<T>(why: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Failed(why.into()))
-}
-
 /// Results of those items to which a case applies. `none` is the reason where there is no item at all.
-///
-/// # Errors
-/// The first failure. Where the case applies to no item, the first reason for that.
 pub(crate) fn applicable<T>(
     all: impl IntoIterator<Item = Result<T, Stop>>,
     none: &str,
@@ -91,12 +92,23 @@ pub(crate) fn applicable<T>(
     if found.is_empty() { not_applicable(why_not.unwrap_or_else(|| none.to_owned())) } else { Ok(found) }
 }
 
-/// Checks a condition.
-///
-/// # Errors
-/// The text of `else_say`, where it does not hold.
-pub fn holds(it: bool, else_say: impl FnOnce() -> String) -> Result<(), Stop> {
-    if it { Ok(()) } else { Err(Stop::Failed(else_say())) }
+/// Fails a case, with a formatted reason.
+#[macro_export]
+macro_rules! bail {
+    ($($why:tt)+) => {
+        return Err($crate::Stop::Failed(format!($($why)+)))
+    };
+}
+
+/// Fails a case where a condition does not hold, with a formatted reason.
+#[macro_export]
+macro_rules! ensure {
+    ($holds:expr, $($why:tt)+) => {
+        let holds: bool = $holds;
+        if !holds {
+            $crate::bail!($($why)+);
+        }
+    };
 }
 
 /// Something hard, and what must hold in it.

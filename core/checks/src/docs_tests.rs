@@ -16,20 +16,21 @@ fn all() -> Vec<&'static Case> {
 fn item(case: &Case) -> String {
     let star = if case.of_graph || case.family == "node" { "" } else { " \\*" };
     let text = format!("- `{}`{star}: {}.\n", case.name, case.hard) + &format!("*Must hold:* {}.", case.must);
-    let (mut out, mut width) = (String::new(), 0);
+    let mut out = String::new();
     for line in text.lines() {
+        let mut width = 0;
         for word in line.split(' ') {
-            if width == 0 || width + 1 + word.len() > 105 {
-                out += if out.is_empty() { "" } else { "\n  " };
-                width = 2;
+            let fits = width > 0 && width + 1 + word.len() <= 105;
+            out += if fits {
+                " "
+            } else if out.is_empty() {
+                ""
             } else {
-                out.push(' ');
-                width += 1;
-            }
+                "\n  "
+            };
+            width = if fits { width + 1 } else { 2 } + word.len();
             out += word;
-            width += word.len();
         }
-        width = 0;
     }
     out + "\n"
 }
@@ -69,11 +70,8 @@ fn case_names_are_unique_and_texts_end_without_full_stop() {
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         assert!(case.name.chars().all(plain), "{}", case.name);
         for text in [case.hard, case.must] {
-            assert!(
-                !text.is_empty() && !text.ends_with('.') && !text.contains('\n'),
-                "{}: {text}",
-                case.name
-            );
+            let good = !text.is_empty() && !text.ends_with('.') && !text.contains('\n');
+            assert!(good, "{}: {text}", case.name);
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use asperity_actuator::exponential;
+
 /// A device along one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Device {
@@ -46,6 +48,8 @@ impl Hand {
     }
 }
 
+type Matrix = [[f64; 6]; 6];
+
 /// Places of the state: handle (m, m/s), hand (m, m/s), force on the handle (N), and at last the place to
 /// which the hand moves (m).
 const X: usize = 0;
@@ -64,9 +68,9 @@ const U: usize = 4;
 pub(crate) struct Handle {
     device: Device,
     hand: Option<Hand>,
-    free: Matrix<6>,
+    free: Matrix,
     /// While dry friction holds the handle.
-    stuck: Matrix<6>,
+    stuck: Matrix,
     state: [f64; 6],
 }
 
@@ -81,7 +85,7 @@ impl Handle {
             a[XA][VA] = 1.0;
             a[VA] = [k, b, -k - h.arm[0], -b - h.arm[1], 0.0, h.arm[0]].map(|x| x / h.mass_kg);
         }
-        let by_step = |a: &Matrix<6>| exponential(&a.map(|row| row.map(|x| x * step_s)));
+        let by_step = |a: &Matrix| exponential(a.map(|row| row.map(|x| x * step_s)));
         let free = by_step(&a);
         (a[X], a[V]) = ([0.0; 6], [0.0; 6]);
         Self { device, hand, free, stuck: by_step(&a), state: [0.0; 6] }
@@ -139,37 +143,8 @@ impl Handle {
     }
 }
 
-fn times(a: &Matrix<6>, x: &[f64; 6]) -> [f64; 6] {
+fn times(a: &Matrix, x: &[f64; 6]) -> [f64; 6] {
     std::array::from_fn(|i| (0..6).map(|k| a[i][k] * x[k]).sum())
-}
-
-/// A square matrix, row by row.
-type Matrix<const N: usize> = [[f64; N]; N];
-
-/// `e^A`: the Taylor series of `A / 2^s`, whose norm is at most 1/4, squared `s` times. Where the last rows
-/// of the matrix are 0, it takes a linear system over a time of constant inputs, exactly.
-fn exponential<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
-    let norm = a.iter().map(|row| row.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
-    let squares = if norm > 0.25 { (norm / 0.25).log2().ceil().min(60.0) as i32 } else { 0 };
-    let scaled = a.map(|row| row.map(|x| x * 0.5_f64.powi(squares)));
-    let mut sum = identity::<N>();
-    let mut term = identity::<N>();
-    // 1 / 4^18 / 18! is below 1e-26.
-    for k in 1..=18 {
-        term = product(&term, &scaled).map(|row| row.map(|x| x / f64::from(k)));
-        for (to, from) in sum.as_flattened_mut().iter_mut().zip(term.as_flattened()) {
-            *to += from;
-        }
-    }
-    (0..squares).fold(sum, |power, _| product(&power, &power))
-}
-
-fn identity<const N: usize>() -> Matrix<N> {
-    std::array::from_fn(|i| std::array::from_fn(|k| if i == k { 1.0 } else { 0.0 }))
-}
-
-fn product<const N: usize>(a: &Matrix<N>, b: &Matrix<N>) -> Matrix<N> {
-    std::array::from_fn(|i| std::array::from_fn(|k| (0..N).map(|j| a[i][j] * b[j][k]).sum()))
 }
 
 /// A handle in a loop with a force at a tick rate. Its place is read once a tick, to the nearest step of the
@@ -229,20 +204,6 @@ impl Loop {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn exponential_of_a_spiral_and_a_ramp_is_the_closed_form() {
-        for (s, w) in [(-0.3_f64, 2.0_f64), (-40.0, 300.0), (0.0, 1e-6)] {
-            let e = exponential(&[[s, w], [-w, s]]);
-            let want = [[w.cos(), w.sin()], [-w.sin(), w.cos()]].map(|row| row.map(|x| s.exp() * x));
-            for (a, b) in e.as_flattened().iter().zip(want.as_flattened()) {
-                assert!((a - b).abs() < 1e-12, "{s} {w}: {a}, not {b}");
-            }
-        }
-        // x' = v, v' = u: the series ends.
-        let e = exponential(&[[0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]]);
-        assert!((e[0][2] - 4.5).abs() < 1e-14 && (e[0][1] - 3.0).abs() < 1e-14 && e[2] == [0.0, 0.0, 1.0]);
-    }
 
     const ARM: Device = Device { mass_kg: 0.1, damping_ns_per_m: 0.5, friction_n: 0.0 };
 

@@ -9,8 +9,9 @@
 //! A case is worth nothing that no fault fails. For each case, the tests at the top of the repository have a
 //! mutant that must fail it: a node that is broken on purpose, by [`wrap`](wrap::wrap).
 
-mod buffers;
+#[macro_use]
 mod case;
+mod buffers;
 #[cfg(test)]
 mod docs_tests;
 mod families;
@@ -22,9 +23,10 @@ mod subject;
 mod wall;
 pub mod wrap;
 
-pub use case::{Case, Found, Outcome, Stop, Verdict, holds, not_applicable};
+pub use buffers::{finite, same};
+pub use case::{Case, Found, Outcome, Stop, Verdict, not_applicable};
 pub use families::autoregressive as textures;
-pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, drawn, limited, node_cases};
+pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, decibels, drawn, limited, node_cases};
 pub use node::{TickTime, tick_time};
 pub use rig::Rig;
 pub use subject::{Effort, Heap, Subject, Touched, Witness};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
-use asperity_node::{Buffer, Descriptor, FactValue, NodeKind, Registry, Role, Shape, ShapeSpec, Unit};
+use asperity_node::{Buffer, Descriptor, Fact, FactValue, NodeKind, Registry, Role, Shape, ShapeSpec, Unit};
 
 use crate::case::{Stop, not_applicable};
 use crate::played::{Motion, Played};
@@ -34,18 +34,12 @@ impl CaseGraph {
     }
 
     /// Adds a node with parameters as RON texts.
-    ///
-    /// # Errors
-    /// A text that is no value; an id that is taken.
     pub(crate) fn node(mut self, id: &str, kind: &str, params: &[(&str, &str)]) -> Result<Self, Stop> {
         self.graph.add_node(id, kind, params, ORIGIN)?;
         Ok(self)
     }
 
     /// Adds a node of a kind of the case's own.
-    ///
-    /// # Errors
-    /// An id that is taken.
     pub(crate) fn plays(mut self, id: &str, kind: Arc<NodeKind>) -> Result<Self, Stop> {
         self.graph.add_node(id, &kind.descriptor().kind, &[], ORIGIN)?;
         self.kinds.push(kind);
@@ -64,9 +58,6 @@ impl CaseGraph {
     }
 
     /// Compiles it.
-    ///
-    /// # Errors
-    /// Those of the compiler.
     pub(crate) fn rig(&self, subject: &Subject<'_>) -> Result<Rig, Stop> {
         Rig::of(subject, &self.graph, &self.kinds)
     }
@@ -132,9 +123,6 @@ impl Rig {
     }
 
     /// A graph whose stylus [`place`](Self::place) moves from tick to tick.
-    ///
-    /// # Errors
-    /// Nothing in it moves a stylus.
     pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
         let (graph, kinds) = Self::with_fed_stylus(graph, subject.registry())?;
         Self::of(subject, &graph, &kinds)
@@ -186,18 +174,26 @@ impl Rig {
         Ok(())
     }
 
+    /// Runs so many ticks. Answers the samples of a node's first output. Fails where a node has failed.
+    pub(crate) fn heard(&mut self, ticks: u64, node: &str) -> Result<Vec<f32>, Stop> {
+        let mut heard = Vec::new();
+        for _ in 0..ticks {
+            self.engine.tick();
+            heard.extend_from_slice(self.audio(node, 0));
+        }
+        self.sound()?;
+        Ok(heard)
+    }
+
     /// Number of ticks in so many seconds.
     pub fn ticks(&self, seconds: f64) -> u64 {
         (seconds * f64::from(self.schedule.tick_hz)).round() as u64
     }
 
     /// Checks that no node has failed so far.
-    ///
-    /// # Errors
-    /// The number of faults.
     pub(crate) fn sound(&self) -> Result<(), Stop> {
-        let faults = self.engine.faults();
-        crate::case::holds(faults == 0, || format!("{faults} faults"))
+        ensure!(self.engine.faults() == 0, "{} faults", self.engine.faults());
+        Ok(())
     }
 
     /// This tick's samples of each sound card: A or V at the coil.
@@ -210,11 +206,7 @@ impl Rig {
         let told = |&(node, input): &(usize, usize)| {
             let (limiter, _) = self.schedule.nodes.get(node)?.inputs.get(input)?.from?;
             let facts = &self.schedule.nodes.get(limiter)?.facts;
-            let number = |name| match facts.iter().find(|f| f.name == name)?.value {
-                FactValue::Number(value, _) => Some(value),
-                _ => None,
-            };
-            Some(DriveLimits { peak: number("limit")?, step: number("limit_step")? })
+            Some(DriveLimits { peak: number(facts, "limit")?, step: number(facts, "limit_step")? })
         };
         self.drives.iter().map(told).collect()
     }
@@ -307,6 +299,14 @@ impl From<Compiled> for Rig {
         let felt = felt(&schedule);
         let engine = Engine::new(compiled, Options::default());
         Self { engine, schedule, drives, felt, styluses: Vec::new() }
+    }
+}
+
+/// A number that a node states.
+pub(crate) fn number(facts: &[Fact], name: &str) -> Option<f64> {
+    match facts.iter().find(|f| f.name == name)?.value {
+        FactValue::Number(value, _) => Some(value),
+        _ => None,
     }
 }
 

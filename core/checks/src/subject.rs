@@ -165,16 +165,11 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// There is no such kind.
     pub fn kind(&self, name: &str) -> Result<Arc<NodeKind>, Stop> {
-        self.registry
-            .get(name)
-            .cloned()
-            .ok_or_else(|| Stop::NotApplicable(format!("there is no kind `{name}`")))
+        let kind = self.registry.get(name).cloned();
+        kind.ok_or_else(|| Stop::NotApplicable(format!("there is no kind `{name}`")))
     }
 
     /// The one kind.
-    ///
-    /// # Errors
-    /// None was given.
     pub(crate) fn its_kind(&self) -> Result<&Arc<NodeKind>, Stop> {
         self.one.as_ref().map_or_else(|| not_applicable("no kind was given"), Ok)
     }
@@ -226,8 +221,7 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// That line.
     pub fn compiled(&self, graph: &GraphFile, more: &[Arc<NodeKind>]) -> Result<Compiled, String> {
-        let line =
-            |errors: Vec<Diagnostic>| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
-        self.compile(graph, more).map_err(line)
+        let text = |errors: Vec<Diagnostic>| errors.iter().map(ToString::to_string).collect::<Vec<_>>();
+        self.compile(graph, more).map_err(|errors| text(errors).join("; "))
     }
 }

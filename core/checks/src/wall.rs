@@ -2,10 +2,8 @@
 //!
 //! Sinks that only play, draw or write are taken out, so that a tick costs only the force.
 
-use std::sync::Arc;
-
 use asperity_graph::{GraphFile, WireDecl};
-use asperity_node::{Descriptor, Law, NodeKind, Output, ShapeSpec, Unit, UnitSpec};
+use asperity_node::{Descriptor, Law, Output, ShapeSpec, Unit, UnitSpec};
 use asperity_scene::bound::{Passivity, Sampling};
 
 use crate::case::{Stop, not_applicable};
@@ -15,29 +13,27 @@ use crate::subject::Subject;
 /// Names of the case's own sinks. No graph file can have them.
 const PROBES: [&str; 2] = [" the force ", " the wall "];
 
+/// An output: its node and its number.
+type At = (usize, usize);
+
 /// The force of a graph.
 pub(crate) struct Wall {
     rig: Rig,
-    force: (usize, usize),
+    force: At,
     /// Whether the force is a vector; else it acts along the normal of the wall.
     vector: bool,
-    told: Told,
+    /// Hooke's force, the normal, the stiffness and the damping of the touched wall.
+    touched: At,
+    normal: At,
+    stiffness: Option<At>,
+    damping: Option<At>,
     /// Ticks from one force to the next.
-    every: u64,
+    pub every: u64,
     delay_s: f64,
-    source: String,
-    /// Whether a device is told of the wall and evaluates it in a loop of its own.
-    handed_on: bool,
-}
-
-/// Outputs that describe the wall, and their node.
-#[derive(Clone, Copy, Debug)]
-struct Told {
-    node: usize,
-    force: usize,
-    normal: usize,
-    stiffness: Option<usize>,
-    damping: Option<usize>,
+    /// Name of the output of the force.
+    pub source: String,
+    /// Whether a device is told of the wall and evaluates it in a loop of its own, with less delay.
+    pub handed_on: bool,
 }
 
 fn is(output: &Output, name: &str, count: usize, unit: &Unit) -> bool {
@@ -52,68 +48,27 @@ fn tells(d: &Descriptor) -> bool {
         && d.outputs.iter().any(|o| is(o, "normal", 3, &Unit::NONE))
 }
 
-/// Kinds of floors: they tell of a wall, and take nothing but a place.
-pub(crate) fn floors(subject: &Subject<'_>) -> Vec<Arc<NodeKind>> {
-    let takes_a_place = |d: &Descriptor| {
-        let mut needed = d.inputs.iter().filter(|i| !i.optional && !i.host_fed);
-        let first = needed.next().is_some_and(|i| i.shape == ShapeSpec::Control(3) && i.name == "position");
-        first && needed.next().is_none()
-    };
-    let all = subject.registry().iter().filter(|k| tells(k.descriptor()) && takes_a_place(k.descriptor()));
-    all.cloned().collect()
-}
-
 impl Wall {
     /// The force of the subject's graph.
-    ///
-    /// # Errors
-    /// Nothing in it moves a stylus, or no force follows from where that is.
     pub(crate) fn of_graph(subject: &Subject<'_>) -> Result<Self, Stop> {
-        Self::new(subject, subject.its_graph()?.clone())
+        Self::new(subject, subject.its_graph()?)
     }
 
-    /// The force of a kind of floor, with parameters as a graph file says them.
-    ///
-    /// # Errors
-    /// Errors of the compiler.
-    pub(crate) fn of_floor(
-        subject: &Subject<'_>,
-        kind: &str,
-        params: &[(&str, &str)],
-        tick_hz: u32,
-    ) -> Result<Self, Stop> {
-        let mut graph = GraphFile::empty("a floor");
-        graph.tick_hz = tick_hz;
-        let stylus = subject.registry().iter().find(|k| {
-            let d = k.descriptor();
-            d.inputs.is_empty() && d.outputs.iter().any(|o| is(o, "position", 3, &Unit::MILLIMETRE))
-        });
-        let Some(stylus) = stylus else { return not_applicable("there is no kind that moves a stylus") };
-        graph.add_node("stylus", &stylus.descriptor().kind, &[], "the case")?;
-        graph.add_node("floor", kind, params, "the case")?;
-        graph.add_wire("stylus.position", "floor.position", "the case");
-        Self::new(subject, graph)
-    }
-
-    fn new(subject: &Subject<'_>, graph: GraphFile) -> Result<Self, Stop> {
+    /// The force of a graph.
+    pub(crate) fn new(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
         let registry = subject.registry();
-        let (mut graph, kinds) = Rig::with_fed_stylus(&graph, registry)?;
-        let sinks: Vec<String> = graph
-            .nodes
-            .iter()
-            .filter(|n| registry.get(&n.kind).is_some_and(|k| k.descriptor().sink))
-            .map(|n| n.id.clone())
-            .collect();
+        let (mut graph, kinds) = Rig::with_fed_stylus(graph, registry)?;
+        let is_sink = |kind: &str| registry.get(kind).is_some_and(|k| k.descriptor().sink);
+        let sinks = graph.nodes.iter().filter(|n| is_sink(&n.kind)).map(|n| n.id.clone());
+        let sinks: Vec<String> = sinks.collect();
         let stiffness = |w: &&WireDecl| w.from.port.as_deref() == Some("stiffness");
         let handed_on = graph.wires.iter().filter(stiffness).any(|w| sinks.contains(&w.to.node));
         graph.nodes.retain(|n| !sinks.contains(&n.id));
         graph.wires.retain(|w| !sinks.contains(&w.to.node));
 
-        let declared: Vec<(&str, &Descriptor)> = graph
-            .nodes
-            .iter()
-            .filter_map(|n| Some((n.id.as_str(), registry.get(&n.kind)?.descriptor())))
-            .collect();
+        let declared = graph.nodes.iter();
+        let declared = declared.filter_map(|n| Some((n.id.as_str(), registry.get(&n.kind)?.descriptor())));
+        let declared: Vec<(&str, &Descriptor)> = declared.collect();
         let Some(teller) = declared.iter().find(|(_, d)| tells(d)).map(|(id, _)| (*id).to_owned()) else {
             return not_applicable("nothing in this graph tells of a wall: a force along a normal");
         };
@@ -126,20 +81,14 @@ impl Wall {
         };
         // A force that is limited for a device comes last. Else it is the wall's whole push, else Hooke's
         // force.
-        let vector = out_of(&|o| {
-            o.limited
-                && o.shape == ShapeSpec::Control(3)
-                && matches!(&o.unit, UnitSpec::Is(u) if *u == Unit::NEWTON)
-        })
-        .or_else(|| out_of(&|o| is(o, "push", 3, &Unit::NEWTON)));
+        let newtons = UnitSpec::Is(Unit::NEWTON);
+        let vector = out_of(&|o| o.limited && o.shape == ShapeSpec::Control(3) && o.unit == newtons)
+            .or_else(|| out_of(&|o| is(o, "push", 3, &Unit::NEWTON)));
         let (node, port) = vector.clone().unwrap_or_else(|| (teller.clone(), "force".to_owned()));
-        for (probe, from) in PROBES
-            .iter()
-            .zip([format!("{node}.{port}"), format!("{teller}.force")])
-            .take(if vector.is_some() { 2 } else { 1 })
-        {
+        let ends = [format!("{node}.{port}"), format!("{teller}.force")];
+        for (probe, from) in PROBES.iter().zip(&ends).take(if vector.is_some() { 2 } else { 1 }) {
             graph.add_node(probe, "probe", &[], "the case")?;
-            graph.add_wire(&from, probe, "the case");
+            graph.add_wire(from, probe, "the case");
         }
         let rig = Rig::of(subject, &graph, &kinds)?;
         let schedule = &rig.schedule;
@@ -147,31 +96,31 @@ impl Wall {
             let index = schedule.index_of(node)?;
             Some((index, schedule.nodes.get(index)?.outputs.iter().position(|o| o.name == port)?))
         };
-        let told = || {
-            let (node, force) = output(&teller, "force")?;
-            let (_, normal) = output(&teller, "normal")?;
-            let of = |port| output(&teller, port).map(|(_, output)| output);
-            Some(Told { node, force, normal, stiffness: of("stiffness"), damping: of("damping") })
-        };
-        let (Some(force), Some(told)) = (output(&node, &port), told()) else {
+        let told = |port| output(&teller, port);
+        let (Some(force), Some(touched), Some(normal)) =
+            (output(&node, &port), told("force"), told("normal"))
+        else {
             return not_applicable("the force of this graph follows from no stylus");
         };
+        let (stiffness, damping) = (told("stiffness"), told("damping"));
         let every = schedule.nodes.iter().map(|n| u64::from(n.every)).max().unwrap_or(1);
         let probe = schedule.index_of(PROBES[0]);
         let latest = schedule.paths.iter().filter(|p| Some(p.to) == probe).map(|p| p.most).max();
         let delay_s = latest.map_or(0.0, |l| 1e-3 * l.ms()).max(0.0);
-        let source = format!("{node}.{port}");
-        Ok(Self { rig, force, vector: vector.is_some(), told, every, delay_s, source, handed_on })
-    }
-
-    /// Name of the output of the force.
-    pub(crate) fn source(&self) -> &str {
-        &self.source
-    }
-
-    /// Whether a device evaluates the wall in a loop of its own, with less delay.
-    pub(crate) fn is_handed_on(&self) -> bool {
-        self.handed_on
+        let ([source, _], vector) = (ends, vector.is_some());
+        Ok(Self {
+            rig,
+            force,
+            vector,
+            touched,
+            normal,
+            stiffness,
+            damping,
+            every,
+            delay_s,
+            source,
+            handed_on,
+        })
     }
 
     /// Rate and delay of the force, as the graph declares them.
@@ -182,11 +131,6 @@ impl Wall {
     /// Ticks a second.
     pub(crate) fn tick_hz(&self) -> f64 {
         f64::from(self.rig.schedule.tick_hz)
-    }
-
-    /// Ticks from one force to the next.
-    pub(crate) fn every(&self) -> u64 {
-        self.every
     }
 
     /// Checks that no node has failed so far.
@@ -203,11 +147,10 @@ impl Wall {
     pub(crate) fn at(&mut self, place_mm: [f64; 3]) -> [f64; 3] {
         self.rig.place(place_mm, true);
         self.rig.engine.tick();
-        let (node, output) = self.force;
         if self.vector {
-            return self.values(node, output);
+            return self.values(self.force);
         }
-        let [force] = self.values(node, output);
+        let [force] = self.values(self.force);
         self.normal().map(|n| n * force)
     }
 
@@ -219,24 +162,17 @@ impl Wall {
 
     /// Hooke's force of the last tick \[N\]; above 0 on contact.
     pub(crate) fn touched_n(&self) -> f64 {
-        let [force] = self.values(self.told.node, self.told.force);
-        force
+        self.values::<1>(self.touched)[0]
     }
 
     /// The outward normal of the touched wall.
     pub(crate) fn normal(&self) -> [f64; 3] {
-        self.values(self.told.node, self.told.normal)
+        self.values(self.normal)
     }
 
-    fn values<const N: usize>(&self, node: usize, output: usize) -> [f64; N] {
+    fn values<const N: usize>(&self, (node, output): At) -> [f64; N] {
         let values = self.rig.values(node, output);
         std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
-    }
-}
-
-impl std::fmt::Debug for Wall {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Wall").field("source", &self.source).finish_non_exhaustive()
     }
 }
 
@@ -257,10 +193,8 @@ pub(crate) struct Spot {
     pub foot_mm: [f64; 3],
     /// Outward normal, of length 1.
     pub normal: [f64; 3],
-    /// Stiffness that the wall tells \[N/mm\], or 0.
-    pub stiffness_n_per_mm: f64,
-    /// Damping that it tells \[N s/m\], or 0.
-    pub damping_ns_per_m: f64,
+    /// Stiffness and damping that the wall tells, or 0.
+    pub told: Law,
 }
 
 impl Spot {
@@ -276,7 +210,7 @@ impl Spot {
 
     /// Whether both spots have the same stiffness and damping.
     pub(crate) fn alike(&self, other: &Self) -> bool {
-        (self.stiffness_n_per_mm, self.damping_ns_per_m) == (other.stiffness_n_per_mm, other.damping_ns_per_m)
+        self.told == other.told
     }
 
     /// Whether both spots are part of the same level surface.
@@ -333,21 +267,12 @@ impl Wall {
             let mut low = z;
             for _ in 0..40 {
                 let middle = 0.5 * (low + high);
-                if touches(self, middle) {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
+                *if touches(self, middle) { &mut low } else { &mut high } = middle;
             }
             _ = touches(self, low);
-            let normal = self.normal();
-            let told = |it: &Self, output: Option<usize>| {
-                output.map_or(0.0, |output| it.values::<1>(it.told.node, output)[0])
-            };
-            let (stiffness_n_per_mm, damping_ns_per_m) =
-                (told(self, self.told.stiffness), told(self, self.told.damping));
-            let foot_mm = [x, y, high];
-            return Some(Spot { foot_mm, normal, stiffness_n_per_mm, damping_ns_per_m });
+            let told = |output: Option<At>| output.map_or(0.0, |at| self.values::<1>(at)[0]);
+            let told = Law { stiffness_n_per_mm: told(self.stiffness), damping_ns_per_m: told(self.damping) };
+            return Some(Spot { foot_mm: [x, y, high], normal: self.normal(), told });
         }
         None
     }
@@ -359,9 +284,8 @@ impl Wall {
         let mut all: Vec<(Spot, usize)> = Vec::new();
         for column in &columns {
             let Some(spot) = column.spot else { continue };
-            let around =
-                columns.iter().filter(|c| near(c, column) && c.spot.is_some_and(|s| s.goes_on(&spot)));
-            let around = around.count();
+            let level = |c: &&Column| near(c, column) && c.spot.is_some_and(|s| s.goes_on(&spot));
+            let around = columns.iter().filter(level).count();
             match all.iter_mut().find(|(known, _)| known.alike(&spot)) {
                 Some(best) if best.1 < around => *best = (spot, around),
                 Some(_) => {}
@@ -447,16 +371,13 @@ impl Wall {
     /// The force at rest \[N\]: after three runs of the wall.
     fn at_rest(&mut self, spot: &Spot, x_mm: f64) -> f64 {
         let mut force = 0.0;
-        (0..3 * self.every()).for_each(|_| force = self.above(spot, x_mm));
+        (0..3 * self.every).for_each(|_| force = self.above(spot, x_mm));
         force
     }
 
     /// The law of the wall at a spot: its force at rest, and the damping that it tells. Where speed adds
     /// more, as a drag does, that counts. Where it adds less, the force is late or the wall drives, and that
     /// is no law.
-    ///
-    /// # Errors
-    /// The wall does not push out.
     pub(crate) fn near(&mut self, spot: Spot) -> Result<Near, Stop> {
         self.reset();
         self.at_rest(&spot, FAR_MM);
@@ -485,7 +406,7 @@ impl Wall {
             (deep, before) = (depth, (depth, force));
         }
         let stiffness = steepest;
-        let told = if self.vector { spot.damping_ns_per_m } else { 0.0 };
+        let told = if self.vector { spot.told.damping_ns_per_m } else { 0.0 };
         let damping = self.damping(&spot, deep, stiffness).max(told);
         let law = Law { stiffness_n_per_mm: stiffness, damping_ns_per_m: damping };
         self.sound()?;
@@ -498,7 +419,7 @@ impl Wall {
         let middle = -0.5 * deep_mm;
         let still = self.at_rest(spot, middle);
         let step = 1e-3 * deep_mm;
-        let runs = self.every();
+        let runs = self.every;
         // In at a constant speed; the place counts at the last run.
         let mut force = 0.0;
         for n in 1..=4 {

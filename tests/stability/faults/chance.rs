@@ -3,8 +3,8 @@
 
 mod nodes;
 
+use asperity_checks::{finite, same};
 use asperity_engine::Engine;
-use asperity_node::Buffer;
 use harness::counting::{Held, held};
 
 use self::nodes::{INJECTORS, injected, injected_all, registry};
@@ -70,59 +70,33 @@ fn faulty(one_in: u64) -> Engine {
     engine(&nodes, &wires)
 }
 
-/// An engine as a host sees it.
-trait Rig {
-    fn engine(&mut self) -> &mut Engine;
-    fn go_on(&mut self) {
-        self.engine().tick();
-    }
-    fn counted(&mut self) -> u64 {
-        self.engine().faults()
-    }
+/// An engine as a host sees it: how it ticks, and how many faults it counts.
+struct Host<'a> {
+    engine: Engine,
+    go_on: &'a mut dyn FnMut(&mut Engine),
+    counted: fn(&Engine) -> u64,
 }
 
-impl Rig for Engine {
-    fn engine(&mut self) -> &mut Engine {
-        self
-    }
-}
-
-fn is_finite(buffer: &Buffer) -> bool {
-    match buffer {
-        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
-        Buffer::Audio { samples, len, .. } => samples[..*len].iter().all(|x| x.is_finite()),
-        Buffer::Magnitude { bins, .. } => bins.iter().all(|x| x.is_finite()),
-        Buffer::Spectrum { bins, .. } => bins.iter().all(|z| z.re.is_finite() && z.im.is_finite()),
-    }
-}
-
-/// Whether two buffers are the same to the bit.
-fn same(a: Option<&Buffer>, b: Option<&Buffer>) -> bool {
-    match (a, b) {
-        (Some(Buffer::Control { values: a, .. }), Some(Buffer::Control { values: b, .. })) => {
-            a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
-        }
-        (Some(Buffer::Audio { samples: a, len: n, .. }), Some(Buffer::Audio { samples: b, len: m, .. })) => {
-            a[..*n].iter().map(|x| x.to_bits()).eq(b[..*m].iter().map(|x| x.to_bits()))
-        }
-        _ => false,
-    }
+/// A graph of injectors, and how it ticks.
+fn host(one_in: u64, go_on: &mut dyn FnMut(&mut Engine)) -> Host<'_> {
+    Host { engine: faulty(one_in), go_on, counted: Engine::faults }
 }
 
 /// One tick of both, looked at.
-fn step(rig: &mut impl Rig, alone: &mut Engine, watched: &[(usize, usize, usize)]) -> Result<(), String> {
-    rig.go_on();
+fn step(host: &mut Host<'_>, alone: &mut Engine, watched: &[(usize, usize, usize)]) -> Result<(), String> {
+    (host.go_on)(&mut host.engine);
     alone.tick();
-    let engine = rig.engine();
+    let engine = &host.engine;
     for node in 0..engine.schedule().nodes.len() {
         let outputs = engine.schedule().nodes[node].outputs.len();
-        if !(0..outputs).all(|o| engine.output(node, o).is_some_and(is_finite)) {
+        if !(0..outputs).all(|o| engine.output(node, o).is_some_and(finite)) {
             let (id, tick) = (&engine.schedule().nodes[node].id, engine.next_tick());
             return Err(format!("`{id}` puts out what is not finite before tick {tick}"));
         }
     }
     for &(here, there, output) in watched {
-        if !same(engine.output(here, output), alone.output(there, output)) {
+        let both = engine.output(here, output).zip(alone.output(there, output));
+        if !both.is_some_and(|(a, b)| same(a, b)) {
             let (id, tick) = (&engine.schedule().nodes[here].id, engine.next_tick());
             return Err(format!("`{id}` is another before tick {tick}"));
         }
@@ -132,7 +106,7 @@ fn step(rig: &mut impl Rig, alone: &mut Engine, watched: &[(usize, usize, usize)
 
 /// Whether an engine whose nodes fail goes on as it should for so many ticks, put back to the start every so
 /// often. Answers how many faults there were.
-fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, String> {
+fn endures(mut host: Host<'_>, ticks: u64, reset_every: u64) -> Result<u64, String> {
     let mut alone = engine(CLEAN.0, CLEAN.1);
     let nodes = alone.schedule().nodes.clone();
     let watched: Vec<(usize, usize, usize)> = nodes
@@ -140,17 +114,17 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
         .enumerate()
         .flat_map(|(there, node)| (0..node.outputs.len()).map(move |output| (there, output)))
         .map(|(there, output)| {
-            (rig.engine().schedule().index_of(&nodes[there].id).expect("it is in both"), there, output)
+            (host.engine.schedule().index_of(&nodes[there].id).expect("it is in both"), there, output)
         })
         .collect();
-    let faults_before = rig.counted() as i64 - injected_all() as i64;
+    let faults_before = (host.counted)(&host.engine) as i64 - injected_all() as i64;
     let mut run = |from: u64, to: u64| -> Result<(), String> {
         for tick in from..to {
             if tick.is_multiple_of(reset_every) {
-                rig.engine().reset();
+                host.engine.reset();
                 alone.reset();
             }
-            step(rig, &mut alone, &watched)?;
+            step(&mut host, &mut alone, &watched)?;
         }
         Ok(())
     };
@@ -161,12 +135,12 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
     if left != 0 {
         return Err(format!("{left} bytes are left behind"));
     }
-    let (counted, thrown) = (rig.counted(), injected_all());
+    let (counted, thrown) = ((host.counted)(&host.engine), injected_all());
     if counted as i64 - thrown as i64 != faults_before {
         return Err(format!("{counted} faults were counted, and there were {thrown}"));
     }
     for n in 0..INJECTORS {
-        let engine = rig.engine();
+        let engine = &host.engine;
         let at = engine.schedule().index_of(&n.to_string()).expect("an injector");
         let (counted, thrown) = (engine.report(at).expect("a report").faults, injected(n));
         if counted != thrown {
@@ -180,7 +154,7 @@ fn endures(rig: &mut impl Rig, ticks: u64, reset_every: u64) -> Result<u64, Stri
 #[test]
 fn rare_faults_are_contained_and_counted_without_a_leak() {
     let ticks = ticks();
-    let faults = endures(&mut faulty(20_000), ticks, u64::MAX).unwrap();
+    let faults = endures(host(20_000, &mut Engine::tick), ticks, u64::MAX).unwrap();
     println!("{faults} faults in {ticks} ticks");
     assert!(faults > ticks * INJECTORS as u64 / 100_000, "{faults} faults are few");
 }
@@ -189,7 +163,7 @@ fn rare_faults_are_contained_and_counted_without_a_leak() {
 #[test]
 fn frequent_faults_are_contained_and_counted_without_leak() {
     let ticks = ticks();
-    let faults = endures(&mut faulty(50), ticks, 1000).unwrap();
+    let faults = endures(host(50, &mut Engine::tick), ticks, 1000).unwrap();
     println!("{faults} faults in {ticks} ticks");
     assert!(faults > ticks / 1000 * INJECTORS as u64, "{faults} faults are few");
 }
@@ -218,58 +192,26 @@ fn what_a_panic_carries_is_freed() {
     assert_eq!(left, 0);
 }
 
-/// Mutant: an engine that loses one count of a hundred.
-struct LosesCount(Engine);
-
-impl Rig for LosesCount {
-    fn engine(&mut self) -> &mut Engine {
-        &mut self.0
-    }
-    fn counted(&mut self) -> u64 {
-        self.0.faults() - self.0.faults() / 100
-    }
-}
-
-/// Mutant: one that leaves what a panic carried where it is.
-struct Leaks(Engine, u64);
-
-impl Rig for Leaks {
-    fn engine(&mut self) -> &mut Engine {
-        &mut self.0
-    }
-    fn go_on(&mut self) {
-        self.0.tick();
-        if self.0.faults() > self.1 + 100 {
-            self.1 = self.0.faults();
-            std::mem::forget(std::hint::black_box(Box::new([0_u8; 16])));
-        }
-    }
-}
-
-/// Mutant: one whose other branches miss a tick when a node fails.
-struct Stumbles(Engine, u64);
-
-impl Rig for Stumbles {
-    fn engine(&mut self) -> &mut Engine {
-        &mut self.0
-    }
-    fn go_on(&mut self) {
-        self.0.tick();
-        if self.0.faults() > self.1 + 100 {
-            self.1 = self.0.faults();
-            self.0.skip(1);
-        }
-    }
-}
-
+/// Mutants: an engine that loses one count of a hundred, one that leaves what a panic carried where it is,
+/// one whose other branches miss a tick when a node fails.
 #[test]
 fn an_engine_that_loses_count_leaks_or_stumbles_is_found_out() {
-    let found = endures(&mut LosesCount(faulty(50)), 20_000, 1000).unwrap_err();
+    let mut tick = Engine::tick;
+    let loses = Host { counted: |engine| engine.faults() - engine.faults() / 100, ..host(50, &mut tick) };
+    let found = endures(loses, 20_000, 1000).unwrap_err();
     assert!(found.contains("were counted"), "{found}");
-    nodes::forget();
-    let found = endures(&mut Leaks(faulty(50), 0), 20_000, 1000).unwrap_err();
-    assert!(found.contains("left behind"), "{found}");
-    nodes::forget();
-    let found = endures(&mut Stumbles(faulty(50), 0), 20_000, 1000).unwrap_err();
-    assert!(found.contains("is another"), "{found}");
+    let leak: fn(&mut Engine) = |_| std::mem::forget(std::hint::black_box(Box::new([0_u8; 16])));
+    for (spoil, why) in [(leak, "left behind"), (|engine| engine.skip(1), "is another")] {
+        nodes::forget();
+        let mut seen = 0;
+        let mut go_on = |engine: &mut Engine| {
+            engine.tick();
+            if engine.faults() > seen + 100 {
+                seen = engine.faults();
+                spoil(engine);
+            }
+        };
+        let found = endures(host(50, &mut go_on), 20_000, 1000).unwrap_err();
+        assert!(found.contains(why), "{found}");
+    }
 }

@@ -7,7 +7,7 @@ use std::process::Command;
 use harness::files;
 
 use super::disk::{BEFORE, Fails, Place, can_fail};
-use super::writers::{Made, WRITERS, Writer};
+use super::writers::{WRITERS, Writer, mutant, sh};
 
 /// Whether a command that cannot write says so and leaves all as it was.
 fn endures(writer: &Writer) -> Result<(), String> {
@@ -45,10 +45,6 @@ fn endures(writer: &Writer) -> Result<(), String> {
 
 super::each_writer!(endures);
 
-fn is_new(path: &Path) -> bool {
-    std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
-}
-
 /// Mutants: one that ignores a write error, one that does not name the file, one that writes in place, one
 /// that does not clear up.
 #[test]
@@ -56,22 +52,9 @@ fn writers_that_a_full_disk_harms_are_found_out() {
     if !can_fail() {
         return;
     }
-    const MAKES: &[Made] = &[Made { name: "out", whole: is_new, folder: false }];
-    fn new(dir: &Path) {
-        std::fs::write(dir.join("new"), [b'n'; 1000]).expect("a file");
-    }
-    fn sh(text: &str) -> Command {
-        let mut command = Command::new("sh");
-        command.args(["-c", text]);
-        command
-    }
-    type Make = fn(&Path) -> Command;
-    let mutants: [(Make, &str); 4] = [
+    let mutants: [(fn(&Path) -> Command, &str); 4] = [
         (
-            |_| {
-                sh("dd if=new of=.out.1.part bs=64 2>/dev/null && mv .out.1.part out; rm -f .out.1.part; \
-                     exit 0")
-            },
+            |_| sh("dd if=new of=.out.1.part bs=64 && mv .out.1.part out; rm -f .out.1.part; exit 0"),
             "nobody is told",
         ),
         (
@@ -82,13 +65,13 @@ fn writers_that_a_full_disk_harms_are_found_out() {
         (|_| sh("dd if=new of=.out.1.part bs=64 && mv .out.1.part out"), "are left"),
     ];
     for (command, says) in mutants {
-        let found = endures(&Writer { name: "mutant", prepare: new, command, makes: MAKES, live: false })
-            .unwrap_err();
+        let found = endures(&mutant(command)).unwrap_err();
         assert!(found.contains(says), "{found}");
     }
-    let right: Make =
-        |_| sh("dd if=new of=.out.1.part bs=64 && mv .out.1.part out || { rm -f .out.1.part; exit 1; }");
-    endures(&Writer { name: "right", prepare: new, command: right, makes: MAKES, live: false }).unwrap();
+    let right = mutant(|_| {
+        sh("dd if=new of=.out.1.part bs=64 && mv .out.1.part out || { rm -f .out.1.part; exit 1; }")
+    });
+    endures(&right).unwrap();
 }
 
 /// Messages of a render into a folder with room for `kib`, by limits that the system itself keeps.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::disk::{Fails, JOURNAL, Place, can_fail, is_recognisable};
-use super::writers::{Made, Writer};
+use super::writers::{Writer, mutant, sh};
 
 /// Of so many changes some at which the process is killed: the first, the last and some between.
 fn picked(changes: u64, most: u64) -> Vec<u64> {
@@ -63,20 +63,6 @@ fn endures(writer: &Writer) -> Result<(), String> {
 
 super::each_writer!(endures);
 
-fn is_new(path: &Path) -> bool {
-    std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000])
-}
-
-fn new(dir: &Path) {
-    std::fs::write(dir.join("new"), [b'n'; 1000]).expect("a file");
-}
-
-fn sh(text: &str) -> Command {
-    let mut command = Command::new("sh");
-    command.args(["-c", text]);
-    command
-}
-
 /// Mutants: one that writes in place, one whose leftovers nobody knows, one that such a leftover stops for
 /// good.
 #[test]
@@ -84,17 +70,14 @@ fn writers_that_a_kill_harms_are_found_out() {
     if !can_fail() {
         return;
     }
-    type Make = fn(&Path) -> Command;
-    const MAKES: &[Made] = &[Made { name: "o", whole: is_new, folder: false }];
-    let writer = |command: Make| Writer { name: "mutant", prepare: new, command, makes: MAKES, live: false };
-    let mutants: [(Make, &str); 3] = [
-        (|_| sh("exec dd if=new of=o bs=64"), "o is half"),
-        (|_| sh("dd if=new of=t bs=64 && mv t o"), "nobody knows what t is"),
-        (|_| sh("set -C; dd if=new bs=64 > .o.1.part && mv .o.1.part o"), "does not do its work"),
+    let mutants: [(fn(&Path) -> Command, &str); 3] = [
+        (|_| sh("exec dd if=new of=out bs=64"), "out is half"),
+        (|_| sh("dd if=new of=t bs=64 && mv t out"), "nobody knows what t is"),
+        (|_| sh("set -C; dd if=new bs=64 > .out.1.part && mv .out.1.part out"), "does not do its work"),
     ];
     for (command, says) in mutants {
-        let found = endures(&writer(command)).unwrap_err();
+        let found = endures(&mutant(command)).unwrap_err();
         assert!(found.contains(says), "{found}");
     }
-    endures(&writer(|_| sh("dd if=new of=.o.1.part bs=64 && mv .o.1.part o"))).unwrap();
+    endures(&mutant(|_| sh("dd if=new of=.out.1.part bs=64 && mv .out.1.part out"))).unwrap();
 }

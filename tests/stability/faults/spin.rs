@@ -3,19 +3,18 @@
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
+use asperity_checks::wrap::stateless;
 use asperity_engine::Options;
 use asperity_live::driver::Clock;
 use asperity_live::view::View;
 use asperity_live::{DOES_NOT_COME_BACK, DeviceQueues, RunControl, Session, SessionOptions, prepare_live};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status,
-    Tick, Unit,
-};
+use asperity_node::{Descriptor, NodeKind, Output, Param, RateSpec, ShapeSpec, Status, Unit};
 use harness::live::{PATIENCE, told};
 use harness::stage::{STEP, channel, graph, largest_step, poll, timed, voice};
 use harness::{asperity, json, plugins};
@@ -28,51 +27,34 @@ const DOWN: usize = 960;
 static TRIES: AtomicU64 = AtomicU64::new(0);
 
 /// A slow wave; in tick `from` and after it calls take this long.
-struct Spins {
-    from: u64,
-    lasts: Duration,
-    tries: u64,
-}
-
-impl Node for Spins {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("spins", "A wave, then none.")
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .param(Param::integer("from", 400, 0..=1_000_000, "First tick."))
-            .param(Param::number("lasts_s", 1e6, 0.0..=1e6, "How long a call takes."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let p = setup.params;
-        let lasts = Duration::from_secs_f64(p.number("lasts_s"));
-        Ok(Prepared::new(Self {
-            from: p.integer("from") as u64,
-            lasts,
-            tries: TRIES.load(Ordering::Relaxed),
-        }))
-    }
-}
-
-impl Processor for Spins {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let span = tick.samples(48_000);
-        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = 0.1 * (n as f32 * 0.01).sin();
+fn spins() -> Arc<NodeKind> {
+    let descriptor = Descriptor::new("spins", "A wave, then none.")
+        .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
+        .param(Param::integer("from", 400, 0..=1_000_000, "First tick."))
+        .param(Param::number("lasts_s", 1e6, 0.0..=1e6, "How long a call takes."));
+    stateless(descriptor, |setup| {
+        let from = setup.params.integer("from") as u64;
+        let lasts = Duration::from_secs_f64(setup.params.number("lasts_s"));
+        let tries = TRIES.load(Ordering::Relaxed);
+        move |tick| {
+            let span = tick.samples(48_000);
+            for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+                *y = 0.1 * (n as f32 * 0.01).sin();
+            }
+            let began = Instant::now();
+            let over = || lasts > PATIENCE && TRIES.load(Ordering::Relaxed) != tries;
+            while tick.index >= from && began.elapsed() < lasts && !over() {
+                std::hint::spin_loop();
+            }
+            Status::Continue
         }
-        let began = Instant::now();
-        let over = || self.lasts > PATIENCE && TRIES.load(Ordering::Relaxed) != self.tries;
-        while tick.index >= self.from && began.elapsed() < self.lasts && !over() {
-            std::hint::spin_loop();
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
+    })
 }
 
 /// A run of a node that spins on channel 1, and of a tone on channel 2, by the paced driver.
 fn start(card: &Simulated, lasts_s: f64, limit: Duration) -> Session {
-    let registry = harness::registry().with::<Spins>();
+    let mut registry = harness::registry();
+    registry.add(spins());
     let (tone, wires) = voice("tone", 80.0, 0.1);
     let nodes = format!(
         r#""bad": (kind: "spins", params: (lasts_s: {lasts_s:?})), "limiter": (kind: "limiter",
@@ -127,8 +109,8 @@ fn is_counted(view: &View, node: usize) -> Result<(), String> {
 fn spinning_node_is_silenced_counted_and_left_behind() {
     let mut attempts = 0..;
     told(|| {
-        let card =
-            Simulated::new(&format!("spin {}", attempts.next().unwrap_or(0)), timed(256)).expect("a card");
+        let name = format!("spin {}", attempts.next().unwrap_or(0));
+        let card = Simulated::new(&name, timed(256)).expect("a card");
         let heard = |c| channel(&card.played(), 2, c);
         let mut session = start(&card, 1e6, Duration::from_millis(50));
         poll(&mut session, "the wave", |_| heard(0).iter().any(|y| y.abs() > 0.05));
@@ -181,41 +163,42 @@ fn ends_on_ctrl_c(mut child: Child, patience: Duration) -> Result<(Option<i32>, 
         }
         std::thread::sleep(Duration::from_millis(10));
     }
+    Ok((child.wait().expect("a program").code(), said(&mut child)))
+}
+
+/// Error output of a program that has ended.
+fn said(child: &mut Child) -> String {
     let mut said = String::new();
-    if let Some(mut pipe) = child.stderr.take() {
-        let _ = std::io::Read::read_to_string(&mut pipe, &mut said);
-    }
-    Ok((child.wait().expect("a program").code(), said))
+    std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");
+    said
 }
 
 fn quietly(command: &mut Command) -> Child {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it starts")
 }
 
-fn write_spinning(dir: &Path) {
+/// A graph of a plugin that spins from a tick on, and of other nodes.
+fn write_spinning(dir: &Path, from: u32, nodes: &str, wires: &str) {
     let graph = format!(
         r#"Graph(version: 1, plugins: [{:?}],
-            nodes: {{"bad": (kind: "told", params: (from: 200, to: 1000000, what: endless)),
-            "guard": (kind: "limiter"), "out": (kind: "audio_out")}},
-            wires: [("bad", "guard"), ("guard", "out")])"#,
+            nodes: {{"bad": (kind: "told", params: (from: {from}, to: 1000000, what: endless)),
+            "guard": (kind: "limiter"), "out": (kind: "audio_out"), {nodes}}},
+            wires: [("guard", "out"), {wires}])"#,
         plugins::c("told").display().to_string()
     );
     std::fs::write(dir.join("g.ron"), graph).expect("a graph");
 }
 
-/// The same beside a tone, whose sum with it is recorded; the plugin spins after 0.8 s.
-fn write_beside_a_tone(dir: &Path) {
-    let graph = format!(
-        r#"Graph(version: 1, plugins: [{:?}],
-            nodes: {{"bad": (kind: "told", params: (from: 400, to: 1000000, what: endless)),
-                "tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
-                "sum": (kind: "mix"), "guard": (kind: "limiter"), "out": (kind: "audio_out"),
-                "ear": (kind: "file_out", params: (file: "heard.npy"))}},
-            wires: [("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "out"),
-            ("guard", "ear")])"#,
-        plugins::c("told").display().to_string()
-    );
-    std::fs::write(dir.join("g.ron"), graph).expect("a graph");
+/// A tone, whose sum with the plugin is recorded.
+const TONE: &str = r#""tone": (kind: "sine", params: (frequency_hz: 200, amplitude: 0.05)),
+    "sum": (kind: "mix"), "ear": (kind: "file_out", params: (file: "heard.npy"))"#;
+const BESIDE: &str = r#"("bad", "sum.in1"), ("tone", "sum.in2"), ("sum", "guard"), ("guard", "ear")"#;
+
+/// The node of the plugin in the report.
+fn bad_node(dir: &Path) -> serde_json::Value {
+    let report = json(&dir.join("r.json"));
+    let nodes = report["nodes"].as_array().expect("nodes");
+    nodes.iter().find(|node| node["id"] == "bad").expect("the node").clone()
 }
 
 /// The program with a plugin in an endless loop: the node is cut out, the rest goes on, and the run ends
@@ -224,7 +207,8 @@ fn write_beside_a_tone(dir: &Path) {
 fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
     for (clock, ends) in [("paced", "--seconds"), ("callback", "ctrl-c")] {
         let dir = tempfile::tempdir().expect("a folder");
-        write_beside_a_tone(dir.path());
+        // The plugin spins after 0.8 s.
+        write_spinning(dir.path(), 400, TONE, BESIDE);
         let seconds = if ends == "ctrl-c" { "1000" } else { "5" };
         let args =
             ["run", "g.ron", "--device", "simulated:frames=256", "--clock", clock, "--report", "r.json"];
@@ -233,18 +217,12 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
             std::thread::sleep(Duration::from_secs(5));
             ends_on_ctrl_c(child, PATIENCE).unwrap()
         } else {
-            let code = harness::live::end(&mut child);
-            let mut said = String::new();
-            let mut pipe = child.stderr.take().expect("a pipe");
-            std::io::Read::read_to_string(&mut pipe, &mut said).expect("what it said");
-            (Some(code), said)
+            (Some(harness::live::end(&mut child)), said(&mut child))
         };
         assert_eq!(code, Some(0), "{clock}: {said}");
         let line = "warning: `bad` (told) did not return and is cut out: the graph goes on without it";
         assert_eq!(said.matches(line).count(), 1, "{clock}: {said}");
-        let report = json(&dir.path().join("r.json"));
-        let nodes = report["nodes"].as_array().expect("nodes");
-        let bad = nodes.iter().find(|node| node["id"] == "bad").expect("the node");
+        let bad = bad_node(dir.path());
         assert!(bad["quarantined"] == true && bad["last_fault"] == "did not return and is cut out", "{bad}");
         let heard = harness::live::npy(&dir.path().join("heard.npy"));
         assert!(heard.len() > 3 * 48_000, "{clock}: {} samples", heard.len());
@@ -260,19 +238,16 @@ fn plugin_that_never_returns_is_cut_out_and_the_graph_goes_on() {
 #[test]
 fn run_in_place_with_a_stuck_plugin_ends_in_time() {
     let dir = tempfile::tempdir().expect("a folder");
-    write_spinning(dir.path());
+    write_spinning(dir.path(), 200, "", r#"("bad", "guard")"#);
     let args = ["run", "g.ron", "--device", "simulated:frames=1024", "--clock", "paced", "--in-place"];
     let mut child = quietly(asperity(dir.path()).args(args).args(["--report", "r.json", "--seconds", "3"]));
     let code = harness::live::end(&mut child);
-    let mut said = String::new();
-    std::io::Read::read_to_string(&mut child.stderr.take().expect("a pipe"), &mut said).expect("words");
+    let said = said(&mut child);
     assert_eq!(code, 1, "{said}");
     for line in ["warning: `bad` (told) does not come back", "error: a tick did not end: `bad` (told)"] {
         assert_eq!(said.matches(line).count(), 1, "{line}: {said}");
     }
-    let report = json(&dir.path().join("r.json"));
-    let nodes = report["nodes"].as_array().expect("nodes");
-    let bad = nodes.iter().find(|node| node["id"] == "bad").expect("the node");
+    let bad = bad_node(dir.path());
     assert!(bad["faults"] == 1 && bad["last_fault"] == DOES_NOT_COME_BACK, "{bad}");
 }
 
@@ -281,7 +256,7 @@ fn run_in_place_with_a_stuck_plugin_ends_in_time() {
 #[test]
 fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
     let dir = tempfile::tempdir().expect("a folder");
-    write_spinning(dir.path());
+    write_spinning(dir.path(), 200, "", r#"("bad", "guard")"#);
     let args = ["render", "g.ron", "--seconds", "10", "--out", "o.wav", "--quiet"];
     let child = quietly(asperity(dir.path()).args(args));
     std::thread::sleep(Duration::from_secs(2));

@@ -56,10 +56,11 @@ fn write(dir: &Path, name: &str, bytes: impl AsRef<[u8]>) {
     std::fs::write(dir.join(name), bytes).expect("a file");
 }
 
-fn command(dir: &Path, args: &[&str]) -> Command {
+/// The program with arguments, between which stand spaces.
+fn command(dir: &Path, args: &str) -> Command {
     let mut command = asperity(dir);
     // The list of what was made is kept where it can be; here it is not, so that the files alone are counted.
-    command.args(args).env("XDG_STATE_HOME", "/dev/null");
+    command.args(args.split(' ')).env("XDG_STATE_HOME", "/dev/null");
     command
 }
 
@@ -121,14 +122,9 @@ fn text(path: &Path) -> String {
 fn is_table(path: &Path) -> bool {
     let text = text(path);
     // What is quoted may have commas.
-    let cells = |line: Option<&str>| {
-        line.map_or(0, |line| {
-            1 + line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>()
-        })
-    };
-    text.ends_with('\n')
-        && cells(text.lines().next()) > 1
-        && cells(text.lines().last()) == cells(text.lines().next())
+    let commas = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
+    let [first, last] = [text.lines().next(), text.lines().last()].map(|line| line.map_or(0, commas));
+    text.ends_with('\n') && first > 0 && last == first
 }
 
 fn is_picture(path: &Path) -> bool {
@@ -180,35 +176,41 @@ fn is_plugin(path: &Path) -> bool {
 
 const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
 
-/// Files of a trade-off: its results, and the file that it resumes from. Only gratings have a pitch.
-static TRADEOFF: [Made; 26] = [
-    file("pitch_time.svg", is_picture),
-    file("pitch_lag.svg", is_picture),
-    file("spectrum_time.svg", is_picture),
-    file("spectrum_lag.svg", is_picture),
-    file("perceptual_time.svg", is_picture),
-    file("perceptual_lag.svg", is_picture),
-    file("modulation_time.svg", is_picture),
-    file("modulation_lag.svg", is_picture),
-    file("repetition_time.svg", is_picture),
-    file("repetition_lag.svg", is_picture),
-    file("kurtosis_time.svg", is_picture),
-    file("kurtosis_lag.svg", is_picture),
-    file("steadiness_time.svg", is_picture),
-    file("steadiness_lag.svg", is_picture),
-    file("bands_time.svg", is_picture),
-    file("bands_lag.svg", is_picture),
-    file("level_time.svg", is_picture),
-    file("level_lag.svg", is_picture),
-    file("convergence_time.svg", is_picture),
-    file("convergence_lag.svg", is_picture),
-    file("precision_time.svg", is_picture),
-    file("precision_lag.svg", is_picture),
-    file("results.csv", is_table),
-    file("results.json", is_json),
-    file("REPORT.md", is_report),
-    file("progress.jsonl", is_progress),
-];
+/// Files of a trade-off: two pictures of each figure, its results, and the file that it resumes from.
+macro_rules! tradeoff {
+    ($($figure:literal)*) => {
+        [
+            $(
+                file(concat!($figure, "_time.svg"), is_picture),
+                file(concat!($figure, "_lag.svg"), is_picture),
+            )*
+            file("results.csv", is_table),
+            file("results.json", is_json),
+            file("REPORT.md", is_report),
+            file("progress.jsonl", is_progress),
+        ]
+    };
+}
+
+/// Only gratings have a pitch.
+static TRADEOFF: [Made; 26] = tradeoff!("pitch" "spectrum" "perceptual" "modulation" "repetition" "kurtosis"
+    "steadiness" "bands" "level" "convergence" "precision");
+
+/// Files of mutants: `out` is a copy of `new`, by the shell.
+pub(super) const MUTANT_MAKES: &[Made] =
+    &[file("out", |path| std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000]))];
+
+/// A mutant that a command of the shell makes of `new`.
+pub(super) fn mutant(command: fn(&Path) -> Command) -> Writer {
+    let prepare = |dir: &Path| write(dir, "new", [b'n'; 1000]);
+    Writer { name: "mutant", prepare, command, makes: MUTANT_MAKES, live: false }
+}
+
+pub(super) fn sh(text: &str) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", text]);
+    command
+}
 
 /// All of them, but for the training of models, which is another program.
 pub(super) static WRITERS: [Writer; 12] = [
@@ -216,20 +218,8 @@ pub(super) static WRITERS: [Writer; 12] = [
         name: "render",
         prepare: graph,
         command: |dir| {
-            let args = [
-                "render",
-                "--overwrite",
-                "g.ron",
-                "--seconds",
-                "0.3",
-                "--out",
-                "o.wav",
-                "--plot",
-                "p.svg",
-                "--report",
-                "r.json",
-            ];
-            command(dir, &[&args[..], &["--quiet"]].concat())
+            let files = "--out o.wav --plot p.svg --report r.json";
+            command(dir, &format!("render --overwrite g.ron --seconds 0.3 {files} --quiet"))
         },
         makes: &[
             file("o.wav", is_sound),
@@ -243,12 +233,7 @@ pub(super) static WRITERS: [Writer; 12] = [
     Writer {
         name: "invert",
         prepare: magnitudes,
-        command: |dir| {
-            command(
-                dir,
-                &["invert", "--phase", "spsi", "--magnitudes", "m.npy", "--rate", "5000", "--out", "y.npy"],
-            )
-        },
+        command: |dir| command(dir, "invert --phase spsi --magnitudes m.npy --rate 5000 --out y.npy"),
         makes: &[file("y.npy", is_array)],
         live: false,
     },
@@ -259,46 +244,42 @@ pub(super) static WRITERS: [Writer; 12] = [
             magnitudes(dir);
             std::fs::rename(dir.join("m.npy"), dir.join("v/flat_5000.mag.npy")).expect("a file");
         },
-        command: |dir| {
-            command(dir, &["compare", "--vectors", "v", "--svg", "c.svg", "--csv", "c.csv", "--quiet"])
-        },
+        command: |dir| command(dir, "compare --vectors v --svg c.svg --csv c.csv --quiet"),
         makes: &[file("c.svg", is_picture), file("c.csv", is_table)],
         live: false,
     },
     Writer {
         name: "graph",
         prepare: graph,
-        command: |dir| command(dir, &["graph", "g.ron", "--svg", "g.svg"]),
+        command: |dir| command(dir, "graph g.ron --svg g.svg"),
         makes: &[file("g.svg", is_picture)],
         live: false,
     },
     Writer {
         name: "scene expand",
         prepare: |dir| write(dir, "s.ron", SCENE),
-        command: |dir| command(dir, &["scene", "expand", "s.ron", "--out", "x.ron"]),
+        command: |dir| command(dir, "scene expand s.ron --out x.ron"),
         makes: &[file("x.ron", is_ron)],
         live: false,
     },
     Writer {
         name: "fit-ar",
         prepare: recording,
-        command: |dir| {
-            command(dir, &["fit-ar", "s.csv", "--order", "4", "--out", "t.ron", "--plot", "t.svg"])
-        },
+        command: |dir| command(dir, "fit-ar s.csv --order 4 --out t.ron --plot t.svg"),
         makes: &[file("t.ron", is_ron), file("t.svg", is_picture)],
         live: false,
     },
     Writer {
         name: "encode",
         prepare: library,
-        command: |dir| command(dir, &["encode", "--library", "l.ron", "felt.png", "--description", "Felt."]),
+        command: |dir| command(dir, "encode --library l.ron felt.png --description Felt."),
         makes: &[file("l.ron", is_library)],
         live: false,
     },
     Writer {
         name: "plugin new",
         prepare: |_| (),
-        command: |dir| command(dir, &["plugin", "new", "mine"]),
+        command: |dir| command(dir, "plugin new mine"),
         makes: &[Made { name: "mine", whole: is_plugin, folder: true }],
         live: false,
     },
@@ -306,16 +287,9 @@ pub(super) static WRITERS: [Writer; 12] = [
         name: "calibrate",
         prepare: |_| (),
         command: |dir| {
-            let args =
-                ["calibrate", "--device", CARD, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
-            command(
-                dir,
-                &[
-                    &args[..],
-                    &["--base", "haptuator_mark_ii", "--seconds", "2", "--out", "a.ron", "--plot", "a.svg"],
-                ]
-                .concat(),
-            )
+            let card = format!("--device {CARD} --accelerometer-full-scale 100");
+            let files = "--base haptuator_mark_ii --out a.ron --plot a.svg";
+            command(dir, &format!("calibrate {card} --handle-mass-g 60 --seconds 2 {files}"))
         },
         makes: &[file("a.ron", is_ron), file("a.svg", is_picture)],
         live: true,
@@ -324,17 +298,8 @@ pub(super) static WRITERS: [Writer; 12] = [
         name: "run",
         prepare: graph,
         command: |dir| {
-            let args = [
-                "run",
-                "g.ron",
-                "--overwrite",
-                "--device",
-                "simulated:frames=64",
-                "--seconds",
-                "1",
-                "--quiet",
-            ];
-            command(dir, &[&args[..], &["--report", "r.json"]].concat())
+            let card = "--device simulated:frames=64 --seconds 1";
+            command(dir, &format!("run g.ron --overwrite {card} --quiet --report r.json"))
         },
         makes: &[file("r.json", is_json), file("kept.npy", is_array), file("seen.csv", is_table)],
         live: true,
@@ -342,7 +307,7 @@ pub(super) static WRITERS: [Writer; 12] = [
     Writer {
         name: "tradeoff",
         prepare: tradeoff,
-        command: |dir| command(dir, &["tradeoff", "tradeoff.ron", "--out", ".", "--no-cases", "--quiet"]),
+        command: |dir| command(dir, "tradeoff tradeoff.ron --out . --no-cases --quiet"),
         makes: TRADEOFF.split_at(2).1,
         live: true,
     },
@@ -353,7 +318,7 @@ pub(super) static WRITERS: [Writer; 12] = [
             std::fs::copy(graphs("tradeoffs/results.json"), dir.join("shard/results.json"))
                 .expect("the shipped results");
         },
-        command: |dir| command(dir, &["tradeoff", "merge", "shard", "--out", "."]),
+        command: |dir| command(dir, "tradeoff merge shard --out ."),
         makes: TRADEOFF.split_at(TRADEOFF.len() - 1).0,
         live: false,
     },

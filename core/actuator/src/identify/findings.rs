@@ -1,10 +1,9 @@
 //! Findings for people and plots.
 
-use super::fit::{Fitted, Run};
+use super::fit::{EACH, Fitted, Model, Run, places};
 use super::judge;
-use super::model::{EACH, Model, places};
-use super::spectra::Spectra;
-use super::{IdentifySettings, Recording, WITHIN_95, distortion};
+use super::spectra::{Spectra, distortion};
+use super::{IdentifySettings, Recording, WITHIN_95};
 use asperity_numbers::{Elementary as _, size};
 
 /// A half interval of this part of the value means that the value was not found.
@@ -151,7 +150,7 @@ pub(super) fn sum_up(
     let mut measurements = Vec::new();
     for (n, ((recording, run), model)) in recordings.iter().zip(runs).zip(&fitted.models).enumerate() {
         let mut m = measurement(n, &run.spectra, model, &fitted.covariance);
-        m.distortion = distortion::distortion(recording, settings.band_hz.1, m.latency_s);
+        m.distortion = distortion(recording, settings.band_hz.1, m.latency_s);
         measurements.push(m);
     }
     let mut findings = Findings {

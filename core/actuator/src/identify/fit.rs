@@ -1,13 +1,127 @@
-//! Fits the figures to all recordings at once.
+//! Transfer function of the actuator, and its fit to all recordings at once.
 
-use asperity_numbers::{Elementary as _, size};
-use std::f64::consts::TAU;
+use asperity_numbers::{Elementary as _, polar, size};
+use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex64;
 
 use super::super::Drive;
-use super::model::{Coil, EACH, Model, OWN, SHARED, places};
 use super::spectra::{Band, Spectra};
+
+/// Number of figures of the actuator: k_f, m_a, k, c.
+pub(super) const SHARED: usize = 4;
+/// Number of figures of each recording: m_h and the latency.
+pub(super) const OWN: usize = 2;
+/// Number of figures that one recording depends on.
+pub(super) const EACH: usize = SHARED + OWN;
+
+/// Places in the fit's vector of the figures that recording `n` depends on.
+pub(super) fn places(n: usize) -> [usize; EACH] {
+    std::array::from_fn(|i| if i < SHARED { i } else { OWN * n + i })
+}
+
+/// Coil and amplifier: from a sample to a current.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coil {
+    pub(super) drive: Drive,
+    pub(super) resistance: f64,
+    pub(super) inductance: f64,
+    /// Time that a sample is held \[s\]; 0 behind a converter that smooths.
+    pub(super) hold: f64,
+}
+
+impl Coil {
+    /// Impedance R + L s of a coil under a voltage; 1 for a current.
+    pub(super) fn impedance(&self, s: Complex64) -> Complex64 {
+        match self.drive {
+            Drive::Current => Complex64::from(1.0),
+            Drive::Voltage => s * self.inductance + self.resistance,
+        }
+    }
+}
+
+/// Figures behind one recording's response, in SI units.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Model {
+    pub(super) coil: Coil,
+    pub(super) force_factor: f64,
+    pub(super) moving_mass: f64,
+    pub(super) stiffness: f64,
+    pub(super) damping: f64,
+    pub(super) handle_mass: f64,
+    pub(super) latency: f64,
+    /// -1 if coil or accelerometer point the other way.
+    pub(super) sign: f64,
+}
+
+impl Model {
+    /// 1 / mu.
+    pub(super) fn inverse_reduced_mass(&self) -> f64 {
+        1.0 / self.moving_mass + 1.0 / self.handle_mass
+    }
+
+    pub(super) fn natural_rad_s(&self) -> f64 {
+        (self.stiffness * self.inverse_reduced_mass()).sqrt()
+    }
+
+    pub(super) fn damping_ratio(&self) -> f64 {
+        0.5 * self.damping * (self.inverse_reduced_mass() / self.stiffness).sqrt()
+    }
+
+    /// E, P and the denominator D = s^2 E + P / mu. For a current E = 1 and P = c s + k. For a voltage
+    /// E = R + L s and P = (c s + k) E + k_f^2 s.
+    fn parts(&self, s: Complex64) -> (Complex64, Complex64, Complex64) {
+        let e = self.coil.impedance(s);
+        let p = (s * self.damping + self.stiffness) * e + s * self.emf();
+        (e, p, s * s * e + p * self.inverse_reduced_mass())
+    }
+
+    /// k_f^2 if the back-EMF acts, else 0.
+    fn emf(&self) -> f64 {
+        match self.coil.drive {
+            Drive::Current => 0.0,
+            Drive::Voltage => self.force_factor * self.force_factor,
+        }
+    }
+
+    /// Effect of the hold on mover and coil, and the push on the handle, which is read at once.
+    fn held(&self, hz: f64) -> (Complex64, f64) {
+        let half = PI * hz * self.coil.hold;
+        let push = match self.coil.drive {
+            Drive::Current => -self.sign * self.force_factor / self.handle_mass,
+            Drive::Voltage => 0.0,
+        };
+        let droop = if half > 0.0 { half.sine() / half } else { 1.0 };
+        (polar(droop, -half), push)
+    }
+
+    /// Acceleration of the handle per ampere or volt, without latency.
+    pub(super) fn response(&self, hz: f64) -> Complex64 {
+        Self { latency: 0.0, ..*self }.gradient(hz).0
+    }
+
+    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the
+    /// latency.
+    pub(super) fn gradient(&self, hz: f64) -> (Complex64, [Complex64; EACH]) {
+        let s = Complex64::new(0.0, TAU * hz);
+        let (e, p, d) = self.parts(s);
+        let late = polar(1.0, -TAU * hz * self.latency);
+        let (hold, push) = self.held(hz);
+        let moved = -s * s / d * (self.sign * self.force_factor / self.handle_mass) * hold * late;
+        let pushed = (Complex64::from(1.0) - hold) * push * late;
+        let u = self.inverse_reduced_mass();
+        let one = Complex64::from(1.0);
+        let by = [
+            (one - s / d * (2.0 * u * self.emf())) * moved + pushed,
+            p / d / self.moving_mass * moved,
+            -e / d * (u * self.stiffness) * moved,
+            -s * e / d * (u * self.damping) * moved,
+            (p / d / self.handle_mass - 1.0) * moved - pushed,
+            -s * (moved + pushed),
+        ];
+        (moved + pushed, by)
+    }
+}
 
 /// Standard deviation of the logarithm of an unknown figure.
 const UNKNOWN: f64 = 5.0;
@@ -96,22 +210,19 @@ fn grid(
 }
 
 /// All figures: ln k_f, ln m_a, ln k, ln c, then ln m_h and the latency of each recording.
-#[derive(Clone)]
-struct Point(Vec<f64>);
+type Point = Vec<f64>;
 
-impl Point {
-    fn model(&self, run: &Run, n: usize, coil: Coil) -> Model {
-        let p = &self.0;
-        Model {
-            coil,
-            force_factor: p[0].exp_e(),
-            moving_mass: p[1].exp_e(),
-            stiffness: p[2].exp_e(),
-            damping: p[3].exp_e(),
-            handle_mass: p[SHARED + OWN * n].exp_e(),
-            latency: p[SHARED + OWN * n + 1],
-            sign: run.start.sign,
-        }
+/// The model of a recording.
+fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
+    Model {
+        coil,
+        force_factor: p[0].exp_e(),
+        moving_mass: p[1].exp_e(),
+        stiffness: p[2].exp_e(),
+        damping: p[3].exp_e(),
+        handle_mass: p[SHARED + OWN * n].exp_e(),
+        latency: p[SHARED + OWN * n + 1],
+        sign: run.start.sign,
     }
 }
 
@@ -137,11 +248,11 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
             if coil.drive == Drive::Voltage { force_factor * force_factor / coil.resistance } else { 0.0 };
         (all - emf).max(0.1 * all)
     });
-    let mut point = Vec::with_capacity(SHARED + OWN * runs.len());
+    let mut point = Point::with_capacity(SHARED + OWN * runs.len());
     let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
     point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
     runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
-    Point(point)
+    point
 }
 
 /// Half gradient and normal matrix of the cost: the sum of 2 |r|^2 / noise and the priors.
@@ -161,10 +272,10 @@ struct Problem<'a> {
 
 impl Problem<'_> {
     fn normal(&self, at: &Point) -> Normal {
-        let len = at.0.len();
+        let len = at.len();
         let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
         for (n, run) in self.runs.iter().enumerate() {
-            let model = at.model(run, n, self.coil);
+            let model = model(at, run, n, self.coil);
             let place = places(n);
             let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
             cost += own;
@@ -176,7 +287,7 @@ impl Problem<'_> {
             }
         }
         for (i, (value, spread)) in self.beliefs.iter().enumerate() {
-            let off = (value - at.0[i]) / spread;
+            let off = (value - at[i]) / spread;
             cost += off * off;
             gradient[i] += off / spread;
             matrix[i][i] += 1.0 / (spread * spread);
@@ -216,7 +327,7 @@ fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Squar
 /// `noise` is a factor on each recording's noise; it widens the covariance.
 pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) -> Fitted {
     let mut at = first_guess(runs, coil, moving_mass);
-    let mut beliefs: Vec<(f64, f64)> = at.0.iter().map(|x| (*x, UNKNOWN)).collect();
+    let mut beliefs: Vec<(f64, f64)> = at.iter().map(|x| (*x, UNKNOWN)).collect();
     beliefs[1] = (moving_mass.value.log_e(), moving_mass.spread);
     for (n, run) in runs.iter().enumerate() {
         beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
@@ -229,10 +340,10 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         damped.iter_mut().enumerate().for_each(|(i, row)| row[i] *= 1.0 + lambda);
         let Some(step) = solve(&damped, &now.gradient) else { break };
         let mut next = at.clone();
-        for (i, (x, by)) in next.0.iter_mut().zip(&step).enumerate() {
+        for (i, (x, by)) in next.iter_mut().zip(&step).enumerate() {
             *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
         }
-        for (x, (least, most)) in next.0.iter_mut().zip(RANGES) {
+        for (x, (least, most)) in next.iter_mut().zip(RANGES) {
             *x = x.clamp(least.log_e(), most.log_e());
         }
         let there = problem.normal(&next);
@@ -248,8 +359,8 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
             lambda *= 5.0;
         }
     }
-    let models = runs.iter().enumerate().map(|(n, run)| at.model(run, n, coil)).collect();
-    Fitted { models, covariance: inverse(&now.matrix), at: at.0 }
+    let models = runs.iter().enumerate().map(|(n, run)| model(&at, run, n, coil)).collect();
+    Fitted { models, covariance: inverse(&now.matrix), at }
 }
 
 impl Fitted {

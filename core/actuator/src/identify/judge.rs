@@ -4,7 +4,7 @@ use asperity_numbers::Elementary as _;
 use realfft::num_complex::Complex64;
 
 use super::super::Drive;
-use super::model::Model;
+use super::fit::Model;
 use super::spectra::{Band, Spectra};
 use super::{Estimate, Findings, IdentifySettings, Measurement, Recording, Trust};
 
@@ -97,26 +97,18 @@ fn is_clipped(signal: &[f32]) -> bool {
     side(1.0) || side(-1.0)
 }
 
-struct Notes {
-    found: Vec<(Trust, String)>,
+/// A note with the trust that is left where it counts.
+type Note = (Option<Trust>, String);
+
+/// The trust that a value leaves: none is lost if it is at least `good`.
+fn least(value: f64, (good, fair): (f64, f64)) -> Option<Trust> {
+    let lost = value.is_nan() || value < good;
+    lost.then_some(if value >= fair { Trust::Fair } else { Trust::Poor })
 }
 
-impl Notes {
-    fn add(&mut self, trust: Trust, note: impl Into<String>) {
-        self.found.push((trust, note.into()));
-    }
-
-    /// Adds a note if `value` is less than good.
-    fn least(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
-        if value.is_nan() || value < good {
-            self.add(if value >= fair { Trust::Fair } else { Trust::Poor }, note());
-        }
-    }
-
-    /// Adds a note if `value` is more than good.
-    fn most(&mut self, value: f64, (good, fair): (f64, f64), note: impl FnOnce() -> String) {
-        self.least(-value, (-good, -fair), note);
-    }
+/// The same for a value that is to be at most `good`.
+fn most(value: f64, (good, fair): (f64, f64)) -> Option<Trust> {
+    least(-value, (-good, -fair))
 }
 
 /// Fills in trust and notes.
@@ -126,93 +118,71 @@ pub(super) fn judge(
     settings: &IdentifySettings,
     base_is_estimate: bool,
 ) {
-    let mut notes = Notes { found: Vec::new() };
+    let mut notes: Vec<Note> = Vec::new();
     for (n, (m, r)) in findings.recordings.iter().zip(recordings).enumerate() {
         let which = if recordings.len() > 1 { format!("recording {}: ", n + 1) } else { String::new() };
-        of_recording(&mut notes, &which, settings.drive, m, r);
-        of_mass(&mut notes, &which, settings.handle_mass_uncertainty, m, r);
+        let all = of_recording(settings, m, r).into_iter();
+        notes.extend(all.map(|(trust, note)| (trust, format!("{which}{note}"))));
     }
-    of_values(&mut notes, findings, base_is_estimate);
-    notes.found.sort_by_key(|(trust, _)| *trust);
-    findings.trust = notes.found.first().map_or(Trust::Good, |(trust, _)| *trust);
-    findings.notes = notes.found.into_iter().map(|(_, note)| note).collect();
+    notes.extend(of_values(findings, base_is_estimate));
+    let mut notes: Vec<_> = notes.into_iter().filter_map(|(trust, note)| Some((trust?, note))).collect();
+    notes.sort_by_key(|(trust, _)| *trust);
+    findings.trust = notes.first().map_or(Trust::Good, |(trust, _)| *trust);
+    findings.notes = notes.into_iter().map(|(_, note)| note).collect();
 }
 
-fn of_recording(notes: &mut Notes, which: &str, drive: Drive, m: &Measurement, r: &Recording<'_>) {
-    if m.coherence < 0.3 {
-        notes.add(
-            Trust::Poor,
-            format!(
-                "{which}the acceleration does not follow the drive: check the accelerometer's channel, and \
-                 whether the actuator moves (coherence {:.2})",
-                m.coherence
-            ),
-        );
+fn of_recording(settings: &IdentifySettings, m: &Measurement, r: &Recording<'_>) -> Vec<Note> {
+    let (coherence, (from, to)) = (m.coherence, m.band_hz);
+    let follows = if coherence < 0.3 {
+        let note = "the acceleration does not follow the drive: check the accelerometer's channel, and \
+                    whether the actuator moves";
+        (Some(Trust::Poor), format!("{note} (coherence {coherence:.2})"))
     } else {
-        notes.least(m.coherence, COHERENCE, || {
-            format!(
-                "{which}much of the acceleration does not follow the drive (coherence {:.2})",
-                m.coherence
-            )
-        });
-    }
-    notes.least(m.snr_db, SNR_DB, || {
-        format!(
-            "{which}the recording is noisy ({:.0} dB signal to noise, {:.0} dB would be good): use a \
-             stronger \
-             drive, a longer sweep, or a quieter place",
-            m.snr_db, SNR_DB.0
-        )
-    });
-    if is_clipped(r.acceleration) {
-        notes.add(
-            Trust::Poor,
-            format!("{which}the input clips: lower its gain or the drive, and record again"),
-        );
-    }
-    let (from, to) = m.band_hz;
-    if !(1.2 * from..to / 1.5).contains(&m.natural_hz.value) {
-        notes.add(
-            Trust::Poor,
-            format!(
-                "{which}the resonance lies outside of the frequencies that were excited ({from:.0} to \
-                 {to:.0} \
-                 Hz), or there is none: is the input connected to the drive itself?"
-            ),
-        );
-    }
-    notes.most(m.misfit, MISFIT, || {
-        format!(
-            "{which}the actuator does not behave like a mass on a spring: {:.0} % of its response remain \
-             unexplained",
-            100.0 * m.misfit
-        )
-    });
-    notes.most(m.distortion.unwrap_or(0.0), DISTORTION, || {
-        let percent = 100.0 * m.distortion.unwrap_or(0.0);
-        format!("{which}{percent:.0} % harmonic distortion: the drive is too strong for a linear fit")
-    });
+        let note = "much of the acceleration does not follow the drive";
+        (least(coherence, COHERENCE), format!("{note} (coherence {coherence:.2})"))
+    };
+    let noisy = format!(
+        "the recording is noisy ({:.0} dB signal to noise, {:.0} dB would be good): use a stronger drive, a \
+         longer sweep, or a quieter place",
+        m.snr_db, SNR_DB.0
+    );
+    let outside = format!(
+        "the resonance lies outside of the frequencies that were excited ({from:.0} to {to:.0} Hz), or there \
+         is none: is the input connected to the drive itself?"
+    );
+    let odd = format!(
+        "the actuator does not behave like a mass on a spring: {:.0} % of its response remain unexplained",
+        100.0 * m.misfit
+    );
+    let distortion = m.distortion.unwrap_or(0.0);
+    let bent =
+        format!("{:.0} % harmonic distortion: the drive is too strong for a linear fit", 100.0 * distortion);
+    let inverted = "the polarity is inverted: coil or accelerometer point the other way (the figures hold)";
+    // Gains of several recordings must match the masses of their handles.
+    let (grams, given) = (1e3 * m.handle_mass, r.handle_mass_g);
+    let off = (grams / given).log_e().abs() / settings.handle_mass_uncertainty.log_1_plus();
+    let weighed = format!(
+        "the handle moves as if it weighed {grams:.1} g, not {given} g: was its mass changed between the \
+         recordings, and are the given masses right?"
+    );
     // Behind a voltage the back-EMF may hide the suspension's damping.
-    let damping = if drive == Drive::Current { m.damping_ratio.relative() } else { 0.0 };
-    for (what, value, within) in [
-        ("resonance", m.natural_hz, m.natural_hz.relative()),
-        ("damping ratio", m.damping_ratio, damping),
-        ("gain", m.gain, m.gain.relative()),
-    ] {
-        notes.most(within, WITHIN, || format!("{which}{}", known(what, value)));
-    }
-    if m.inverted {
-        notes.add(
-            Trust::Good,
-            format!(
-                "{which}the polarity is inverted: coil or accelerometer point the other way (the figures \
-                 hold)"
-            ),
-        );
-    }
-    if r.limited {
-        notes.add(Trust::Good, format!("{which}the limiter acted; the fit uses the drive behind it"));
-    }
+    let damping = if settings.drive == Drive::Current { m.damping_ratio.relative() } else { 0.0 };
+    let clips = "the input clips: lower its gain or the drive, and record again";
+    let within = (1.2 * from..to / 1.5).contains(&m.natural_hz.value);
+    vec![
+        follows,
+        (least(m.snr_db, SNR_DB), noisy),
+        (is_clipped(r.acceleration).then_some(Trust::Poor), clips.into()),
+        ((!within).then_some(Trust::Poor), outside),
+        (most(m.misfit, MISFIT), odd),
+        (most(distortion, DISTORTION), bent),
+        (most(m.natural_hz.relative(), WITHIN), known("resonance", m.natural_hz)),
+        (most(damping, WITHIN), known("damping ratio", m.damping_ratio)),
+        (most(m.gain.relative(), WITHIN), known("gain", m.gain)),
+        (m.inverted.then_some(Trust::Good), inverted.into()),
+        (r.limited.then_some(Trust::Good), "the limiter acted; the fit uses the drive behind it".into()),
+        (most(off, MASS_OFF), weighed),
+    ]
 }
 
 /// Says how uncertain a value is, or how to determine it.
@@ -232,41 +202,25 @@ fn known(what: &str, value: Estimate) -> String {
     format!("the {what} is not determined by this measurement: {better}")
 }
 
-/// Gains of several recordings must match the masses of their handles.
-fn of_mass(notes: &mut Notes, which: &str, uncertainty: f64, m: &Measurement, r: &Recording<'_>) {
-    let grams = 1e3 * m.handle_mass;
-    let off = (grams / r.handle_mass_g).log_e().abs() / uncertainty.log_1_plus();
-    notes.most(off, MASS_OFF, || {
-        format!(
-            "{which}the handle moves as if it weighed {grams:.1} g, not {} g: was its mass changed \
-             between the \
-             recordings, and are the given masses right?",
-            r.handle_mass_g
-        )
-    });
-}
-
-fn of_values(notes: &mut Notes, f: &Findings, base_is_estimate: bool) {
-    if !f.moving_mass_measured {
-        let several = f.recordings.len() > 1;
-        let why =
-            if several { "the handles are too much alike to tell" } else { "one recording cannot tell" };
-        let known = if base_is_estimate { "an estimate there" } else { "a published figure there" };
-        notes.add(
-            if base_is_estimate { Trust::Fair } else { Trust::Good },
-            format!(
-                "{why} the moving mass; it is the base profile's, {known}, and stiffness and damping are \
-                 only as good. \
-                 Record again with a weight of a few moving masses added to the handle, or taken from it"
-            ),
-        );
-    }
-    for (what, value) in [
+fn of_values(f: &Findings, base_is_estimate: bool) -> Vec<Note> {
+    let why = match f.recordings.len() {
+        1 => "one recording cannot tell",
+        _ => "the handles are too much alike to tell",
+    };
+    let (trust, is) = match base_is_estimate {
+        true => (Trust::Fair, "an estimate there"),
+        false => (Trust::Good, "a published figure there"),
+    };
+    let assumed = format!(
+        "{why} the moving mass; it is the base profile's, {is}, and stiffness and damping are only as good. \
+         Record again with a weight of a few moving masses added to the handle, or taken from it"
+    );
+    let values = [
         ("moving mass", f.moving_mass),
         ("stiffness", f.stiffness),
         ("damping", f.damping),
         ("force factor", f.force_factor),
-    ] {
-        notes.most(value.relative(), WITHIN_ABSOLUTE, || known(what, value));
-    }
+    ];
+    let uncertain = values.map(|(what, it)| (most(it.relative(), WITHIN_ABSOLUTE), known(what, it)));
+    [((!f.moving_mass_measured).then_some(trust), assumed)].into_iter().chain(uncertain).collect()
 }

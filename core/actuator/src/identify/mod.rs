@@ -31,11 +31,9 @@
 //! within 0.01 samples. Ignoring the hold costs up to 4.4 %, at strongly damped resonances above 400
 //! Hz. A damping much below k_f^2 / R is not found behind a voltage; its interval says so.
 
-mod distortion;
 mod findings;
 mod fit;
 mod judge;
-mod model;
 mod profile;
 mod spectra;
 mod sweep;
@@ -44,8 +42,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Elementary as _;
 
 use super::{ActuatorProfile, Drive};
-use fit::{Belief, Fitted, Run};
-use model::Coil;
+use fit::{Belief, Coil, Fitted, Run};
 use spectra::Spectra;
 
 pub use findings::{Estimate, Findings, Measurement, Point, Trust};

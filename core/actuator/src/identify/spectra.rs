@@ -1,4 +1,4 @@
-//! Frequency response with coherence, noise and latency from two signals.
+//! Frequency response with coherence, noise and latency from two signals, and the distortion of a sweep.
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::plans;
@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex64;
 
-use super::{Recording, no_drive};
+use super::{Recording, no_drive, raised_cosine};
 
 /// Bands per octave.
 const BANDS: f64 = 24.0;
@@ -195,26 +195,66 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
 }
 
 /// Spectrum of `samples` minus `offset`, zero-padded to `len`.
-pub(super) fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
+fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
     let mut padded = vec![0.0; len];
     padded.iter_mut().zip(samples).for_each(|(to, x)| *to = f64::from(*x) - offset);
     plans::spectrum(padded)
 }
 
 /// The least even 2^a 3^b 5^c that is at least `count`.
-pub(super) fn fast_len(count: usize) -> usize {
-    let rough = |n: usize| {
-        [2, 3, 5].iter().fold(n, |n, p| {
-            let mut n = n;
-            while n % p == 0 {
-                n /= p;
-            }
-            n
-        })
+fn fast_len(count: usize) -> usize {
+    let without = |mut n: usize, factor: usize| {
+        while n % factor == 0 {
+            n /= factor;
+        }
+        n
     };
-    let mut len = count.max(2).next_multiple_of(2);
-    while rough(len) != 1 {
-        len += 2;
+    let even = (count.max(2).next_multiple_of(2)..).step_by(2);
+    let smooth = |n: &usize| [2, 3, 5].into_iter().fold(*n, without) == 1;
+    even.into_iter().find(smooth).unwrap_or(count)
+}
+
+/// Harmonics from the second to this one.
+const HARMONICS: u32 = 5;
+/// A response begins this long before its time \[s\].
+const EARLY: f64 = 0.004;
+
+/// Amplitude of the second to fifth harmonics over that of the linear response, up to `highest_hz`.
+///
+/// An exponential sweep's acceleration divided by the drive's spectrum is the impulse response. The
+/// k-th harmonic's stands L ln(k) before it (Farina 2000). The time before the highest harmonic tells
+/// the noise, which is subtracted.
+pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f64) -> Option<f64> {
+    let constant = recording.sweep_time_constant_s?;
+    let rate = recording.rate_hz;
+    let count = recording.drive.len().min(recording.acceleration.len());
+    let len = fast_len(count);
+    let drive = transform(&recording.drive[..count], 0.0, len);
+    let mut response = transform(&recording.acceleration[..count], 0.0, len);
+    let strongest = drive.iter().map(Complex64::norm_sqr).fold(0.0, f64::max);
+    for (n, (y, x)) in response.iter_mut().zip(&drive).enumerate() {
+        let hz = n as f64 * rate / len as f64;
+        // A soft edge makes the impulse short.
+        let edge = raised_cosine((highest_hz - hz).max(0.0), 0.2 * highest_hz);
+        *y = *y * x.conj() * edge / (x.norm_sqr() + 1e-5 * strongest);
     }
-    len
+    response[0] = Complex64::default();
+    if let Some(last) = response.last_mut() {
+        *last = Complex64::default();
+    }
+    let impulse = plans::signal(response, len);
+    let lead = |k: u32| constant * f64::from(k).log_e();
+    let length = (lead(HARMONICS + 1) - lead(HARMONICS)).min(0.2);
+    let energy = |from: f64| {
+        let first = ((from - EARLY) * rate).round() as i64;
+        let all = first..first + (length * rate) as i64;
+        all.map(|n| impulse[n.rem_euclid(len as i64) as usize].powi(2)).sum::<f64>()
+    };
+    if length * rate < 8.0 || lead(HARMONICS + 3) > 0.5 * len as f64 / rate {
+        return None;
+    }
+    let noise = energy(latency - lead(HARMONICS + 2)).min(energy(latency - lead(HARMONICS + 3)));
+    let harmonics: f64 = (2..=HARMONICS).map(|k| (energy(latency - lead(k)) - noise).max(0.0)).sum();
+    let linear = energy(latency);
+    (linear > 0.0).then(|| (harmonics / linear).sqrt())
 }

@@ -82,7 +82,7 @@ pub struct Limits {
 }
 
 /// Counts and extremes since construction. Reading allocates nothing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct LimiterReport {
     /// Output samples.
@@ -116,23 +116,6 @@ pub struct LimiterReport {
 }
 
 impl LimiterReport {
-    const NEW: Self = Self {
-        samples: 0,
-        not_finite: 0,
-        peak: 0,
-        slew: 0,
-        rms: 0,
-        stroke: 0,
-        muted: 0,
-        reduced: 0,
-        least_gain: 1.0,
-        largest: 0.0,
-        rms_current: 0.0,
-        largest_rms_current: 0.0,
-        largest_displacement: 0.0,
-        dc: 0.0,
-    };
-
     /// Largest reduction of the gain \[dB\], 0 for none.
     pub fn largest_reduction_db(&self) -> f64 {
         -20.0 * self.least_gain.max(1e-20).log_10()
@@ -276,7 +259,7 @@ impl Limiter {
         };
         let plant = Plant::new(dynamics, drive, rate_hz);
         let run = Run {
-            report: LimiterReport::NEW,
+            report: LimiterReport { least_gain: 1.0, ..LimiterReport::default() },
             good: 0.0,
             bearable: 1.0,
             dc: 0.0,

@@ -6,7 +6,8 @@ use asperity_autoregressive::{Filter, Texture};
 use asperity_graph::NodeDecl;
 use asperity_node::{Settings, Unit, random};
 
-use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
+use super::phase::decibels;
+use crate::case::{Case, Family, Found, Stop, not_applicable};
 use crate::played::{Played, Values};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::{Effort, Subject};
@@ -33,11 +34,9 @@ fn own_models(subject: &Subject<'_>) -> Found {
     for bench in &benches {
         for (slot, voices) in bench.slots.iter().enumerate().take(most) {
             slots += 1;
-            let at: Vec<[f64; 2]> = voices
-                .iter()
-                .flat_map(|v| v.texture.models().iter().map(|m| [m.speed_mm_s, m.force_n]))
-                .filter(|at| at[0] > 0.0 && at[1] > 0.0)
-                .collect();
+            let models = voices.iter().flat_map(|v| v.texture.models());
+            let at = models.map(|m| [m.speed_mm_s, m.force_n]).filter(|at| at[0] > 0.0 && at[1] > 0.0);
+            let at: Vec<[f64; 2]> = at.collect();
             let step = if subject.allowed() == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
             for at in at.iter().step_by(step) {
                 worst = worst.max(at_vertex(bench, slot, voices, *at, seconds)?);
@@ -72,11 +71,9 @@ fn at_vertex(
     let mut heard = bench.begin(slot, stay(at))?;
     heard.square(1.0)?;
     let found = heard.square(seconds)?;
-    let say = |off: f64| {
-        format!("slot {slot} at {:.0} mm/s and {:.2} N: the level is {off:+.1} dB off", at[0], at[1])
-    };
+    let here = format!("slot {slot} at {:.0} mm/s and {:.2} N", at[0], at[1]);
     if wanted == 0.0 {
-        holds(found == 0.0, || say(f64::INFINITY))?;
+        ensure!(found == 0.0, "{here}: it sounds");
         return Ok(0.0);
     }
     // The part below 0.4 of a model's rate must sound, the part above need not.
@@ -85,7 +82,8 @@ fn at_vertex(
     let parts = voices.iter().map(|v| part_below(&filter(v), v.texture.rate_hz(), 0.4 * v.texture.rate_hz()));
     let least = parts.fold(1.0, f64::min).max(1e-6);
     let (off, room) = (decibels(found, wanted), 1.5 + 4.3 * 4.0 * draws);
-    holds(off <= room && off >= decibels(least, 1.0) - room, || say(off))?;
+    let holds = off <= room && off >= decibels(least, 1.0) - room;
+    ensure!(holds, "{here}: the level is {off:+.1} dB off");
     Ok(off.abs())
 }
 
@@ -99,14 +97,13 @@ fn let_go(bench: &Bench<'_>, slot: usize, voices: &[Voice], at: &[[f64; 2]]) -> 
         silent_after(radius(v.texture.at(0.0, loud[1]).ar()), v.texture.rate_hz(), rms)
     };
     let silence = voices.iter().map(end).fold(1.0, f64::max);
-    let hz = u64::from(bench.tick_hz());
+    let hz = u64::from(bench.hz[0]);
     let mut heard = bench.begin(slot, move |tick| [if tick < hz { loud[0] } else { 0.0 }, loud[1]])?;
     heard.square(1.0 + silence)?;
     let rest = heard.square(0.5)?;
-    holds(rest == 0.0, || {
-        format!("slot {slot}: {:.1e} m/s^2 is left {silence:.1} s after it was let go", rest.sqrt())
-    })?;
-    holds(heard.denormals == 0, || format!("slot {slot}: {} samples are denormal", heard.denormals))
+    ensure!(rest == 0.0, "slot {slot}: {:.1e} m/s^2 is left {silence:.1} s after it was let go", rest.sqrt());
+    ensure!(heard.denormals == 0, "slot {slot}: {} samples are denormal", heard.denormals);
+    Ok(())
 }
 
 /// Mean square of all textures of a slot at a speed and a force, in closed form \[(m/s^2)^2\].
@@ -128,7 +125,7 @@ pub fn across(
     farthest: f64,
 ) -> Result<(f64, f64), Stop> {
     let Some(voices) = bench.slots.get(slot) else { return not_applicable("no such slot") };
-    let ticks = (seconds * f64::from(bench.tick_hz())) as u64;
+    let ticks = (seconds * f64::from(bench.hz[0])) as u64;
     // The loudest of the first 3000 places has to do for an endless walk.
     let places = (0..ticks.min(3000)).map(|k| closed_form(voices, way(k)));
     let loudest = places.fold(0.0, f64::max).sqrt();
@@ -139,10 +136,8 @@ pub fn across(
     let mut heard = bench.begin(slot, move |tick| moved(tick))?;
     let rms = heard.square(seconds)?.sqrt() / loudest;
     let peak = heard.largest / loudest;
-    holds(rms <= most, || format!("{rms:.3e} times the root mean square of the loudest place"))?;
-    holds(peak <= farthest, || {
-        format!("a sample of {peak:.3e} times the root mean square of the loudest place")
-    })?;
+    ensure!(rms <= most, "{rms:.3e} times the root mean square of the loudest place");
+    ensure!(peak <= farthest, "a sample of {peak:.3e} times the root mean square of the loudest place");
     Ok((rms, peak))
 }
 
@@ -168,7 +163,8 @@ pub struct Voice {
 pub struct Bench<'s> {
     subject: &'s Subject<'s>,
     node: NodeDecl,
-    hz: [u32; 2],
+    /// Ticks and samples a second.
+    pub hz: [u32; 2],
     /// The textures of each slot.
     pub slots: Vec<Vec<Voice>>,
 }
@@ -194,18 +190,6 @@ impl<'s> Bench<'s> {
             all.push(Self::new(subject, node.clone(), [graph.tick_hz, graph.audio_hz], slots));
         }
         Ok(all)
-    }
-
-    /// The same at another tick rate \[Hz\].
-    #[must_use]
-    pub fn at_ticks(mut self, tick_hz: u32) -> Self {
-        self.hz[0] = tick_hz;
-        self
-    }
-
-    /// Tick rate \[Hz\].
-    pub fn tick_hz(&self) -> u32 {
-        self.hz[0]
     }
 
     /// Begins a run of a slot, with speed \[mm/s\] and force \[N\] by the number of the tick.
@@ -254,23 +238,13 @@ impl Heard {
     /// # Errors
     /// A sample that is not finite, a node that fails.
     pub fn square(&mut self, seconds: f64) -> Result<f64, Stop> {
-        let (mut sum, mut count) = (0.0, 0_u64);
-        let ticks = self.rig.ticks(seconds);
-        for _ in 0..ticks {
-            let tick = self.rig.engine.next_tick();
-            self.rig.engine.tick();
-            for &x in self.rig.audio(IT, 0) {
-                let value = f64::from(x);
-                sum += value * value;
-                self.largest = self.largest.max(value.abs());
-                self.denormals += u64::from(x.is_subnormal());
-                count += 1;
-            }
-            holds(self.rig.engine.faults() == 0 && sum.is_finite(), || {
-                format!("tick {tick}: the output is not finite")
-            })?;
-        }
-        Ok(sum / count.max(1) as f64)
+        let heard = self.rig.heard(self.rig.ticks(seconds), IT)?;
+        let largest = heard.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        self.largest = self.largest.max(f64::from(largest));
+        self.denormals += heard.iter().filter(|x| x.is_subnormal()).count() as u64;
+        let square = heard.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / heard.len().max(1) as f64;
+        ensure!(square.is_finite(), "the output is not finite");
+        Ok(square)
     }
 }
 
@@ -306,11 +280,7 @@ pub fn radius(ar: &[f64]) -> f64 {
     for _ in 0..50 {
         let middle: f64 = 0.5 * (low + high);
         let scaled: Vec<f64> = ar.iter().zip(1..).map(|(a, i)| a / middle.powi(i)).collect();
-        if asperity_autoregressive::is_stable(&scaled) {
-            high = middle;
-        } else {
-            low = middle;
-        }
+        *if asperity_autoregressive::is_stable(&scaled) { &mut high } else { &mut low } = middle;
     }
     high
 }
@@ -319,11 +289,6 @@ pub fn radius(ar: &[f64]) -> f64 {
 /// resampler is empty within another second.
 pub fn silent_after(radius: f64, rate_hz: f64, rms: f64) -> f64 {
     1.0 + (10.0 * rms.max(1e-20) / 1e-30).ln() / -radius.max(1e-3).ln() / rate_hz
-}
-
-/// Difference of two mean squares \[dB\].
-pub fn decibels(found: f64, wanted: f64) -> f64 {
-    10.0 * (found / wanted).log10()
 }
 
 /// Speed \[mm/s\] and force \[N\] by the number of the tick.

@@ -8,10 +8,10 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use asperity_diagnostics::ron;
-use asperity_node::{Descriptor, Effect, Law, Output, ShapeSpec, Source, Unit, UnitSpec, random};
+use asperity_node::{Descriptor, Effect, Law, Output, Settings, ShapeSpec, Source, Unit, UnitSpec, random};
 use asperity_scene::bound::{Passivity, Sampling};
 
-use crate::case::{Case, Family, Found, Stop, applicable, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, applicable, not_applicable};
 use crate::handle::{Device, Handle, Loop};
 use crate::played::Played;
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
@@ -129,14 +129,12 @@ fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> R
         for tick in 1..=ticks {
             let (place, part) = way(tick as f64 * tick_s);
             let force = it.at(place, part * normal_n);
-            holds(force.iter().all(|f| f.is_finite()), || "the force is not finite".to_owned())?;
+            ensure!(force.iter().all(|f| f.is_finite()), "the force is not finite");
             let taken: f64 = (0..2).map(|k| -force[k] * (place[k] - before[k])).sum();
             before = place;
             sum += taken;
             sizes += taken.abs();
-            holds(sum >= -1e-9 * sizes, || {
-                format!("after {tick} ticks it has given {:.3e} mJ of {sizes:.3e}", -sum)
-            })?;
+            ensure!(sum >= -1e-9 * sizes, "after {tick} ticks it has given {:.3e} mJ of {sizes:.3e}", -sum);
             if sizes > 0.0 {
                 worst = worst.max(-sum / sizes);
             }
@@ -156,9 +154,7 @@ fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> R
         let x = if tick.is_multiple_of(2) { size } else { 0.0 };
         largest = largest.max(it.at([x, 0.0], normal_n)[0].abs());
     }
-    holds(largest <= 1.01 * most, || {
-        format!("it answers with {largest:.3e} N; the law at rest says {most:.3e}")
-    })?;
+    ensure!(largest <= 1.01 * most, "it answers with {largest:.3e} N; the law at rest says {most:.3e}");
     Ok(largest / most)
 }
 
@@ -166,7 +162,7 @@ fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> R
 struct Slide {
     /// Largest kinetic energy, as a part of the first.
     most: f64,
-    /// Largest speed in the last tenth \[mm/s\].
+    /// Largest speed at last \[mm/s\].
     last_mm_s: f64,
     /// Changes of the sign of the force.
     turns: u32,
@@ -177,22 +173,21 @@ const NEARLY: f64 = 1.25;
 const MASS_KG: f64 = 0.1;
 const SPEED_MM_S: f64 = 100.0;
 
-fn slide(force: &mut dyn FnMut(f64) -> f64, device: Device, tick_hz: f64, ticks: u64) -> Slide {
+/// Slides for so many ticks; the last speed counts from the tick `late` on.
+fn slide(
+    mut force: impl FnMut(f64) -> f64,
+    device: Device,
+    tick_hz: f64,
+    (ticks, late): (u64, u64),
+) -> Slide {
     let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
     servo.handle.put(0.0, SPEED_MM_S, 0.0);
     let first = servo.handle.energy_mj();
     let mut it = Slide { most: 0.0, last_mm_s: 0.0, turns: 0 };
     let (mut largest, mut sign) = (0.0_f64, 0.0);
     for tick in 0..ticks {
-        let mut now = 0.0;
-        servo.tick(
-            |x| {
-                now = force(x);
-                now
-            },
-            0.0,
-            |_| {},
-        );
+        let now = force(servo.seen_mm());
+        servo.tick(|_| now, 0.0, |_| {});
         it.most = it.most.max(servo.handle.energy_mj() / first);
         largest = largest.max(now.abs());
         // Smaller forces count as rest.
@@ -200,7 +195,7 @@ fn slide(force: &mut dyn FnMut(f64) -> f64, device: Device, tick_hz: f64, ticks:
             it.turns += u32::from(sign * now < 0.0);
             sign = now.signum();
         }
-        if 10 * tick >= 9 * ticks {
+        if tick >= late {
             it.last_mm_s = it.last_mm_s.max(servo.handle.v_mm_s().abs());
         }
     }
@@ -226,23 +221,21 @@ fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> 
         let rest_s = (40.0 * MASS_KG / spare).min(4.0);
         it.begin(normal_n);
         let ticks = ((rest_s * tick_hz) as u64).max(20);
-        let slid = slide(&mut |x| it.at([x, 0.0], normal_n)[0], device, tick_hz, ticks);
-        holds(slid.most <= 1.0 + 1e-9, || {
-            format!("{part} times {bound:.4} N s/m: {:.6} of its energy at first", slid.most)
-        })?;
+        let times = (ticks, (9 * ticks).div_ceil(10));
+        let Slide { most, last_mm_s, turns } =
+            slide(|x| it.at([x, 0.0], normal_n)[0], device, tick_hz, times);
+        ensure!(most <= 1.0 + 1e-9, "{part} times {bound:.4} N s/m: {most:.6} of its energy at first");
         if part > 1.1 {
             // Swings of a spring, and of a damper that is a tick late: each is a part of the one before.
             let swings = if z > 0.0 && z < 1.0 { 1.0 / (PI * z) } else { 0.0 };
             let rattles = 1.0 / (device.damping_ns_per_m / law.damping_ns_per_m).ln();
             let rattles = if rattles.is_finite() { rattles } else { 0.0 };
             let bound = NEARLY * (2.0 + 6.0 * 10.0_f64.ln() * (swings + rattles));
-            holds(f64::from(slid.turns) <= bound, || {
-                format!("its force changes its sign {} times; the bound is {bound:.0}", slid.turns)
-            })?;
-            holds(rest_s >= 4.0 || slid.last_mm_s <= 1e-4 * SPEED_MM_S, || {
-                format!("it still moves with {:.3e} mm/s after {rest_s:.2} s", slid.last_mm_s)
-            })?;
-            figure = f64::from(slid.turns) / bound;
+            let signs = f64::from(turns);
+            ensure!(signs <= bound, "its force changes its sign {turns} times; the bound is {bound:.0}");
+            let rests = rest_s >= 4.0 || last_mm_s <= 1e-4 * SPEED_MM_S;
+            ensure!(rests, "it still moves with {last_mm_s:.3e} mm/s after {rest_s:.2} s");
+            figure = signs / bound;
         }
     }
     Ok(figure)
@@ -259,29 +252,29 @@ fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> 
     let bound = 1e3 * LIMIT_N * ((3.0 / (tick_hz * damping * mass)).sqrt() + 2.0 / (tick_hz * mass));
     let stops_s = 0.5;
     let look_s = subject.by_effort(0.5, 2.0, 60.0);
+    let times = (((stops_s + look_s) * tick_hz) as u64, (stops_s * tick_hz).ceil() as u64);
     it.begin(normal_n);
-    let mut servo = Loop::new(Handle::new(device, None, 1.0 / tick_hz), 1, 0, 0.0);
-    servo.handle.put(0.0, SPEED_MM_S, 0.0);
-    let mut fastest = 0.0_f64;
-    let ticks = ((stops_s + look_s) * tick_hz) as u64;
-    for tick in 0..ticks {
-        servo.tick(|x| it.at([x, 0.0], normal_n)[0], 0.0, |_| {});
-        if tick as f64 >= stops_s * tick_hz {
-            fastest = fastest.max(servo.handle.v_mm_s().abs());
-        }
-    }
-    holds(fastest <= bound, || format!("{fastest:.1} mm/s; the bound is {bound:.1}"))?;
+    let fastest = slide(|x| it.at([x, 0.0], normal_n)[0], device, tick_hz, times).last_mm_s;
+    ensure!(fastest <= bound, "{fastest:.1} mm/s; the bound is {bound:.1}");
     Ok(fastest / bound)
 }
 
 /// A law of friction or drag.
 struct Rub {
     /// Its name in texts.
-    pub name: String,
+    name: String,
     kind: String,
     params: Vec<(String, String)>,
+    /// The effect and its settings, where the kind tells its law.
+    tells: Option<(Effect, Settings)>,
+}
+
+impl Rub {
     /// Its law at rest by the normal force, where the kind tells it.
-    pub law: Option<Box<dyn Fn(f64) -> Law>>,
+    fn law(&self, normal_n: f64) -> Option<Law> {
+        let (effect, settings) = self.tells.as_ref()?;
+        Some(effect.law_of(settings, normal_n)?.1)
+    }
 }
 
 /// Number of values of its velocity, and whether it takes a normal force. None for another kind.
@@ -311,44 +304,36 @@ const MORE: [(&str, &str); 3] = [
 /// Every kind of friction and drag: an effect with the examples of its forms, another kind with its defaults.
 /// A kind that needs a parameter is left out.
 fn laws(subject: &Subject<'_>) -> Vec<Rub> {
+    let fits = |d: &&Descriptor| ports(d).is_some() && !has_to_be_set(d, &[]);
     let mut all = Vec::new();
-    for kind in subject.registry().iter() {
-        let d = kind.descriptor();
-        if ports(d).is_none() || has_to_be_set(d, &[]) {
+    for d in subject.registry().iter().map(|kind| kind.descriptor()).filter(fits) {
+        let kind = d.kind.to_string();
+        let Some(effect) = &d.effect else {
+            all.push(Rub { name: kind.clone(), kind, params: Vec::new(), tells: None });
             continue;
-        }
-        match &d.effect {
-            Some(effect) => {
-                let examples = effect.forms.iter().map(|form| form.example.as_ref());
-                let more = MORE.iter().filter(|(kind, _)| *kind == d.kind).map(|(_, text)| *text);
-                all.extend(examples.chain(more).map(|text| with_settings(&d.kind, effect, text)));
+        };
+        let examples = effect.forms.iter().map(|form| form.example.as_ref());
+        let more = MORE.iter().filter(|(kind, _)| *kind == d.kind).map(|(_, text)| *text);
+        all.extend(examples.chain(more).map(|text| {
+            let settings =
+                ron::parse(&Source::new("case", text)).and_then(|value| effect.read(&kind, &value));
+            let tells = settings.ok().filter(|settings| effect.law_of(settings, 1.0).is_some());
+            Rub {
+                name: format!("{kind}: {text}"),
+                kind: kind.clone(),
+                params: vec![(effect.list.to_string(), format!("[{text:?}]"))],
+                tells: tells.map(|settings| (effect.clone(), settings)),
             }
-            None => all.push(Rub {
-                name: d.kind.to_string(),
-                kind: d.kind.to_string(),
-                params: Vec::new(),
-                law: None,
-            }),
-        }
+        }));
     }
     all
 }
 
-/// An effect with one slot.
-fn with_settings(kind: &str, effect: &Effect, text: &str) -> Rub {
-    let value = ron::parse(&Source::new("case", text)).ok();
-    let settings = value.and_then(|value| effect.read(kind, &value).ok());
-    let law = settings.filter(|settings| effect.law_of(settings, 1.0).is_some()).map(|settings| {
-        let effect = effect.clone();
-        let law = move |normal_n| effect.law_of(&settings, normal_n).map_or(Law::default(), |(_, law)| law);
-        Box::new(law) as Box<dyn Fn(f64) -> Law>
-    });
-    Rub {
-        name: format!("{kind}: {text}"),
-        kind: kind.to_owned(),
-        params: vec![(effect.list.to_string(), format!("[{text:?}]"))],
-        law,
-    }
+/// The law of a force along a surface at rest, by the place \[mm\]: after a step so short that nothing slips.
+fn law_at_rest(mut force: impl FnMut(f64) -> f64, step_mm: f64, tick_s: f64) -> Law {
+    let still = force(0.0);
+    let (moved, held) = (still - force(step_mm), still - force(step_mm));
+    Law { stiffness_n_per_mm: held / step_mm, damping_ns_per_m: 1e3 * (moved - held) / step_mm * tick_s }
 }
 
 /// A law that runs alone with a stylus.
@@ -362,9 +347,6 @@ struct Rubbed {
 
 impl Rubbed {
     /// A graph of the law at a rate, behind a limiter of `limit_n` \[N\] if there is one.
-    ///
-    /// # Errors
-    /// Those of the compiler.
     fn new(subject: &Subject<'_>, rub: &Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Stop> {
         let like = Descriptor::new("stylus", "").output(Output::new(
             "position",
@@ -423,39 +405,19 @@ impl Rubbed {
         [0, 1].map(|k| values.get(k).copied().unwrap_or(0.0))
     }
 
-    /// Measures the law at rest under a normal force: a step so short that nothing slips, then rest.
-    ///
-    /// # Errors
-    /// It is not the known law.
+    /// Measures the law at rest under a normal force. Fails where it is not the known law.
     fn law(&mut self, rub: &Rub, normal_n: f64) -> Result<Law, Stop> {
-        let step = 1e-7 * normal_n;
         self.begin(normal_n);
-        let moved = -self.at([step, 0.0], normal_n)[0];
-        let held = -self.at([step, 0.0], normal_n)[0];
-        let found = Law {
-            stiffness_n_per_mm: held / step,
-            damping_ns_per_m: 1e3 * (moved - held) / step * self.tick_s(),
-        };
-        if let Some(law) = &rub.law {
-            let want = law(normal_n);
-            let whole = 1e3 * want.stiffness_n_per_mm * self.tick_s() + want.damping_ns_per_m;
-            let off = 1e3 * (found.stiffness_n_per_mm - want.stiffness_n_per_mm).abs() * self.tick_s()
-                + (found.damping_ns_per_m - want.damping_ns_per_m).abs();
-            holds(off <= 1e-3 * whole, || {
-                format!(
-                    "{} under {normal_n:e} N at {} Hz is {:.4} N/mm and {:.4} N s/m at rest, \
-                     not {:.4} and {:.4}",
-                    rub.name,
-                    self.tick_hz,
-                    found.stiffness_n_per_mm,
-                    found.damping_ns_per_m,
-                    want.stiffness_n_per_mm,
-                    want.damping_ns_per_m
-                )
-            })?;
-            return Ok(want);
-        }
-        Ok(found)
+        let tick_s = self.tick_s();
+        let found = law_at_rest(|x| self.at([x, 0.0], normal_n)[0], 1e-7 * normal_n, tick_s);
+        let Some(want) = rub.law(normal_n) else { return Ok(found) };
+        let whole = |k: f64, b: f64| 1e3 * k.abs() * tick_s + b.abs();
+        let [[k, b], [want_k, want_b]] = [found, want].map(|it| [it.stiffness_n_per_mm, it.damping_ns_per_m]);
+        ensure!(
+            whole(k - want_k, b - want_b) <= 1e-3 * whole(want_k, want_b),
+            "it is {k:.4} N/mm and {b:.4} N s/m at rest, not {want_k:.4} and {want_b:.4}"
+        );
+        Ok(want)
     }
 }
 
@@ -474,7 +436,7 @@ impl Pressed<'_> {
     fn at(&mut self, x_mm: f64) -> f64 {
         let [x, y, z] = self.spot.above(-self.depth_mm);
         let mut force = 0.0;
-        (0..self.wall.every()).for_each(|_| [force, ..] = self.wall.at([x + x_mm, y, z]));
+        (0..self.wall.every).for_each(|_| [force, ..] = self.wall.at([x + x_mm, y, z]));
         force
     }
 
@@ -483,18 +445,14 @@ impl Pressed<'_> {
         (0..3).for_each(|_| _ = self.at(0.0));
     }
 
-    /// Measures the law along the surface at rest: a step so short that nothing slips, then rest.
+    /// Measures the law along the surface at rest.
     fn law(&mut self) -> Law {
-        let (step, tick_s) = (1e-7, 1.0 / self.wall.sampling().tick_hz);
         self.begin();
-        let still = self.at(0.0);
-        let moved = still - self.at(step);
-        let held = still - self.at(step);
-        let clean = |x: f64| if x.abs() < 1e-4 { 0.0 } else { x };
-        Law {
-            stiffness_n_per_mm: clean(held / step),
-            damping_ns_per_m: clean(1e3 * (moved - held) / step * tick_s),
-        }
+        let tick_s = 1.0 / self.wall.sampling().tick_hz;
+        let Law { stiffness_n_per_mm, damping_ns_per_m } = law_at_rest(|x| self.at(x), 1e-7, tick_s);
+        let [stiffness_n_per_mm, damping_ns_per_m] =
+            [stiffness_n_per_mm, damping_ns_per_m].map(|x| if x.abs() < 1e-4 { 0.0 } else { x });
+        Law { stiffness_n_per_mm, damping_ns_per_m }
     }
 }
 
@@ -509,6 +467,7 @@ fn rubs(subject: &Subject<'_>) -> Found {
     for near in all.iter().take(subject.by_effort(4, 16, 400)) {
         let light = (LIGHT_N / near.law.stiffness_n_per_mm).min(near.deep_mm);
         for depth_mm in [light, near.deep_mm] {
+            let push_n = depth_mm * near.law.stiffness_n_per_mm;
             let mut it = Pressed { wall: &mut wall, spot: near.spot, depth_mm };
             let law = it.law();
             // To and fro by 4 mm at 1 Hz, by 0.05 mm at 20 Hz, fast, and by very little.
@@ -521,29 +480,21 @@ fn rubs(subject: &Subject<'_>) -> Found {
                     before = x;
                     sum += taken;
                     sizes += taken.abs();
-                    holds(sum >= -1e-9 * sizes - 1e-12, || {
-                        format!(
-                            "rubbing {:.1} N it has given {:.3e} mJ of {sizes:.3e}",
-                            depth_mm * near.law.stiffness_n_per_mm,
-                            -sum
-                        )
-                    })?;
+                    let given = -sum;
+                    ensure!(
+                        given <= 1e-9 * sizes + 1e-12,
+                        "rubbing {push_n:.1} N it has given {given:.3e} mJ of {sizes:.3e}"
+                    );
                 }
             }
             let bound = needed(law, tick_hz);
             let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 1.05 * bound, friction_n: 0.0 };
             it.begin();
             // No further than some mm, within the wall.
-            let slid = slide(&mut |x| it.at(x), device, tick_hz, (0.03 * tick_hz) as u64);
-            holds(slid.most <= 1.0 + 1e-9, || {
-                format!("1.05 times {bound:.4} N s/m: {:.6} of its energy at first", slid.most)
-            })?;
-            found.push(format!(
-                "{:.1} N: {:.2} N/mm and {:.2} N s/m, at least {bound:.2} N s/m",
-                depth_mm * near.law.stiffness_n_per_mm,
-                law.stiffness_n_per_mm,
-                law.damping_ns_per_m
-            ));
+            let most = slide(|x| it.at(x), device, tick_hz, ((0.03 * tick_hz) as u64, u64::MAX)).most;
+            ensure!(most <= 1.0 + 1e-9, "1.05 times {bound:.4} N s/m: {most:.6} of its energy at first");
+            let Law { stiffness_n_per_mm: k, damping_ns_per_m: b } = law;
+            found.push(format!("{push_n:.1} N: {k:.2} N/mm and {b:.2} N s/m, at least {bound:.2} N s/m"));
         }
     }
     wall.sound()?;

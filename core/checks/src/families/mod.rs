@@ -12,6 +12,9 @@ mod stiff_walls;
 
 pub use actuator::{Piece, Place, Sound, Stood, limited};
 pub use graphs::{Became, Drawn, drawn};
+pub use phase::decibels;
+
+use std::collections::BTreeMap;
 
 use crate::case::Case;
 
@@ -34,4 +37,13 @@ pub fn cases() -> Vec<&'static Case> {
 /// Cases over one kind of node, in the order in which they run.
 pub fn node_cases() -> &'static [Case] {
     crate::node::CASES
+}
+
+/// The three most frequent of some texts, with their numbers.
+fn often(all: &BTreeMap<String, u64>) -> String {
+    let mut all: Vec<_> = all.iter().collect();
+    all.sort_by(|a, b| b.1.cmp(a.1));
+    let all: Vec<String> =
+        all.into_iter().take(3).map(|(why, times)| format!("{times} times: {why}")).collect();
+    all.join("; ")
 }

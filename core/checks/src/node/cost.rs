@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::input::somewhere;
 use super::main;
 use super::signal::Signal;
-use crate::case::{Found, fails, not_applicable};
+use crate::case::{Found, not_applicable};
 use crate::subject::{Heap, Subject, Touched};
 
 /// Ticks on each signal while the heap is watched.
@@ -59,7 +59,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let mut counted = all.map(|what| Counted::new(heap, what));
     let [process, reset, set, save, restore, elapsed] = &mut counted;
     let mut bytes = vec![0; stand.node.processor.state_size()];
-    let params = &main(subject)?.kind.descriptor().params;
+    let params = &place.kind.descriptor().params;
     let mut tick = 0;
     for signal in [Signal::Random, Signal::Scattered, Signal::Zero, Signal::Huge, Signal::Bad, Signal::Random]
     {
@@ -87,7 +87,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();
     match found.first() {
         Some(what) if allowed => not_applicable(format!("it says that it allocates: {what}")),
-        Some(_) => fails(found.join("; ")),
+        Some(_) => bail!("{}", found.join("; ")),
         None if allowed => not_applicable(format!("it says that it allocates, and did not in {tick} ticks")),
         None => Ok(format!("none in {tick} ticks")),
     }
@@ -112,7 +112,7 @@ pub struct TickTime {
 /// The kind cannot be prepared, or it fails.
 pub fn tick_time(subject: &Subject<'_>) -> Result<TickTime, String> {
     subject.doing("time per tick");
-    let mut stand = subject.stand(Signal::Random)?;
+    let mut stand = subject.main()?.stand(subject, Signal::Random, false)?;
     let calls = subject.ticks.clamp(100, 20_000);
     let mut spent = Vec::with_capacity(calls as usize);
     for tick in 0..calls {

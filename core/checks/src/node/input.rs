@@ -5,9 +5,9 @@ use asperity_node::{Buffer, FactValue, Fault, Param, ParamKind, Shape, random};
 use super::main;
 use super::place::{Conditions, Place};
 use super::signal::Signal;
-use super::stand::{Stand, Trace, UNWRITTEN, contained, described, is_well};
+use super::stand::{Stand, Trace, UNWRITTEN, described, is_well};
 use crate::buffers::words;
-use crate::case::{Found, Stop, fails, not_applicable};
+use crate::case::{Found, Stop, not_applicable};
 use crate::subject::Subject;
 
 /// Ticks of a run on one signal.
@@ -27,17 +27,18 @@ const LONG: Conditions = Conditions {
 };
 
 /// The main place, and the one with long frames where the kind takes it.
-fn two_places<'a>(subject: &'a Subject<'_>) -> Result<(&'a Place, Option<Place>), Stop> {
-    Ok((main(subject)?, Place::settle(subject, &LONG).ok()))
+fn places(subject: &Subject<'_>) -> Result<Vec<Place>, Stop> {
+    let mut all = vec![main(subject)?.clone()];
+    all.extend(Place::settle(subject, &LONG));
+    Ok(all)
 }
 
 pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
-    let (main, other) = two_places(subject)?;
-    for place in [Some(main), other.as_ref()].into_iter().flatten() {
-        subject.doing(&format!("{}, {} input", place.conditions, signal.word()));
-        let run = place.stand(subject, signal, false)?.run(0..TICKS);
-        if let Some(wrong) = run.wrong {
-            return fails(format!("{wrong} ({}, {} input)", place.conditions, signal.word()));
+    for place in &places(subject)? {
+        let told = format!("{}, {} input", place.conditions, signal.word());
+        subject.doing(&told);
+        if let Some(wrong) = place.stand(subject, signal, false)?.run(0..TICKS).wrong {
+            bail!("{wrong} ({told})");
         }
     }
     Ok(format!("{TICKS} ticks"))
@@ -57,7 +58,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
         trace.push(answer, &stand.outputs);
         let wrong = answer.is_err() || stand.not_finite().is_some();
         if answer == Err(Fault::Panicked) {
-            return fails(format!("panicked at tick {tick}"));
+            bail!("panicked at tick {tick}");
         }
         if wrong && tick < bad {
             return Err(Stop::NotApplicable("it fails on noise already".into()));
@@ -67,8 +68,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
         }
         let stays = matches!(answer, Err(Fault::Failed(_)));
         if wrong && resets && !stays {
-            let processor = &mut stand.node.processor;
-            contained(|| processor.ask(|p| p.reset())).map_err(|f| format!("reset {}", described(f)))?;
+            stand.ask("reset", |it| it.reset())?;
         }
     }
     Ok(last - good)
@@ -90,10 +90,10 @@ pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
     if helped <= hz * RECOVERY_S {
         return Ok(format!("well again after {helped} ticks, by the reset that the engine does"));
     }
-    fails(format!(
-        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does \
-         not help"
-    ))
+    bail!(
+        "still not finite, or failing, {RECOVERY_S} s after the input was finite again, and a reset does not \
+         help"
+    )
 }
 
 pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
@@ -118,8 +118,8 @@ pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn outputs(subject: &Subject<'_>) -> Found {
-    let (main, other) = two_places(subject)?;
-    for place in [Some(main), other.as_ref()].into_iter().flatten() {
+    let places = places(subject)?;
+    for place in &places {
         subject.doing(&place.conditions.to_string());
         let mut stand = place.stand(subject, Signal::Scattered, false)?;
         for tick in 0..TICKS {
@@ -128,21 +128,18 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             let before = stand.inputs.clone();
             let answer = stand.call(tick);
             if let Some(wrong) = untouched(&stand, &before, place.gate).or_else(|| whole(&stand)) {
-                return fails(format!("{wrong} at tick {tick} ({})", place.conditions));
+                bail!("{wrong} at tick {tick} ({})", place.conditions);
             }
             stand.conclude(answer);
         }
         if let Some(n) = unsaid(&mut stand) {
-            return fails(format!(
-                "wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks"
-            ));
+            bail!("wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks");
         }
     }
-    Ok(if main.outputs.is_empty() {
-        "it has no outputs; inputs untouched".into()
-    } else {
-        format!("{TICKS} ticks")
-    })
+    match places[0].outputs.is_empty() {
+        true => Ok("it has no outputs; inputs untouched".into()),
+        false => Ok(format!("{TICKS} ticks")),
+    }
 }
 
 /// Ticks in which the loader found samples that the node did not report.
@@ -206,37 +203,32 @@ pub(super) fn somewhere(p: &Param, at: f64) -> Option<f64> {
 }
 
 pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
-    let (main, other) = two_places(subject)?;
-    let params = &main.kind.descriptor().params;
+    let places = places(subject)?;
+    let params = &places[0].kind.descriptor().params;
     // A tenth of them with long frames, which take long.
-    let parts = [(Some(main), subject.ticks * 9 / 10), (other.as_ref(), subject.ticks / 10)];
-    for (place, ticks) in parts.into_iter().filter_map(|(p, n)| Some((p?, n))) {
+    for (place, ticks) in places.iter().zip([subject.ticks * 9 / 10, subject.ticks / 10]) {
         subject.doing(&place.conditions.to_string());
         let mut stand = place.stand(subject, Signal::Scattered, false)?;
         for tick in 0..ticks {
             let draw = |what: u64| random::uniform(11 + what, tick);
             if draw(0) < 2e-4 {
-                let processor = &mut stand.node.processor;
-                contained(|| processor.ask(|p| p.reset()))
-                    .map_err(|f| format!("reset {} at tick {tick}", described(f)))?;
+                stand.ask(&format!("at tick {tick}, reset"), |it| it.reset())?;
             }
             if draw(1) < 0.02 && !params.is_empty() {
                 let i = (draw(2) * params.len() as f64) as usize;
                 if let Some(value) = somewhere(&params[i], draw(3)) {
-                    let processor = &mut stand.node.processor;
-                    contained(|| processor.ask(|p| p.set_parameter(i, value)))
-                        .map_err(|f| format!("set_parameter {} at tick {tick}", described(f)))?;
+                    let told = format!("at tick {tick}, set_parameter");
+                    stand.ask(&told, |it| it.set_parameter(i, value))?;
                 }
             }
             stand.set_up(tick);
             let answer = stand.call(tick);
             stand.conclude(answer);
+            let here = || format!("at tick {tick} ({})", place.conditions);
             if let Err(fault) = answer {
-                return fails(format!("{} at tick {tick} ({})", described(fault), place.conditions));
+                bail!("{} {}", described(fault), here());
             }
-            if !stand.outputs.iter().all(is_well) {
-                return fails(format!("put out what is not finite at tick {tick} ({})", place.conditions));
-            }
+            ensure!(stand.outputs.iter().all(is_well), "put out what is not finite {}", here());
         }
     }
     Ok(format!("{} ticks", subject.ticks))

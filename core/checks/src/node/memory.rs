@@ -5,8 +5,8 @@ use asperity_node::{Param, ParamKind, Resume, random};
 use super::input::somewhere;
 use super::main;
 use super::signal::Signal;
-use super::stand::{Stand, Trace, contained, described};
-use crate::case::{Found, Stop, fails, not_applicable};
+use super::stand::{Stand, Trace};
+use crate::case::{Found, Stop, not_applicable};
 use crate::subject::Subject;
 
 /// Ticks that are compared.
@@ -15,37 +15,31 @@ const TICKS: u64 = 200;
 /// Fails where two runs differ.
 fn same(subject: &Subject<'_>, a: &Trace, b: &Trace, when: &str) -> Result<(), Stop> {
     match a.first_difference(b, |o| subject.output_name(o)) {
-        Some(what) => fails(format!("{when}: {what}")),
+        Some(what) => bail!("{when}: {what}"),
         None => Ok(()),
     }
 }
 
 pub(super) fn reset(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let fresh = subject.stand(Signal::Scattered)?.run(0..TICKS).trace;
     let mut stand = subject.stand(Signal::Scattered)?;
-    for (before, ticks) in [
-        (Signal::Scattered, TICKS),
-        (Signal::Random, 37),
-        (Signal::Huge, 150),
-        (Signal::Bad, 50),
-        (Signal::Zero, 1),
-    ] {
-        subject.doing(&format!("after {ticks} ticks of {} input", before.word()));
+    use Signal::{Bad, Huge, Random, Scattered, Zero};
+    for (before, ticks) in [(Scattered, TICKS), (Random, 37), (Huge, 150), (Bad, 50), (Zero, 1)] {
+        let when = format!("after {ticks} ticks of {} input", before.word());
+        subject.doing(&when);
         stand.play(before);
         // A frame late, so that a counter that the reset leaves alone shows.
         stand.run(1..ticks + 1);
         stand.reset()?;
         stand.play(Signal::Scattered);
         let again = stand.run(0..TICKS).trace;
-        same(subject, &fresh, &again, &format!("reset after {ticks} ticks of {} input", before.word()))?;
+        same(subject, &fresh, &again, &format!("reset {when}"))?;
         stand.reset()?;
     }
     Ok(format!("{TICKS} ticks after each of 5 runs"))
 }
 
 pub(super) fn determinism(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let alone = subject.stand(Signal::Scattered)?.run(0..TICKS).trace;
     let second = subject.stand(Signal::Scattered)?.run(0..TICKS).trace;
     same(subject, &alone, &second, "a second instance")?;
@@ -62,7 +56,6 @@ pub(super) fn determinism(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn sleep(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let (asleep, awake, end) = (60, 180, 300);
     let resume = main(subject)?.kind.descriptor().resume;
     let elapsed = match resume {
@@ -78,7 +71,7 @@ pub(super) fn sleep(subject: &Subject<'_>) -> Found {
     whole.muted = false;
     slept.run(0..asleep);
     if elapsed {
-        slept.node.processor.ask(|p| p.elapsed(awake - asleep)).map_err(|f| format!("elapsed {f}"))?;
+        slept.ask("elapsed", |it| it.elapsed(awake - asleep))?;
     }
     let (a, b) = (whole.run(awake..end).trace, slept.run(awake..end).trace);
     same(subject, &a, &b, &format!("after {} ticks asleep", awake - asleep))?;
@@ -87,13 +80,13 @@ pub(super) fn sleep(subject: &Subject<'_>) -> Found {
 
 pub(super) fn cycle(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
-    if main(subject)?.kind.descriptor().feedback.is_none() {
+    if place.kind.descriptor().feedback.is_none() {
         return not_applicable("it closes no cycles");
     }
     let mut stand = place.stand(subject, Signal::Scattered, true)?;
     let first = stand.run(0..TICKS);
     if let Some(wrong) = first.wrong {
-        return fails(wrong);
+        bail!("{wrong}");
     }
     stand.reset()?;
     same(subject, &first.trace, &stand.run(0..TICKS).trace, "reset in a cycle")?;
@@ -117,12 +110,12 @@ pub(super) fn engine(subject: &Subject<'_>) -> Found {
     if let Some(report) = engine.report(at)
         && let Some(fault) = report.last_fault
     {
-        return fails(format!("{fault} ({} faults in {TICKS} ticks)", report.faults));
+        bail!("{fault} ({} faults in {TICKS} ticks)", report.faults);
     }
-    if let Some(what) = direct.trace.first_output_difference(&trace, |o| subject.output_name(o)) {
-        return fails(format!(
+    if let Some(what) = direct.trace.first_difference(&trace, |o| subject.output_name(o)) {
+        bail!(
             "the engine lets it sleep when it says it may, and then {what} from its outputs when it is called"
-        ));
+        );
     }
     let slept = engine.report(at).map_or(0, |r| r.slept);
     Ok(format!("{TICKS} ticks, {slept} of them asleep"))
@@ -137,13 +130,13 @@ const GUARD: [u8; 16] = [0xa5; 16];
 fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Stop> {
     let now = stand.node.processor.state_size();
     if now != size {
-        return fails(format!("state_size answers {size} at first and {now} later"));
+        bail!("state_size answers {size} at first and {now} later");
     }
     let mut bytes = vec![0; size];
     bytes.extend(GUARD);
     let saved = stand.node.processor.save(&mut bytes[..size]);
     if bytes[size..] != GUARD {
-        return fails("save wrote past the memory it was given");
+        bail!("save wrote past the memory it was given");
     }
     let len = saved.ok_or_else(|| Stop::Failed(format!("save fails with the {size} bytes it asks for")))?;
     bytes.truncate(len);
@@ -151,7 +144,6 @@ fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Stop> {
 }
 
 pub(super) fn state(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let size = subject.stand(Signal::Scattered)?.node.processor.state_size();
     if size == 0 {
         return not_applicable("it hands over no state");
@@ -166,22 +158,18 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
         let bytes = save(&mut old, size)?;
         let buffers = (old.inputs.clone(), old.outputs.clone());
         if save(&mut old, size)? != bytes {
-            return fails(format!("saved twice after {at} ticks, it is not the same"));
+            bail!("saved twice after {at} ticks, it is not the same");
         }
         for small in [0, size / 2, size - 1].into_iter().filter(|n| *n < bytes.len()) {
             let mut room = vec![0; small];
             room.extend(GUARD);
             let saved = old.node.processor.save(&mut room[..small]);
             if saved.is_some() || room[small..] != GUARD {
-                return fails(format!("saved {} bytes into {small}", bytes.len()));
+                bail!("saved {} bytes into {small}", bytes.len());
             }
         }
-        same(
-            subject,
-            &expected,
-            &old.run(at..at + AFTER).trace,
-            &format!("goes on after a save at tick {at}"),
-        )?;
+        let goes_on = old.run(at..at + AFTER).trace;
+        same(subject, &expected, &goes_on, &format!("goes on after a save at tick {at}"))?;
         for used in [false, true] {
             let mut new = subject.stand(Signal::Scattered)?;
             if used {
@@ -190,7 +178,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
                 new.play(Signal::Scattered);
             }
             if !new.node.processor.restore(&bytes) {
-                return fails(format!("refuses its own state of tick {at}"));
+                bail!("refuses its own state of tick {at}");
             }
             let which = if used { "a used" } else { "a fresh" };
             let when = format!("restored at tick {at} into {which} instance");
@@ -232,7 +220,6 @@ fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
 }
 
 pub(super) fn garbage_state(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let mut stand = subject.stand(Signal::Scattered)?;
     let size = stand.node.processor.state_size();
     let mut state = Vec::new();
@@ -270,13 +257,11 @@ fn written(p: &Param, value: f64) -> String {
 }
 
 fn set(stand: &mut Stand<'_>, p: &Param, index: usize, value: f64) -> Result<(), Stop> {
-    let processor = &mut stand.node.processor;
-    contained(|| processor.ask(|p| p.set_parameter(index, value)))
-        .map_err(|f| Stop::Failed(format!("set to {}, `{}` {}", written(p, value), p.name, described(f))))
+    let told = format!("set to {}, `{}`", written(p, value), p.name);
+    Ok(stand.ask(&told, |it| it.set_parameter(index, value))?)
 }
 
 pub(super) fn live_parameters(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let params = &main(subject)?.kind.descriptor().params;
     let all: Vec<(usize, &Param)> = params.iter().enumerate().filter(|(_, p)| p.live).collect();
     if all.is_empty() {
@@ -290,7 +275,7 @@ pub(super) fn live_parameters(subject: &Subject<'_>) -> Found {
             stand.run(0..50);
             set(&mut stand, p, *i, value)?;
             if let Some(wrong) = stand.run(50..AFTER).wrong {
-                return fails(format!("{wrong} with {} = {}", p.name, written(p, value)));
+                bail!("{wrong} with {} = {}", p.name, written(p, value));
             }
             // After a reset it equals an instance that was prepared with that value.
             let other = subject.clone().set(&*p.name, written(p, value));
@@ -309,7 +294,7 @@ pub(super) fn live_parameters(subject: &Subject<'_>) -> Found {
             }
         }
         if let Some(wrong) = stand.run(tick..tick + 1).wrong {
-            return fails(format!("{wrong} with all parameters at the ends of their ranges"));
+            bail!("{wrong} with all parameters at the ends of their ranges");
         }
     }
     Ok(format!("{} parameters", all.len()))

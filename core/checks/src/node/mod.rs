@@ -19,7 +19,7 @@ pub use cost::{TickTime, tick_time};
 pub(crate) use place::Place;
 pub(crate) use signal::{Feed, Signal};
 
-use crate::case::{Case, Family, Found, Stop, fails};
+use crate::case::{Case, Family, Found, Stop};
 use crate::subject::Subject;
 
 /// The place in which most cases put the kind. Only `prepare` fails where there is none.
@@ -107,7 +107,7 @@ fn descriptor(subject: &Subject<'_>) -> Found {
     let d = subject.its_kind()?.descriptor();
     d.check().map_err(|e| Stop::Failed(e.message))?;
     if !d.sink && d.outputs.is_empty() {
-        return fails("it has no outputs and is no sink, so no graph would build it");
+        bail!("it has no outputs and is no sink, so no graph would build it");
     }
     Ok(format!("{} inputs, {} outputs, {} parameters", d.inputs.len(), d.outputs.len(), d.params.len()))
 }

@@ -6,9 +6,9 @@ use std::sync::{Arc, OnceLock};
 use asperity_engine::Engine;
 use asperity_graph::{BufferEntry, Compiled, compile};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind,
-    Output, Params, PortType, Ports, Prepared, Processor, RateSpec, Registry, Setup, Shape, ShapeSpec,
-    Status, Tick, Unit, UnitSpec, Wiring, random,
+    Config, Descriptor, Diagnostic, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Output,
+    Params, PortType, Ports, RateSpec, Registry, Setup, Shape, ShapeSpec, Status, Unit, UnitSpec, Wiring,
+    random,
 };
 
 use crate::case::Stop;
@@ -17,6 +17,7 @@ use crate::node::stand::Stand;
 use crate::played::Played;
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
+use crate::wrap::stateless;
 
 /// Rates and types around a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,28 +124,7 @@ pub(crate) struct Place {
 }
 
 /// A sink for any output. No graph file can name it.
-struct Probe;
-
-impl Probe {
-    const KIND: &'static str = "a probe";
-}
-
-impl Node for Probe {
-    fn descriptor() -> Descriptor {
-        let input = Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u');
-        Descriptor::new(Self::KIND, "Looks on.").input(input).sink()
-    }
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Probe {
-    fn process(&mut self, _: &mut Tick<'_>) -> Status {
-        Status::Continue
-    }
-    fn reset(&mut self) {}
-}
+const PROBE: &str = "a probe";
 
 fn text(errors: &[Diagnostic]) -> String {
     errors.first().map(|e| e.message.clone()).unwrap_or_default()
@@ -169,7 +149,10 @@ fn compiled(
         let ports = asked.ports(config)?;
         Ok(told.get_or_init(|| ports).clone())
     });
-    let mut registry = Registry::new().with::<Probe>();
+    let looks = Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u');
+    let probe = Descriptor::new(PROBE, "Looks on.").input(looks).sink();
+    let mut registry = Registry::new();
+    registry.add(stateless(probe, |_| |_| Status::Continue));
     registry.add(Arc::new(watched));
     let settings: Vec<(&str, &str)> =
         subject.settings.iter().map(|(n, v)| (n.as_str(), v.as_str())).collect();
@@ -199,7 +182,7 @@ fn compiled(
     }
     for output in ports.outputs.iter().take(probes) {
         let probe = format!("probe {}", output.name);
-        graph.add_node(&probe, Probe::KIND, &[], "test").map_err(|e| e.message)?;
+        graph.add_node(&probe, PROBE, &[], "test").map_err(|e| e.message)?;
         graph.add_wire(&format!("{IT}.{}", output.name), &probe, "test");
     }
     for node in &mut graph.nodes {
@@ -221,9 +204,6 @@ fn compiled_somehow(
 
 impl Place {
     /// Settles the types of a node's ports.
-    ///
-    /// # Errors
-    /// Why the kind cannot be there.
     pub(crate) fn settle(subject: &Subject<'_>, conditions: &Conditions) -> Result<Self, String> {
         let kind = subject.its_kind().map_err(|_| "no kind was given")?.clone();
         let schedule = compiled_somehow(subject, conditions, Signal::Random)?.schedule;
@@ -252,9 +232,6 @@ impl Place {
     }
 
     /// A new instance with a signal at every input.
-    ///
-    /// # Errors
-    /// Those of `prepare`.
     pub(crate) fn stand<'a>(
         &'a self,
         subject: &'a Subject<'a>,
@@ -271,9 +248,6 @@ impl Place {
     }
 
     /// The same graph in the engine, and the node's index in it.
-    ///
-    /// # Errors
-    /// Why it does not compile.
     pub(crate) fn engine(&self, subject: &Subject<'_>, signal: Signal) -> Result<(Engine, usize), String> {
         let engine = Engine::new(compiled_somehow(subject, &self.conditions, signal)?, Default::default());
         let at = engine.schedule().index_of(IT).ok_or("the node was dropped from its graph")?;
@@ -283,9 +257,6 @@ impl Place {
 
 impl<'a> Subject<'a> {
     /// The place in which most cases put the one kind: the first of a few that it takes.
-    ///
-    /// # Errors
-    /// Why it takes none.
     pub(crate) fn main(&self) -> Result<&Place, String> {
         self.main.get_or_init(|| self.find_main()).as_ref().map_err(Clone::clone)
     }
@@ -300,12 +271,9 @@ impl<'a> Subject<'a> {
             .or_else(|e| [control, whole, frames].iter().find_map(|c| Place::settle(self, c).ok()).ok_or(e))
     }
 
-    /// A new instance in the main place.
-    ///
-    /// # Errors
-    /// Those of `main`, and of `prepare`.
-    pub(crate) fn stand(&'a self, signal: Signal) -> Result<Stand<'a>, String> {
-        self.main()?.stand(self, signal, false)
+    /// A new instance in the main place. A case does not apply where there is none.
+    pub(crate) fn stand(&'a self, signal: Signal) -> Result<Stand<'a>, Stop> {
+        Ok(super::main(self)?.stand(self, signal, false)?)
     }
 
     /// The name of an output of the one kind.

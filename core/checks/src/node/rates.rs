@@ -5,7 +5,7 @@ use asperity_node::{LayoutSpec, RateSpec, Shape, ShapeSpec};
 use super::main;
 use super::place::{Conditions, Place};
 use super::signal::Signal;
-use crate::case::{Found, fails, not_applicable};
+use crate::case::{Found, not_applicable};
 use crate::subject::Subject;
 
 /// Ticks in each place.
@@ -26,11 +26,11 @@ fn run(subject: &Subject<'_>, places: &[Conditions]) -> Found {
         ran += 1;
         let ticks = TICKS * u64::from(conditions.every);
         if let Some(wrong) = place.stand(subject, Signal::Random, false)?.run(0..ticks).wrong {
-            return fails(format!("{wrong} ({conditions})"));
+            bail!("{wrong} ({conditions})");
         }
     }
     match (ran, refused.first()) {
-        (0, Some(why)) => fails(format!("refused everywhere; {why}")),
+        (0, Some(why)) => bail!("refused everywhere; {why}"),
         (_, Some(why)) => Ok(format!("{ran} settings; refused in {}: {why}", refused.len())),
         (_, None) => Ok(format!("{ran} settings")),
     }
@@ -70,7 +70,6 @@ pub(super) fn rates(subject: &Subject<'_>) -> Found {
 }
 
 pub(super) fn layouts(subject: &Subject<'_>) -> Found {
-    main(subject)?;
     let any = |s: &ShapeSpec| {
         matches!(s, ShapeSpec::Magnitude(LayoutSpec::Of(_)) | ShapeSpec::Spectrum(LayoutSpec::Of(_)))
     };

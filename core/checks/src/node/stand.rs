@@ -3,7 +3,9 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use asperity_engine::Flushed;
-use asperity_node::{Buffer, Complex, Fault, InputRef, Inputs, Outputs, Prepared, Shape, Status, Tick, time};
+use asperity_node::{
+    Buffer, Complex, Fault, InputRef, Inputs, Outputs, Prepared, Processor, Shape, Status, Tick, time,
+};
 
 use crate::buffers::{finite, hash};
 use crate::node::place::Place;
@@ -71,10 +73,15 @@ impl<'a> Stand<'a> {
         self.feeds.iter_mut().flatten().for_each(|f| f.signal = signal);
     }
 
+    /// Calls a function of the node. `what` begins the text of a fault.
+    pub(crate) fn ask(&mut self, what: &str, call: impl FnOnce(&mut dyn Processor)) -> Result<(), String> {
+        let processor = &mut self.node.processor;
+        contained(|| processor.ask(|it| call(it))).map_err(|fault| format!("{what} {}", described(fault)))
+    }
+
     /// Resets the node, its inputs and its controls.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
-        let processor = &mut self.node.processor;
-        contained(|| processor.ask(|p| p.reset())).map_err(|f| format!("reset {f}"))?;
+        self.ask("reset", |it| it.reset())?;
         let hz = self.place.conditions.tick_hz;
         for (buffer, wire) in self.inputs.iter_mut().zip(&self.place.inputs).filter(|(_, w)| w.connected) {
             wire.port.iter().for_each(|p| *buffer = Buffer::new(p, hz));
@@ -157,9 +164,6 @@ impl<'a> Stand<'a> {
     }
 
     /// Runs one tick.
-    ///
-    /// # Errors
-    /// A fault, or an output that is not finite.
     pub(crate) fn tick(&mut self, tick: u64, trace: &mut Trace) -> Result<Status, String> {
         self.set_up(tick);
         let answer = self.call(tick);
@@ -245,17 +249,20 @@ pub(crate) fn is_well(buffer: &Buffer) -> bool {
     matches!(buffer, Buffer::Audio { silent: true, .. }) || finite(buffer)
 }
 
-/// Outputs and answers tick by tick, as hashes, so that two runs can be compared to the bit.
-#[derive(Clone, Debug, PartialEq)]
+/// Outputs and answers call by call, as hashes, so that two runs can be compared to the bit.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
-    outputs: usize,
+    /// Number of the first call.
     first: u64,
-    hashes: Vec<u64>,
+    /// Number of outputs.
+    width: usize,
+    outputs: Vec<u64>,
+    answers: Vec<u64>,
 }
 
 impl Trace {
-    pub(crate) fn new(outputs: usize, first: u64) -> Self {
-        Self { outputs, first, hashes: Vec::new() }
+    pub(crate) fn new(width: usize, first: u64) -> Self {
+        Self { first, width, ..Self::default() }
     }
 
     pub(crate) fn push(&mut self, answer: Result<Status, Fault>, outputs: &[Buffer]) {
@@ -268,39 +275,26 @@ impl Trace {
             Ok(Status::Error(n)) | Err(Fault::Failed(n)) => [5, u64::from(n)],
             Err(_) => [6, 0],
         };
-        self.hashes.push(hash([which, number]));
+        self.answers.push(hash([which, number]));
     }
 
     /// Adds outputs alone, where the answer is unknown.
     pub(crate) fn push_outputs<'b>(&mut self, outputs: impl Iterator<Item = &'b Buffer>) {
-        self.hashes.extend(outputs.map(|buffer| hash(crate::buffers::words(buffer))));
+        self.outputs.extend(outputs.map(|buffer| hash(crate::buffers::words(buffer))));
     }
 
     /// One number for all of it.
     pub(crate) fn digest(&self) -> u64 {
-        hash(std::iter::once(self.outputs as u64).chain(self.hashes.iter().copied()))
+        hash(self.outputs.iter().chain(&self.answers).copied())
     }
 
-    /// The first difference of two runs.
+    /// The first difference of two runs: of the outputs, then of the answers that both know.
     pub(crate) fn first_difference(&self, other: &Self, name: impl Fn(usize) -> String) -> Option<String> {
-        let width = self.outputs + 1;
-        let at = self.hashes.iter().zip(&other.hashes).position(|(a, b)| a != b)?;
-        let what = match at % width {
-            o if o < self.outputs => format!("`{}`", name(o)),
-            _ => "its answer".to_owned(),
+        let first = |a: &[u64], b: &[u64]| a.iter().zip(b).position(|(a, b)| a != b);
+        let (what, at) = match first(&self.outputs, &other.outputs) {
+            Some(at) => (format!("`{}`", name(at % self.width)), at / self.width),
+            None => ("its answer".to_owned(), first(&self.answers, &other.answers)?),
         };
-        Some(format!("{what} differs first at call {}", self.first + (at / width) as u64))
-    }
-
-    /// The first difference of the outputs; `other` has no answers.
-    pub(crate) fn first_output_difference(
-        &self,
-        other: &Self,
-        name: impl Fn(usize) -> String,
-    ) -> Option<String> {
-        let ours = self.hashes.chunks(self.outputs + 1).flat_map(|row| &row[..self.outputs]);
-        let at = ours.zip(&other.hashes).position(|(a, b)| a != b)?;
-        let (output, tick) = (name(at % self.outputs), self.first + (at / self.outputs) as u64);
-        Some(format!("`{output}` differs first at tick {tick}"))
+        Some(format!("{what} differs first at call {}", self.first + at as u64))
     }
 }

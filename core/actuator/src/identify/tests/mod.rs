@@ -23,13 +23,9 @@ fn profile(m_a: f64, k: f64, c: f64, k_f: f64) -> ActuatorProfile {
         stiffness: q(k),
         damping: q(c),
         force_factor: q(k_f),
-        resistance: q(4.5),
-        inductance: q(128e-6),
         stroke: q(5e-3),
-        thermal_time_constant: q(2.0),
         rated_current: q(0.15),
-        peak_current: q(0.6),
-        peak_voltage: q(4.5),
+        ..ActuatorProfile::shipped("hapcoil_one").unwrap().unwrap()
     }
 }
 
@@ -59,17 +55,8 @@ fn held() -> IdentifySettings {
 
 impl Scene {
     fn new(handle_g: f64) -> Self {
-        let drive = Drive::Current;
-        Self {
-            drive,
-            handle_g,
-            delay: 431.37,
-            snr_db: 20.0,
-            amplitude: 0.1,
-            seconds: 4.0,
-            hum: true,
-            seed: 1,
-        }
+        let (drive, delay, amplitude) = (Drive::Current, 431.37, 0.1);
+        Self { drive, handle_g, delay, snr_db: 20.0, amplitude, seconds: 4.0, hum: true, seed: 1 }
     }
 
     fn sweep(&self) -> Sweep {

@@ -1,3 +1,4 @@
+use super::values::errors;
 use super::*;
 use asperity_diagnostics::Source;
 
@@ -73,13 +74,9 @@ fn good_findings_are_right() {
         for seconds in [0.5, 2.0] {
             let scene = Scene { snr_db, seconds, seed: seed as u64, ..Scene::new(100.0) };
             let f = judged(&scene.play(&truth));
-            let off = [
-                f.stiffness.value / truth.stiffness.value - 1.0,
-                f.damping.value / truth.damping.value - 1.0,
-                f.force_factor.value / truth.force_factor.value - 1.0,
-            ];
             if f.trust == Trust::Good {
                 good += 1;
+                let off = errors(&f, &truth);
                 assert!(off.iter().all(|e| e.abs() < 0.05), "{snr_db} dB, {seconds} s: {off:?}");
             }
         }
@@ -118,11 +115,8 @@ fn distortion_is_measured() {
     let acceleration = drive.iter().map(|u| plant.step(bent(f64::from(*u))).acceleration as f32).collect();
     let tape = Tape { drive, acceleration, limited: false, scene };
     let constant = Some(sweep.time_constant_s());
-    let found = distortion::distortion(
-        &Recording { sweep_time_constant_s: constant, ..tape.recording() },
-        2000.0,
-        0.0,
-    );
+    let found =
+        spectra::distortion(&Recording { sweep_time_constant_s: constant, ..tape.recording() }, 2000.0, 0.0);
     assert!((found.unwrap() / 0.1 - 1.0).abs() < 0.1, "{found:?}");
 }
 
@@ -163,18 +157,22 @@ fn long_latency_is_found() {
 fn unusable_recordings_are_refused() {
     let tape = Scene { seconds: 1.0, ..Scene::new(100.0) }.play(&hapcoil());
     let whole = tape.recording();
-    let refused = |r: Recording<'_>| identify(&[r], &hapcoil(), held()).unwrap_err().to_string();
     let silent = vec![0.0; tape.drive.len()];
     let mut bad = tape.acceleration.clone();
     bad[100] = f32::NAN;
     let sine: Vec<f32> = (0..tape.drive.len()).map(|n| (n as f32 * 0.01).sin() * 0.1).collect();
-    assert!(refused(Recording { drive: &silent, ..whole }).contains("the drive is silent"));
-    assert!(refused(Recording { acceleration: &silent, ..whole }).contains("the accelerometer is silent"));
-    assert!(refused(Recording { acceleration: &bad, ..whole }).contains("not finite"));
-    assert!(refused(Recording { drive: &whole.drive[..1000], ..whole }).contains("too short"));
-    assert!(refused(Recording { handle_mass_g: 0.0, ..whole }).contains("a handle's mass of 0"));
-    assert!(refused(Recording { rate_hz: f64::NAN, ..whole }).contains("a rate"));
-    assert!(refused(Recording { drive: &sine, ..whole }).contains("excites only"));
+    for (r, why) in [
+        (Recording { drive: &silent, ..whole }, "the drive is silent"),
+        (Recording { acceleration: &silent, ..whole }, "the accelerometer is silent"),
+        (Recording { acceleration: &bad, ..whole }, "not finite"),
+        (Recording { drive: &whole.drive[..1000], ..whole }, "too short"),
+        (Recording { handle_mass_g: 0.0, ..whole }, "a handle's mass of 0"),
+        (Recording { rate_hz: f64::NAN, ..whole }, "a rate"),
+        (Recording { drive: &sine, ..whole }, "excites only"),
+    ] {
+        let said = identify(&[r], &hapcoil(), held()).unwrap_err().to_string();
+        assert!(said.contains(why), "{why}: {said}");
+    }
     assert!(identify(&[], &hapcoil(), held()).unwrap_err().message.contains("there is no recording"));
 }
 

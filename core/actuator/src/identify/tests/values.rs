@@ -1,13 +1,10 @@
 use super::*;
 
 /// Relative errors of moving mass, stiffness, damping and force factor.
-fn errors(f: &Findings, truth: &ActuatorProfile) -> [f64; 4] {
-    [
-        f.moving_mass.value / truth.moving_mass.value - 1.0,
-        f.stiffness.value / truth.stiffness.value - 1.0,
-        f.damping.value / truth.damping.value - 1.0,
-        f.force_factor.value / truth.force_factor.value - 1.0,
-    ]
+pub(super) fn errors(f: &Findings, truth: &ActuatorProfile) -> [f64; 4] {
+    let found = [f.moving_mass, f.stiffness, f.damping, f.force_factor];
+    let truth = [&truth.moving_mass, &truth.stiffness, &truth.damping, &truth.force_factor];
+    std::array::from_fn(|i| found[i].value / truth[i].value - 1.0)
 }
 
 fn within(f: &Findings, truth: &ActuatorProfile, most: f64) -> bool {
@@ -70,14 +67,9 @@ fn voltage_gives_all_figures_with_a_known_coil() {
         let mut off = truth.clone();
         off.resistance.value *= 1.02;
         let g = identify(&tapes.each_ref().map(Tape::recording), &off, settings).unwrap();
-        assert!(
-            g.damping.low < truth.damping.value && g.damping.high > truth.damping.value,
-            "{:?}",
-            g.damping
-        );
-        assert!(
-            g.force_factor.high > truth.force_factor.value && g.force_factor.low < truth.force_factor.value
-        );
+        for (it, truth) in [(g.damping, &truth.damping), (g.force_factor, &truth.force_factor)] {
+            assert!(it.low < truth.value && it.high > truth.value, "{it:?}");
+        }
     }
 }
 
@@ -192,7 +184,7 @@ fn intervals_hold_the_truth_about_19_times_in_20() {
 fn model_slopes_are_its_differences() {
     for drive in [Drive::Current, Drive::Voltage] {
         let coil = Coil { drive, resistance: 4.5, inductance: 128e-6, hold: 1.0 / RATE };
-        let at = |p: [f64; 6]| model::Model {
+        let at = |p: [f64; 6]| fit::Model {
             coil,
             force_factor: p[0].exp(),
             moving_mass: p[1].exp(),
@@ -211,10 +203,8 @@ fn model_slopes_are_its_differences() {
                 (up[i], down[i]) = (p[i] + step, p[i] - step);
                 let difference = (at(up).gradient(hz).0 - at(down).gradient(hz).0) / (2.0 * step);
                 let scale = h.norm() + difference.norm();
-                assert!(
-                    (slope - difference).norm() < 1e-6 * scale,
-                    "{drive:?} {hz} {i}: {slope} {difference}"
-                );
+                let off = (slope - difference).norm();
+                assert!(off < 1e-6 * scale, "{drive:?} {hz} {i}: {slope} {difference}");
             }
         }
     }

@@ -4,11 +4,11 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use asperity_engine::{CROSSFADE_S, Controller, Engine, Options};
-use asperity_node::{Buffer, Descriptor, ParamKind, PortType};
+use asperity_node::{Buffer, Descriptor, ParamKind, PortType, Unit};
 
 use super::filters;
-use crate::case::{Found, Stop, fails, holds, not_applicable};
-use crate::played::{Played, Samples};
+use crate::case::{Found, Stop, not_applicable};
+use crate::played::{Played, samples};
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
 
@@ -59,7 +59,8 @@ impl Running {
             }
         }
         self.controller.collect();
-        holds(self.engine.faults() == 0, || format!("{} faults", self.engine.faults()))
+        ensure!(self.engine.faults() == 0, "{} faults", self.engine.faults());
+        Ok(())
     }
 }
 
@@ -126,80 +127,66 @@ fn change(
             let from = running.heard.len();
             let compiled = subject.compiled(&to.graph, &to.kinds)?;
             if let Err(e) = running.controller.swap(compiled, &[]) {
-                return fails(format!("`{param}` to {value}: {e}"));
+                bail!("`{param}` to {value}: {e}");
             }
             running.run(TICKS)?;
             let step = largest_step(&running.heard[from.saturating_sub(1)..]);
             // At worst the louder of the two fades to or from nothing.
             let bound = 1.01 * steps + 2.0 * loudest * steepest;
-            holds(step <= bound, || {
-                format!(
-                    "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make \
+            ensure!(
+                step <= bound,
+                "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make \
                      {bound:.4} at most"
-                )
-            })?;
+            );
             let part = if bound > 0.0 { step / bound } else { 0.0 };
             worst = Some(worst.unwrap_or(0.0_f64).max(part));
             running.run(RECOVERS - TICKS)?;
             let from = running.heard.len();
             running.run(2 * TICKS)?;
             let now = level_db(&running.heard[from..]);
-            holds(level.is_none_or(|db| (now - db).abs() < 1.0), || {
-                format!(
-                    "`{param}` to {value}: half a second later the level is {now:.1} dB, and {:.1} dB \
-                     without a change",
-                    level.unwrap_or(0.0)
-                )
-            })?;
+            let usual = level.unwrap_or(now);
+            ensure!(
+                (now - usual).abs() < 1.0 || level.is_none(),
+                "`{param}` to {value}: half a second later the level is {now:.1} dB, {usual:.1} dB without"
+            );
         }
     }
     Ok(worst)
 }
 
 pub(super) fn run(subject: &Subject<'_>) -> Found {
-    let tone: Samples = Arc::new(|first, out| {
-        for (x, n) in out.iter_mut().zip(first..) {
-            *x = (0.1 * (TAU * (100 * n % u64::from(RATE_HZ)) as f64 / f64::from(RATE_HZ)).sin()) as f32;
-        }
-    });
-    let (mut changed, mut worst) = (0, (0.0_f64, String::new()));
-    let mut tell = |kind: &str, param: &str, part: Option<f64>| {
-        if let Some(part) = part {
-            changed += 1;
-            if part > worst.0 {
-                worst = (part, format!("`{kind}.{param}`"));
-            }
-        }
-    };
+    let turn = |n: u64| (100 * n % u64::from(RATE_HZ)) as f64 / f64::from(RATE_HZ);
+    let tone = samples(move |n| (0.1 * (TAU * turn(n)).sin()) as f32);
+    let mut all: Vec<(String, CaseGraph, f64, &[&str])> = Vec::new();
     for kind in filters(subject.registry()) {
         let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone(), &[])?;
-        for (param, values) in values(subject.kind(&kind.kind)?.descriptor()) {
-            let part = change(subject, &graph, (&param, &values), STEEPEST)
-                .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
-            tell(&kind.kind, &param, part);
-        }
+        all.push((kind.kind, graph, STEEPEST, &[]));
     }
-    // A stylus that moves to and fro at 3 Hz.
-    if let Ok(velocity) = subject.kind("velocity") {
+    if subject.kind("velocity").is_ok() {
+        // A stylus that moves to and fro at 3 Hz.
         let place = Arc::new(|tick: u64, at: &mut [f64]| {
             at.fill(0.0);
             at[0] = 10.0 * (TAU * 3.0 * tick as f64 / f64::from(TICK_HZ)).sin();
         });
         let graph = CaseGraph::new(TICK_HZ, RATE_HZ)
-            .plays(
-                "source",
-                Played::control("a stylus from memory", 3, asperity_node::Unit::MILLIMETRE, place),
-            )?
+            .plays("source", Played::control("a stylus from memory", 3, Unit::MILLIMETRE, place))?
             .node("it", "velocity", &[])?
             .node("out", "probe", &[])?
             .chain(&["source", "it"])
             .wire("it.velocity", "out");
-        for (param, mut values) in values(velocity.descriptor()) {
-            // Its upper end is above half the tick rate.
-            values.extend(["200.0".into(), "5.0".into()]);
-            let part = change(subject, &graph, (&param, &values), CONTROL_STEEPEST)
-                .map_err(|e| e.after("`velocity`"))?;
-            tell("velocity", &param, part);
+        // The upper end of its corner is above half the tick rate.
+        all.push(("velocity".to_owned(), graph, CONTROL_STEEPEST, &["200.0", "5.0"]));
+    }
+    let (mut changed, mut worst) = (0, (0.0_f64, String::new()));
+    for (kind, graph, steepest, more) in &all {
+        for (param, mut values) in values(subject.kind(kind)?.descriptor()) {
+            values.extend(more.iter().map(ToString::to_string));
+            let part = change(subject, graph, (&param, &values), *steepest);
+            let Some(part) = part.map_err(|e| e.after(&format!("`{kind}`")))? else { continue };
+            changed += 1;
+            if part > worst.0 {
+                worst = (part, format!("`{kind}.{param}`"));
+            }
         }
     }
     if changed == 0 {

@@ -9,10 +9,10 @@ use asperity_node::{
     Descriptor, FrameLayout, FrameRate, Latency, NodeKind, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
 };
 
-use super::phase::{Method, methods};
+use super::phase::{Method, each, frames};
 use crate::buffers::denormals;
-use crate::case::{Case, Family, Found, Stop, holds, not_applicable};
-use crate::played::{Frames, Motion, Played, Samples};
+use crate::case::{Case, Family, Found, Stop, not_applicable};
+use crate::played::{Frames, Motion, Played, Samples, samples};
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
 
@@ -169,31 +169,11 @@ fn noise(seed: u64, n: u64) -> f32 {
 /// Tick rates: 96 samples at 48 kHz as the reference, then 480, 12, 19 or 20, 144 or 145, 48 or 49.
 const TICKS_HZ: [u32; 6] = [500, 100, 4000, 2500, 333, 997];
 
-/// The first samples of a filter.
-fn heard(rig: &mut Rig, samples: usize) -> Result<Vec<f32>, Stop> {
-    let mut out = Vec::with_capacity(samples + 2000);
-    while out.len() < samples {
-        let before = rig.engine.next_tick();
-        rig.run(1, |rig, _| {
-            out.extend_from_slice(rig.audio("it", 0));
-            Ok(())
-        })?;
-        holds(before < 1_000_000, || "it gives no output".into())?;
-    }
-    rig.sound()?;
-    out.truncate(samples);
-    Ok(out)
-}
-
 fn any_tick_length(subject: &Subject<'_>) -> Found {
     let kinds = filters(subject.registry());
     let (mut compared, mut worst) = (0, 0.0_f64);
     // Loud, then silent, then quiet: so that nodes limit and sleep.
-    let sound: Samples = Arc::new(|first, out| {
-        for (x, n) in out.iter_mut().zip(first..) {
-            *x = noise(3, n) * [2.0, 0.0, 0.1][(n / 7001 % 3) as usize];
-        }
-    });
+    let sound = samples(|n| noise(3, n) * [2.0, 0.0, 0.1][(n / 7001 % 3) as usize]);
     for kind in &kinds {
         for (rate_hz, audio_hz) in
             [(None, 48_000), (None, 44_100), (Some(2500), 48_000), (Some(4410), 44_100)]
@@ -216,8 +196,11 @@ fn any_tick_length(subject: &Subject<'_>) -> Found {
                 let node = rig.schedule.index_of("it").unwrap_or(0);
                 let port = rig.schedule.nodes[node].outputs.first().map(|o| o.port.shape);
                 let Some(asperity_node::Shape::Audio { rate_hz: out_hz }) = port else { continue };
-                let samples = (subject.by_effort(0.4, 1.0, 10.0) * f64::from(out_hz)) as usize;
-                let now = heard(&mut rig, samples).map_err(|e| e.after(&place()))?;
+                let seconds = subject.by_effort(0.4, 1.0, 10.0);
+                let ticks = rig.ticks(seconds) + 1;
+                let mut now = rig.heard(ticks, "it").map_err(|e| e.after(&place()))?;
+                now.truncate((seconds * f64::from(out_hz)) as usize);
+                ensure!(!now.is_empty(), "{}: it gives no output", place());
                 let latency = rig.schedule.nodes[node].latency;
                 let Some((_, first)) = known.iter().find(|(l, _)| *l == latency) else {
                     known.push((latency, now));
@@ -225,7 +208,7 @@ fn any_tick_length(subject: &Subject<'_>) -> Found {
                 };
                 let largest = first.iter().fold(0.0_f32, |m, x| m.max(x.abs())).max(1e-12);
                 let off = first.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest;
-                holds(off <= 1e-6, || format!("{}: {off:.1e} of its largest sample off", place()))?;
+                ensure!(off <= 1e-6, "{}: {off:.1e} of its largest sample off", place());
                 (compared, worst) = (compared + 1, worst.max(f64::from(off)));
             }
         }
@@ -254,59 +237,38 @@ const PLACES: [[(u32, u32, u32); 2]; 3] = [
 /// Rms of tones of amplitude 1 through a method \[m/s^2\].
 fn level(
     subject: &Subject<'_>,
-    kind: &Method,
+    method: &Method,
     (rate_hz, tick_hz, audio_hz): (u32, u32, u32),
     seconds: f64,
 ) -> Result<f64, Stop> {
     let Some(windows) = windows(rate_hz, tick_hz) else { return not_applicable("no windows are whole") };
     // A periodic Hann window's transform of a sine on a bin.
-    let tone: Frames = Arc::new(|_, bins| {
-        bins.fill(0.0);
-        for at in BINS {
-            for (bin, x) in [(at - 1, 0.5), (at, 1.0), (at + 1, 0.5)] {
-                if let Some(bin) = bins.get_mut(bin) {
-                    *bin = x;
-                }
-            }
-        }
-        true
-    });
-    let mut rig = chain(kind, (tick_hz, audio_hz), windows, tone)?.rig(subject)?;
-    let (mut sum, mut count) = (0.0, 0_u64);
-    let (settled, ticks) = (rig.ticks(0.4), rig.ticks(0.4 + seconds));
-    rig.run(ticks, |rig, tick| {
-        if tick >= settled {
-            let samples = rig.audio("audio rate", 0);
-            sum += samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-            count += samples.len() as u64;
-        }
-        Ok(())
-    })?;
-    holds(rig.engine.faults() == 0, || {
-        format!("`{}` failed at {tick_hz} ticks/s, {rate_hz} Hz", kind.kind())
-    })?;
-    Ok((sum / count.max(1) as f64).sqrt())
+    let near = |k: usize, at: usize| [1.0, 0.5].get(k.abs_diff(at)).copied().unwrap_or(0.0);
+    let tones = frames(move |_, k| BINS.iter().map(|at| near(k, *at)).fold(0.0, f64::max));
+    let mut rig = chain(method, (tick_hz, audio_hz), windows, tones)?.rig(subject)?;
+    rig.heard(rig.ticks(0.4), "audio rate")?;
+    let heard = rig.heard(rig.ticks(seconds), "audio rate")?;
+    Ok((heard.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / heard.len().max(1) as f64).sqrt())
 }
 
 fn uneven_hops(subject: &Subject<'_>) -> Found {
-    let kinds = methods(subject, false)?;
     let places = subject.by_effort(&PLACES[..2], &PLACES[..], &PLACES[..]);
     let seconds = subject.by_effort(0.5, 1.0, 10.0);
-    let (mut most, mut where_most) = (0.0_f64, String::new());
-    for kind in &kinds {
+    let told = |db| format!("at most {db:.2} dB apart");
+    each(subject, false, told, |method| {
+        let mut most = 0.0_f64;
         for [uneven, even] in places {
-            let [a, b] = [level(subject, kind, *uneven, seconds)?, level(subject, kind, *even, seconds)?];
-            let db = 20.0 * (a.max(1e-9) / b.max(1e-9)).log10();
-            let place = || format!("`{}` at {} Hz, {} ticks/s", kind.kind(), uneven.0, uneven.1);
-            holds(db.abs() <= WITHIN_DB, || {
-                format!("{}: {db:.1} dB off the level with even hops ({a:.3} and {b:.3})", place())
-            })?;
-            if db.abs() >= most {
-                (most, where_most) = (db.abs(), place());
-            }
+            let [a, b] = [level(subject, method, *uneven, seconds)?, level(subject, method, *even, seconds)?];
+            let db = (20.0 * (a.max(1e-9) / b.max(1e-9)).log10()).abs();
+            let (hz, tick_hz, _) = uneven;
+            ensure!(
+                db <= WITHIN_DB,
+                "at {hz} Hz, {tick_hz} ticks/s: {db:.1} dB off the level with even hops ({a:.3} and {b:.3})"
+            );
+            most = most.max(db);
         }
-    }
-    Ok(format!("{} kinds, at most {most:.2} dB apart: {where_most}", kinds.len()))
+        Ok(most)
+    })
 }
 
 /// Duration of the silence \[s\].
@@ -332,11 +294,7 @@ fn tails_of_kinds(subject: &Subject<'_>) -> Found {
                 continue;
             }
             let end = (SOUND_S * f64::from(rate_hz.unwrap_or(48_000))) as u64;
-            let sound: Samples = Arc::new(move |first, out| {
-                for (x, n) in out.iter_mut().zip(first..) {
-                    *x = if n < end { noise(4, n) } else { 0.0 };
-                }
-            });
+            let sound = samples(move |n| if n < end { noise(4, n) } else { 0.0 });
             let mut rig = match kind.alone((500, 48_000), rate_hz, sound, &[])?.rig(subject) {
                 Ok(rig) => rig,
                 // It may take other rates than this one.
@@ -349,12 +307,11 @@ fn tails_of_kinds(subject: &Subject<'_>) -> Found {
                 last_sound(&mut rig, SOUND_S + silence, |rig| rig.audio("it", 0).iter().any(|x| *x != 0.0))
                     .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
             let after = last - SOUND_S - tail;
-            holds(after <= FILTER_S, || {
-                format!(
-                    "`{}` is not silent until {after:.2} s after the end and its tail of {tail:.3} s",
-                    kind.kind
-                )
-            })?;
+            ensure!(
+                after <= FILTER_S,
+                "`{}` is not silent until {after:.2} s after the end and its tail of {tail:.3} s",
+                kind.kind
+            );
             if after > longest.0 {
                 longest = (after, kind.kind.clone());
             }
@@ -364,24 +321,19 @@ fn tails_of_kinds(subject: &Subject<'_>) -> Found {
 }
 
 /// Time of the last sound \[s\].
-fn last_sound(rig: &mut Rig, seconds: f64, mut sounds: impl FnMut(&Rig) -> bool) -> Result<f64, Stop> {
-    let (mut last, mut wrong) = (0, None);
-    let ticks = rig.ticks(seconds);
-    let ran = rig.run(ticks, |rig, tick| {
+fn last_sound(rig: &mut Rig, seconds: f64, sounds: impl Fn(&Rig) -> bool) -> Result<f64, Stop> {
+    let mut last = 0;
+    rig.run(rig.ticks(seconds), |rig, tick| {
         if let Some(output) = rig.first_output(|b| denormals(b) > 0) {
-            wrong.get_or_insert(format!("`{output}` is denormal in tick {tick}"));
+            bail!("`{output}` is denormal in tick {tick}");
         }
         if sounds(rig) {
             last = tick + 1;
         }
         Ok(())
-    });
-    let faults = rig.engine.faults();
-    match (wrong, ran.is_ok() && faults == 0) {
-        (Some(wrong), _) => Err(wrong.into()),
-        (None, false) => Err(format!("{faults} faults").into()),
-        (None, true) => Ok(last as f64 / f64::from(rig.schedule.tick_hz)),
-    }
+    })?;
+    rig.sound()?;
+    Ok(last as f64 / f64::from(rig.schedule.tick_hz))
 }
 
 fn tail_of_graph(subject: &Subject<'_>) -> Found {
@@ -405,7 +357,7 @@ fn tail_of_graph(subject: &Subject<'_>) -> Found {
     let mut rig = Rig::new(subject, stroke(true), &[])?;
     let silence = subject.by_effort(10.0, SILENCE_S, SILENCE_S);
     let last = last_sound(&mut rig, SOUND_S + silence, played)?;
-    holds(last - SOUND_S <= GRAPH_S, || format!("something is played until {:.2} s after", last - SOUND_S))?;
+    ensure!(last - SOUND_S <= GRAPH_S, "something is played until {:.2} s after", last - SOUND_S);
     if last == 0.0 {
         return not_applicable("nothing was played while the stylus stroked");
     }

@@ -8,9 +8,10 @@ use asperity_node::random::bits;
 use asperity_node::{NodeKind, time};
 
 use super::{chain, noise, windows};
-use crate::case::{Found, Stop, holds};
-use crate::families::phase::methods;
-use crate::played::{Frames, Motion};
+use crate::case::{Found, Stop};
+use crate::families::often;
+use crate::families::phase::{frames, methods};
+use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
 
@@ -57,9 +58,8 @@ impl Tally {
             Ok(compiled) => compiled,
             Err(errors) => {
                 for e in &errors {
-                    holds(!e.message.trim().is_empty() && (e.place.is_some() || e.path().is_some()), || {
-                        format!("at {at} it is refused without a place: {e}")
-                    })?;
+                    let told = !e.message.trim().is_empty() && (e.place.is_some() || e.path().is_some());
+                    ensure!(told, "at {at} it is refused without a place: {e}");
                 }
                 let why = errors.first().map(|e| e.message.clone()).unwrap_or_default();
                 *self.refused.entry(why).or_default() += 1;
@@ -70,37 +70,26 @@ impl Tally {
         let mut heard = vec![0_u64; rig.drive().count()];
         rig.run(rig.ticks(SECONDS), |rig, tick| {
             let due = time::samples(tick, graph.audio_hz, graph.tick_hz);
+            let due = due.end - due.start;
             for (heard, samples) in heard.iter_mut().zip(rig.drive()) {
-                holds(samples.len() as u64 == due.end - due.start, || {
-                    format!(
-                        "{} samples in tick {tick} and not {}, at {at}",
-                        samples.len(),
-                        due.end - due.start
-                    )
-                })?;
-                holds(samples.iter().all(|x| x.is_finite()), || {
-                    format!("not finite in tick {tick} at {at}")
-                })?;
-                *heard += samples.len() as u64;
+                let count = samples.len() as u64;
+                ensure!(count == due, "{count} samples in tick {tick} and not {due}, at {at}");
+                ensure!(samples.iter().all(|x| x.is_finite()), "not finite in tick {tick} at {at}");
+                *heard += count;
             }
             Ok(())
         })?;
-        holds(rig.engine.faults() == 0, || format!("{} faults at {at}", rig.engine.faults()))?;
+        ensure!(rig.engine.faults() == 0, "{} faults at {at}", rig.engine.faults());
         let all = time::first_sample(rig.engine.next_tick(), graph.audio_hz, graph.tick_hz);
-        holds(heard.iter().all(|n| *n == all), || format!("{heard:?} samples and not {all} at {at}"))?;
+        ensure!(heard.iter().all(|n| *n == all), "{heard:?} samples and not {all} at {at}");
         self.ran += 1;
         Ok(())
     }
 
     fn told(&self) -> String {
-        let all: u64 = self.refused.values().sum();
-        let mut reasons: Vec<_> = self.refused.iter().collect();
-        reasons.sort_by(|a, b| b.1.cmp(a.1));
-        let reasons: Vec<String> =
-            reasons.into_iter().take(3).map(|(why, n)| format!("{n} times: {why}")).collect();
-        match all {
-            0 => format!("ran at all {} rates", self.ran),
-            _ => format!("ran at {} rates, refused at {all}, such as {}", self.ran, reasons.join("; ")),
+        match self.refused.values().sum() {
+            0_u64 => format!("ran at all {} rates", self.ran),
+            all => format!("ran at {} rates, refused at {all}, such as {}", self.ran, often(&self.refused)),
         }
     }
 }
@@ -121,7 +110,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
         let (mut graph, kinds) = moved.unwrap_or_else(|_| (own.clone(), Vec::new()));
         (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
         tally.run(subject, &graph, &kinds)?;
-        holds(k > 0 || tally.ran == 1, || format!("at its own rates it is refused: {}", tally.told()))?;
+        ensure!(k > 0 || tally.ran == 1, "at its own rates it is refused: {}", tally.told());
     }
     Ok(tally.told())
 }
@@ -129,12 +118,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
 pub(super) fn kinds(subject: &Subject<'_>) -> Found {
     let all = methods(subject, false)?;
     let mut tally = Tally::default();
-    let texture: Frames = Arc::new(|frame, bins| {
-        for (i, bin) in bins.iter_mut().enumerate() {
-            *bin = noise(frame, i as u64).abs();
-        }
-        true
-    });
+    let texture = frames(|frame, bin| f64::from(noise(frame, bin as u64).abs()));
     let count = subject.by_effort(14, 100, 1000);
     for (i, (tick_hz, audio_hz)) in pairs(count).enumerate() {
         // Mostly at a synthesis rate below the audio rate, now and then at the audio rate itself.
@@ -145,6 +129,6 @@ pub(super) fn kinds(subject: &Subject<'_>) -> Found {
             tally.run(subject, &chain.graph, &chain.kinds)?;
         }
     }
-    holds(tally.ran > 0, || format!("it is refused everywhere: {}", tally.told()))?;
+    ensure!(tally.ran > 0, "it is refused everywhere: {}", tally.told());
     Ok(format!("{} kinds: {}", all.len(), tally.told()))
 }

@@ -13,8 +13,9 @@ use asperity_node::{
 };
 
 use crate::buffers::finite;
-use crate::case::{Found, Stop, fails, holds};
-use crate::played::Played;
+use crate::case::{Found, Stop};
+use crate::families::often;
+use crate::played::{Played, samples};
 use crate::rig::Rig;
 use crate::subject::Subject;
 
@@ -61,11 +62,7 @@ fn players(tick_hz: u32) -> Vec<Arc<NodeKind>> {
         });
         Played::control(name, count, unit, values)
     };
-    let audio = Arc::new(move |first: u64, out: &mut [f32]| {
-        for (x, n) in out.iter_mut().zip(first..) {
-            *x = noise(n);
-        }
-    });
+    let audio = samples(noise);
     let mut all = vec![
         control("some force", 1, Unit::NEWTON),
         control("some place", 3, Unit::MILLIMETRE),
@@ -211,9 +208,7 @@ impl Drawn {
     pub fn run(&self, subject: &Subject<'_>) -> Result<Became, Stop> {
         let source = Source::new(NAME, self.text.as_str());
         let told = |e: &Diagnostic| {
-            holds(!e.message.trim().is_empty() && e.place.is_some(), || {
-                format!("refused without a place: {e}")
-            })?;
+            ensure!(!e.message.trim().is_empty() && e.place.is_some(), "refused without a place: {e}");
             Ok::<_, Stop>(e.message.clone())
         };
         let graph = match GraphFile::parse(&source) {
@@ -235,7 +230,7 @@ impl Drawn {
             match rig.outputs().find(|&(i, o)| !rig.engine.output(i, o).is_some_and(finite)) {
                 Some((i, o)) => {
                     let (name, kind) = (rig.name(i, o), &rig.schedule.nodes[i].kind);
-                    fails(format!("`{name}` ({kind}) is not finite in tick {tick}"))
+                    bail!("`{name}` ({kind}) is not finite in tick {tick}")
                 }
                 None => Ok(()),
             }
@@ -244,36 +239,21 @@ impl Drawn {
         for (i, node) in rig.schedule.nodes.iter().enumerate() {
             let Some(report) = rig.engine.report(i).filter(|r| r.faults > 0) else { continue };
             let beyond = looped && report.last_fault == Some(Fault::NotFinite);
-            holds(beyond, || {
-                let how = report.last_fault.map(|f| f.to_string()).unwrap_or_default();
-                format!("`{}` ({}) {how}", node.id, node.kind)
-            })?;
+            let how = report.last_fault.map(|f| f.to_string()).unwrap_or_default();
+            ensure!(beyond, "`{}` ({}) {how}", node.id, node.kind);
             contained += report.faults;
         }
         Ok(Became::Ran { nodes, looped, contained })
     }
 }
 
-/// A refusal with `_` for its names and numbers.
-fn gist(why: &str) -> String {
-    let plain = |(i, part): (usize, &str)| match i % 2 {
-        0 => part.split_inclusive(|c: char| c.is_ascii_digit()).fold(String::new(), |mut all, piece| {
-            let text = piece.trim_end_matches(|c: char| c.is_ascii_digit());
-            all += text;
-            if text.len() < piece.len() && !all.ends_with('_') {
-                all.push('_');
-            }
-            all
-        }),
-        _ => "`_`".to_owned(),
-    };
-    why.split('`').enumerate().map(plain).collect()
-}
-
 pub(super) fn run(subject: &Subject<'_>) -> Found {
     let graphs = subject.by_effort(100, 1500, 100_000);
     let (mut ran, mut nodes, mut loops, mut beyond) = (0_u64, 0, 0, 0);
-    let mut refused: BTreeMap<String, u64> = BTreeMap::new();
+    let mut refused = BTreeMap::new();
+    // Without names and numbers.
+    let gist =
+        |why: &str| why.split('`').step_by(2).collect::<Vec<_>>().join("`_`").replace(char::is_numeric, "");
     for seed in 0..graphs {
         let mut count = 0;
         let mut choose = |n: usize| {
@@ -281,10 +261,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             (bits(seed, count) % n.max(1) as u64) as usize
         };
         let graph = drawn(subject, &mut choose);
-        match graph.run(subject).map_err(|e| match e {
-            Stop::Failed(wrong) => Stop::Failed(format!("graph {seed}: {wrong}:\n{}", graph.text)),
-            other => other,
-        })? {
+        match graph.run(subject).map_err(|e| e.after(&format!("graph {seed}:\n{}", graph.text)))? {
             Became::Ran { nodes: n, looped, contained } => {
                 (ran, nodes) = (ran + 1, nodes + n);
                 loops += u64::from(looped);
@@ -293,12 +270,8 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
             Became::Refused(why) => *refused.entry(gist(&why)).or_default() += 1,
         }
     }
-    let mut often: Vec<(String, u64)> = refused.into_iter().collect();
-    often.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
-    let often: Vec<String> =
-        often.iter().take(3).map(|(why, times)| format!("{times} times: {why}")).collect();
-    let often = often.join("; ");
-    holds(3 * ran >= graphs, || format!("only {ran} of {graphs} could be run; {often}"))?;
+    let often = often(&refused);
+    ensure!(3 * ran >= graphs, "only {ran} of {graphs} could be run; {often}");
     Ok(format!(
         "{ran} of {graphs} ran, of {} nodes on average, {loops} with a loop, which went beyond all bounds in \
          {beyond}; the others were refused, such as, {often}",
@@ -306,13 +279,13 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     ))
 }
 
-/// A shape, as far as it is known.
+/// A known shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Known {
     Control(usize),
-    Audio(Option<u32>),
-    Magnitude(Option<FrameLayout>),
-    Spectrum(Option<FrameLayout>),
+    Audio(u32),
+    Magnitude(FrameLayout),
+    Spectrum(FrameLayout),
 }
 
 /// Values of a node's variables.
@@ -325,12 +298,8 @@ struct Bound {
 }
 
 impl Bound {
+    /// A shape, where its variables are known.
     fn shape(&self, spec: &ShapeSpec, audio_hz: u32) -> Option<Known> {
-        let rate = |rate: &RateSpec| match rate {
-            RateSpec::Graph => Some(audio_hz),
-            RateSpec::Hz(hz) => Some(*hz),
-            RateSpec::Of(var) => self.rates.get(var).copied(),
-        };
         let layout = |layout: &LayoutSpec| match layout {
             LayoutSpec::Is(layout) => Some(*layout),
             LayoutSpec::Of(var) => self.layouts.get(var).copied(),
@@ -338,10 +307,24 @@ impl Bound {
         Some(match spec {
             ShapeSpec::Like(var) => return self.shapes.get(var).copied(),
             ShapeSpec::Control(count) => Known::Control(*count),
-            ShapeSpec::Audio(hz) => Known::Audio(rate(hz)),
-            ShapeSpec::Magnitude(of) => Known::Magnitude(layout(of)),
-            ShapeSpec::Spectrum(of) => Known::Spectrum(layout(of)),
+            ShapeSpec::Audio(RateSpec::Graph) => Known::Audio(audio_hz),
+            ShapeSpec::Audio(RateSpec::Hz(hz)) => Known::Audio(*hz),
+            ShapeSpec::Audio(RateSpec::Of(var)) => Known::Audio(*self.rates.get(var)?),
+            ShapeSpec::Magnitude(of) => Known::Magnitude(layout(of)?),
+            ShapeSpec::Spectrum(of) => Known::Spectrum(layout(of)?),
         })
+    }
+
+    /// Whether a shape is or can become this.
+    fn takes(&self, spec: &ShapeSpec, known: Known, audio_hz: u32) -> bool {
+        match (self.shape(spec, audio_hz), spec, known) {
+            (Some(own), ..) => own == known,
+            (None, ShapeSpec::Like(_), _)
+            | (None, ShapeSpec::Audio(_), Known::Audio(_))
+            | (None, ShapeSpec::Magnitude(_), Known::Magnitude(_))
+            | (None, ShapeSpec::Spectrum(_), Known::Spectrum(_)) => true,
+            _ => false,
+        }
     }
 
     fn unit<'s>(&'s self, spec: &'s UnitSpec) -> Option<&'s Unit> {
@@ -353,15 +336,11 @@ impl Bound {
 
     fn bind(&mut self, shape: &ShapeSpec, known: Option<Known>, unit: &UnitSpec, is: Option<&Unit>) {
         match (shape, known) {
-            (ShapeSpec::Like(var), Some(known)) => {
-                self.shapes.insert(*var, known);
-            }
-            (ShapeSpec::Audio(RateSpec::Of(var)), Some(Known::Audio(Some(hz)))) => {
-                self.rates.insert(*var, hz);
-            }
+            (ShapeSpec::Like(var), Some(known)) => _ = self.shapes.insert(*var, known),
+            (ShapeSpec::Audio(RateSpec::Of(var)), Some(Known::Audio(hz))) => _ = self.rates.insert(*var, hz),
             (
                 ShapeSpec::Magnitude(LayoutSpec::Of(var)) | ShapeSpec::Spectrum(LayoutSpec::Of(var)),
-                Some(Known::Magnitude(Some(layout)) | Known::Spectrum(Some(layout))),
+                Some(Known::Magnitude(layout) | Known::Spectrum(layout)),
             ) => {
                 self.layouts.insert(*var, layout);
                 self.rates.insert(*var, layout.rate_hz);
@@ -372,24 +351,6 @@ impl Bound {
             self.units.insert(*var, unit.clone());
         }
     }
-}
-
-/// The known one of two values. An error where they differ.
-fn both<T: PartialEq>(a: Option<T>, b: Option<T>) -> Result<Option<T>, ()> {
-    match (a, b) {
-        (Some(a), Some(b)) if a != b => Err(()),
-        (a, b) => Ok(a.or(b)),
-    }
-}
-
-fn same(a: Known, b: Known) -> Result<Known, ()> {
-    Ok(match (a, b) {
-        (Known::Control(m), Known::Control(n)) if m == n => Known::Control(m),
-        (Known::Audio(m), Known::Audio(n)) => Known::Audio(both(m, n)?),
-        (Known::Magnitude(m), Known::Magnitude(n)) => Known::Magnitude(both(m, n)?),
-        (Known::Spectrum(m), Known::Spectrum(n)) => Known::Spectrum(both(m, n)?),
-        _ => return Err(()),
-    })
 }
 
 /// The nodes of a graph that is drawn, and the known types of their ports: nearly those of the compiler.
@@ -437,12 +398,14 @@ impl<'d> Types<'d> {
 
     fn joins(&self, from: usize, output: &Output, to: &Bound, input: &Input) -> bool {
         let Some(bound) = self.bound.get(from) else { return false };
-        let shapes = match (bound.shape(&output.shape, self.audio_hz), to.shape(&input.shape, self.audio_hz))
-        {
-            (Some(a), Some(b)) => same(a, b).is_ok(),
-            (Some(_), None) => true,
+        let hz = self.audio_hz;
+        let shapes = match bound.shape(&output.shape, hz) {
+            Some(known) => to.takes(&input.shape, known, hz),
             // The type of a later node is unknown: only a node that closes a loop is wired to it.
-            (None, b) => b.is_some() && self.nodes.get(from).is_some_and(|d| d.feedback.is_some()),
+            None => {
+                let known = to.shape(&input.shape, hz).filter(|_| self.nodes[from].feedback.is_some());
+                known.is_some_and(|known| bound.takes(&output.shape, known, hz))
+            }
         };
         let among = |spec: &UnitSpec, unit: &Unit| match spec {
             UnitSpec::Is(_) => true,
@@ -460,11 +423,7 @@ impl<'d> Types<'d> {
     /// Binds the types of both ends of a wire.
     fn join(&mut self, from: usize, output: &Output, to: usize, input: &Input) {
         let (Some(a), Some(b)) = (self.bound.get(from), self.bound.get(to)) else { return };
-        let shapes = (a.shape(&output.shape, self.audio_hz), b.shape(&input.shape, self.audio_hz));
-        let shape = match shapes {
-            (Some(a), Some(b)) => same(a, b).ok(),
-            (a, b) => a.or(b),
-        };
+        let shape = a.shape(&output.shape, self.audio_hz).or(b.shape(&input.shape, self.audio_hz));
         let unit = a.unit(&output.unit).or(b.unit(&input.unit)).cloned();
         for (node, shape_spec, unit_spec) in
             [(from, &output.shape, &output.unit), (to, &input.shape, &input.unit)]

@@ -7,7 +7,7 @@ pub use drawn::{Became, Drawn, drawn};
 use std::sync::Arc;
 
 use crate::buffers::same;
-use crate::case::{Case, Family, Found, fails, holds};
+use crate::case::{Case, Family, Found};
 use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -53,11 +53,11 @@ fn same_bytes(subject: &Subject<'_>) -> Found {
     one.run(ticks, |one, tick| {
         other.engine.tick();
         match differs(one, &other) {
-            Some(output) => fails(format!("`{output}` differs in tick {tick}")),
+            Some(output) => bail!("`{output}` differs in tick {tick}"),
             None => Ok(()),
         }
     })?;
     let outputs: usize = one.schedule.nodes.iter().map(|n| n.outputs.len()).sum();
-    holds(one.schedule == other.schedule, || "the schedules differ".into())?;
+    ensure!(one.schedule == other.schedule, "the schedules differ");
     Ok(format!("{outputs} outputs are the same in each of {ticks} ticks"))
 }

@@ -7,7 +7,7 @@ use asperity_accuracy::accuracy::rhythm::{Rhythm, envelope_likeness};
 use asperity_texture::{Library, LibraryMaterial};
 
 use super::{motion, networks, sounds};
-use crate::case::{Found, Stop, holds};
+use crate::case::{Found, Stop, not_applicable};
 use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -53,13 +53,12 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
     for Setting { name, changes, single, periodic } in &settings(subject)? {
         if *periodic {
             let Some((lag_s, more)) = same_at_all_speeds(subject, changes, seconds)? else { continue };
-            holds(more <= MORE_REPETITION, || {
-                format!(
-                    "{name}: after {:.0} ms the envelope repeats by {more:.2} more than that of noise, at \
-                     {SPEEDS_MM_S:?} mm/s alike",
-                    1e3 * lag_s
-                )
-            })?;
+            let lag_ms = 1e3 * lag_s;
+            ensure!(
+                more <= MORE_REPETITION,
+                "{name}: after {lag_ms:.0} ms the envelope repeats by {more:.2} more than that of noise, at \
+                 {SPEEDS_MM_S:?} mm/s alike"
+            );
             same = same.max(more);
             count += SPEEDS_MM_S.len();
             continue;
@@ -72,24 +71,20 @@ pub(super) fn pulses(subject: &Subject<'_>) -> Found {
             if ours.rms < SILENT_M_S2 {
                 continue;
             }
-            let more = ours.envelope_repetition - noise.envelope_repetition;
-            let times = if *single { 0.0 } else { ours.pulses() / noise.pulses() };
-            holds(more <= MORE_REPETITION && times <= MORE_MODULATION, || {
-                format!(
-                    "{about}: the envelope repeats by {:.2}, that of noise by {:.2}; it is modulated by \
-                     {:.2} from 15 to 25 Hz, noise by {:.2}",
-                    ours.envelope_repetition,
-                    noise.envelope_repetition,
-                    ours.pulses(),
-                    noise.pulses()
-                )
-            })?;
+            let [repeats, usual] = [&ours, &noise].map(|it| it.envelope_repetition);
+            let [deep, usually] = [ours.pulses(), noise.pulses()];
+            let (more, times) = (repeats - usual, if *single { 0.0 } else { deep / usually });
+            ensure!(
+                more <= MORE_REPETITION && times <= MORE_MODULATION,
+                "{about}: the envelope repeats by {repeats:.2}, that of noise by {usual:.2}; it is modulated \
+                 by {deep:.2} from 15 to 25 Hz, noise by {usually:.2}"
+            );
             worst = (worst.0.max(more), worst.1.max(times));
             count += 1;
         }
     }
     if count == 0 {
-        return Err(Stop::NotApplicable("no stroke sounds".into()));
+        return not_applicable("no stroke sounds");
     }
     Ok(format!(
         "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, \

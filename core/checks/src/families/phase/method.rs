@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::Framing;
-use asperity_node::{Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue};
+use asperity_node::{Descriptor, FrameLayout, FrameRate, ParamKind, ParamValue};
 
-use crate::case::{Stop, holds, not_applicable};
+use crate::case::{Stop, not_applicable};
 use crate::played::{Frames, Played};
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
@@ -32,64 +32,47 @@ pub(crate) struct Method {
 
 /// All kinds that retrieve phase. With `settings`, also with each word of a choice, and with 0 for an
 /// integer that may be 0.
-///
-/// # Errors
-/// There is none.
 pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Stop> {
     let mut all = Vec::new();
-    for kind in subject.registry().iter() {
-        let d = kind.descriptor();
-        let Some(how) = d.retrieval() else { continue };
-        // No case knows a value for a parameter that has to be set.
-        if has_to_be_set(d, &[]) {
-            continue;
-        }
-        let mut sets = vec![None];
+    // No case knows a value for a parameter that has to be set.
+    for d in subject.registry().iter().map(|k| k.descriptor()).filter(|d| !has_to_be_set(d, &[])) {
+        all.extend(Method::of(d, None));
         for p in d.params.iter().filter(|_| settings) {
-            let set = |value: String| Some((p.name.to_string(), value));
             match (&p.kind, &p.default) {
                 (ParamKind::Choice(words), _) => {
-                    sets.extend(words.iter().skip(1).map(|w| set(w.to_string())))
+                    all.extend(words.iter().skip(1).filter_map(|w| Method::of(d, Some((&p.name, w)))));
                 }
                 (ParamKind::Integer(range), Some(ParamValue::Integer(is)))
                     if *is != 0 && range.contains(&0) =>
                 {
-                    sets.push(set("0".to_owned()));
+                    all.extend(Method::of(d, Some((&p.name, "0"))));
                 }
                 _ => {}
             }
         }
-        all.extend(sets.into_iter().map(|set| Method {
-            kind: d.kind.to_string(),
-            set,
-            input: how.input.to_owned(),
-            spectrum: how.spectrum,
-        }));
     }
     if all.is_empty() { not_applicable("no kind retrieves phase") } else { Ok(all) }
 }
 
 /// The methods that have a parameter with both of these words, set to the one and to the other.
 pub(crate) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2]) -> Vec<[Method; 2]> {
-    let has = |kind: &NodeKind| {
-        let param = kind.descriptor().params.iter().find(|p| p.name == param);
-        let known = |known: &[std::borrow::Cow<'_, str>]| words.iter().all(|w| known.iter().any(|k| k == w));
-        param.is_some_and(|p| matches!(&p.kind, ParamKind::Choice(all) if known(all)))
+    let known = |d: &&Descriptor| match d.params.iter().find(|p| p.name == param).map(|p| &p.kind) {
+        Some(ParamKind::Choice(known)) => words.iter().all(|w| known.iter().any(|k| k == w)),
+        _ => false,
     };
-    let of = |d: &Descriptor| {
-        let how = d.retrieval()?;
-        let (kind, input, spectrum) = (d.kind.to_string(), how.input.to_owned(), how.spectrum);
-        Some(words.map(|word| Method {
-            kind: kind.clone(),
-            set: Some((param.to_owned(), word.to_owned())),
-            input: input.clone(),
-            spectrum,
-        }))
-    };
-    subject.registry().iter().filter(|k| has(k)).filter_map(|k| of(k.descriptor())).collect()
+    let all = subject.registry().iter().map(|k| k.descriptor()).filter(known);
+    let [one, other] = words.map(|word| Some((param, word)));
+    all.filter_map(|d| Some([Method::of(d, one)?, Method::of(d, other)?])).collect()
 }
 
 impl Method {
+    /// A kind with a setting, if it retrieves phase.
+    fn of(d: &Descriptor, set: Option<(&str, &str)>) -> Option<Self> {
+        let how = d.retrieval()?;
+        let set = set.map(|(param, value)| (param.to_owned(), value.to_owned()));
+        Some(Self { kind: d.kind.to_string(), set, input: how.input.to_owned(), spectrum: how.spectrum })
+    }
+
     /// Its name in texts.
     pub(crate) fn name(&self) -> String {
         match &self.set {
@@ -104,9 +87,6 @@ impl Method {
     }
 
     /// Begins a run at the first frame.
-    ///
-    /// # Errors
-    /// Errors of the compiler.
     pub(crate) fn begin(
         &self,
         subject: &Subject<'_>,
@@ -133,8 +113,8 @@ impl Method {
         let (num, den) = rig.schedule.latency().as_ratio();
         let late = (num * i64::from(layout.rate_hz)).div_euclid(den);
         let most = (MOST_LATE_S * f64::from(layout.rate_hz)) as i64;
-        holds(late.abs() <= most, || format!("a latency of {late} samples"))?;
-        Ok(Heard { rig, last, late })
+        ensure!(late.abs() <= most, "a latency of {late} samples");
+        Ok(Heard { rig, last, layout, late })
     }
 }
 
@@ -142,50 +122,34 @@ impl Method {
 pub(crate) struct Heard {
     rig: Rig,
     last: &'static str,
+    layout: FrameLayout,
     /// Latency from a frame to the output, in samples.
     late: i64,
 }
 
 impl Heard {
-    /// Runs so many ticks and appends their samples to `to`.
-    ///
-    /// # Errors
-    /// A sample that is not finite, a node that fails.
-    pub(crate) fn hear(&mut self, ticks: u64, to: &mut Vec<f64>) -> Result<(), Stop> {
-        for _ in 0..ticks {
-            let tick = self.rig.engine.next_tick();
-            self.rig.engine.tick();
-            let heard = self.rig.audio(self.last, 0);
-            to.extend(heard.iter().map(|x| f64::from(*x)));
-            let finite = heard.iter().all(|x| x.is_finite());
-            holds(finite && self.rig.engine.faults() == 0, || {
-                format!("it fails in frame {tick}, or what is heard is not finite")
-            })?;
-        }
-        Ok(())
+    /// Runs a tick. Answers its samples.
+    fn tick(&mut self) -> Result<&[f32], Stop> {
+        let tick = self.rig.engine.next_tick();
+        self.rig.engine.tick();
+        let heard = self.rig.audio(self.last, 0);
+        let sound = heard.iter().all(|x| x.is_finite()) && self.rig.engine.faults() == 0;
+        ensure!(sound, "it fails in frame {tick}, or what is heard is not finite");
+        Ok(heard)
     }
 
     /// Runs so many ticks. Answers their samples.
-    ///
-    /// # Errors
-    /// As [`hear`](Self::hear).
     pub(crate) fn next(&mut self, ticks: u64) -> Result<Vec<f64>, Stop> {
         let mut heard = Vec::new();
-        self.hear(ticks, &mut heard)?;
+        for _ in 0..ticks {
+            heard.extend(self.tick()?.iter().map(|x| f64::from(*x)));
+        }
         Ok(heard)
     }
 
     /// Runs so many ticks without keeping the samples.
-    ///
-    /// # Errors
-    /// As [`hear`](Self::hear).
     pub(crate) fn pass(&mut self, ticks: u64) -> Result<(), Stop> {
-        let mut heard = Vec::new();
-        for _ in 0..ticks {
-            heard.clear();
-            self.hear(1, &mut heard)?;
-        }
-        Ok(())
+        (0..ticks).try_for_each(|_| self.tick().map(|_| ()))
     }
 
     /// Skips so many ticks.
@@ -195,21 +159,22 @@ impl Heard {
 
     /// Runs so many ticks. Answers their samples without the latency: sample 0 is the first of the first
     /// frame.
-    ///
-    /// # Errors
-    /// As [`hear`](Self::hear).
     pub(crate) fn aligned(&mut self, ticks: u64) -> Result<Vec<f64>, Stop> {
         let mut heard = vec![0.0; usize::try_from(-self.late).unwrap_or(0)];
-        self.hear(ticks, &mut heard)?;
+        heard.extend(self.next(ticks)?);
         Ok(heard.split_off(usize::try_from(self.late).unwrap_or(0).min(heard.len())))
     }
 
     /// Ticks until a change of the frames has settled: two windows and the latency.
-    pub(crate) fn settles(&self, layout: &FrameLayout) -> u64 {
-        let frames_hz = u64::from(layout.frame_rate.num());
-        let late = self.late.unsigned_abs() * frames_hz / u64::from(layout.rate_hz);
-        let window = u64::from(layout.length) * frames_hz / u64::from(layout.rate_hz);
-        2 * window + late
+    pub(crate) fn settles(&self) -> u64 {
+        let FrameLayout { rate_hz, length, frame_rate, .. } = self.layout;
+        let ticks = |samples: u64| samples * u64::from(frame_rate.num()) / u64::from(rate_hz);
+        2 * ticks(u64::from(length)) + ticks(self.late.unsigned_abs())
+    }
+
+    /// Runs until a change has settled.
+    pub(crate) fn settle(&mut self) -> Result<(), Stop> {
+        self.pass(self.settles())
     }
 }
 
@@ -244,9 +209,6 @@ pub(crate) fn frames(of: impl Fn(u64, usize) -> f64 + Send + Sync + 'static) -> 
 }
 
 /// Compares the magnitudes of the output with constant frames of `bins`.
-///
-/// # Errors
-/// Magnitudes without a score.
 pub(crate) fn score(layout: &FrameLayout, bins: impl Fn(usize) -> f64, heard: &[f64]) -> Result<Score, Stop> {
     let framing = framing(layout);
     // The last window's worth is still to come.
@@ -274,7 +236,7 @@ pub(crate) fn power(heard: &[f64]) -> f64 {
 }
 
 /// Decibels between two mean squares.
-pub(crate) fn decibels(found: f64, wanted: f64) -> f64 {
+pub fn decibels(found: f64, wanted: f64) -> f64 {
     10.0 * (found.max(f64::MIN_POSITIVE) / wanted).log10()
 }
 
@@ -296,13 +258,8 @@ pub(crate) fn detuned(heard: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
             im.atan2(re)
         })
         .collect();
-    let off: Vec<f64> = phases
-        .windows(2)
-        .map(|p| {
-            let turn = (p[1] - p[0]) / TAU;
-            (turn - turn.round()) / 0.5
-        })
-        .collect();
+    let turns = phases.windows(2).map(|p| (p[1] - p[0]) / TAU);
+    let off: Vec<f64> = turns.map(|turn| (turn - turn.round()) / 0.5).collect();
     let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
     let scatter = off.iter().fold(0.0, |m: f64, x| m.max((x - mean).abs()));
     (mean, scatter)

@@ -14,21 +14,21 @@
 
 mod method;
 
-pub(super) use method::{Method, methods};
+pub use method::decibels;
+pub(super) use method::{Method, frames, methods};
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use asperity_accuracy::phase;
-use asperity_node::{Buffer, FrameLayout, InputRef, Inputs, NodeKind, Outputs, Setup, Tick};
+use asperity_node::{Buffer, FrameLayout, NodeKind};
 
-use crate::case::{Case, Family, Found, Stop, fails, holds, not_applicable};
+use crate::case::{Case, Family, Found, Stop, not_applicable};
 use crate::played::Frames;
 use crate::subject::Subject;
-use crate::wrap::{Process, wrap};
+use crate::wrap::misled;
 use method::{
-    BINS, FEW_BINS, FRAMES_HZ, Heard, decibels, detuned, frames, framing, layout, layout_at, lobe,
-    methods_with, power, score,
+    BINS, FEW_BINS, FRAMES_HZ, Heard, detuned, framing, layout, layout_at, lobe, methods_with, power, score,
 };
 
 const PHASE: Family = Family("phase");
@@ -121,15 +121,14 @@ fn asked(bins: impl Fn(usize) -> f64) -> f64 {
     (0..BINS as usize).map(|k| bins(k).powi(2)).sum::<f64>() / 3.0
 }
 
-/// Checks all methods. Answers their number, the largest figure, and its method.
-///
-/// # Errors
-/// All failures.
-fn each(
+/// Checks all methods, perhaps with their settings. Tells their number, the largest figure in the words of
+/// `told`, and its method.
+pub(super) fn each(
     subject: &Subject<'_>,
     settings: bool,
+    told: impl FnOnce(f64) -> String,
     mut run: impl FnMut(&Method) -> Result<f64, Stop>,
-) -> Result<(usize, f64, String), Stop> {
+) -> Found {
     let methods = methods(subject, settings)?;
     let mut worst = (f64::NEG_INFINITY, String::new());
     let mut wrong = Vec::new();
@@ -141,156 +140,168 @@ fn each(
             Err(other @ Stop::NotApplicable(_)) => return Err(other),
         }
     }
-    holds(wrong.is_empty(), || wrong.join("; "))?;
-    Ok((methods.len(), worst.0, worst.1))
+    ensure!(wrong.is_empty(), "{}", wrong.join("; "));
+    Ok(format!("{} methods: {} ({})", methods.len(), told(worst.0), worst.1))
 }
 
 fn silence(subject: &Subject<'_>) -> Found {
     let layout = layout(2500, BINS);
     let (begins, ends) = (150, 400);
-    let (count, worst, of) = each(subject, true, |method| {
+    let told = |x| format!("the largest sample is {x:.2} times the tone's amplitude");
+    each(subject, true, told, |method| {
         let sounds = move |n: u64| (begins..ends).contains(&n);
         let tone = frames(move |n, k| if sounds(n) { lobe(TONE, k) } else { 0.0 });
         let mut heard = method.begin(subject, layout, tone)?;
         let before = heard.next(begins)?;
-        holds(before.iter().all(|x| *x == 0.0), || "it sounds before its tone begins".to_owned())?;
+        ensure!(before.iter().all(|x| *x == 0.0), "it sounds before its tone begins");
         let during = heard.next(ends - begins)?;
         let peak = during.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         // Noise of a tone's power exceeds 4 times its amplitude once in 10^8 samples.
         let most = if method.name().starts_with("shaped_noise") { 4.0 } else { 2.0 };
-        holds(peak <= most, || format!("it begins with a sample of {peak:.2} times the tone's amplitude"))?;
-        holds(power(&during) > 0.0, || "it never sounds".to_owned())?;
-        let settles = heard.settles(&layout);
+        ensure!(peak <= most, "it begins with a sample of {peak:.2} times the tone's amplitude");
+        ensure!(power(&during) > 0.0, "it never sounds");
+        let settles = heard.settles();
         let end = heard.next(settles)?;
         let rest = heard.next(250)?;
-        holds(rest.iter().all(|x| *x == 0.0), || {
-            format!("not silent {settles} frames after the last that sounds")
-        })?;
+        ensure!(rest.iter().all(|x| *x == 0.0), "not silent {settles} frames after the last that sounds");
         Ok(end.iter().fold(peak, |m, x| m.max(x.abs())))
-    })?;
-    Ok(format!("{count} methods; the largest sample is {worst:.2} times the tone's amplitude ({of})"))
+    })
 }
 
-/// A bin of an odd spectrum.
-fn odd_spectrum(what: &str, k: usize) -> f64 {
-    let last = BINS as usize - 1;
-    let at = |bin: usize, value: f64| if k == bin { value } else { 0.0 };
-    match what {
-        // A constant of 1 reads 2 in bin 0 and 1 beside it. An alternating signal does so at the other end.
-        "DC" => at(0, 2.0) + at(1, 1.0),
-        "Nyquist" => at(last, 2.0) + at(last - 1, 1.0),
-        "DC without a lobe" => at(0, 2.0),
-        "a single bin" => at(40, 1.0),
-        "two equal bins" => lobe(15.5, k),
-        "a plateau" => [0.2, 0.2, 0.1, 0.1][k % 4],
-        "a flat spectrum" => 0.1,
-        // 26.2 dB under the tone.
-        "a tone on a floor" => lobe(TONE, k).max(0.049),
-        _ => lobe(TONE, k),
-    }
-}
+/// Odd spectra, bin by bin.
+const ODD: [(&str, fn(usize) -> f64); 9] = [
+    // A constant of 1 reads 2 in bin 0 and 1 beside it. An alternating signal does so at the other end.
+    ("DC", |k| [2.0, 1.0].get(k).copied().unwrap_or(0.0)),
+    ("Nyquist", |k| [2.0, 1.0].get(BINS as usize - 1 - k).copied().unwrap_or(0.0)),
+    ("DC without a lobe", |k| if k == 0 { 2.0 } else { 0.0 }),
+    ("a single bin", |k| if k == 40 { 1.0 } else { 0.0 }),
+    ("two equal bins", |k| lobe(15.5, k)),
+    ("a plateau", |k| [0.2, 0.2, 0.1, 0.1][k % 4]),
+    ("a flat spectrum", |_| 0.1),
+    // 26.2 dB under the tone.
+    ("a tone on a floor", |k| lobe(TONE, k).max(0.049)),
+    ("a tone", |k| lobe(TONE, k)),
+];
 
 fn spectra(subject: &Subject<'_>) -> Found {
-    let layout = layout(2500, BINS);
-    let all = [
-        "DC",
-        "Nyquist",
-        "DC without a lobe",
-        "a single bin",
-        "two equal bins",
-        "a plateau",
-        "a flat spectrum",
-        "a tone on a floor",
-        "a tone",
-    ];
-    let mut least = f64::INFINITY;
-    let (count, worst, of) = each(subject, true, |method| {
+    let told = |db| format!("at most {db:+.1} dB of what {} spectra ask for", ODD.len());
+    each(subject, true, told, |method| {
         let mut most = f64::NEG_INFINITY;
-        for what in all {
-            let mut heard = method.begin(subject, layout, frames(move |_, k| odd_spectrum(what, k)))?;
-            let settles = heard.settles(&layout);
-            heard.pass(settles)?;
-            let db = decibels(power(&heard.next(1000)?), asked(|k| odd_spectrum(what, k)));
-            holds((-30.0..=3.0).contains(&db), || {
-                format!("{what}: the energy is {db:+.1} dB off what was asked for")
-            })?;
+        for (what, bin) in ODD {
+            let mut heard = method.begin(subject, layout(2500, BINS), frames(move |_, k| bin(k)))?;
+            heard.settle()?;
+            let db = decibels(power(&heard.next(1000)?), asked(bin));
+            ensure!((-30.0..=3.0).contains(&db), "{what}: the energy is {db:+.1} dB off what was asked for");
             most = most.max(db);
-            least = least.min(db);
         }
         Ok(most)
-    })?;
-    Ok(format!(
-        "{count} methods: {least:.1} to {worst:+.1} dB of what {} spectra ask for, most by {of}",
-        all.len()
-    ))
+    })
 }
 
-/// The samples of a tone that has settled.
-fn steady(subject: &Subject<'_>, method: &Method, scale: f64) -> Result<Vec<f64>, Stop> {
-    let layout = layout(2500, BINS);
-    let mut heard = method.begin(subject, layout, frames(move |_, k| scale * lobe(TONE, k)))?;
-    heard.pass(heard.settles(&layout))?;
-    heard.next(500)
+/// Frames of a tone.
+fn tone() -> Frames {
+    frames(|_, k| lobe(TONE, k))
 }
 
 fn units(subject: &Subject<'_>) -> Found {
-    let (count, worst, of) = each(subject, true, |method| {
-        let one = power(&steady(subject, method, 1.0)?);
-        let mut worst = 0.0_f64;
+    let told = |db| format!("at most {db:.3} dB off");
+    each(subject, true, told, |method| {
+        let steady = |scale: f64| {
+            let scaled = frames(move |_, k| scale * lobe(TONE, k));
+            let mut heard = method.begin(subject, layout(2500, BINS), scaled)?;
+            heard.settle()?;
+            Ok::<_, Stop>(power(&heard.next(500)?.iter().map(|x| x / scale).collect::<Vec<_>>()))
+        };
+        let (one, mut worst) = (steady(1.0)?, 0.0_f64);
         for scale in [1e-30, 1e-12, 1e12, 1e30] {
-            let scaled: Vec<f64> = steady(subject, method, scale)?.iter().map(|x| x / scale).collect();
-            let db = decibels(power(&scaled), one);
-            holds(db.abs() <= 0.1, || format!("a tone of {scale:e} is {db:+.2} dB off"))?;
+            let db = decibels(steady(scale)?, one);
+            ensure!(db.abs() <= 0.1, "a tone of {scale:e} is {db:+.2} dB off");
             worst = worst.max(db.abs());
         }
         Ok(worst)
-    })?;
-    Ok(format!("{count} methods; at most {worst:.3} dB off ({of})"))
+    })
 }
 
 fn hop(subject: &Subject<'_>) -> Found {
-    let tone: Frames = frames(|_, k| lobe(TONE, k));
-    let (count, worst, of) = each(subject, false, |method| {
+    let told = |db| format!("at most {db:+.2} dB worse");
+    each(subject, false, told, |method| {
         let of = |rate_hz: u32| {
             let layout = layout(rate_hz, 101);
-            let mut heard: Heard = method.begin(subject, layout, Arc::clone(&tone))?;
-            let all = heard.aligned(240)?;
+            let all = method.begin(subject, layout, tone())?.aligned(240)?;
             Ok::<f64, Stop>(score(&layout, |k| lobe(TONE, k), &all)?.convergence_db)
         };
         let (even, odd) = (of(44_000)?, of(44_100)?);
-        holds(odd < (even + 1.5).max(-60.0), || format!("{odd:.1} dB at 44.1 kHz, {even:.1} dB at 44 kHz"))?;
+        ensure!(odd < (even + 1.5).max(-60.0), "{odd:.1} dB at 44.1 kHz, {even:.1} dB at 44 kHz");
         Ok(odd - even)
-    })?;
-    Ok(format!("{count} kinds; at most {worst:+.2} dB worse ({of})"))
+    })
 }
 
 /// Another tone.
 const OTHER: f64 = 62.8;
-/// Frames before the trouble.
+/// Frames before a trouble.
 const START: u64 = 300;
 /// Frames over which a level is measured.
 const LEVEL: u64 = 250;
 
-/// Compares troubled frames with a constant tone: the level must come back after the trouble. Answers the
-/// difference \[dB\], and the mean square from the start of the trouble until it has settled.
-fn comes_back(
-    subject: &Subject<'_>,
-    method: &Method,
-    troubled: &Subject<'_>,
-    frames_of: &Frames,
-    trouble: Range<u64>,
-) -> Result<(f64, f64), Stop> {
-    let layout = layout(2500, BINS);
-    let tone: Frames = frames(|_, k| lobe(TONE, k));
-    let mut plain = method.begin(subject, layout, tone)?;
-    let mut heard = method.begin(troubled, layout, frames_of.clone())?;
-    let settles = heard.settles(&layout);
-    heard.pass(trouble.start)?;
-    let during = heard.next(trouble.end - trouble.start + settles)?;
-    plain.pass(trouble.end + settles)?;
-    let db = decibels(power(&heard.next(LEVEL)?), power(&plain.next(LEVEL)?));
-    holds(db.abs() <= 1.0, || format!("{settles} frames after it the level is {db:+.1} dB off"))?;
-    Ok((db.abs(), power(&during)))
+/// The number in a bin instead of a magnitude, if any.
+type Instead = fn(u64, usize) -> Option<f32>;
+
+/// Frames of a tone that go wrong from [`START`] on.
+struct Trouble {
+    what: &'static str,
+    /// Number of frames.
+    len: u64,
+    /// The frames.
+    frames: Frames,
+    /// Wrong magnitudes that the node itself gets.
+    instead: Option<Instead>,
+    /// The mean square that the frames ask for on average.
+    asked: f64,
+}
+
+/// A kind that gets wrong magnitudes in some frames. The engine itself would not pass them on.
+fn misled_in(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<NodeKind> {
+    misled(inner, move |_| {
+        let frames = frames.clone();
+        Box::new(move |_, inputs| {
+            if let Some(Buffer::Magnitude { bins, frame: Some((n, _)), .. }) = inputs.first_mut()
+                && frames.contains(n)
+            {
+                let changed = |(k, bin): (usize, &mut f32)| *bin = instead(*n, k).unwrap_or(*bin);
+                bins.iter_mut().enumerate().for_each(changed);
+            }
+        })
+    })
+}
+
+/// Compares troubled frames with a constant tone. The level must come back, and the energy until then must be
+/// at most 3 dB above what is asked for.
+fn overcome(subject: &Subject<'_>, all: &[Trouble]) -> Found {
+    let told = |db| format!("the level is off by {db:.2} dB at most");
+    each(subject, true, told, |method| {
+        let mut worst = 0.0_f64;
+        for Trouble { what, len, frames, instead, asked } in all {
+            let troubled = match instead {
+                None => subject.clone(),
+                Some(instead) => {
+                    let kind = subject.kind(method.kind())?;
+                    subject.clone().with(misled_in(kind, START..START + len, *instead))
+                }
+            };
+            let layout = layout(2500, BINS);
+            let mut plain = method.begin(subject, layout, tone())?;
+            let mut heard = method.begin(&troubled, layout, frames.clone())?;
+            let settles = heard.settles();
+            heard.pass(START).and_then(|()| plain.pass(START + len + settles)).map_err(|e| e.after(what))?;
+            let during = power(&heard.next(len + settles).map_err(|e| e.after(what))?);
+            let db = decibels(power(&heard.next(LEVEL)?), power(&plain.next(LEVEL)?));
+            ensure!(db.abs() <= 1.0, "{what}: {settles} frames after it the level is {db:+.1} dB off");
+            let energy = decibels(during, *asked);
+            ensure!(energy <= 3.0, "{what}: the energy is {energy:+.1} dB off what was asked for");
+            worst = worst.max(db.abs());
+        }
+        Ok(worst)
+    })
 }
 
 fn alternating(subject: &Subject<'_>) -> Found {
@@ -301,34 +312,23 @@ fn alternating(subject: &Subject<'_>) -> Found {
         ("two tones", |even, k| lobe(if even { TONE } else { OTHER }, k)),
         ("all bins and nothing", |even, _| if even { 0.1 } else { 0.0 }),
     ];
-    let trouble = START..START + 1000;
-    let (count, worst, of) = each(subject, true, |method| {
-        let mut worst = 0.0_f64;
-        for (what, of) in turns {
-            let during = trouble.clone();
-            let given =
-                frames(move |n, k| if during.contains(&n) { of(n % 2 == 0, k) } else { lobe(TONE, k) });
-            let back = comes_back(subject, method, subject, &given, trouble.clone());
-            let (off, energy) = back.map_err(|e| e.after(what))?;
-            // Until it has settled, a tone sounds again.
-            let wanted = 0.5 * (asked(|k| of(true, k)) + asked(|k| of(false, k)));
-            let wanted = wanted.max(asked(|k| lobe(TONE, k)));
-            let db = decibels(energy, wanted);
-            holds(db <= 3.0, || format!("{what}: the energy is {db:+.1} dB off what was asked for"))?;
-            worst = worst.max(off);
-        }
-        Ok(worst)
-    })?;
-    Ok(format!("{count} methods; the level is off by {worst:.2} dB at most ({of})"))
+    let trouble = |(what, of): (&'static str, Turn)| {
+        let is = |n| (START..START + 1000).contains(&n);
+        let frames = frames(move |n, k| if is(n) { of(n % 2 == 0, k) } else { lobe(TONE, k) });
+        // Until it has settled, a tone sounds again.
+        let asked = (0.5 * (asked(|k| of(true, k)) + asked(|k| of(false, k)))).max(asked(|k| lobe(TONE, k)));
+        Trouble { what, len: 1000, frames, instead: None, asked }
+    };
+    overcome(subject, &turns.map(trouble))
 }
 
 fn levels(subject: &Subject<'_>) -> Found {
     let layout = layout(2500, BINS);
     let steps = [1.0, 1e9, 1.0, 1e-9, 1e9, 1e-9, 1.0, 1e30, 1e-12, 1.0];
-    let (count, worst, of) = each(subject, true, |method| {
-        let tone: Frames = frames(|_, k| lobe(TONE, k));
-        let mut plain = method.begin(subject, layout, tone)?;
-        let each = plain.settles(&layout) + LEVEL;
+    let told = |db| format!("the level is off by {db:.2} dB at most");
+    each(subject, true, told, |method| {
+        let mut plain = method.begin(subject, layout, tone())?;
+        let each = plain.settles() + LEVEL;
         let given = frames(move |n, k| {
             let step = usize::try_from(n / each).unwrap_or(usize::MAX);
             steps.get(step).copied().unwrap_or(1.0) * lobe(TONE, k)
@@ -336,46 +336,15 @@ fn levels(subject: &Subject<'_>) -> Found {
         let mut heard = method.begin(subject, layout, given)?;
         let mut worst = 0.0_f64;
         for (i, scale) in steps.into_iter().enumerate() {
-            heard.pass(each - LEVEL)?;
-            plain.pass(each - LEVEL)?;
+            heard.settle()?;
+            plain.settle()?;
             let scaled: Vec<f64> = heard.next(LEVEL)?.iter().map(|x| x / scale).collect();
             let db = decibels(power(&scaled), power(&plain.next(LEVEL)?));
-            holds(db.abs() <= 1.0, || format!("the level is {db:+.1} dB off at {scale:e}, step {i}"))?;
+            ensure!(db.abs() <= 1.0, "the level is {db:+.1} dB off at {scale:e}, step {i}");
             worst = worst.max(db.abs());
         }
         Ok(worst)
-    })?;
-    Ok(format!("{count} methods; the level is off by {worst:.2} dB at most ({of})"))
-}
-
-/// The number in a bin instead of a magnitude, if any.
-type Instead = fn(u64, usize) -> Option<f32>;
-
-/// A kind that gets wrong magnitudes in some frames. The engine itself would not pass them on.
-fn misled(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<NodeKind> {
-    let make = move |setup: &Setup<'_>| -> Process {
-        let mut given = setup.input(0).map(|port| Buffer::new(port, setup.tick_hz));
-        let frames = frames.clone();
-        Box::new(move |node, tick| {
-            let (Some(buffer), Some(frame)) = (&mut given, tick.inputs.magnitude(0)) else {
-                return node.run(tick);
-            };
-            if !frames.contains(&frame.index) {
-                return node.run(tick);
-            }
-            if let Buffer::Magnitude { bins, frame: place, .. } = buffer {
-                for (k, (to, from)) in bins.iter_mut().zip(frame.bins).enumerate() {
-                    *to = instead(frame.index, k).unwrap_or(*from);
-                }
-                *place = Some((frame.index, frame.start));
-            }
-            let buffers = std::slice::from_ref(buffer);
-            let inputs = Inputs::new(buffers, &[], 1, &[InputRef { buffer: 0, connected: true }]);
-            let outputs = Outputs::new(tick.outputs.buffers());
-            node.run(&mut Tick { index: tick.index, tick_hz: tick.tick_hz, inputs, outputs })
-        })
-    };
-    wrap(inner, Arc::new(make))
+    })
 }
 
 fn no_magnitudes(subject: &Subject<'_>) -> Found {
@@ -390,59 +359,41 @@ fn no_magnitudes(subject: &Subject<'_>) -> Found {
         ("a window of negative bins", 50, |_, _| Some(-1.0)),
         ("a window of the largest number", 50, |_, _| Some(f32::MAX)),
     ];
-    let tone: Frames = frames(|_, k| lobe(TONE, k));
-    let (count, worst, of) = each(subject, true, |method| {
-        let mut worst = 0.0_f64;
-        for (what, len, instead) in troubles {
-            let trouble = START..START + len;
-            let kind = misled(subject.kind(method.kind())?, trouble.clone(), instead);
-            let troubled = subject.clone().with(kind);
-            let back = comes_back(subject, method, &troubled, &tone, trouble);
-            let (off, _) = back.map_err(|e| e.after(what))?;
-            worst = worst.max(off);
-        }
-        Ok(worst)
-    })?;
-    Ok(format!("{count} methods; the level is off by {worst:.2} dB at most ({of})"))
+    let trouble = |(what, len, instead)| {
+        // Nothing says how loud that is.
+        Trouble { what, len, frames: tone(), instead: Some(instead), asked: f64::INFINITY }
+    };
+    overcome(subject, &troubles.map(trouble))
 }
 
-/// A gap: its name, its length in frames, and the frames that do not come.
-type Gap = (&'static str, u64, fn(u64) -> bool);
+/// Frames of a tone, some of which do not come.
+fn with_gaps(missing: impl Fn(u64) -> bool + Send + Sync + 'static) -> Frames {
+    let tone = tone();
+    Arc::new(move |n, bins| tone(n, bins) && !missing(n))
+}
 
 fn missing_frames(subject: &Subject<'_>) -> Found {
-    let layout = layout(2500, BINS);
-    let gaps: [Gap; 3] = [
+    let gaps: [(&str, u64, fn(u64) -> bool); 3] = [
         ("every seventh missing", 1000, |n| n % 7 == 3),
         ("ten missing", 10, |_| true),
         ("a second missing", 500, |_| true),
     ];
-    let (count, worst, of) = each(subject, true, |method| {
-        let mut worst = 0.0_f64;
-        for (what, len, missing) in gaps {
-            let trouble = START..START + len;
-            let during = trouble.clone();
-            let given: Frames = Arc::new(move |n, bins| {
-                bins.iter_mut().enumerate().for_each(|(k, m)| *m = lobe(TONE, k) as f32);
-                !(during.contains(&n) && missing(n))
-            });
-            let back = comes_back(subject, method, subject, &given, trouble.clone());
-            let (off, energy) = back.map_err(|e| e.after(what))?;
-            let db = decibels(energy, asked(|k| lobe(TONE, k)));
-            holds(db <= 3.0, || format!("{what}: the energy is {db:+.1} dB off what was asked for"))?;
-            worst = worst.max(off);
-        }
-        // Silence in the second without frames.
-        let given: Frames = Arc::new(move |n, bins| {
-            bins.iter_mut().enumerate().for_each(|(k, m)| *m = lobe(TONE, k) as f32);
-            n < START
-        });
-        let mut heard = method.begin(subject, layout, given)?;
-        heard.pass(START + heard.settles(&layout))?;
-        let rest = heard.next(LEVEL)?;
-        holds(rest.iter().all(|x| *x == 0.0), || "without frames it is not silent".to_owned())?;
-        Ok(worst)
+    let trouble = |(what, len, missing): (&'static str, u64, fn(u64) -> bool)| {
+        let frames = with_gaps(move |n| (START..START + len).contains(&n) && missing(n));
+        Trouble { what, len, frames, instead: None, asked: asked(|k| lobe(TONE, k)) }
+    };
+    let found = overcome(subject, &gaps.map(trouble))?;
+    // Silence in the second without frames.
+    let told = |_| String::new();
+    each(subject, true, told, |method| {
+        let mut heard = method.begin(subject, layout(2500, BINS), with_gaps(|n| n >= START))?;
+        heard.pass(START)?;
+        heard.settle()?;
+        let silent = heard.next(LEVEL)?.iter().all(|x| *x == 0.0);
+        ensure!(silent, "without frames it is not silent");
+        Ok(0.0)
     })?;
-    Ok(format!("{count} methods; the level is off by {worst:.2} dB at most ({of})"))
+    Ok(found)
 }
 
 /// Seconds of a day.
@@ -454,62 +405,51 @@ const LOOK: u64 = 1250;
 /// Place of the tone among few bins.
 const LOW_TONE: f64 = 5.37;
 
-/// Spectral convergence of a tone \[dB\], and the error of its frequency \[Hz\] where it has one.
-fn look(heard: &mut Heard, layout: &FrameLayout, tone: f64) -> Result<(f64, Option<f64>), Stop> {
-    let all = heard.aligned(LOOK)?;
-    let found = score(layout, |k| lobe(tone, k), &all)?;
-    let middle = all.get(layout.length as usize..).unwrap_or(&all);
-    let (off, scatter) = detuned(middle, f64::from(layout.rate_hz), tone * layout.bin_hz());
-    Ok((found.convergence_db, (off.abs() < 0.01 && scatter < 0.01).then_some(off)))
-}
-
-/// Compares a tone after a long time with the tone at the start.
-fn as_before(before: (f64, Option<f64>), after: (f64, Option<f64>)) -> Result<f64, Stop> {
-    holds(after.0 < (before.0 + 1.5).max(-40.0), || {
-        format!("spectral convergence is {:.1} dB, and was {:.1} dB at the start", after.0, before.0)
-    })?;
-    // Noise has no frequency. A method that has one keeps it.
-    match (before.1, after.1) {
-        (Some(_), None) => fails("the tone's frequency is off by more than 0.01 Hz"),
-        (Some(_), Some(off)) => Ok(off.abs()),
-        (None, _) => Ok(0.0),
-    }
+/// Compares the spectral convergence and the frequency of a tone before and after a long time. Tells how far
+/// a frequency that was right is off \[Hz\].
+fn lasts(
+    subject: &Subject<'_>,
+    method: &Method,
+    layout: FrameLayout,
+    at: f64,
+    long: impl FnOnce(&mut Heard) -> Result<(), Stop>,
+) -> Result<f64, Stop> {
+    let mut heard = method.begin(subject, layout, frames(move |_, k| lobe(at, k)))?;
+    // Its frequency where it has one: noise has none.
+    let look = |heard: &mut Heard| {
+        let all = heard.aligned(LOOK)?;
+        let db = score(&layout, |k| lobe(at, k), &all)?.convergence_db;
+        let middle = all.get(layout.length as usize..).unwrap_or(&all);
+        let (off, scatter) = detuned(middle, f64::from(layout.rate_hz), at * layout.bin_hz());
+        Ok::<_, Stop>((db, (off.abs() < 0.01 && scatter < 0.01).then_some(off)))
+    };
+    heard.settle()?;
+    let (db, before) = look(&mut heard)?;
+    long(&mut heard)?;
+    let (after_db, after) = look(&mut heard)?;
+    let still = after_db < (db + 1.5).max(-40.0);
+    ensure!(still, "spectral convergence is {after_db:.1} dB, and was {db:.1} dB at the start");
+    ensure!(before.is_none() || after.is_some(), "the tone's frequency is off by more than 0.01 Hz");
+    Ok(before.and(after).map_or(0.0, f64::abs))
 }
 
 fn after_a_day(subject: &Subject<'_>) -> Found {
-    let mut tones = 0;
-    let (count, worst, of) = each(subject, true, |method| {
-        let bench = layout(2500, BINS);
-        let tone: Frames = frames(|_, k| lobe(TONE, k));
-        let mut heard = method.begin(subject, bench, tone)?;
-        heard.pass(heard.settles(&bench))?;
-        let before = look(&mut heard, &bench, TONE)?;
-        heard.skip(DAY_S * u64::from(FRAMES_HZ) - LOOK - heard.settles(&bench));
-        heard.pass(heard.settles(&bench))?;
-        tones += usize::from(before.1.is_some());
-        as_before(before, look(&mut heard, &bench, TONE)?)
-    })?;
-    Ok(format!("{count} methods, {tones} of which keep a tone's frequency, within {worst:.1e} Hz ({of})"))
+    let told = |hz| format!("a tone keeps its frequency within {hz:.1e} Hz");
+    each(subject, true, told, |method| {
+        lasts(subject, method, layout(2500, BINS), TONE, |heard| {
+            heard.skip(DAY_S * u64::from(FRAMES_HZ) - LOOK - heard.settles());
+            heard.settle()
+        })
+    })
 }
 
 fn for_a_day(subject: &Subject<'_>) -> Found {
     let seconds = subject.by_effort(100, 1000, DAY_S);
-    let total = seconds * u64::from(FEW_FRAMES_HZ);
-    let mut tones = 0;
-    let (count, worst, of) = each(subject, false, |method| {
-        let bench = layout_at(500, FEW_BINS, FEW_FRAMES_HZ);
-        let tone: Frames = frames(|_, k| lobe(LOW_TONE, k));
-        let mut heard = method.begin(subject, bench, tone)?;
-        heard.pass(heard.settles(&bench))?;
-        let before = look(&mut heard, &bench, LOW_TONE)?;
-        heard.pass(total)?;
-        tones += usize::from(before.1.is_some());
-        as_before(before, look(&mut heard, &bench, LOW_TONE)?)
-    })?;
-    Ok(format!(
-        "{count} kinds over {seconds} s in {total} frames, {tones} of which keep a tone's frequency, within \
-         {worst:.1e} Hz ({of})"
-    ))
+    let told = |hz| format!("over {seconds} s a tone keeps its frequency within {hz:.1e} Hz");
+    each(subject, false, told, |method| {
+        let layout = layout_at(500, FEW_BINS, FEW_FRAMES_HZ);
+        lasts(subject, method, layout, LOW_TONE, |heard| heard.pass(seconds * u64::from(FEW_FRAMES_HZ)))
+    })
 }
 
 fn against_f64(subject: &Subject<'_>) -> Found {
@@ -518,31 +458,23 @@ fn against_f64(subject: &Subject<'_>) -> Found {
         return not_applicable("no method can be set to `precision: f32` and to `f64`");
     }
     let total = subject.by_effort(10_000, 200_000, 10_000_000);
-    let (mut worst, mut grown) = ((f64::NEG_INFINITY, String::new()), f64::NEG_INFINITY);
+    let mut found = Vec::new();
     for pair in &pairs {
-        let [single, _] = pair;
-        let (start, end) = apart(subject, pair, total).map_err(|e| e.after(&single.name()))?;
-        grown = grown.max(end - start);
-        if end > worst.0 {
-            worst = (end, single.name());
-        }
+        let name = pair[0].name();
+        let (start, end) = apart(subject, pair, total).map_err(|e| e.after(&name))?;
+        found.push(format!("{name} {end:.1} dB apart, {:+.1} dB more than at the start", end - start));
     }
-    Ok(format!(
-        "{} kinds over {total} frames: at most {:.1} dB apart ({}), {grown:+.1} dB more than at the start",
-        pairs.len(),
-        worst.0,
-        worst.1
-    ))
+    Ok(format!("over {total} frames: {}", found.join(", ")))
 }
 
 /// Difference of the magnitudes of two methods at the start and at the end \[dB\].
-fn apart(subject: &Subject<'_>, [single, double]: &[Method; 2], total: u64) -> Result<(f64, f64), Stop> {
+fn apart(subject: &Subject<'_>, pair: &[Method; 2], total: u64) -> Result<(f64, f64), Stop> {
     let bench = layout(500, FEW_BINS);
     let tones = |_: u64, k: usize| lobe(LOW_TONE, k) + 0.5 * lobe(14.8, k);
-    let mut pair =
-        [single.begin(subject, bench, frames(tones))?, double.begin(subject, bench, frames(tones))?];
-    let look = |pair: &mut [Heard; 2]| {
-        let [single, double] = pair;
+    let [single, double] = pair;
+    let (mut single, mut double) =
+        (single.begin(subject, bench, frames(tones))?, double.begin(subject, bench, frames(tones))?);
+    let look = |single: &mut Heard, double: &mut Heard| {
         let (a, b) = (single.next(LOOK)?, double.next(LOOK)?);
         let layout = framing(&bench);
         let frames = a.len() - layout.fft_len;
@@ -550,17 +482,13 @@ fn apart(subject: &Subject<'_>, [single, double]: &[Method; 2], total: u64) -> R
         let found = phase::score(&wanted, &layout, &a).map_err(|e| Stop::Failed(e.to_string()))?;
         Ok::<f64, Stop>(found.convergence_db)
     };
-    for heard in &mut pair {
-        heard.pass(heard.settles(&bench))?;
-    }
-    let start = look(&mut pair)?;
-    for heard in &mut pair {
-        heard.pass(total)?;
-    }
-    let end = look(&mut pair)?;
+    single.settle()?;
+    double.settle()?;
+    let start = look(&mut single, &mut double)?;
+    single.pass(total)?;
+    double.pass(total)?;
+    let end = look(&mut single, &mut double)?;
     let limit = (start + 3.0).max(-40.0);
-    holds(end <= limit, || {
-        format!("single and double precision are {end:.1} dB apart, {start:.1} dB at the start")
-    })?;
+    ensure!(end <= limit, "single and double precision are {end:.1} dB apart, {start:.1} dB at the start");
     Ok((start, end))
 }

@@ -9,7 +9,7 @@
 use std::f64::consts::PI;
 
 use super::quantum;
-use crate::case::{Found, applicable, holds};
+use crate::case::{Found, applicable};
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Column, Near, Spot, Wall, pitch_mm};
@@ -54,11 +54,8 @@ fn edges(wall: &mut Wall, columns: &[Column], most: usize) -> Vec<Edge> {
         let [mut on, mut off] = [[spot.foot_mm[0], spot.foot_mm[1]], out];
         for _ in 0..24 {
             let middle = [0.5 * (on[0] + off[0]), 0.5 * (on[1] + off[1])];
-            if wall.down(middle).is_some_and(|s| s.goes_on(&spot)) {
-                on = middle;
-            } else {
-                off = middle;
-            }
+            let goes_on = wall.down(middle).is_some_and(|s| s.goes_on(&spot));
+            *if goes_on { &mut on } else { &mut off } = middle;
         }
         all.push(Edge { on_mm: on, corner });
     }
@@ -169,38 +166,22 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     for (at, push) in &falls {
         let top = wall.down(*at).map_or(0.0, |s| s.foot_mm[2]);
         let it = fall(&mut wall, device, [at[0], at[1], top + HEIGHT_MM], *push);
-        fell += u32::from(it.fell);
+        let Rest { makes, breaks, late, turns, fast_mm_s, fell: over } = it;
         let into = if push[0] == 0.0 && push[1] == 0.0 { "" } else { " into a corner" };
-        let where_ = || format!("at x {:.2}, y {:.2} mm{into}", at[0], at[1]);
-        holds(it.makes <= bound, || {
-            format!(
-                "{} contact is made {} times and broken {}; the bound is {bound}",
-                where_(),
-                it.makes,
-                it.breaks
-            )
-        })?;
-        holds(it.late == 0, || {
-            format!(
-                "{} contact is still made or broken {} times in the last half of {} s",
-                where_(),
-                it.late,
-                TIME_S.0
-            )
-        })?;
-        if it.turns > 0 && !it.fell {
-            holds(it.fast_mm_s <= fastest, || {
-                format!(
-                    "{} what is touched takes turns ({} of them) at {:.1} mm/s; the bound is {fastest:.1}",
-                    where_(),
-                    it.turns,
-                    it.fast_mm_s
-                )
-            })?;
-            trembles += 1;
-            turned = turned.max(it.fast_mm_s);
+        let here = format!("at x {:.2}, y {:.2} mm{into}", at[0], at[1]);
+        ensure!(
+            makes <= bound,
+            "{here} contact is made {makes} times and broken {breaks}; the bound is {bound}"
+        );
+        ensure!(late == 0, "{here} contact is still made or broken {late} times in the last half of 6 s");
+        if turns > 0 && !over {
+            ensure!(
+                fast_mm_s <= fastest,
+                "{here} what is touched takes turns at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
+            );
+            (trembles, turned) = (trembles + 1, turned.max(fast_mm_s));
         }
-        worst = worst.max(it.makes);
+        (fell, worst) = (fell + u32::from(over), worst.max(makes));
     }
     wall.sound()?;
     Ok(format!(

@@ -21,10 +21,12 @@ use std::f64::consts::{PI, TAU};
 
 use asperity_scene::bound::Quantisation;
 
-use crate::case::{Found, holds};
+use crate::case::Found;
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Near, Wall};
+
+use super::{Round, round};
 
 /// Step of a usual sensor \[mm\].
 pub(super) const STEP_MM: f64 = 0.055;
@@ -47,76 +49,67 @@ pub(super) fn is_deep(near: &Near) -> bool {
 /// borders of steps, one a tick: out just before them, in just behind them.
 fn taken_n(wall: &mut Wall, near: &Near) -> f64 {
     let middle = ((0.5 * near.deep_mm) / STEP_MM).floor();
-    let (little, tick_s, every) = (1e-6 * STEP_MM, near.tick_s(), wall.every());
-    let needed = 1e-3 * near.needed_ns_per_m(0.0);
+    let border = |n: u32| (f64::from(n) - middle + 0.5) * STEP_MM;
+    let little = 1e-6 * STEP_MM;
     let mut most = f64::MIN;
     for borders in [1_u32, 2, 4, 8] {
-        let out = (0..borders).map(|n| (f64::from(n) - middle + 0.5) * STEP_MM - little);
-        let back = (0..borders).rev().map(|n| (f64::from(n) - middle + 0.5) * STEP_MM + little);
-        let places: Vec<f64> = out.chain(back).collect();
-        let count = places.len();
-        let (mut given, mut way) = (0.0, 0.0);
-        wall.reset();
-        for n in 0..4 * count {
-            let place = |n: usize| places.get(n % count).copied().unwrap_or(0.0);
-            let (x, go) = (place(n), place(n + 1) - place(n));
-            for k in 0..every {
-                let at = x + k as f64 / every as f64 * go;
-                let force = wall.above(&near.spot, (at / STEP_MM).round() * STEP_MM);
-                if n >= 2 * count {
-                    given += force * go / every as f64;
-                }
-            }
-            if n >= 2 * count {
-                given -= needed * go * go / tick_s;
-                way += go.abs();
-            }
-        }
-        most = most.max(given / way);
+        let out = (0..borders).map(|n| border(n) - little);
+        let back = (0..borders).rev().map(|n| border(n) + little);
+        let Round { given, taken, way } = round(wall, near, &out.chain(back).collect::<Vec<_>>(), STEP_MM);
+        most = most.max((given - near.needed_ns_per_m(0.0) * taken) / way);
     }
     most
 }
 
-/// Motion of a device around its rest.
-#[derive(Clone, Copy, Debug, Default)]
-struct Trembles {
-    /// Largest distance from rest \[mm\].
-    far_mm: f64,
+/// Motion after a device has settled.
+pub(super) struct Moves {
+    /// Least and greatest place \[mm\].
+    pub span: (f64, f64),
     /// Root mean square of the speed \[mm/s\].
-    rms_mm_s: f64,
+    pub rms_mm_s: f64,
 }
 
-/// Lets a device settle under a push, and measures how it trembles after that. The push is the wall's force
-/// at a depth of so many steps.
+/// Lets a device settle on a wall, and looks how it moves after that. `each` is called after every tick.
+pub(super) fn settle(
+    wall: &mut Wall,
+    near: &Near,
+    servo: &mut Loop,
+    push_n: f64,
+    (settle_s, look_s): (f64, f64),
+    mut each: impl FnMut(&Handle),
+) -> Moves {
+    wall.reset();
+    let [settle, look] = [settle_s, look_s].map(|s| (s * wall.tick_hz()).ceil() as u64);
+    let (mut span, mut square, mut count) = ((f64::MAX, f64::MIN), 0.0, 0_u64);
+    for tick in 0..settle + look {
+        let look = |h: &Handle| {
+            if tick >= settle {
+                span = (span.0.min(h.x_mm()), span.1.max(h.x_mm()));
+                (square, count) = (square + h.v_mm_s().powi(2), count + 1);
+            }
+        };
+        servo.tick(|x| wall.above(&near.spot, x), -push_n, look);
+        each(&servo.handle);
+    }
+    Moves { span, rms_mm_s: (square / count.max(1) as f64).sqrt() }
+}
+
+/// Lets a device settle under the wall's force at a depth of so many steps. Answers its largest distance from
+/// rest \[mm\] and its rms speed \[mm/s\].
 fn tremble(
     wall: &mut Wall,
     near: &Near,
     device: Device,
     steps: f64,
     (from_mm, settle_s, look_s): (f64, f64, f64),
-) -> Trembles {
-    wall.reset();
+) -> (f64, f64) {
     let step_s = 1.0 / wall.tick_hz() / STEPS as f64;
     let mut servo = Loop::new(Handle::new(device, None, step_s), STEPS, 0, STEP_MM);
     let rest_mm = -steps * STEP_MM;
     servo.handle.put(rest_mm + from_mm, 0.0, 0.0);
-    let (mut it, mut square) = (Trembles::default(), 0.0);
-    let ticks = |s: f64| (s * wall.tick_hz()).ceil() as u64;
-    let (settle, look) = (ticks(settle_s), ticks(look_s));
-    for tick in 0..settle + look {
-        servo.tick(
-            |x| wall.above(&near.spot, x),
-            rest_mm * near.law.stiffness_n_per_mm,
-            |handle| {
-                if tick >= settle {
-                    it.far_mm = it.far_mm.max((handle.x_mm() - rest_mm).abs());
-                    square += handle.v_mm_s().powi(2);
-                }
-            },
-        );
-    }
-    it.rms_mm_s = (square / (look * STEPS as u64) as f64).sqrt();
-    it
+    let push_n = -rest_mm * near.law.stiffness_n_per_mm;
+    let Moves { span, rms_mm_s } = settle(wall, near, &mut servo, push_n, (settle_s, look_s), |_| {});
+    ((span.1 - rest_mm).max(rest_mm - span.0), rms_mm_s)
 }
 
 /// Bounds of a device: distance \[mm\] and rms speed \[mm/s\].
@@ -150,21 +143,12 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
     }
     let needed = needed_n(near);
     let taken = taken_n(wall, near);
-    holds(taken <= needed * 1.001, || {
-        format!(
-            "a motion over the borders of steps takes out {:.3} mN; the bound is {:.3}",
-            1e3 * taken,
-            1e3 * needed
-        )
-    })?;
+    let [got, all] = [taken, needed].map(|x| 1e3 * x);
+    let within = taken <= needed * 1.001;
+    ensure!(within, "a motion over the borders of steps takes out {got:.3} mN; the bound is {all:.3}");
     if near.is_hooke() {
-        holds(taken >= needed * 0.999, || {
-            format!(
-                "motions over the borders of steps take out {:.3} mN at most; {:.3} are to be had",
-                1e3 * taken,
-                1e3 * needed
-            )
-        })?;
+        let reached = taken >= needed * 0.999;
+        ensure!(reached, "motions over the borders of steps take out {got:.3} mN; {all:.3} are to be had");
     }
     let mut most = (0.0_f64, 0.0_f64, 0.0_f64);
     let times = [1.5, 4.0].into_iter().flat_map(|times| [0.14, 0.5].map(|radians| (times, radians)));
@@ -175,33 +159,19 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
         let settle_s = 40.0 * device.mass_kg / (device.damping_ns_per_m - near.needed_ns_per_m(0.0));
         let look_s = subject.by_effort(1.0, 4.0, 600.0);
         for rest in [8.0, 8.3, 8.5] {
-            let it = tremble(wall, near, device, rest, (2.0 * STEP_MM, settle_s, look_s));
-            let told = || {
-                format!(
-                    "{:.3} kg with {:.3} N s/m and {:.1} mN of dry friction",
-                    device.mass_kg,
-                    device.damping_ns_per_m,
-                    1e3 * device.friction_n
-                )
-            };
-            holds(it.far_mm <= far && it.rms_mm_s <= fast, || {
-                format!(
-                    "{} tremble by {:.4} mm and {:.2} mm/s; the bounds are {far:.4} and {fast:.2}",
-                    told(),
-                    it.far_mm,
-                    it.rms_mm_s
-                )
-            })?;
+            let (it, rms) = tremble(wall, near, device, rest, (2.0 * STEP_MM, settle_s, look_s));
+            let Device { mass_kg, damping_ns_per_m, friction_n } = device;
+            let dry = 1e3 * friction_n;
+            let told =
+                format!("{mass_kg:.3} kg with {damping_ns_per_m:.3} N s/m and {dry:.1} mN of dry friction");
+            ensure!(
+                it <= far && rms <= fast,
+                "{told} tremble by {it:.4} mm and {rms:.2} mm/s; the bounds are {far:.4} and {fast:.2}"
+            );
             if part == 0.0 {
                 let least = if near.is_hooke() { least_mm_s(near, device, rest) } else { 0.0 };
-                holds(it.rms_mm_s >= least, || {
-                    format!(
-                        "{} lie still between two steps: {:.2e} mm/s; {least:.2e} are the least",
-                        told(),
-                        it.rms_mm_s
-                    )
-                })?;
-                most = (most.0.max(it.far_mm), most.1.max(it.rms_mm_s), most.2.max(it.far_mm / far));
+                ensure!(rms >= least, "{told} lie still between two steps: {rms:.2e} mm/s, not {least:.2e}");
+                most = (most.0.max(it), most.1.max(rms), most.2.max(it / far));
             }
         }
     }
@@ -229,16 +199,13 @@ pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Fou
             let swings = 1.0 + 0.25 * from_mm * near.law.stiffness_n_per_mm / (device.friction_n - needed);
             let still_s = swings * TAU / radians * near.tick_s();
             for rest in [10.0, 10.3, 10.5] {
-                let it = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
-                holds(it.rms_mm_s == 0.0, || {
-                    format!(
-                        "{:.3} kg with {:.1} mN of dry friction, {part} times the needed one, still moves \
-                         after {still_s:.2} s: {:.2e} mm/s",
-                        device.mass_kg,
-                        1e3 * device.friction_n,
-                        it.rms_mm_s
-                    )
-                })?;
+                let (_, rms) = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
+                let (kg, dry) = (device.mass_kg, 1e3 * device.friction_n);
+                ensure!(
+                    rms == 0.0,
+                    "{kg:.3} kg with {dry:.1} mN of dry friction, {part} times the needed one, still moves \
+                     after {still_s:.2} s: {rms:.2e} mm/s"
+                );
                 last = last.max(still_s);
             }
         }
