@@ -35,9 +35,6 @@ pub(crate) struct Truth {
 
 impl Truth {
     /// Adds an acceleration along some axes \[m/s^2\].
-    ///
-    /// # Errors
-    /// A signal without a spectrogram.
     pub(crate) fn add(&mut self, axes: &[&[f64]], rate_hz: f64) -> Result<(), AccuracyError> {
         self.spectrograms.push(Spectrogram::new(axes, rate_hz)?);
         self.rhythms.extend(Rhythm::new(axes, rate_hz));
@@ -91,9 +88,6 @@ pub(crate) struct Measured {
 }
 
 /// Measures accuracy and lag of a setting; none where the run is to stop.
-///
-/// # Errors
-/// A graph that does not compile over one of the materials.
 pub(crate) fn measure(
     setting: &Setting,
     registry: &Registry,

@@ -12,7 +12,7 @@ use asperity_scene::space::{Form, Surface};
 use asperity_scene::{Scene, Touchable};
 
 use crate::chain::Path3;
-use crate::file::{Tradeoff, beside};
+use crate::file::Tradeoff;
 use crate::setting::LoadedGraph;
 use crate::stroke::Stroke;
 
@@ -45,9 +45,6 @@ pub(crate) struct Patch {
 
 impl Patch {
     /// The patch in the scene that a graph reads; none where it reads no scene.
-    ///
-    /// # Errors
-    /// A scene that cannot be read, or without a patch.
     pub(crate) fn of(graph: &GraphFile, registry: &Registry) -> Result<Option<Self>, Diagnostic> {
         let reads = |kind: &str| {
             matches!(crate::knob::has(registry, kind, "scene"), Some(ParamKind::File))
@@ -55,7 +52,7 @@ impl Patch {
         };
         let Some(contact) = graph.nodes.iter().find(|n| reads(&n.kind)) else { return Ok(None) };
         let Some(setting) = contact.params.iter().find(|p| p.name == "scene") else { return Ok(None) };
-        let scene = Scene::read(beside(&setting.value)?)?;
+        let scene = Scene::read(setting.value.path()?)?;
         let found = scene.surfaces.iter().find_map(|s| Self::on(s, &scene));
         found.map(Some).ok_or_else(|| {
             Diagnostic::new(format!(
@@ -141,9 +138,6 @@ pub(crate) fn along(patch: Option<&Patch>, path: Path3) -> Path3 {
 }
 
 /// A circle at 80 mm/s and 1 N, which never stops: no node sleeps.
-///
-/// # Errors
-/// Those of [`Patch::of`].
 pub(crate) fn circle(graph: &GraphFile, registry: &Registry) -> Result<Path3, Diagnostic> {
     let patch = Patch::of(graph, registry)?;
     let radius = patch.as_ref().map_or(RADIUS_MM, Patch::radius_mm);
@@ -172,9 +166,6 @@ fn bounds(stroke: &Stroke) -> [[f64; 2]; 2] {
 }
 
 /// Opens the strokes. Synthetic ones are shrunk to fit on the patches of all graphs, with a note.
-///
-/// # Errors
-/// A file that cannot be read, or needs more room than a patch has; those of [`Patch::of`].
 pub(crate) fn strokes<'b>(
     tradeoff: &Tradeoff,
     graphs: impl Iterator<Item = &'b LoadedGraph>,
@@ -199,7 +190,7 @@ pub(crate) fn strokes<'b>(
                     "`{}` is {:.0} by {:.0} mm, and `{}` has room for {x:.0} by {y:.0}",
                     stroke.name, size[0], size[1], patch.name
                 ))
-                .at(&decl.place.source, decl.place.span)
+                .at_place(&decl.place)
                 .help("a stroke of a `shape` is shrunk to fit"));
             };
             let (smaller, large) = smaller?;

@@ -38,7 +38,7 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
+    pub(crate) fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
         self.bases.iter().chain(self.baselines)
     }
 

@@ -2,8 +2,7 @@
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use asperity_checks::{Effort, Subject, Verdict};
 use asperity_data::made::Ground;
@@ -11,6 +10,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{Registry, Role, random};
 use asperity_surfaces::topography::made_surfaces;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::accuracy::{Measured, Plan, Truth, Truths, measure};
@@ -32,12 +32,12 @@ const PLACES: usize = 2;
 #[derive(Serialize, Deserialize)]
 enum Part {
     /// Key of a setting, and what was measured.
-    Setting(String, Box<Measured>),
+    Setting(String, Measured),
     Batch(Batch),
 }
 
 /// Accuracy of a setting, or why it does not run.
-type Outcome = Result<Box<Measured>, String>;
+type Outcome = Result<Measured, String>;
 
 impl Prepared<'_> {
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
@@ -48,7 +48,7 @@ impl Prepared<'_> {
     pub fn run(&self, monitor: &dyn Monitor) -> Result<Results, Diagnostic> {
         let (job, tradeoff) = (self.job, self.job.tradeoff);
         let depends_on = format!("{} {} {:?} {:?}", self.digest, job.program, job.machine, job.shard);
-        let (progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
+        let (mut progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
         let (mut outcomes, mut batches) = (HashMap::new(), Vec::new());
         for part in parts {
             match part {
@@ -56,9 +56,8 @@ impl Prepared<'_> {
                 Part::Batch(batch) => batches.push(batch),
             }
         }
-        let progress = Mutex::new(progress);
-        self.measure_all(&mut outcomes, &progress, monitor)?;
-        self.time_all(&outcomes, &mut batches, &progress, monitor)?;
+        self.measure_all(&mut outcomes, &mut progress, monitor)?;
+        self.time_all(&outcomes, &mut batches, &mut progress, monitor)?;
         let known = |s: &Setting| Some(row(job, s, outcomes.get(&s.key)?));
         let mut rows: Vec<Row> = self.settings.iter().filter_map(known).collect();
         noise::put_times(&mut rows, &batches);
@@ -94,7 +93,7 @@ impl Prepared<'_> {
     fn measure_all(
         &self,
         outcomes: &mut HashMap<String, Outcome>,
-        progress: &Mutex<Progress>,
+        progress: &mut Progress,
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
         let left: Vec<&Setting> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.key)).collect();
@@ -115,7 +114,7 @@ impl Prepared<'_> {
         };
         monitor.doing("accuracy");
         monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
-        let all = Mutex::new(outcomes);
+        let (all, progress) = (Mutex::new(outcomes), Mutex::new(progress));
         on_threads(&left, self.job.jobs, monitor, |setting| {
             // A node may panic during preparation, where the engine does not contain it.
             let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &plan, monitor)))
@@ -125,15 +124,11 @@ impl Prepared<'_> {
                 // An error is not kept, since its cause may be repaired.
                 Err(e) => Err(e.to_string()),
                 Ok(Some(measured)) => {
-                    let part = Part::Setting(setting.key.clone(), Box::new(measured));
-                    let Ok(mut progress) = progress.lock() else { return Ok(()) };
-                    let Part::Setting(_, measured) = progress.put(&part)? else { return Ok(()) };
+                    locked(&progress).put(&Part::Setting(setting.key.clone(), measured.clone()))?;
                     Ok(measured)
                 }
             };
-            if let Ok(mut all) = all.lock() {
-                all.insert(setting.key.clone(), outcome);
-            }
+            locked(&all).insert(setting.key.clone(), outcome);
             Ok(())
         })
     }
@@ -170,7 +165,7 @@ impl Prepared<'_> {
         &self,
         outcomes: &HashMap<String, Outcome>,
         batches: &mut Vec<Batch>,
-        progress: &Mutex<Progress>,
+        progress: &mut Progress,
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
         monitor.doing("times");
@@ -185,10 +180,8 @@ impl Prepared<'_> {
             let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
             let anchor = (anchor, &self.base(anchor)?.registry);
             let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
-            let Ok(mut progress) = progress.lock() else { break };
-            if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
-                batches.push(batch);
-            }
+            progress.put(&Part::Batch(batch.clone()))?;
+            batches.push(batch);
         }
         Ok(())
     }
@@ -199,8 +192,8 @@ impl Prepared<'_> {
         let all = made_surfaces();
         let surface = |name: &String| all.iter().find(|s| s.name == *name);
         let known = self.materials.iter().flatten().filter_map(surface);
-        let wanted: Vec<_> =
-            known.flat_map(|surface| (0..tradeoff.draws).map(move |draw| (surface, draw))).collect();
+        let draws = |surface| (0..tradeoff.draws).map(move |draw| (surface, draw));
+        let wanted: Vec<_> = known.flat_map(draws).collect();
         let truths = Mutex::new(Truths::new());
         on_threads(&wanted, self.job.jobs, monitor, |&(surface, draw)| {
             let seed = |number: u64| random::bits(tradeoff.seed.wrapping_add(draw), number);
@@ -213,14 +206,16 @@ impl Prepared<'_> {
                     // A stroke too short for a spectrogram has no truth.
                     let _ = truth.add(&felt.axes(), felt.rate_hz);
                 }
-                if let Ok(mut truths) = truths.lock() {
-                    truths.insert((s, surface.name.clone(), draw), truth);
-                }
+                locked(&truths).insert((s, surface.name.clone(), draw), truth);
             }
             Ok(())
         })?;
         Ok(truths.into_inner().unwrap_or_default())
     }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Calls a function for each item, on so many threads, until the first error or until the run is to stop.
@@ -230,34 +225,16 @@ fn on_threads<T: Sync>(
     monitor: &dyn Monitor,
     each: impl Fn(&T) -> Result<(), Diagnostic> + Sync,
 ) -> Result<(), Diagnostic> {
-    let next = AtomicUsize::new(0);
-    let wrong: Mutex<Option<Diagnostic>> = Mutex::new(None);
-    let work = || {
-        while let Some(it) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if monitor.stopped() {
-                return;
-            }
-            if let Err(e) = each(it) {
-                next.store(all.len(), Ordering::Relaxed);
-                if let Ok(mut wrong) = wrong.lock() {
-                    wrong.get_or_insert(e);
-                }
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads.max(1) {
-            scope.spawn(work);
-        }
-        work();
-    });
-    wrong.into_inner().unwrap_or_default().map_or(Ok(()), Err)
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let pool = pool.map_err(|e| Diagnostic::new(format!("no threads: {e}")))?;
+    let each = |item| if monitor.stopped() { Ok(()) } else { each(item) };
+    pool.install(|| all.par_iter().with_max_len(1).try_for_each(each))
 }
 
 fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
     let base = job.bases.get(s.base);
     let (measured, error) = match outcome {
-        Ok(measured) => ((**measured).clone(), None),
+        Ok(measured) => (measured.clone(), None),
         Err(why) => (Measured::default(), Some(why.clone())),
     };
     let mut fails = measured.fails;

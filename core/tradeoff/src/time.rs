@@ -219,9 +219,6 @@ fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
 }
 
 /// Times a batch; none where the run is to stop. Nothing else should run meanwhile.
-///
-/// # Errors
-/// A default that does not compile.
 pub(crate) fn batch(
     anchor: (&Setting, &Registry),
     settings: &[(&Setting, &Registry)],

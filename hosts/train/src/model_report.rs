@@ -14,41 +14,27 @@ use crate::evaluation::{
 };
 use crate::loss::{Aim, Target};
 
-/// Sizes of the model's files for the report.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sizes {
-    /// Bytes of the encoder's file.
-    pub encoder_bytes: u64,
-    /// Bytes of the network's file.
-    pub network_bytes: u64,
+/// The report, in Markdown, with the sizes of the encoder's and the network's file in MB.
+pub(crate) fn write(settings: &Settings, sizes_mb: [f64; 2], data: &Data, evaluation: &Evaluation) -> String {
+    let Evaluation { naming, levels: all, strangers: unseen, scatter: each, .. } = evaluation;
+    let when = |known: bool, text: &dyn Fn() -> String| if known { text() } else { String::new() };
+    let scattered = each.iter().any(|(_, scatter)| scatter.is_some());
+    let parts = [
+        ("Goals", goals(evaluation)),
+        ("Names", when(naming.images > 0, &|| names(naming))),
+        ("Vibration", vibration(settings, evaluation)),
+        ("Mean or root mean square", when(!all.is_empty(), &|| levels(settings, all))),
+        ("Mean over root mean square", when(scattered, &|| scatter(&evaluation.scatter_by_family))),
+        ("Surfaces that were never seen", when(!unseen.surfaces.is_empty(), &|| strangers(unseen))),
+        ("Every material", table(&evaluation.scores)),
+    ];
+    let parts = parts.into_iter().filter(|(_, text)| !text.is_empty());
+    let parts = parts.map(|(title, text)| format!("\n## {title}\n\n{text}"));
+    std::iter::once(head(settings, sizes_mb, data)).chain(parts).collect()
 }
 
-/// The report, in Markdown.
-pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: &Evaluation) -> String {
-    let mut report = head(settings, sizes, data);
-    // writing to a String cannot fail
-    let _ = write!(report, "\n## Goals\n\n{}", goals(evaluation));
-    if evaluation.naming.images > 0 {
-        let _ = write!(report, "\n## Names\n\n{}", names(&evaluation.naming));
-    }
-    let _ = write!(report, "\n## Vibration\n\n{}", vibration(settings, evaluation));
-    if !evaluation.levels.is_empty() {
-        let _ = write!(report, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
-    }
-    if evaluation.scatter.iter().any(|(_, scatter)| scatter.is_some()) {
-        let _ =
-            write!(report, "\n## Mean over root mean square\n\n{}", scatter(&evaluation.scatter_by_family));
-    }
-    if !evaluation.strangers.surfaces.is_empty() {
-        let _ = write!(report, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
-    }
-    let _ = write!(report, "\n## Every material\n\n{}", table(&evaluation.scores));
-    report
-}
-
-fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
+fn head(settings: &Settings, [encoder, network]: [f64; 2], data: &Data) -> String {
     let count = |of: fn(&asperity_data::Subject) -> usize| data.seen.iter().map(of).sum::<usize>();
-    let megabytes = |bytes: u64| bytes as f64 * 1e-6;
     let preset = match settings.preset {
         Preset::Paper => "the sizes of Heravi et al. 2024".to_owned(),
         Preset::Compact => {
@@ -97,7 +83,7 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
 `variance` [1, 1], the variance of a frame's power over its squared mean."
             }
         },
-        anew = if let Some(steps) = settings.network_steps {
+        anew = settings.network_steps.map_or(String::new(), |steps| {
             format!(
                 "
 Then the network of every tick was trained anew on vectors of the finished encoder: {steps} steps, and {} \
@@ -106,11 +92,7 @@ network for the other target is that of the first training.
 ",
                 settings.settling_steps
             )
-        } else {
-            String::new()
-        },
-        encoder = megabytes(sizes.encoder_bytes),
-        network = megabytes(sizes.network_bytes),
+        }),
         materials = data.seen.len(),
         force_n = data.reach.force_n,
         speed_mm_s = data.reach.speed_mm_s,
@@ -238,26 +220,21 @@ fn names(naming: &Naming) -> String {
 
 fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
     let [places, places_beyond] = places(settings);
-    let of_made = |figure: &str| {
-        format!(
+    let figure = match settings.target {
+        Target::Mean => "mean",
+        Target::Rms => "root mean square",
+    };
+    let truth = match &settings.data {
+        Origin::Recordings(_) => "the magnitudes of single recorded frames of held-out strokes, which are \
+                                  random about what can be known"
+            .to_owned(),
+        Origin::Hatt(_) => {
+            format!("the models' {figure} magnitudes on strokes that were never trained on")
+        }
+        Origin::Made => format!(
             "the {figure} magnitudes, over {places} places (beyond: {places_beyond}) of pieces that were \
              never trained on, of strokes that were never trained on"
-        )
-    };
-    let truth = match (&settings.data, settings.target) {
-        (Origin::Recordings(_), _) => {
-            "the magnitudes of single recorded frames of held-out strokes, which are random about what \
-             can be known"
-                .to_owned()
-        }
-        (Origin::Hatt(_), Target::Mean) => {
-            "the models' mean magnitudes on strokes that were never trained on".to_owned()
-        }
-        (Origin::Hatt(_), Target::Rms) => {
-            "the models' root mean square magnitudes on strokes that were never trained on".to_owned()
-        }
-        (Origin::Made, Target::Mean) => of_made("mean"),
-        (Origin::Made, Target::Rms) => of_made("root mean square"),
+        ),
     };
     let beyond = if evaluation.beyond.is_empty() {
         String::new()

@@ -71,9 +71,6 @@ fn unseen(number: usize) -> bool {
 }
 
 /// Images and examples of one surface. The same settings give the same bits.
-///
-/// # Errors
-/// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.
 fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
     let mut images = Parts::default();
     let mut examples = Parts::default();

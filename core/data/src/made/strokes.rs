@@ -220,9 +220,6 @@ pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut S
 }
 
 /// Adds the examples of as many strokes over a piece as the settings say.
-///
-/// # Errors
-/// As [`Drawn::new`].
 pub(super) fn add(
     surface: &MadeSurface,
     piece: &HeightField,
