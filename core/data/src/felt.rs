@@ -59,12 +59,11 @@ impl Hand {
         let rate_hz = f64::from(SAMPLE_HZ);
         let samples = (duration_s * rate_hz).round() as usize;
         let position_mm: Vec<[f64; 3]> = (0..=samples).map(|i| at(i as f64 / rate_hz)).collect();
-        match position_mm.iter().position(|place| place.iter().any(|x| !x.is_finite())) {
-            Some(at) => {
-                Err(Diagnostic::new(format!("a place at {} s that is not finite", at as f64 / rate_hz)))
-            }
-            None => Ok(Self { position_mm }),
+        if let Some(at) = position_mm.iter().position(|place| place.iter().any(|x| !x.is_finite())) {
+            let seconds = at as f64 / rate_hz;
+            return Err(Diagnostic::new(format!("a place at {seconds} s that is not finite")));
         }
+        Ok(Self { position_mm })
     }
 
     /// A made stroke without the sensor's step.

@@ -32,6 +32,7 @@ impl Resume {
 }
 
 /// Kind, ports and parameters of a node.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Descriptor {
     /// Name in a graph file: lower case, words joined by `_`.
@@ -85,56 +86,48 @@ impl Descriptor {
     }
 
     /// Gives it a role.
-    #[must_use]
     pub fn role(mut self, role: Role) -> Self {
         self.role = Some(role);
         self
     }
 
     /// Adds an input.
-    #[must_use]
     pub fn input(mut self, input: Input) -> Self {
         self.inputs.push(input);
         self
     }
 
     /// Adds an output.
-    #[must_use]
     pub fn output(mut self, output: Output) -> Self {
         self.outputs.push(output);
         self
     }
 
     /// Adds a parameter.
-    #[must_use]
     pub fn param(mut self, param: Param) -> Self {
         self.params.push(param);
         self
     }
 
     /// Sets the behaviour on waking.
-    #[must_use]
     pub fn resumes(mut self, resume: Resume) -> Self {
         self.resume = resume;
         self
     }
 
     /// Makes it a sink.
-    #[must_use]
     pub fn sink(mut self) -> Self {
         self.sink = true;
         self
     }
 
     /// Makes it a sink that only observes, and keeps nothing awake.
-    #[must_use]
     pub fn passive_sink(mut self) -> Self {
         (self.sink, self.passive) = (true, true);
         self
     }
 
     /// Makes it a gate on one of its inputs.
-    #[must_use]
     pub fn gates(mut self, input: impl Into<Cow<'static, str>>) -> Self {
         self.gate = Some(input.into());
         self
@@ -142,21 +135,18 @@ impl Descriptor {
 
     /// Lets it close cycles. Of several such nodes in a cycle the one with the largest `parameter`
     /// does.
-    #[must_use]
     pub fn closes_cycles(mut self, parameter: impl Into<Cow<'static, str>>) -> Self {
         self.feedback = Some(parameter.into());
         self
     }
 
     /// Renders an effect of surfaces.
-    #[must_use]
     pub fn effect(mut self, effect: Effect) -> Self {
         self.effect = Some(effect);
         self
     }
 
     /// Sets the notes on latency and tail.
-    #[must_use]
     pub fn timing(mut self, timing: impl Into<Cow<'static, str>>) -> Self {
         self.timing = timing.into();
         self

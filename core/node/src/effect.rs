@@ -74,6 +74,7 @@ impl Add for Law {
 }
 
 /// One way to write the settings of an effect: `name(field: value, ...)`.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Form {
     /// The word before the parenthesis. Empty for an effect with a single form, which is written without
@@ -95,14 +96,12 @@ impl Form {
     }
 
     /// Adds a field with one value.
-    #[must_use]
     pub fn field(mut self, field: Param) -> Self {
         self.fields.push(field);
         self
     }
 
     /// Adds a field with a structure of its own.
-    #[must_use]
     pub fn nested(mut self, name: impl Into<Cow<'static, str>>) -> Self {
         self.nested.push(name.into());
         self
@@ -117,6 +116,7 @@ type Check = dyn Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync;
 /// The node renders an effect for many surfaces. Surfaces with the same settings share a *slot*, an entry
 /// in the node's list. The input `slot` picks one; 0 is the first. A value below 0, beyond the list or not
 /// a number picks none.
+#[must_use]
 #[derive(Clone)]
 pub struct Effect {
     /// The node's parameter with the list, a text a slot.
@@ -146,14 +146,12 @@ impl Effect {
     }
 
     /// Adds a form.
-    #[must_use]
     pub fn form(mut self, form: Form) -> Self {
         self.forms.push(form);
         self
     }
 
     /// Connects a quantity of the contact to an input.
-    #[must_use]
     pub fn needs(
         mut self,
         input: impl Into<Cow<'static, str>>,
@@ -165,7 +163,6 @@ impl Effect {
 
     /// Gives the law of its force for some settings and a normal force \[N\]. It tells a scene whether the
     /// device bears the effect.
-    #[must_use]
     pub fn law(
         mut self,
         direction: Direction,
@@ -176,7 +173,6 @@ impl Effect {
     }
 
     /// Adds a check of what the ranges of the fields cannot say.
-    #[must_use]
     pub fn check(
         mut self,
         check: impl Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync + 'static,

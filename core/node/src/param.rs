@@ -47,6 +47,7 @@ impl fmt::Display for ParamKind {
 }
 
 /// A declared parameter: name, kind, range, unit, default and meaning in one place.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Param {
     /// Name in a graph file.
@@ -153,28 +154,24 @@ impl Param {
     }
 
     /// Sets the unit of a number.
-    #[must_use]
     pub fn unit(mut self, unit: &'static str) -> Self {
         self.unit = Cow::Borrowed(unit);
         self
     }
 
     /// Requires a graph to set it.
-    #[must_use]
     pub fn required(mut self) -> Self {
         self.default = None;
         self
     }
 
     /// Allows changes while the node runs.
-    #[must_use]
     pub fn live(mut self) -> Self {
         self.live = true;
         self
     }
 
     /// Allows a graph to leave it out; then it has no value.
-    #[must_use]
     pub fn optional(mut self) -> Self {
         self.default = None;
         self.optional = true;

@@ -149,6 +149,7 @@ pub enum UnitSpec {
 }
 
 /// An input in a descriptor.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Input {
     /// Name in a graph file.
@@ -175,6 +176,7 @@ pub struct Input {
 }
 
 /// An output in a descriptor.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Output {
     /// Name in a graph file.
@@ -208,28 +210,24 @@ impl Input {
     }
 
     /// Sets its meaning, in a few words.
-    #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
     /// Allows any unit, the same for every port with this variable.
-    #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
     }
 
     /// Allows some units, the same for every port with this variable.
-    #[must_use]
     pub fn unit_among(mut self, var: Var, among: &'static [Unit]) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(among) };
         self
     }
 
     /// Makes it optional; an unconnected control then reads `default`.
-    #[must_use]
     pub fn or(mut self, default: f64) -> Self {
         self.optional = true;
         self.default = default;
@@ -237,14 +235,12 @@ impl Input {
     }
 
     /// Lets a change here wake a sleeping node.
-    #[must_use]
     pub fn wakes(mut self) -> Self {
         self.wakes = true;
         self
     }
 
     /// Accepts only a limited signal.
-    #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
         self
@@ -252,7 +248,6 @@ impl Input {
 
     /// Makes it optional; an unconnected input is set by the host, tick by tick. Built-in nodes only: a
     /// host knows the values by their kind.
-    #[must_use]
     pub fn host_fed(mut self) -> Self {
         (self.optional, self.host_fed) = (true, true);
         self
@@ -267,14 +262,12 @@ impl Output {
     }
 
     /// Sets its meaning, in a few words.
-    #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
     /// Allows any unit, the same for every port with this variable.
-    #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
@@ -282,14 +275,12 @@ impl Output {
 
     /// Makes it secondary: a wire without a port name does not mean it. If the node fails and it holds
     /// its values, these stay valid, because they only describe the other outputs.
-    #[must_use]
     pub fn secondary(mut self) -> Self {
         self.secondary = true;
         self
     }
 
     /// Promises a limited signal.
-    #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
         self

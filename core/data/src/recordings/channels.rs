@@ -58,23 +58,21 @@ pub(super) type Channels = [Option<Vec<f64>>; QUANTITIES.len()];
 
 /// Checks that the quantities make a stroke.
 pub(super) fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
-    let missing = |what: &str, help: &str| Err(Diagnostic::new(format!("no {what}")).help(help));
     let both = |of: [usize; 2]| of.into_iter().all(&has);
-    if !has(FORCE) {
-        return missing("force", "`force_n`");
-    }
-    if !(both(VELOCITY) || both(PLACE) || has(SPEED)) {
-        return missing("motion", "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`");
-    }
-    let axes = AXES.into_iter().any(&has);
-    match (axes, has(ACCELERATION)) {
-        (false, false) => {
-            missing("acceleration", "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`")
+    let motion = both(VELOCITY) || both(PLACE) || has(SPEED);
+    let (what, help) = match (has(FORCE), motion, AXES.into_iter().any(&has), has(ACCELERATION)) {
+        (false, ..) => ("no force", "`force_n`"),
+        (_, false, ..) => ("no motion", "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`"),
+        (_, _, false, false) => {
+            ("no acceleration", "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`")
         }
-        (true, true) => Err(Diagnostic::new("the acceleration of one axis and of several")
-            .help("either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`")),
-        _ => Ok(()),
-    }
+        (_, _, true, true) => (
+            "the acceleration of one axis and of several",
+            "either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`",
+        ),
+        _ => return Ok(()),
+    };
+    Err(Diagnostic::new(what).help(help))
 }
 
 /// Rounds a measured rate in Hz to the intended one.

@@ -175,15 +175,14 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let files = folder::entries(folder)?;
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
     let recordings = of_strokes(&files);
+    let missing = |what: &str, files: &str| {
+        Err(Diagnostic::new(what.to_owned()).in_file(folder).help(format!("a {files} file, one at least")))
+    };
     if pictures.is_empty() {
-        return Err(Diagnostic::new("no picture of this material")
-            .in_file(folder)
-            .help("a PNG, JPEG or BMP file, one at least"));
+        return missing("no picture of this material", "PNG, JPEG or BMP");
     }
     if recordings.is_empty() {
-        return Err(Diagnostic::new("no stroke over this material")
-            .in_file(folder)
-            .help("a CSV or WAV file, one at least"));
+        return missing("no stroke over this material", "CSV or WAV");
     }
     let whole = are_divided(recordings.len());
     let seen = recordings.len() - folder::held_of(recordings.len());
