@@ -1,6 +1,6 @@
 //! Accuracy of a setting, over every stroke, material and draw.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use asperity_accuracy::accuracy::rhythm::{self, Rhythm};
 use asperity_accuracy::accuracy::{
@@ -19,6 +19,7 @@ use crate::figure::{Figure, Figures, mean};
 use crate::knob::{has, set};
 use crate::lag;
 use crate::patch::{Patch, place_stroke};
+use crate::results::Row;
 use crate::setting::Setting;
 use crate::stroke::{Known, Stroke};
 use crate::time::Monitor;
@@ -68,34 +69,16 @@ impl Plan<'_> {
     }
 }
 
-/// Accuracy, lag and hard cases of a setting.
-#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Measured {
-    /// Figures of each draw.
-    pub draws: Vec<Figures>,
-    /// Figures of the network's own magnitudes.
-    pub model: Figures,
-    /// Response lag of each draw \[ms\].
-    pub lags_ms: Vec<[f64; 3]>,
-    /// Declared latency \[ms\].
-    pub latency_ms: Option<f64>,
-    /// Faults of nodes, over strokes and in the steps of speed.
-    pub faults: u64,
-    /// Hard cases that it was put to.
-    pub cases: usize,
-    /// Hard cases that it fails, each with the finding.
-    pub fails: BTreeMap<String, String>,
-}
-
-/// Measures accuracy and lag of a setting; none where the run is to stop.
+/// Measures accuracy and lag of a setting into its row. Returns the figures of the network's own magnitudes;
+/// none where the run is to stop.
 pub(crate) fn measure(
+    row: &mut Row,
     setting: &Setting,
     registry: &Registry,
     plan: &Plan<'_>,
     monitor: &dyn Monitor,
-) -> Result<Option<Measured>, Diagnostic> {
-    let mut found = Measured::default();
-    let mut models = Vec::new();
+) -> Result<Option<Figures>, Diagnostic> {
+    let (mut models, mut lags_ms) = (Vec::new(), Vec::new());
     let double = in_double(setting, registry);
     let patch = Patch::of(&setting.graph, registry)?;
     let strokes: Vec<Path3> = plan.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
@@ -110,18 +93,15 @@ pub(crate) fn measure(
             let material = material.as_deref();
             let graph = over(&setting.graph, registry, material, seed);
             let mut chain = Chain::new(&graph, registry, paths.clone(), options)?;
-            found.latency_ms.get_or_insert(chain.latency().ms());
+            row.latency_ms.get_or_insert(chain.latency().ms());
             for (s, stroke) in plan.strokes.iter().enumerate().filter(|(_, s)| s.goes_over(material)) {
                 if monitor.stopped() {
                     return Ok(None);
                 }
                 chain.play(s);
                 let rendered = chain.render(stroke.seconds);
-                found.faults += rendered.faults;
                 let mut figures = Figures::new();
-                if let Some(db) = convergence(&rendered) {
-                    figures.insert(Figure::Convergence, db);
-                }
+                figures.extend(convergence(&rendered).map(|db| (Figure::Convergence, db)));
                 if let Some(truth) = plan.truth(s, material, draw) {
                     against_physics(&rendered, truth, setting.strength, &mut figures);
                     models.extend(of_model(&rendered, &truth.spectrograms));
@@ -132,9 +112,8 @@ pub(crate) fn measure(
                     let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
                     wide.play(s);
                     let wide = wide.render(stroke.seconds);
-                    if let Ok(db) = accuracy::waveform_db(&wide_of(rendered.last()), &wide_of(wide.last())) {
-                        figures.insert(Figure::Precision, db);
-                    }
+                    let db = accuracy::waveform_db(&wide_of(rendered.last()), &wide_of(wide.last()));
+                    figures.extend(db.ok().map(|db| (Figure::Precision, db)));
                 }
                 all.push(figures);
                 monitor.advanced(1);
@@ -142,22 +121,22 @@ pub(crate) fn measure(
             // A scene has no room for a straight stroke.
             let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
             if let Some(pitch_mm) = pitch.filter(|_| patch.is_none()) {
-                let before = chain.faults();
                 chain.play(paths.len() - 1);
                 all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
-                found.faults += chain.faults() - before;
             }
             if m == 0 {
-                let before = chain.faults();
-                found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
-                found.faults += chain.faults() - before;
+                lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
                 monitor.advanced(1);
             }
+            row.faults += chain.faults();
         }
-        found.draws.push(mean(all.iter()));
+        row.draws.push(mean(all.iter()));
     }
-    found.model = mean(models.iter());
-    Ok(Some(found))
+    row.figures = mean(row.draws.iter());
+    let mean_lag = |i: usize| lags_ms.iter().map(|l: &[f64; 3]| l[i]).sum::<f64>() / lags_ms.len() as f64;
+    row.lag_ms = (!lags_ms.is_empty()).then(|| std::array::from_fn(mean_lag));
+    row.lag_draws_ms = lags_ms.iter().map(|l| l[1]).collect();
+    Ok(Some(mean(models.iter())))
 }
 
 fn wide_of(x: &[f32]) -> Vec<f64> {
@@ -322,9 +301,10 @@ mod tests {
             steps: 10,
             truths: &Truths::default(),
         };
-        let found = measure(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
+        let mut row = Row::default();
+        measure(&mut row, &setting, &registry, &plan, &Nobody).unwrap().unwrap();
         // Once with steps, and once at constant speed.
-        assert_eq!(found.faults, 2);
+        assert_eq!(row.faults, 2);
     }
 
     #[test]

@@ -28,8 +28,6 @@ pub struct Chain {
     path: Arc<AtomicUsize>,
     /// The actuator, at rest.
     plant: Option<Plant>,
-    /// Faults before this render.
-    faults: u64,
 }
 
 /// Recorded signals, as indices of node and output.
@@ -64,8 +62,6 @@ pub struct Rendered {
     pub handle: Vec<f64>,
     /// Rate of `felt`, `drive` and `handle` \[Hz\].
     pub rate_hz: u32,
-    /// Faults of nodes.
-    pub faults: u64,
 }
 
 impl Rendered {
@@ -146,19 +142,18 @@ impl Chain {
         let schedule = Arc::new(compiled.schedule.clone());
         let places = Places::new(&schedule, registry)?;
         let plant = places.plant.clone();
-        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant, faults: 0 })
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant })
     }
 
     /// Resets the graph, and lets the stylus follow the path of this index.
     pub(crate) fn play(&mut self, path: usize) {
         self.path.store(path, Ordering::Relaxed);
-        self.faults = self.engine.faults();
         self.engine.reset();
         self.places.plant = self.plant.clone();
     }
 
     /// Faults of nodes, in all renders.
-    pub(crate) fn faults(&self) -> u64 {
+    pub fn faults(&self) -> u64 {
         self.engine.faults()
     }
 
@@ -220,7 +215,6 @@ impl Chain {
         if let Some(framing) = &out.framing {
             out.signal = earlier(signal, self.places.between, framing.rate_hz);
         }
-        out.faults = self.engine.faults() - self.faults;
         out
     }
 

@@ -146,12 +146,9 @@ impl Tradeoff {
         if !materials.is_empty()
             && let Some(stroke) = strokes.iter().find(|s| s.lacks_material())
         {
-            return Err(Diagnostic::new(format!(
-                "the recording `{}` does not say its material",
-                stroke.name
-            ))
-            .at_place(&stroke.place)
-            .help("material: \"the name it has in the graph's library\""));
+            let message = format!("the recording `{}` does not say its material", stroke.name);
+            let help = "material: \"the name it has in the graph's library\"";
+            return Err(Diagnostic::new(message).at_place(&stroke.place).help(help));
         }
         if let Some(b) = baselines.iter().find(|b| b.name == DEFAULT || b.name.trim().is_empty()) {
             return Err(Diagnostic::new(format!("a baseline cannot be named `{}`", b.name))
@@ -182,7 +179,7 @@ fn no_duplicates<'a>(names: impl Iterator<Item = (&'a String, &'a Place)>) -> Re
     let mut known = std::collections::HashSet::new();
     for (name, place) in names {
         if !known.insert(name) {
-            return Err(Diagnostic::new(format!("the name `{name}` is used twice")).at_place(&place));
+            return Err(Diagnostic::new(format!("the name `{name}` is used twice")).at_place(place));
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! Runs a trade-off, from its settings to its results.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -13,11 +13,11 @@ use asperity_surfaces::topography::made_surfaces;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::accuracy::{Measured, Plan, Truth, Truths, measure};
+use crate::accuracy::{Plan, Truth, Truths, measure};
 use crate::digest;
-use crate::figure::mean;
+use crate::figure::Figures;
 use crate::noise;
-use crate::prepare::{Job, Prepared};
+use crate::prepare::Prepared;
 use crate::progress::Progress;
 use crate::results::{Fragment, Results, Row, VERSION};
 use crate::setting::{LoadedGraph, Setting};
@@ -31,13 +31,12 @@ const PLACES: usize = 2;
 /// A finished part.
 #[derive(Serialize, Deserialize)]
 enum Part {
-    /// Key of a setting, and what was measured.
-    Setting(String, Measured),
+    Setting(Outcome),
     Batch(Batch),
 }
 
-/// Accuracy of a setting, or why it does not run.
-type Outcome = Result<Measured, String>;
+/// A measured setting without its times, and the figures of the network's own magnitudes.
+type Outcome = (Box<Row>, Figures);
 
 impl Prepared<'_> {
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
@@ -52,17 +51,16 @@ impl Prepared<'_> {
         let (mut outcomes, mut batches) = (HashMap::new(), Vec::new());
         for part in parts {
             match part {
-                Part::Setting(key, measured) => drop(outcomes.insert(key, Ok(measured))),
+                Part::Setting(outcome) => drop(outcomes.insert(outcome.0.key.clone(), outcome)),
                 Part::Batch(batch) => batches.push(batch),
             }
         }
         self.measure_all(&mut outcomes, &mut progress, monitor)?;
         self.time_all(&outcomes, &mut batches, &mut progress, monitor)?;
-        let known = |s: &Setting| Some(row(job, s, outcomes.get(&s.key)?));
-        let mut rows: Vec<Row> = self.settings.iter().filter_map(known).collect();
+        let known = self.settings.iter().filter_map(|s| outcomes.get(&s.key));
+        let mut rows: Vec<Row> = known.clone().map(|(row, _)| (**row).clone()).collect();
         noise::put_times(&mut rows, &batches);
-        let default = self.settings.iter().find(|s| s.default).and_then(|s| outcomes.get(&s.key));
-        let model = default.and_then(|o| o.as_ref().ok()).map(|m| &m.model);
+        let model = known.clone().find(|(row, _)| row.default).map(|(_, model)| model.clone());
         let mut results = Results {
             version: VERSION,
             tradeoff: tradeoff.source.path().display().to_string(),
@@ -74,7 +72,7 @@ impl Prepared<'_> {
             shards: vec![(job.shard.0 + 1, job.shard.1.max(1))],
             unfinished: self.settings.len() - rows.iter().filter(|r| r.is_finished()).count(),
             cases: self.cases.len(),
-            model: mean(model.into_iter()),
+            model: model.unwrap_or_default(),
             idle: noise::idle(&batches),
             notes: self.notes.clone(),
             rows,
@@ -122,15 +120,48 @@ impl Prepared<'_> {
             let outcome = match measured {
                 Ok(None) => return Ok(()),
                 // An error is not kept, since its cause may be repaired.
-                Err(e) => Err(e.to_string()),
-                Ok(Some(measured)) => {
-                    locked(&progress).put(&Part::Setting(setting.key.clone(), measured.clone()))?;
-                    Ok(measured)
+                Err(e) => (Box::new(Row { error: Some(e.to_string()), ..self.row(setting) }), Figures::new()),
+                Ok(Some(outcome)) => {
+                    locked(&progress).put(&Part::Setting(outcome.clone()))?;
+                    outcome
                 }
             };
             locked(&all).insert(setting.key.clone(), outcome);
             Ok(())
         })
+    }
+
+    /// A row before anything is measured.
+    fn row(&self, s: &Setting) -> Row {
+        let base = self.job.bases.get(s.base);
+        let mut fails = BTreeMap::new();
+        if !s.guards {
+            let why =
+                "guards are off: this can only be measured, since no graph or command can turn them off";
+            fails.insert("guards".into(), why.into());
+        }
+        let fewer_cards = |base: &LoadedGraph| {
+            let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
+            let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
+            cards(&base.graph) > cards(&s.graph)
+        };
+        if base.is_some_and(fewer_cards) {
+            let why = "the limiter before the coil is gone: nothing is played without one";
+            fails.insert("limiter".into(), why.into());
+        }
+        Row {
+            name: s.name.clone(),
+            key: s.key.clone(),
+            graph: base.map_or_else(|| s.graph.source.path().display().to_string(), |b| b.name.clone()),
+            turned: s.turned.clone(),
+            grids: s.grids.clone(),
+            default: s.default,
+            baseline: s.baseline,
+            tick_hz: s.graph.tick_hz,
+            fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
+            fails,
+            ..Row::default()
+        }
     }
 
     /// Measures a setting; none where the run is to stop.
@@ -139,9 +170,10 @@ impl Prepared<'_> {
         setting: &Setting,
         plan: &Plan<'_>,
         monitor: &dyn Monitor,
-    ) -> Result<Option<Measured>, Diagnostic> {
+    ) -> Result<Option<Outcome>, Diagnostic> {
         let registry = &self.base(setting)?.registry;
-        let Some(mut measured) = measure(setting, registry, plan, monitor)? else { return Ok(None) };
+        let mut row = Box::new(self.row(setting));
+        let Some(model) = measure(&mut row, setting, registry, plan, monitor)? else { return Ok(None) };
         let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
         for case in &self.cases {
             if monitor.stopped() {
@@ -151,13 +183,13 @@ impl Prepared<'_> {
                 Ok(outcome) => (outcome.verdict, outcome.found),
                 Err(_) => (Verdict::Fails, "it panicked".into()),
             };
-            measured.cases += usize::from(verdict != Verdict::NotApplicable);
+            row.cases += usize::from(verdict != Verdict::NotApplicable);
             if verdict == Verdict::Fails {
-                measured.fails.insert(case.name.to_owned(), why);
+                row.fails.insert(case.name.to_owned(), why);
             }
             monitor.advanced(1);
         }
-        Ok(Some(measured))
+        Ok(Some((row, model)))
     }
 
     /// Times the settings that run and are in no batch yet, until the run is to stop.
@@ -171,7 +203,7 @@ impl Prepared<'_> {
         monitor.doing("times");
         let Some(anchor) = self.settings.first() else { return Ok(()) };
         let timed = |key: &String| batches.iter().any(|b| b.rows.iter().any(|(timed, _)| timed == key));
-        let runs = |key: &String| outcomes.get(key).is_some_and(|o| o.is_ok());
+        let runs = |key: &String| outcomes.get(key).is_some_and(|(row, _)| row.error.is_none());
         let left: Vec<&Setting> = self.settings.iter().filter(|s| runs(&s.key) && !timed(&s.key)).collect();
         let material = self.materials.first().and_then(|m| m.as_deref());
         let times = self.job.tradeoff.times;
@@ -229,52 +261,4 @@ fn on_threads<T: Sync>(
     let pool = pool.map_err(|e| Diagnostic::new(format!("no threads: {e}")))?;
     let each = |item| if monitor.stopped() { Ok(()) } else { each(item) };
     pool.install(|| all.par_iter().with_max_len(1).try_for_each(each))
-}
-
-fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
-    let base = job.bases.get(s.base);
-    let (measured, error) = match outcome {
-        Ok(measured) => (measured.clone(), None),
-        Err(why) => (Measured::default(), Some(why.clone())),
-    };
-    let mut fails = measured.fails;
-    if !s.guards {
-        let why = "guards are off: this can only be measured, since no graph or command can turn them off";
-        fails.insert("guards".into(), why.into());
-    }
-    let fewer_cards = |base: &LoadedGraph| {
-        let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
-        let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
-        cards(&base.graph) > cards(&s.graph)
-    };
-    if base.is_some_and(fewer_cards) {
-        let why = "the limiter before the coil is gone: nothing is played without one";
-        fails.insert("limiter".into(), why.into());
-    }
-    let lags = &measured.lags_ms;
-    let lag_ms = (!lags.is_empty()).then(|| {
-        let of = |i: usize| lags.iter().map(|l| l[i]).sum::<f64>() / lags.len() as f64;
-        [of(0), of(1), of(2)]
-    });
-    Row {
-        name: s.name.clone(),
-        key: s.key.clone(),
-        graph: base.map_or_else(|| s.graph.source.path().display().to_string(), |b| b.name.clone()),
-        turned: s.turned.clone(),
-        grids: s.grids.clone(),
-        default: s.default,
-        baseline: s.baseline,
-        tick_hz: s.graph.tick_hz,
-        fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
-        error,
-        figures: mean(measured.draws.iter()),
-        lag_ms,
-        lag_draws_ms: lags.iter().map(|l| l[1]).collect(),
-        draws: measured.draws,
-        latency_ms: measured.latency_ms,
-        faults: measured.faults,
-        cases: measured.cases,
-        fails,
-        time: None,
-    }
 }

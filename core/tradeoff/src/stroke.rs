@@ -89,18 +89,17 @@ impl StrokeDecl {
     pub(crate) fn read(value: &Value) -> Result<Self, Diagnostic> {
         let mut record = value.record("Stroke")?;
         let name = record.required("name")?.text()?.to_owned();
+        let mut it = Self { name, place: value.place(), material: None, from: From::File(PathBuf::new()) };
         if let Some(file) = record.optional("file") {
-            let from = From::File(file.path()?);
-            record.finish()?;
-            return Ok(Self { name, place: value.place(), material: None, from });
+            it.from = From::File(file.path()?);
+            return record.finish().map(|()| it);
         }
         if let Some(file) = record.optional("recording") {
-            let from = From::Recording(file.path()?);
-            let material = record.optional("material");
-            let material =
-                material.map(|m| Ok::<_, Diagnostic>((m.text()?.to_owned(), m.place()))).transpose()?;
-            record.finish()?;
-            return Ok(Self { name, place: value.place(), material, from });
+            it.from = From::Recording(file.path()?);
+            if let Some(material) = record.optional("material") {
+                it.material = Some((material.text()?.to_owned(), material.place()));
+            }
+            return record.finish().map(|()| it);
         }
         let d = StrokeParams::default();
         let shape = match record.optional("shape") {
@@ -130,7 +129,7 @@ impl StrokeDecl {
                 .error(format!("`seconds` is {}, out of range", params.duration_s))
                 .help(format!("at most {LONGEST_S}: rendered strokes are held in memory")));
         }
-        Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
+        Ok(Self { from: From::Made(Box::new(params)), ..it })
     }
 
     /// Whether it is a recording that does not say its material.
