@@ -156,34 +156,6 @@ mod tests {
     }
 
     #[test]
-    fn recorded_stroke_moves_as_before_sensor_rounding() {
-        let params = StrokeParams { quantum_mm: 0.055, tremor_mm: 0.0, ..StrokeParams::default() };
-        let (exact, rounded) = (Hand::stroke(&params).unwrap(), Stroke::new(params).unwrap());
-        let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-        for tick in 0..=4000 {
-            let t = f64::from(tick) * 0.002;
-            let [x, y, z] = rounded.sample(t).position;
-            text += &format!("{t:.3},{x:.3},{y:.3},{z:.3}\n");
-        }
-        let source = asperity_diagnostics::Source::new("t.csv", &text);
-        let trajectory = Trajectory::parse(&source, &Default::default()).unwrap();
-        let found = Hand::trajectory(&trajectory).unwrap();
-        assert_eq!(found.position_mm().len(), exact.position_mm().len());
-        let speed = |hand: &Hand, i: usize, axis: usize| {
-            (hand.position_mm()[i + 1][axis] - hand.position_mm()[i][axis]) * 1e4
-        };
-        let middle = 2_000..78_000;
-        for axis in [0, 1] {
-            let sum: f64 =
-                middle.clone().map(|i| (speed(&found, i, axis) - speed(&exact, i, axis)).powi(2)).sum();
-            let rms = (sum / middle.len() as f64).sqrt();
-            assert!(rms < 1.0, "axis {axis}: {rms} mm/s");
-        }
-        let off = found.position_mm().iter().zip(exact.position_mm()).map(|(a, b)| (a[2] - b[2]).abs());
-        assert!(off.fold(0.0, f64::max) < 0.15, "force follows");
-    }
-
-    #[test]
     fn a_stroke_that_cannot_be_is_an_error() {
         for seconds in [f64::NAN, -1.0, 0.0, 0.05, 601.0, f64::INFINITY] {
             assert!(Hand::new(seconds, |_| [0.0; 3]).is_err(), "{seconds}");

@@ -6,10 +6,9 @@ use asperity_graph::{Compiled, Schedule};
 use asperity_node::{Buffer, Fact, Shape, time};
 
 use crate::panics::install_silent_hook;
-use crate::slot::{NodeReport, Now, Slot};
+use crate::slot::{NodeReport, Now, Slot, is_finite};
 use crate::swap::{self, Controller, Link, Run};
 use crate::telemetry::{Clock, NoClock, Watch};
-use crate::view::is_finite;
 use asperity_numbers::denormals::Flushed;
 
 /// Options of an engine.

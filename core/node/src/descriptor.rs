@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Effect, Input, Output, Param, Role};
+use crate::{Effect, Input, Output, Param, ShapeSpec};
 
 /// The engine's action when a sleeping node wakes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -151,4 +151,64 @@ impl Descriptor {
         self.timing = timing.into();
         self
     }
+}
+
+/// Ports of a phase-retrieval kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Retrieval<'a> {
+    /// Name of its input of magnitudes.
+    pub input: &'a str,
+    /// Name of its output.
+    pub output: &'a str,
+    /// Whether it outputs spectra, so that an `overlap_add` must follow; otherwise it outputs samples.
+    pub spectrum: bool,
+}
+
+impl Descriptor {
+    /// Ports of this kind if it retrieves phase: exactly one required input, of magnitudes, and one
+    /// output, of spectra or samples.
+    pub fn retrieval(&self) -> Option<Retrieval<'_>> {
+        let mut required = self.inputs.iter().filter(|p| !p.optional);
+        let (Some(input), None) = (required.next(), required.next()) else { return None };
+        let [output] = self.outputs.as_slice() else { return None };
+        let spectrum = match output.shape {
+            ShapeSpec::Spectrum(_) => true,
+            ShapeSpec::Audio(_) => false,
+            _ => return None,
+        };
+        let magnitudes = matches!(input.shape, ShapeSpec::Magnitude(_));
+        magnitudes.then_some(Retrieval { input: &input.name, output: &output.name, spectrum })
+    }
+}
+
+/// Purpose of a node for its host. A host finds nodes by their role, and ports and parameters by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A channel of the sound card: the host plays the first output.
+    AudioOutput,
+    /// A recorded channel of the sound card: the host feeds the first input.
+    AudioInput,
+    /// A recording: the host writes the first output to the parameter `file`.
+    Recorder,
+    /// A recording: the host writes the first input to the parameter `file`.
+    Probe,
+    /// Motion of a hand. A device or the live page feeds the first three inputs: position, force, stroke.
+    Hand,
+    /// Force on a hand. A device renders the surface in its own loop; the inputs are point of the plane,
+    /// normal, stiffness, damping and further force, in this order.
+    Force,
+    /// A stroke that is known beforehand.
+    Stroke,
+    /// Velocity of the stylus behind a low-pass, with the parameters `cutoff_hz` and `cutoff_hz_per_mm_s`.
+    Velocity,
+    /// Contact of the stylus with the surfaces of a scene.
+    Contact,
+    /// A learned texture model with the parameters `library` and `material`.
+    TextureNetwork,
+    /// Overlap-add of spectra, the second half of phase retrieval.
+    OverlapAdd,
+    /// Inverse of the actuator: the first input is the acceleration that is to be felt.
+    ActuatorInverse,
+    /// Limiter that protects the actuator; its facts count the limited samples.
+    Limiter,
 }

@@ -5,12 +5,12 @@
 //! plugin's effect works like a built-in one.
 
 use std::borrow::Cow;
-use std::fmt::{self, Write as _};
+use std::fmt;
 use std::ops::{Add, Deref};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::{Kind, Record, Value};
+use asperity_diagnostics::ron::{Kind, Value};
 use asperity_diagnostics::{Diagnostic, Span, one_of};
 
 use crate::{Param, ParamKind, ParamValue, Params};
@@ -221,14 +221,20 @@ impl Effect {
         };
         let mut params = Params::new(Some(value.place()));
         for field in &form.fields {
-            let given = record.as_mut().and_then(|record| record.optional(&field.name));
-            let place = given.map(Value::place);
-            let read = match given {
-                Some(value) => Some(field.read(value)?),
-                None if field.default.is_some() || field.optional => field.default.clone(),
-                None => return Err(missing(form, name, &field.name, record.as_mut(), value)),
+            let required = field.default.is_none() && !field.optional;
+            let given = match &mut record {
+                Some(record) if required => record.required(&field.name).map(Some),
+                Some(record) => Ok(record.optional(&field.name)),
+                None if required => Err(value.error(format!("`{name}` needs the field `{}`", field.name))),
+                None => Ok(None),
             };
-            params.insert(field.name.to_string(), read, place);
+            let given = given.map_err(|e| e.help(form.example.to_string()))?;
+            let read = given.map(|value| field.read(value)).transpose()?;
+            params.insert(
+                field.name.to_string(),
+                read.or_else(|| field.default.clone()),
+                given.map(Value::place),
+            );
         }
         let mut nested = Vec::new();
         for name in &form.nested {
@@ -268,21 +274,6 @@ impl Effect {
             Diagnostic::new(message).at(value.source(), span).help(one_of(name, names()))
         })
     }
-}
-
-/// The error for a field that must be there.
-fn missing(
-    form: &Form,
-    name: &str,
-    field: &str,
-    record: Option<&mut Record<'_>>,
-    value: &Value,
-) -> Diagnostic {
-    let error = match record.map(|record| record.required(field)) {
-        Some(Err(error)) => error,
-        _ => value.error(format!("`{name}` needs the field `{field}`")),
-    };
-    error.help(form.example.to_string())
 }
 
 /// The settings of an effect of a surface, as [`Effect::read`] read them. Its fields are [`Params`].
@@ -326,26 +317,20 @@ impl Settings {
 
     /// All that they say but for one field, as a text: the same for the same settings.
     pub fn text_without(&self, field: &str) -> String {
-        let mut text = self.form.clone();
-        for (name, value) in self.params.iter().filter(|(name, _)| *name != field) {
-            let _ = write!(text, " {name}: {value}");
-        }
-        for (name, value) in &self.nested {
-            let _ = write!(text, " {name}: {value}");
-        }
-        text
+        let fields = self.params.iter().filter(|(name, _)| *name != field);
+        let fields = fields.map(|(name, value)| format!(" {name}: {value}"));
+        let nested = self.nested.iter().map(|(name, value)| format!(" {name}: {value}"));
+        std::iter::once(self.form.clone()).chain(fields).chain(nested).collect()
     }
 
     /// The files that they name: fields of the kind [`ParamKind::File`], and fields `file` of nested ones.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = self
-            .params
-            .iter()
-            .filter_map(|(_, value)| match value {
-                ParamValue::File(path) => Some(path.clone()),
-                _ => None,
-            })
-            .collect();
+        let mut files = Vec::new();
+        for (_, value) in self.params.iter() {
+            if let ParamValue::File(path) = value {
+                files.push(path.clone());
+            }
+        }
         self.nested.iter().for_each(|(_, value)| named_files(value, &mut files));
         files
     }

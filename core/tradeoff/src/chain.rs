@@ -108,7 +108,7 @@ pub(crate) fn check_materials<'m>(
         let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
         let library = Library::shared(setting.value.path()?)?;
         for (name, place) in materials.clone() {
-            library.material(name).map_err(|e| Diagnostic { file: None, ..e }.at_place(&place))?;
+            library.material(name).map_err(|e| Diagnostic { file: None, ..e }.at_place(place))?;
         }
     }
     Ok(())

@@ -9,7 +9,8 @@ use asperity_node::{ParamKind, Registry, Role, ShapeSpec};
 ///
 /// - `tick_hz` and `audio_hz` of the graph;
 /// - `guards`: whether outputs of nodes are checked for NaN and infinities;
-/// - `NODE.PARAM` or `NODE.every`; `*.PARAM` of every node whose kind has it, `*.every` of nodes without audio;
+/// - `NODE.PARAM` or `NODE.every`; `*.PARAM` of every node whose kind has it, `*.every` of nodes without
+///   audio;
 /// - `NODE`: another node in its place, or none.
 #[derive(Clone, Debug)]
 pub(crate) struct Knob {

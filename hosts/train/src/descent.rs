@@ -18,7 +18,7 @@ use burn::tensor::{Bytes, Tensor};
 use serde::{Deserialize, Serialize};
 
 use crate::Failure;
-use crate::files::{Teller, write_whole};
+use crate::files::{Teller, refused, write_whole};
 
 /// Batches drawn ahead on a second thread.
 const AHEAD: usize = 2;
@@ -207,9 +207,7 @@ pub(crate) fn of_checkpoint<M: Module>(
 }
 
 fn broken(path: &Path) -> Diagnostic {
-    Diagnostic::new("this is not a whole checkpoint")
-        .in_file(path)
-        .help("remove it, and its stage begins anew")
+    refused(path, "this is not a whole checkpoint", "remove it, and its stage begins anew")
 }
 
 /// Model, header and the optimiser's state of a checkpoint.
@@ -219,15 +217,12 @@ fn read<M: Module>(path: &Path, begun: Begun, model: M) -> Result<Option<(M, Hea
     }
     let bytes = file::read(path, MAX_CHECKPOINT_BYTES)?;
     let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(|| broken(path))?;
-    let other = |what: &str, help: &str| {
-        let help = format!("{help}name another --run folder, or remove this one");
-        Err(Diagnostic::new(what.to_owned()).in_file(path).help(help).into())
-    };
+    let help = "name another --run folder, or remove this one";
     if header.begun.settings != begun.settings {
-        return other("this run was begun with other settings", "give the settings it has, ");
+        return Err(refused(path, "this run was begun with other settings", help).into());
     }
     if header.begun.data != begun.data {
-        return other("the data have changed since this run was begun", "");
+        return Err(refused(path, "the data have changed since this run was begun", help).into());
     }
     let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
     let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken(path))?;

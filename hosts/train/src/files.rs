@@ -25,6 +25,11 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
     })
 }
 
+/// The error about a file or a folder.
+pub(crate) fn refused(path: &Path, what: &str, help: &str) -> Diagnostic {
+    Diagnostic::new(what).in_file(path).help(help)
+}
+
 /// Makes a folder, unless it is there.
 pub(crate) fn make_folder(path: &Path) -> Result<(), Diagnostic> {
     std::fs::create_dir_all(path)

@@ -118,6 +118,11 @@ network for the other target is that of the first training.
     )
 }
 
+/// Lines of a table.
+fn lines<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
+    rows.map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
+}
+
 /// A name, in a table.
 fn cell(name: &str) -> String {
     name.replace(char::is_control, " ").replace('|', "\\|")
@@ -211,9 +216,8 @@ fn names(naming: &Naming) -> String {
             "\nNamed worst, and what they are taken for most often:\n\n| material | rightly | \
         taken for |\n|---|---|---|\n",
         );
-        for (name, part, other) in &naming.worst {
-            let _ = writeln!(text, "| {} | {} | {} |", cell(name), percent(*part), cell(other));
-        }
+        text +=
+            &lines(naming.worst.iter().map(|(name, part, other)| [cell(name), percent(*part), cell(other)]));
     }
     text
 }
@@ -300,7 +304,7 @@ fn levels(settings: &Settings, levels: &[Level]) -> String {
             "a likelihood whose least is at the mean magnitude, and one whose least is at the power"
         }
     };
-    let mut text = format!(
+    let text = format!(
         "Power over the true power of held-out strokes, in dB, mean over materials. The mean of a random \
          magnitude carries {MEAN_GAIN_DB} dB less than its power asks for, and that of a
 sure one nothing less: the first two columns are of the true means, without a network, and of the same \
@@ -313,23 +317,15 @@ first is too quiet, what is above 0 in the second is overdriven. The networks we
     );
     let signed = |db: Option<f64>| db.map_or_else(|| "-".to_owned(), |db| format!("{db:+.2}"));
     let gained = |db: Option<f64>| signed(db.map(|db| db + MEAN_GAIN_DB));
-    for level in levels {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} |",
-            level.family,
-            signed(level.exact_mean_db),
-            gained(level.exact_mean_db),
-            signed(level.mean_db),
-            gained(level.mean_db),
-            signed(level.rms_db)
-        );
-    }
-    text
+    let row = |Level { family, exact_mean_db, mean_db, rms_db }: &Level| {
+        let [exact, mean] = [*exact_mean_db, *mean_db].map(|db| [signed(db), gained(db)].join(" | "));
+        [family.clone(), exact, mean, signed(*rms_db)]
+    };
+    text + &lines(levels.iter().map(row))
 }
 
 fn scatter(families: &[(String, Option<Scatter>)]) -> String {
-    let mut text = String::from(
+    let text = String::from(
         "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for \
          noise, 1 for
 a steady line. The variance is that of a frame's power over its squared mean; power is the sum of all squared
@@ -340,16 +336,13 @@ within a material, and are means over materials.
 |---|---|---|---|---|
 ",
     );
-    for (family, scatter) in families {
-        let figures = match scatter {
-            Some(s) => {
-                [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(|x| format!("{x:.3}"))
-            }
-            None => [(); 4].map(|()| "-".to_owned()),
-        };
-        let _ = writeln!(text, "| {} | {} |", cell(family), figures.join(" | "));
-    }
-    text
+    let known = |s: &Scatter| {
+        [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(|x| format!("{x:.3}")).join(" | ")
+    };
+    let row = |(family, scatter): &(String, Option<Scatter>)| {
+        [cell(family), scatter.as_ref().map_or("- | - | - | -".to_owned(), known)]
+    };
+    text + &lines(families.iter().map(row))
 }
 
 fn strangers(strangers: &Strangers) -> String {
@@ -385,24 +378,17 @@ would give {}.
         mean(|s| s.blend_db),
         mean(|s| s.best_db),
     );
-    for s in surfaces {
-        let [family, other] = [&s.family, &s.neighbour.1].map(|f| cell(f.as_deref().unwrap_or("-")));
-        let _ = writeln!(
-            text,
-            "| {} | {family} | {} | {other} | {} | {} | {} | {} |",
-            cell(&s.name),
-            cell(&s.neighbour.0),
-            decibels(s.nearest_db),
-            decibels(s.raw_db),
-            decibels(s.blend_db),
-            decibels(s.best_db)
-        );
-    }
-    text
+    let row = |s: &Stranger| {
+        let family = |family: &Option<String>| cell(family.as_deref().unwrap_or("-"));
+        let names = [cell(&s.name), family(&s.family), cell(&s.neighbour.0), family(&s.neighbour.1)];
+        let errors = [s.nearest_db, s.raw_db, s.blend_db, s.best_db].map(decibels);
+        [names.join(" | "), errors.join(" | ")]
+    };
+    text + &lines(surfaces.iter().map(row))
 }
 
 fn table(scores: &[Score]) -> String {
-    let mut text = String::from(
+    let text = String::from(
         "Mean of |error| in dB, as above.
 
 | material | model | 9 of 10 within | bias | (a) mean spectrum | (b) nearest touch | twenty nearest | (c) \
@@ -410,19 +396,10 @@ two signals |
 |---|---|---|---|---|---|---|---|
 ",
     );
-    for s in judged(scores) {
-        let _ = writeln!(
-            text,
-            "| {} | {:.2} | {:.2} | {:+.2} | {:.2} | {:.2} | {:.2} | {} |",
-            cell(&s.material),
-            s.model_db,
-            s.p90_db,
-            s.bias_db,
-            s.constant_db,
-            s.nearest_db,
-            s.smooth_db,
-            decibels(s.floor_db)
-        );
-    }
-    text
+    let row = |s: &Score| {
+        let rivals = [s.constant_db, s.nearest_db, s.smooth_db].map(|db| format!("{db:.2}"));
+        let model = format!("{:.2} | {:.2} | {:+.2}", s.model_db, s.p90_db, s.bias_db);
+        [cell(&s.material), model, rivals.join(" | "), decibels(s.floor_db)]
+    };
+    text + &lines(judged(scores).map(row))
 }

@@ -18,11 +18,11 @@ use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use crate::arguments::{self, Evaluate, Settings, Train};
+use crate::arguments::{self, Settings, Train, Trained};
 use crate::data::{self, Data, Origin};
 use crate::descent::{self, Begun, Losses, Stage, Stop};
 use crate::evaluation::{self, Naming as Named, Written};
-use crate::files::{Teller, make_folder, write_whole};
+use crate::files::{Teller, make_folder, refused, write_whole};
 use crate::loss::Target;
 use crate::network::Network;
 use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
@@ -109,16 +109,16 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
 
 /// Retrains the tick network of a model from its encoder's vectors, and writes its model report.
 pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
-    let folder = &asked.folder;
+    let Trained { folder, run, data } = &asked.model;
     let settings = settings_of(folder)?;
     let encoder = Encoder::load(folder.join("encoder.onnx"))?;
     let library = Library::read(folder.join("materials.ron"))?;
     let mut losses = losses_of(&folder.join("losses.csv"))?;
     let stop = stop_by_ctrl_c()?;
-    let data = data_of(folder, &settings, asked.data.as_ref())?;
+    let data = data_of(folder, &settings, data.as_ref())?;
     let stored: Vec<[f32; VECTOR_LEN]> =
         trained(&library, &data)?.materials().iter().map(|m| *m.vector).collect();
-    let run = Run::begin(folder, asked.run.as_deref(), stop, &settings, &data)?;
+    let run = Run::begin(folder, run.as_deref(), stop, &settings, &data)?;
     namer_of(&run.folder, run.begun, &settings, &data)?;
 
     let mut teller = Teller::new("vectors", data.seen.len());
@@ -181,9 +181,8 @@ impl Run {
         let lock = File::create(&path)
             .map_err(|e| Diagnostic::new(format!("cannot write this file: {e}")).in_file(&path))?;
         if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-            return Err(Diagnostic::new("another training is going on here")
-                .in_file(folder)
-                .help("wait until it is done, or name another --run folder"));
+            let help = "wait until it is done, or name another --run folder";
+            return Err(refused(&folder, "another training is going on here", help));
         }
         Ok(Self { folder, begun: begun(settings, data), stop, _lock: lock })
     }
@@ -288,14 +287,13 @@ fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<D
 }
 
 /// Evaluates the model of a folder and writes its model report.
-pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
-    let settings = settings_of(&evaluate.folder)?;
-    let run = run_folder(&evaluate.folder, evaluate.run.as_deref());
-    if evaluate.run.is_some() && !run.is_dir() {
-        return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
+pub(crate) fn evaluate(Trained { folder, run, data }: &Trained) -> Result<(), Failure> {
+    let settings = settings_of(folder)?;
+    if let Some(run) = run.as_ref().filter(|run| !run.is_dir()) {
+        return Err(refused(run, "there is no such folder", "--run names it").into());
     }
-    let data = data_of(&evaluate.folder, &settings, evaluate.data.as_ref())?;
-    judge(&evaluate.folder, &run, begun(&settings, &data), &settings, &data)
+    let data = data_of(folder, &settings, data.as_ref())?;
+    judge(folder, &run_folder(folder, run.as_deref()), begun(&settings, &data), &settings, &data)
 }
 
 /// Result of stage one, from the run's folder.
@@ -459,9 +457,8 @@ fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     if !out.join(SETTINGS).exists() || settings_of(out).is_ok_and(alike) {
         return Ok(());
     }
-    Err(Diagnostic::new("a model with other settings lies here")
-        .in_file(out.join(SETTINGS))
-        .help("name another --out folder, or remove this one"))
+    let help = "name another --out folder, or remove this one";
+    Err(refused(&out.join(SETTINGS), "a model with other settings lies here", help))
 }
 
 /// Refuses to overwrite a library with later additions.
@@ -471,12 +468,9 @@ fn spares(out: &Path, data: &Data) -> Result<(), Diagnostic> {
         return Ok(());
     }
     let library = Library::read(&path)?;
-    match library.materials().iter().find(|m| data.seen.iter().all(|s| s.name != m.name)) {
-        None => Ok(()),
-        Some(added) => {
-            Err(Diagnostic::new(format!("`{}` was added to this library, and would be lost", added.name))
-                .in_file(&path)
-                .help("name another --out folder, or move this file away"))
-        }
+    if let Some(added) = library.materials().iter().find(|m| data.seen.iter().all(|s| s.name != m.name)) {
+        let what = format!("`{}` was added to this library, and would be lost", added.name);
+        return Err(refused(&path, &what, "name another --out folder, or move this file away"));
     }
+    Ok(())
 }

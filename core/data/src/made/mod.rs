@@ -10,7 +10,6 @@
 
 mod expectations;
 mod ground;
-mod patterned;
 mod strokes;
 
 use std::f64::consts::TAU;
@@ -24,8 +23,7 @@ use asperity_texture::picture::Image;
 use rayon::prelude::*;
 
 pub use expectations::expectations;
-pub use ground::{Ground, pitch_mm, surface};
-pub use patterned::{FORCE_N, pattern, straight_strokes};
+pub use ground::{FORCE_N, Ground, pattern, pitch_mm, straight_strokes, surface};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};

@@ -46,7 +46,6 @@
 //! The last fifth of each stroke is held apart. With five or more strokes of a material it is the last
 //! fifth of them, sorted by name. No sample counts in both parts.
 
-mod channels;
 mod read;
 mod stroke;
 
@@ -86,7 +85,7 @@ impl Recorded {
     /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
     /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
     pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
-        channels::named(columns, channels::rate(rate_hz)?).map(Stroke::recorded)
+        read::named(columns, read::rate(rate_hz)?).map(Stroke::recorded)
     }
 }
 
@@ -164,9 +163,8 @@ const CHANNELS_FILE: &str = "recording.ron";
 pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
     let materials: Vec<PathBuf> = folder::entries(folder)?.into_iter().filter(|p| p.is_dir()).collect();
     if materials.is_empty() {
-        return Err(Diagnostic::new("no materials in this folder")
-            .in_file(folder)
-            .help("a folder for each material, with its pictures and strokes"));
+        let help = "a folder for each material, with its pictures and strokes";
+        return Err(folder::refused(folder, "no materials in this folder", help));
     }
     materials.iter().map(|material| subject(material)).collect()
 }
@@ -175,14 +173,16 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let files = folder::entries(folder)?;
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
     let recordings = of_strokes(&files);
-    let missing = |what: &str, files: &str| {
-        Err(Diagnostic::new(what.to_owned()).in_file(folder).help(format!("a {files} file, one at least")))
-    };
     if pictures.is_empty() {
-        return missing("no picture of this material", "PNG, JPEG or BMP");
+        let help = "a PNG, JPEG or BMP file, one at least";
+        return Err(folder::refused(folder, "no picture of this material", help));
     }
     if recordings.is_empty() {
-        return missing("no stroke over this material", "CSV or WAV");
+        return Err(folder::refused(
+            folder,
+            "no stroke over this material",
+            "a CSV or WAV file, one at least",
+        ));
     }
     let whole = are_divided(recordings.len());
     let seen = recordings.len() - folder::held_of(recordings.len());

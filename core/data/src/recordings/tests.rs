@@ -219,8 +219,8 @@ fn bad_tables_are_refused_at_the_cell() {
         (error("t_s,force_n,speed_mm_s,accel\n"), "s.csv:1:24: unknown column `accel`"),
         (
             error("t_s;force_n;speed_mm_s;ax_m_s2\n0;1;50;0,1\n"),
-            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the columns, such \
-             as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
+            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the columns, \
+             such as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
         ),
         (error("t_s,force_n,force_n\n"), "s.csv:1:13: the column `force_n` is there twice"),
         (error("t_s,time_s\n"), "s.csv:1:5: the column `time_s` is there twice"),

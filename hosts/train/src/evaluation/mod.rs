@@ -87,7 +87,8 @@ struct Known {
     beyond: Option<Vec<Expectation>>,
 }
 
-/// Truths of the seen and the unseen subjects. Made surfaces get new strokes at many places; other subjects use their held-out examples.
+/// Truths of the seen and the unseen subjects. Made surfaces get new strokes at many places; other subjects
+/// use their held-out examples.
 fn truths(settings: &Settings, data: &Data) -> Result<(Vec<Known>, Vec<Vec<Expectation>>), Failure> {
     let read = |s: &Subject| s.examples.held.iter().map(|e| target_of(e, s.truth)).collect::<Vec<_>>();
     if settings.data != Origin::Made {
