@@ -40,10 +40,9 @@ pub struct GraphFile {
 
 /// A plugin in a graph: a file relative to the graph's, or a name.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct PluginDecl {
-    /// File or name.
     pub name: String,
-    /// Its position.
     pub place: Place,
 }
 
@@ -66,12 +65,10 @@ pub struct NodeDecl {
 
 /// A parameter with its value.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Setting {
-    /// Name of the parameter.
     pub name: String,
-    /// Position of the name.
     pub place: Place,
-    /// The value.
     pub value: Value,
     /// The text as typed on a command line, where texts need no quotes.
     pub typed: Option<String>,
@@ -90,10 +87,9 @@ pub struct Endpoint {
 
 /// A declared wire.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct WireDecl {
-    /// An output.
     pub from: Endpoint,
-    /// An input.
     pub to: Endpoint,
 }
 

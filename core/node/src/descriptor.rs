@@ -33,7 +33,7 @@ impl Resume {
 
 /// Kind, ports and parameters of a node.
 #[must_use]
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Descriptor {
     /// Name in a graph file: lower case, words joined by `_`.
     pub kind: Cow<'static, str>,
@@ -68,21 +68,7 @@ pub struct Descriptor {
 impl Descriptor {
     /// Makes a descriptor without ports or parameters.
     pub fn new(kind: impl Into<Cow<'static, str>>, summary: impl Into<Cow<'static, str>>) -> Self {
-        Self {
-            kind: kind.into(),
-            summary: summary.into(),
-            role: None,
-            inputs: Vec::new(),
-            outputs: Vec::new(),
-            params: Vec::new(),
-            resume: Resume::Restart,
-            sink: false,
-            passive: false,
-            gate: None,
-            feedback: None,
-            effect: None,
-            timing: Cow::Borrowed(""),
-        }
+        Self { kind: kind.into(), summary: summary.into(), ..Self::default() }
     }
 
     /// Gives it a role.

@@ -5,10 +5,10 @@ use std::fmt;
 
 /// A fact about a node, after its preparation or after a run.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct Fact {
     /// Key: lower case, words joined by `_`.
     pub name: Cow<'static, str>,
-    /// Value of the fact.
     pub value: FactValue,
 }
 
@@ -35,12 +35,10 @@ impl Fact {
 
 /// The value of a [`Fact`].
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub enum FactValue {
-    /// A text.
     Text(String),
-    /// A number in a unit.
     Number(f64, Cow<'static, str>),
-    /// A count.
     Count(u64),
 }
 

@@ -107,10 +107,9 @@ fn rate_of(port: Option<&PortType>) -> Option<u32> {
 
 /// Ports of one node, for its parameters.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Ports {
-    /// Inputs.
     pub inputs: Vec<Input>,
-    /// Outputs.
     pub outputs: Vec<Output>,
 }
 

@@ -69,20 +69,16 @@ pub struct Param {
 
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub enum ParamValue {
-    /// A number.
     Number(f64),
-    /// A whole number.
     Integer(i64),
-    /// True or false.
     Flag(bool),
     /// A text, or one of a few words.
     Text(String),
     /// A file with its resolved path.
     File(PathBuf),
-    /// A list of numbers.
     Numbers(Vec<f64>),
-    /// A list of texts.
     Texts(Vec<String>),
 }
 

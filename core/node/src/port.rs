@@ -80,10 +80,9 @@ impl fmt::Display for Shape {
 
 /// Type of a port.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
 pub struct PortType {
-    /// Content of a tick.
     pub shape: Shape,
-    /// Unit of each value.
     pub unit: Unit,
     /// Whether it comes from a limiter; only such a signal may reach a device.
     pub limited: bool,
@@ -101,10 +100,10 @@ pub type Var = char;
 
 /// A rate in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum RateSpec {
     /// The graph's audio rate.
     Graph,
-    /// This rate.
     Hz(u32),
     /// Rate of every port with this variable; for frames, the rate in their layout.
     Of(Var),
@@ -112,8 +111,8 @@ pub enum RateSpec {
 
 /// A frame layout in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum LayoutSpec {
-    /// This layout.
     Is(FrameLayout),
     /// Layout of every port with this variable.
     Of(Var),
@@ -121,16 +120,13 @@ pub enum LayoutSpec {
 
 /// A shape in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum ShapeSpec {
     /// Any shape, the same for every port with this variable.
     Like(Var),
-    /// `count` values.
     Control(usize),
-    /// Samples.
     Audio(RateSpec),
-    /// Magnitudes.
     Magnitude(LayoutSpec),
-    /// Complex bins.
     Spectrum(LayoutSpec),
 }
 
@@ -151,14 +147,12 @@ pub enum UnitSpec {
 /// An input in a descriptor.
 #[must_use]
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Input {
-    /// Name in a graph file.
     pub name: Cow<'static, str>,
     /// Meaning, in a few words.
     pub doc: Cow<'static, str>,
-    /// Content of a tick.
     pub shape: ShapeSpec,
-    /// Unit of the values.
     pub unit: UnitSpec,
     /// Whether it may stay unconnected. A control then reads `default` in every value, audio is silent,
     /// and no frame comes.

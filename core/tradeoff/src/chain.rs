@@ -26,8 +26,6 @@ pub struct Chain {
     places: Places,
     /// Index of the path.
     path: Arc<AtomicUsize>,
-    /// The actuator, at rest.
-    plant: Option<Plant>,
 }
 
 /// Recorded signals, as indices of node and output.
@@ -42,6 +40,7 @@ struct Places {
     felt: Option<(usize, usize)>,
     /// The signal that drives the coil.
     drive: Option<(usize, usize)>,
+    /// The actuator, at rest.
     plant: Option<Plant>,
 }
 
@@ -141,15 +140,13 @@ impl Chain {
         let compiled = subject.compiled(&graph, &kinds).map_err(Diagnostic::new)?;
         let schedule = Arc::new(compiled.schedule.clone());
         let places = Places::new(&schedule, registry)?;
-        let plant = places.plant.clone();
-        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant })
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path })
     }
 
     /// Resets the graph, and lets the stylus follow the path of this index.
     pub(crate) fn play(&mut self, path: usize) {
         self.path.store(path, Ordering::Relaxed);
         self.engine.reset();
-        self.places.plant = self.plant.clone();
     }
 
     /// Faults of nodes, in all renders.
@@ -192,7 +189,7 @@ impl Chain {
         let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
         out.framing = self.places.frames.and_then(|at| framing(&self.schedule, at));
         let scale = out.framing.map_or(0.0, |framing| framing.bin_scale() as f32);
-        let mut signal = Vec::new();
+        let (mut signal, mut plant) = (Vec::new(), self.places.plant.clone());
         for _ in 0..ticks {
             self.engine.tick();
             let buffer = self.places.frames.and_then(|(node, output)| self.engine.output(node, output));
@@ -207,7 +204,7 @@ impl Chain {
             out.felt.extend_from_slice(self.samples(self.places.felt));
             let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
             out.drive.extend_from_slice(drive);
-            if let Some(plant) = &mut self.places.plant {
+            if let Some(plant) = &mut plant {
                 let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
                 out.handle.extend(out.drive[from..].iter().map(step));
             }

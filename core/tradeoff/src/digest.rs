@@ -17,7 +17,9 @@ use crate::setting::{LoadedGraph, Setting};
 /// the same in all shards: folder, machine and build are not in it.
 pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> String {
     let t = job.tradeoff;
-    let graph = |b: &LoadedGraph| format!("{} {:?}", b.file.source.text(), Fragment::between(b, &b.graph));
+    let graph = |b: &LoadedGraph| {
+        format!("{} {} {:?}", b.strength, b.file.source.text(), Fragment::between(b, &b.graph))
+    };
     let graphs: Vec<String> = job.graphs().map(graph).collect();
     let strokes: Vec<String> = t.strokes.iter().filter_map(|s| s.file().map(content)).collect();
     let ways = (t.seed, t.lenient, settings.len(), job.cases, &job.machine.build);

@@ -135,7 +135,7 @@ impl Recording {
 /// # Errors
 /// As [`recorded`].
 pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
-    stroke(path)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
+    stroke(path)?.recording().map_err(|e| e.in_file(path))
 }
 
 /// Reads one stroke from the text of a table.
@@ -197,12 +197,13 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         };
         for mut timed in made {
             // Data to judge by is not trained on.
-            if timed.begin_s() < split_s && timed.end_s() + WINDOW_S > split_s {
+            let span = timed.span_s();
+            if span.start < split_s && span.end + WINDOW_S > split_s {
                 timed.example.other = None;
             }
-            if timed.end_s() <= split_s {
+            if span.end <= split_s {
                 examples.train.push(timed.example);
-            } else if timed.begin_s() >= split_s {
+            } else if span.start >= split_s {
                 examples.held.push(timed.example);
             }
         }
@@ -233,11 +234,11 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     let mut strokes = Vec::new();
     for path in paths.into_iter().take(seen) {
         let stroke = stroke(path)?;
-        if !stroke.has_places() {
+        if stroke.speed_mm_s.is_some() {
             continue;
         }
         let part = if whole { 1.0 } else { 0.8 };
-        let recording = stroke.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))?;
+        let recording = stroke.recording().map_err(|e| e.in_file(path))?;
         let axes = recording.felt.axes();
         let axes: Vec<&[f64]> = axes.iter().map(|a| &a[..(a.len() as f64 * part) as usize]).collect();
         let place = |t: f64| {

@@ -8,7 +8,7 @@ use asperity_diagnostics::ron;
 use asperity_diagnostics::{Diagnostic, Source, Span, one_of};
 use asperity_motion::{Column, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S, Table};
 
-use super::stroke::{Motion, Stroke};
+use super::stroke::Stroke;
 use crate::wav::Wav;
 
 const HEADER_HELP: &str =
@@ -127,14 +127,28 @@ fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Stroke, Diagnostic> {
     check(|i| channels[i].is_some())?;
     let mut take = |i: usize| channels[i].take();
     let force = take(FORCE).unwrap_or_default();
-    let motion = match (VELOCITY.map(&mut take), PLACE.map(&mut take), take(SPEED)) {
-        ([Some(x), Some(y)], _, _) => Motion::Velocity([x, y]),
-        (_, [Some(x), Some(y)], _) => Motion::Place([x, y]),
-        (_, _, speed) => Motion::Speed(speed.unwrap_or_default()),
+    let (place, speed) = match (VELOCITY.map(&mut take), PLACE.map(&mut take), take(SPEED)) {
+        ([Some(x), Some(y)], _, _) => ([x, y].map(|axis| travelled(&axis, rate_hz)), None),
+        (_, [Some(x), Some(y)], _) => ([x, y], None),
+        (_, _, speed) => {
+            let speed = speed.unwrap_or_default();
+            ([travelled(&speed, rate_hz), vec![0.0; speed.len()]], Some(speed))
+        }
     };
     let mut acceleration: Vec<Vec<f64>> = AXES.filter_map(&mut take).collect();
     acceleration.extend(take(ACCELERATION));
-    Stroke::new(rate_hz, force, motion, acceleration)
+    Stroke::new(rate_hz, force, place, speed, acceleration)
+}
+
+/// The way of a velocity from the first sample, by trapezoidal sums.
+fn travelled(velocity: &[f64], rate_hz: f64) -> Vec<f64> {
+    let (mut place, mut before) = (0.0, velocity.first().copied().unwrap_or(0.0));
+    let step = |v: &f64| {
+        place += 0.5 * (before + v) / rate_hz;
+        before = *v;
+        place
+    };
+    std::iter::once(0.0).chain(velocity.iter().skip(1).map(step)).take(velocity.len()).collect()
 }
 
 /// Reads a table; the [module above](super) says what it holds.
