@@ -61,21 +61,7 @@ use crate::folder;
 use crate::history::RATE_HZ;
 use crate::pattern;
 
-use stroke::Stroke;
-
-/// A recorded stroke: channels of one rate and one length.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
-    /// Sampling rate in Hz: 1 to 10 kHz, within a clock's tolerance.
-    pub rate_hz: f64,
-    /// Normal force in N.
-    pub force_n: Vec<f64>,
-    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
-    /// over 20 ms, so that noise of single samples does not count.
-    pub speed_mm_s: Vec<f64>,
-    /// Acceleration of the tool in m/s^2 by axes, one to three.
-    pub acceleration_m_s2: Vec<Vec<f64>>,
-}
+pub use stroke::Recorded;
 
 impl Recorded {
     /// A stroke from named columns, for files without names: `force_n`, `ax_m_s2` and the others of the
@@ -85,7 +71,7 @@ impl Recorded {
     /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
     /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
     pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
-        read::named(columns, read::rate(rate_hz)?).map(Stroke::recorded)
+        read::named(columns, read::rate(rate_hz)?)
     }
 }
 
@@ -94,7 +80,11 @@ impl Recorded {
 /// # Errors
 /// A file that is not as the [module](self) says. CSV and RON errors have line and column.
 pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
-    stroke(path).map(Stroke::recorded)
+    if folder::ends_with(path, &["wav"]) {
+        read::wav(path, &channels_file(path))
+    } else {
+        parse(&Source::read(path)?)
+    }
 }
 
 /// A recorded stroke that a graph can play, with what the tool felt.
@@ -135,7 +125,7 @@ impl Recording {
 /// # Errors
 /// As [`recorded`].
 pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
-    stroke(path)?.recording().map_err(|e| e.in_file(path))
+    recorded(path)?.recording().map_err(|e| e.in_file(path))
 }
 
 /// Reads one stroke from the text of a table.
@@ -143,7 +133,7 @@ pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
 /// # Errors
 /// As [`recorded`] of a CSV file.
 pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
-    read::table(source).map(Stroke::recorded)
+    read::table(source)
 }
 
 /// Path of the file that names a WAV file's channels.
@@ -188,7 +178,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let seen = recordings.len() - folder::held_of(recordings.len());
     let mut examples = Parts::default();
     for (number, path) in recordings.into_iter().enumerate() {
-        let stroke = stroke(path)?;
+        let stroke = recorded(path)?;
         let made = stroke.examples().map_err(|e| e.in_file(path))?;
         let split_s = match whole {
             true if number < seen => f64::INFINITY,
@@ -233,8 +223,8 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     let seen = if whole { paths.len() - folder::held_of(paths.len()) } else { paths.len() };
     let mut strokes = Vec::new();
     for path in paths.into_iter().take(seen) {
-        let stroke = stroke(path)?;
-        if stroke.speed_mm_s.is_some() {
+        let stroke = recorded(path)?;
+        if !stroke.directed {
             continue;
         }
         let part = if whole { 1.0 } else { 0.8 };
@@ -248,15 +238,6 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
         strokes.push(pattern::Stroke::new(recording.felt.rate_hz, &axes, place));
     }
     Ok(strokes)
-}
-
-/// Reads a stroke by the extension of its file.
-fn stroke(path: &Path) -> Result<Stroke, Diagnostic> {
-    if folder::ends_with(path, &["wav"]) {
-        read::wav(path, &channels_file(path))
-    } else {
-        read::table(&Source::read(path)?)
-    }
 }
 
 /// Files of strokes among others.

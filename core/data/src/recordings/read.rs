@@ -8,7 +8,7 @@ use asperity_diagnostics::ron;
 use asperity_diagnostics::{Diagnostic, Source, Span, one_of};
 use asperity_motion::{Column, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S, Table};
 
-use super::stroke::Stroke;
+use super::Recorded;
 use crate::wav::Wav;
 
 const HEADER_HELP: &str =
@@ -100,7 +100,7 @@ pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
 }
 
 /// A stroke from named columns.
-pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Stroke, Diagnostic> {
+pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Recorded, Diagnostic> {
     let mut channels: Channels = std::array::from_fn(|_| None);
     let len = columns.first().map_or(0, |(_, samples)| samples.len());
     for (name, samples) in columns {
@@ -123,7 +123,7 @@ pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Stro
 }
 
 /// A stroke from its channels.
-fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Stroke, Diagnostic> {
+fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Recorded, Diagnostic> {
     check(|i| channels[i].is_some())?;
     let mut take = |i: usize| channels[i].take();
     let force = take(FORCE).unwrap_or_default();
@@ -137,7 +137,7 @@ fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Stroke, Diagnostic> {
     };
     let mut acceleration: Vec<Vec<f64>> = AXES.filter_map(&mut take).collect();
     acceleration.extend(take(ACCELERATION));
-    Stroke::new(rate_hz, force, place, speed, acceleration)
+    Recorded::new(rate_hz, force, place, speed, acceleration)
 }
 
 /// The way of a velocity from the first sample, by trapezoidal sums.
@@ -152,7 +152,7 @@ fn travelled(velocity: &[f64], rate_hz: f64) -> Vec<f64> {
 }
 
 /// Reads a table; the [module above](super) says what it holds.
-pub(super) fn table(source: &Arc<Source>) -> Result<Stroke, Diagnostic> {
+pub(super) fn table(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
     let mut table = Table::open(source, &QUANTITIES, HEADER_HELP)?;
     if !table.has(TIME) {
         return Err(Diagnostic::new("no clock").at(source, table.header_end()).help("`t_s` or `time_s`"));
@@ -197,7 +197,7 @@ fn steady_rate(source: &Arc<Source>, time: &[f64], cells: &[Span]) -> Result<f64
 }
 
 /// Reads a WAV file; `names` is the file that names its channels.
-pub(super) fn wav(path: &Path, names: &Path) -> Result<Stroke, Diagnostic> {
+pub(super) fn wav(path: &Path, names: &Path) -> Result<Recorded, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
     if !names.is_file() {
         return Err(fail("nothing says what the channels of this file are".into())

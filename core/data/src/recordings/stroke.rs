@@ -5,7 +5,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_dsp::filter::Section;
 use asperity_dsp::frame::WINDOW_S;
 
-use super::{Recorded, Recording};
+use super::Recording;
 use crate::example::Example;
 use crate::felt::Felt;
 use crate::frames::Spectrometer;
@@ -23,14 +23,21 @@ const AROUND_S: f64 = 0.01;
 const MIN_DURATION_S: f64 = 0.5;
 
 /// A recorded stroke: channels of one rate and one length.
-pub(super) struct Stroke {
-    rate_hz: f64,
-    force_n: Vec<f64>,
-    /// Along the surface in mm; along x if only the speed is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Sampling rate in Hz: 1 to 10 kHz, within a clock's tolerance.
+    pub rate_hz: f64,
+    /// Normal force in N.
+    pub force_n: Vec<f64>,
+    /// Place along the surface in mm.
     place_mm: [Vec<f64>; 2],
-    /// The speed in mm/s if nothing else is known of the motion.
-    pub(super) speed_mm_s: Option<Vec<f64>>,
-    acceleration_m_s2: Vec<Vec<f64>>,
+    /// Whether the directions of the places are known. From a speed alone they go along x.
+    pub(super) directed: bool,
+    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
+    /// over 20 ms, so that noise of single samples does not count.
+    pub speed_mm_s: Vec<f64>,
+    /// Acceleration of the tool in m/s^2 by axes, one to three.
+    pub acceleration_m_s2: Vec<Vec<f64>>,
 }
 
 /// An example and its time.
@@ -48,7 +55,8 @@ impl Timed {
     }
 }
 
-impl Stroke {
+impl Recorded {
+    /// A stroke with its places, and with its speed if they do not tell it.
     pub(super) fn new(
         rate_hz: f64,
         force_n: Vec<f64>,
@@ -56,29 +64,24 @@ impl Stroke {
         speed_mm_s: Option<Vec<f64>>,
         acceleration_m_s2: Vec<Vec<f64>>,
     ) -> Result<Self, Diagnostic> {
-        let stroke = Self { rate_hz, force_n, place_mm, speed_mm_s, acceleration_m_s2 };
-        if stroke.duration_s() < MIN_DURATION_S {
-            return Err(Diagnostic::new(format!("a stroke of {:.3} s", stroke.duration_s()))
+        let duration_s = force_n.len() as f64 / rate_hz;
+        if duration_s < MIN_DURATION_S {
+            return Err(Diagnostic::new(format!("a stroke of {duration_s:.3} s"))
                 .help(format!("{MIN_DURATION_S} s at least")));
         }
-        Ok(stroke)
-    }
-
-    pub(super) fn duration_s(&self) -> f64 {
-        self.force_n.len() as f64 / self.rate_hz
-    }
-
-    /// The stroke with its motion as a speed.
-    pub(super) fn recorded(self) -> Recorded {
-        let Self { rate_hz, force_n, place_mm, speed_mm_s, acceleration_m_s2 } = self;
         let around = (AROUND_S * rate_hz).round() as usize;
         let speed = |n: usize| {
             let (from, to) = (n.saturating_sub(around), (n + around).min(force_n.len() - 1));
             let [x, y] = place_mm.each_ref().map(|axis| axis[to] - axis[from]);
             x.hypot(y) * rate_hz / (to - from).max(1) as f64
         };
+        let directed = speed_mm_s.is_none();
         let speed_mm_s = speed_mm_s.unwrap_or_else(|| (0..force_n.len()).map(speed).collect());
-        Recorded { rate_hz, force_n, speed_mm_s, acceleration_m_s2 }
+        Ok(Self { rate_hz, force_n, place_mm, directed, speed_mm_s, acceleration_m_s2 })
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.force_n.len() as f64 / self.rate_hz
     }
 
     /// A path that a graph can play, and what was felt.
@@ -139,7 +142,7 @@ impl Stroke {
             // The next frame is another signal of nearly the same touch.
             let other = frame_at(frame.end..2 * frame.end - frame.start);
             let mut velocity = history.velocity;
-            if self.speed_mm_s.is_some() {
+            if !self.directed {
                 turn(&mut velocity, examples.len());
             }
             let example = Example { force: history.force, velocity, magnitudes, other };
