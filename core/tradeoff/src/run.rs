@@ -121,10 +121,10 @@ impl Prepared<'_> {
                 Ok(None) => return Ok(()),
                 // An error is not kept, since its cause may be repaired.
                 Err(e) => (Box::new(Row { error: Some(e.to_string()), ..self.row(setting) }), Figures::new()),
-                Ok(Some(outcome)) => {
-                    locked(&progress).put(&Part::Setting(outcome.clone()))?;
-                    outcome
-                }
+                Ok(Some(outcome)) => match locked(&progress).put(&Part::Setting(outcome))? {
+                    Part::Setting(outcome) => outcome,
+                    Part::Batch(_) => return Ok(()),
+                },
             };
             locked(&all).insert(setting.key.clone(), outcome);
             Ok(())
@@ -212,8 +212,9 @@ impl Prepared<'_> {
             let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
             let anchor = (anchor, &self.base(anchor)?.registry);
             let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
-            progress.put(&Part::Batch(batch.clone()))?;
-            batches.push(batch);
+            if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
+                batches.push(batch);
+            }
         }
         Ok(())
     }

@@ -84,9 +84,9 @@ pub(crate) type Losses = Vec<(usize, f64)>;
 struct Header {
     begun: Begun,
     step: usize,
-    /// Sum of losses since the last report.
-    sum: f64,
-    losses: Losses,
+    /// Sum of losses since the last report, and reported losses, as bits: decimals may not read back exactly.
+    sum: u64,
+    losses: Vec<(usize, u64)>,
     model_bytes: usize,
     /// Checksum of all bytes behind the header.
     crc32: u32,
@@ -129,7 +129,7 @@ impl Stage<'_> {
         let every = self.steps.div_ceil(REPORTS).max(1);
         self.stop.heeded.store(true, Ordering::Relaxed);
         let model = std::thread::scope(|scope| {
-            let mut model = model;
+            let (mut model, mut sum) = (model, f64::from_bits(header.sum));
             let (send, receive) = mpsc::sync_channel(AHEAD);
             let draw = &draw;
             scope.spawn(move || (begun..self.steps).try_for_each(|step| send.send(draw(step))));
@@ -144,15 +144,15 @@ impl Stage<'_> {
                         self.name, header.step
                     )));
                 }
-                header.sum += size;
+                sum += size;
                 let gradients = GradientsParams::from_grads(now.backward(), &model);
                 model = adam.step(self.learning_rate(header.step), model, gradients);
                 header.step += 1;
                 if header.step % every == 0 || header.step == self.steps {
                     let count = header.step - header.losses.last().map_or(0, |(step, _)| *step);
-                    let mean = header.sum / count as f64;
-                    header.losses.push((header.step, mean));
-                    header.sum = 0.0;
+                    let mean = sum / count as f64;
+                    header.losses.push((header.step, mean.to_bits()));
+                    sum = 0.0;
                     let rate = (header.step - begun) as f64 / start.elapsed().as_secs_f64();
                     let left = ((self.steps - header.step) as f64 / rate) as u64;
                     let left = format!("{} min {:02} s left", left / 60, left % 60);
@@ -160,6 +160,7 @@ impl Stage<'_> {
                 }
                 let stopped = self.stop.wanted();
                 if stopped || saved.elapsed() > CHECKPOINT_EVERY || header.step == self.steps {
+                    header.sum = sum.to_bits();
                     self.save(&model, &adam, &mut header)?;
                     saved = Instant::now();
                 }
@@ -170,7 +171,8 @@ impl Stage<'_> {
             Ok(model)
         })?;
         self.stop.heeded.store(false, Ordering::Relaxed);
-        Ok((model, header.losses))
+        let losses = header.losses.into_iter().map(|(step, loss)| (step, f64::from_bits(loss)));
+        Ok((model, losses.collect()))
     }
 
     fn save<M: Module>(&self, model: &M, adam: &ModuleOptimizer, header: &mut Header) -> Result<(), Failure> {
