@@ -85,8 +85,7 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
 mod tests {
     use super::*;
     use crate::Settings;
-    use crate::results::Machine;
-    use crate::testing::{graph_of, loaded, tradeoff};
+    use crate::testing::{graph_of, job, loaded, tradeoff};
 
     /// The digest in a folder, on a machine, of a graph that reads a trajectory.
     fn digest(folder: &Path, (cpu, build, program): (&str, &str, &str)) -> String {
@@ -96,17 +95,8 @@ mod tests {
         let base = LoadedGraph { plugins: vec![folder.join("mine.so")], ..loaded("g", graph) };
         let grids = r#"strokes: [(name: "s")], grids: [(name: "g", knobs: {"tick_hz": [250]})]"#;
         let tradeoff = tradeoff(&path("s.ron"), grids);
-        let job = Job {
-            tradeoff: &tradeoff,
-            bases: std::slice::from_ref(&base),
-            baselines: &[],
-            jobs: 1,
-            shard: (0, 2),
-            folder,
-            machine: Machine { cpu: cpu.into(), cores: 2, system: "any".into(), build: build.into() },
-            program,
-            cases: true,
-        };
+        let mut job = job(&tradeoff, std::slice::from_ref(&base), folder);
+        (job.machine.cpu, job.machine.build, job.program) = (cpu.into(), build.into(), program);
         let settings = Settings::new(&tradeoff, job.bases, &[]).unwrap().all;
         of_all(&job, &settings, None)
     }

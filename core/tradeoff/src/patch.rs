@@ -128,26 +128,23 @@ pub(crate) fn place_stroke(patch: Option<&Patch>, stroke: &Stroke) -> Path3 {
 /// A path along x over the floor. On a patch it becomes a circle, at the same speed.
 pub(crate) fn along(patch: Option<&Patch>, path: Path3) -> Path3 {
     let Some(patch) = patch else { return path };
-    let radius = patch.radius_mm();
-    let round = move |t: f64| {
-        let [x, _, z] = path(t);
-        let (sin, cos) = (x / radius).sin_cos();
-        [radius * cos, radius * sin, z]
-    };
-    patch.path(Arc::new(round), [0.0; 2])
+    patch.path(round(path, patch.radius_mm()), [0.0; 2])
 }
 
 /// A circle at 80 mm/s and 1 N, which never stops: no node sleeps.
 pub(crate) fn circle(graph: &GraphFile, registry: &Registry) -> Result<Path3, Diagnostic> {
     let patch = Patch::of(graph, registry)?;
     let radius = patch.as_ref().map_or(RADIUS_MM, Patch::radius_mm);
-    let path: Path3 = Arc::new(move |t| {
-        let (sin, cos) = (t * ROUND_MM_S / radius).sin_cos();
-        [radius * cos, radius * sin, -2.0]
-    });
-    Ok(match patch {
-        None => path,
-        Some(patch) => patch.path(path, [0.0; 2]),
+    let path = round(Arc::new(|t| [t * ROUND_MM_S, 0.0, -2.0]), radius);
+    Ok(patch.map_or(path.clone(), |patch| patch.path(path, [0.0; 2])))
+}
+
+/// A path along x, bent to a circle.
+fn round(path: Path3, radius: f64) -> Path3 {
+    Arc::new(move |t| {
+        let [x, _, z] = path(t);
+        let (sin, cos) = (x / radius).sin_cos();
+        [radius * cos, radius * sin, z]
     })
 }
 

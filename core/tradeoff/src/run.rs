@@ -13,7 +13,7 @@ use asperity_surfaces::topography::made_surfaces;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::accuracy::{Plan, Truth, Truths, measure};
+use crate::accuracy::{Truth, Truths};
 use crate::digest;
 use crate::figure::Figures;
 use crate::noise;
@@ -101,21 +101,12 @@ impl Prepared<'_> {
             monitor.doing("physics");
             self.truths(monitor)?
         };
-        let tradeoff = self.job.tradeoff;
-        let plan = Plan {
-            strokes: &self.strokes,
-            materials: &self.materials,
-            draws: tradeoff.draws,
-            seed: tradeoff.seed,
-            steps: tradeoff.steps,
-            truths: &truths,
-        };
         monitor.doing("accuracy");
         monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
         let (all, progress) = (Mutex::new(outcomes), Mutex::new(progress));
         on_threads(&left, self.job.jobs, monitor, |setting| {
             // A node may panic during preparation, where the engine does not contain it.
-            let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &plan, monitor)))
+            let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &truths, monitor)))
                 .unwrap_or_else(|_| Err(Diagnostic::new("it panicked while it was prepared")));
             let outcome = match measured {
                 Ok(None) => return Ok(()),
@@ -168,12 +159,13 @@ impl Prepared<'_> {
     fn measure(
         &self,
         setting: &Setting,
-        plan: &Plan<'_>,
+        truths: &Truths,
         monitor: &dyn Monitor,
     ) -> Result<Option<Outcome>, Diagnostic> {
         let registry = &self.base(setting)?.registry;
         let mut row = Box::new(self.row(setting));
-        let Some(model) = measure(&mut row, setting, registry, plan, monitor)? else { return Ok(None) };
+        let model = self.accuracy(&mut row, setting, registry, truths, monitor)?;
+        let Some(model) = model else { return Ok(None) };
         let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
         for case in &self.cases {
             if monitor.stopped() {
