@@ -133,8 +133,9 @@ fn played(graph: &GraphFile, material: &str, seed: u64, way: &Path3, seconds: f6
     graph.set(&format!("texture.material={material}"), "bench").unwrap_or_else(|e| panic!("{e}"));
     let options = Options { sleep: false, ..Options::default() };
     let chain = Chain::new(&graph, &registry(), vec![way.clone()], options);
-    let heard = chain.unwrap_or_else(|e| panic!("{e}")).render(seconds);
-    assert_eq!(heard.faults, 0);
+    let mut chain = chain.unwrap_or_else(|e| panic!("{e}"));
+    let heard = chain.render(seconds);
+    assert_eq!(chain.faults(), 0);
     let rate = f64::from(heard.framing.expect("frames").rate_hz);
     let from = (SETTLES_S * rate) as usize;
     (heard.signal[from..].to_vec(), rate)

@@ -10,6 +10,11 @@ use crate::example::{Note, Parts};
 /// Depth to which folders are searched.
 const MAX_DEPTH: usize = 8;
 
+/// The error about a file or a folder.
+pub(crate) fn refused(path: &Path, what: &str, help: &str) -> Diagnostic {
+    Diagnostic::new(what).in_file(path).help(help)
+}
+
 /// Entries of a folder, sorted by name. Names that begin with a point are hidden and left out.
 pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(folder);

@@ -6,10 +6,9 @@ use asperity_graph::{Compiled, Schedule};
 use asperity_node::{Buffer, Fact, Shape, time};
 
 use crate::panics::install_silent_hook;
-use crate::slot::{NodeReport, Now, Slot};
+use crate::slot::{NodeReport, Now, Slot, is_finite};
 use crate::swap::{self, Controller, Link, Run};
 use crate::telemetry::{Clock, NoClock, Watch};
-use crate::view::is_finite;
 use asperity_numbers::denormals::Flushed;
 
 /// Options of an engine.
@@ -68,10 +67,8 @@ impl Body {
 
 impl std::fmt::Debug for Engine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Engine")
-            .field("tick", &self.tick)
-            .field("nodes", &self.body.schedule.nodes.len())
-            .finish_non_exhaustive()
+        let mut f = f.debug_struct("Engine");
+        f.field("tick", &self.tick).field("nodes", &self.body.schedule.nodes.len()).finish_non_exhaustive()
     }
 }
 
@@ -98,12 +95,12 @@ impl Engine {
 
     /// Number of swaps taken over.
     pub fn swaps(&self) -> u64 {
-        self.link.as_ref().map_or(0, |l| l.swaps())
+        self.link.as_ref().map_or(0, |l| l.taken)
     }
 
     /// Whether a crossfade is in progress.
     pub fn is_fading(&self) -> bool {
-        self.link.as_ref().is_some_and(|l| l.is_fading())
+        self.link.as_ref().is_some_and(|l| l.fading.is_some())
     }
 
     /// Number of the next tick.
@@ -130,31 +127,23 @@ impl Engine {
             if let (true, Run::Process(i) | Run::Wants(i) | Run::Absorb(i)) = (C::TIMES, *step) {
                 clock.enters(i);
             }
-            let node = match *step {
+            match *step {
                 Run::Process(i) => {
                     let wanted = wanted(slots, i);
                     slots[i].run(buffers, now, wanted, watch);
-                    Some(i)
                 }
                 Run::Wants(i) => {
                     let wanted = wanted(slots, i);
                     slots[i].ask(buffers, now, wanted, watch);
-                    Some(i)
                 }
-                Run::Absorb(i) => {
-                    slots[i].absorb(buffers, now, watch);
-                    Some(i)
-                }
-                Run::Fade(point) => {
-                    if let Some(link) = &self.link {
-                        link.fade(point, buffers);
-                    }
-                    None
-                }
-            };
+                Run::Absorb(i) => slots[i].absorb(buffers, now, watch),
+                Run::Fade(point) => self.link.iter().for_each(|link| link.fade(point, buffers)),
+            }
             if C::TIMES {
                 let after = clock.now_ns();
-                if let Some(spent) = node.and_then(|i| spent_ns.get_mut(i)) {
+                if let Run::Process(i) | Run::Wants(i) | Run::Absorb(i) = *step
+                    && let Some(spent) = spent_ns.get_mut(i)
+                {
                     *spent += after.saturating_sub(before);
                 }
                 before = after;
@@ -276,7 +265,7 @@ impl Engine {
     /// Faults of all nodes so far, including nodes that a swap removed.
     pub fn faults(&self) -> u64 {
         let now: u64 = self.nodes().iter().map(|s| s.report.faults).sum();
-        now + self.link.as_ref().map_or(0, |l| l.faults())
+        now + self.link.as_ref().map_or(0, |l| l.faults)
     }
 
     /// Goes back to tick 0 with every node as after `prepare`, also quarantined ones. A crossfade ends

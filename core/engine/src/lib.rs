@@ -14,7 +14,6 @@ mod panics;
 mod slot;
 mod swap;
 mod telemetry;
-mod view;
 
 pub use asperity_numbers::denormals::Flushed;
 pub use engine::{Engine, Options};

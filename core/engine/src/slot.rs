@@ -3,12 +3,11 @@
 use std::ops::Range;
 
 use asperity_graph::ScheduledNode;
-use asperity_node::{Buffer, Fault, InputRef, Outputs, Processor, Resume, Shape, Status, Tick, time};
+use asperity_node::{Buffer, Fault, InputRef, Inputs, Outputs, Processor, Resume, Shape, Status, Tick, time};
 
 use crate::fade::Fade;
 use crate::panics::contain;
 use crate::telemetry::{Clock, Watch};
-use crate::view::{is_finite, split, wakened};
 
 /// Number of faults after which a node is no longer called. One is forgiven every [`FAULT_FORGIVEN_S`].
 pub const FAULTS_BEFORE_QUARANTINE: u64 = 8;
@@ -20,7 +19,7 @@ pub const FAULT_FORGIVEN_S: u64 = 10;
 pub const FAULT_FADE_S: f32 = 0.01;
 
 /// Calls and faults of a node so far.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NodeReport {
     /// Calls of `process`.
     pub calls: u64,
@@ -103,7 +102,7 @@ impl Slot {
             tail: None,
             strikes: 0,
             struck: 0,
-            report: NodeReport { calls: 0, slept: 0, faults: 0, last_fault: None, quarantined: false },
+            report: NodeReport::default(),
         }
     }
 
@@ -154,15 +153,18 @@ impl Slot {
     /// which it was not called.
     fn wake(&mut self, now: Now) {
         let Some(since) = self.asleep_since.take() else { return };
-        self.dozing = false;
-        self.tail = None;
+        self.rouse();
+        match self.resume {
+            Resume::Restart => self.tell(now, |p| p.reset()),
+            Resume::Elapsed if now.sleep => self.tell(now, |p| p.elapsed(now.tick - since)),
+            Resume::Elapsed | Resume::Continue | Resume::Never => {}
+        }
+    }
+
+    /// Makes a call to the node, and counts its fault.
+    fn tell(&mut self, now: Now, call: impl FnOnce(&mut dyn Processor)) {
         let processor = &mut self.processor;
-        let woke = match self.resume {
-            Resume::Restart => contain(|| processor.ask(|p| p.reset())),
-            Resume::Elapsed if now.sleep => contain(|| processor.ask(|p| p.elapsed(now.tick - since))),
-            Resume::Elapsed | Resume::Continue | Resume::Never => Ok(()),
-        };
-        if let Err(fault) = woke {
+        if let Err(fault) = contain(|| processor.ask(|p| call(p))) {
             self.fault(fault, now);
         }
     }
@@ -170,16 +172,12 @@ impl Slot {
     /// Skips time without a tick. A sleeping node is told when it wakes.
     pub(crate) fn skip(&mut self, ticks: u64, now: Now) {
         let asleep = self.asleep_since.is_some();
-        let processor = &mut self.processor;
-        let told = match self.resume {
-            Resume::Restart if !asleep => contain(|| processor.ask(|p| p.reset())),
-            // Where nodes may not sleep, it was called in any case.
-            Resume::Elapsed if !asleep || !now.sleep => contain(|| processor.ask(|p| p.elapsed(ticks))),
-            _ => Ok(()),
-        };
         self.rouse();
-        if let Err(fault) = told {
-            self.fault(fault, now);
+        match self.resume {
+            Resume::Restart if !asleep => self.tell(now, |p| p.reset()),
+            // Where nodes may not sleep, it was called in any case.
+            Resume::Elapsed if !asleep || !now.sleep => self.tell(now, |p| p.elapsed(ticks)),
+            _ => {}
         }
     }
 
@@ -235,29 +233,21 @@ impl Slot {
         let quiet = matches!(status, Status::Quiet | Status::Asleep);
         for ((buffer, held), fade) in outputs.iter_mut().zip(&mut self.held).zip(&mut self.fades) {
             match buffer {
-                Buffer::Control { values, changed, valid } => {
+                Buffer::Control { values, changed, .. } => {
                     *changed = held != values;
                     held.copy_from_slice(values);
-                    *valid = trusted;
                 }
-                Buffer::Audio { samples, len, valid, silent } => {
-                    if quiet {
-                        if !*silent {
-                            samples.fill(0.0);
-                        }
-                        *silent = true;
+                Buffer::Audio { samples, len, silent, .. } => {
+                    if quiet && !*silent {
+                        samples.fill(0.0);
                     }
-                    *silent &= !fade.active();
+                    *silent = (*silent || quiet) && !fade.active();
                     fade.pass(&mut samples[..*len]);
-                    *valid = trusted;
                 }
-                Buffer::Magnitude { frame, valid, .. } | Buffer::Spectrum { frame, valid, .. } => {
-                    if quiet {
-                        *frame = None;
-                    }
-                    *valid = trusted;
-                }
+                Buffer::Magnitude { frame, .. } | Buffer::Spectrum { frame, .. } if quiet => *frame = None,
+                Buffer::Magnitude { .. } | Buffer::Spectrum { .. } => {}
             }
+            buffer.set_valid(trusted);
         }
         let fading = self.fades.iter().any(Fade::active);
         self.tail = match (status, self.tail) {
@@ -308,24 +298,16 @@ impl Slot {
     fn contain_outputs(&mut self, buffers: &mut [Buffer]) {
         let outputs = buffers[self.outputs.clone()].iter_mut().zip(&self.held).zip(&mut self.fades);
         for (((buffer, held), fade), secondary) in outputs.zip(&self.secondary) {
+            let control = matches!(buffer, Buffer::Control { .. });
             match buffer {
-                Buffer::Control { values, valid, .. } => {
-                    values.copy_from_slice(held);
-                    *valid = *secondary;
-                }
-                Buffer::Audio { samples, len, valid, silent } => {
+                Buffer::Control { values, .. } => values.copy_from_slice(held),
+                Buffer::Audio { samples, len, silent, .. } => {
                     *silent = fade.fault(&mut samples[..*len]);
-                    *valid = true;
                 }
-                Buffer::Magnitude { bins, valid, .. } => {
-                    bins.fill(0.0);
-                    *valid = true;
-                }
-                Buffer::Spectrum { bins, valid, .. } => {
-                    bins.fill(asperity_node::Complex::default());
-                    *valid = true;
-                }
+                Buffer::Magnitude { bins, .. } => bins.fill(0.0),
+                Buffer::Spectrum { bins, .. } => bins.fill(asperity_node::Complex::default()),
             }
+            buffer.set_valid(!control || *secondary);
         }
     }
 
@@ -376,10 +358,7 @@ impl Slot {
         if self.report.quarantined {
             return;
         }
-        let processor = &mut self.processor;
-        if let Err(fault) = contain(|| processor.ask(|p| p.set_parameter(index, value))) {
-            self.fault(fault, now);
-        }
+        self.tell(now, |p| p.set_parameter(index, value));
         // A sleeping node may have a new output now.
         self.rouse();
     }
@@ -407,10 +386,9 @@ impl Slot {
         let Some(room) = room.filter(|_| !old.report.quarantined) else { return false };
         let (from, to) = (&mut old.processor, &mut self.processor);
         let saved = contain(|| Ok(from.save(room))).ok().flatten();
-        let adopted = saved.and_then(|len| room.get(..len)).is_some_and(|state| {
-            // After a panic the state may be anything.
-            contain(|| Ok(to.restore(state))).unwrap_or(false)
-        });
+        // After a panic the state may be anything.
+        let restored = |state: &[u8]| contain(|| Ok(to.restore(state))).unwrap_or(false);
+        let adopted = saved.and_then(|len| room.get(..len)).is_some_and(restored);
         if adopted {
             self.asleep_since = old.asleep_since;
         } else {
@@ -427,8 +405,39 @@ impl Slot {
         self.report.quarantined = false;
         self.begin_anew();
         self.fades.iter_mut().for_each(Fade::reset);
-        for held in &mut self.held {
-            held.fill(0.0);
+        self.held.iter_mut().for_each(|held| held.fill(0.0));
+    }
+}
+
+/// Splits the buffers into a node's inputs and its own outputs.
+fn split<'b>(
+    buffers: &'b mut [Buffer],
+    outputs: &Range<usize>,
+    inputs: &'b [InputRef],
+) -> (Inputs<'b>, &'b mut [Buffer]) {
+    let (before, rest) = buffers.split_at_mut(outputs.start);
+    let (own, after) = rest.split_at_mut(outputs.len());
+    (Inputs::new(before, after, outputs.end, inputs), own)
+}
+
+/// Whether an input that wakes carries something.
+fn wakened(inputs: Inputs<'_>, wakes: &[usize]) -> bool {
+    wakes.iter().any(|&i| inputs.buffer(i).is_some_and(|b| !b.is_silent()))
+}
+
+/// Whether a buffer holds no NaN or infinity in this tick.
+pub(crate) fn is_finite(buffer: &Buffer) -> bool {
+    const EXPONENT: u32 = 0x7f80_0000;
+    // On bits, and without an early exit, so that it vectorises.
+    fn all(xs: impl Iterator<Item = f32>) -> bool {
+        !xs.fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT))
+    }
+    match buffer {
+        Buffer::Control { values, .. } => values.iter().all(|x| x.is_finite()),
+        Buffer::Audio { samples, len, silent, .. } => *silent || all(samples[..*len].iter().copied()),
+        Buffer::Magnitude { bins, frame, .. } => frame.is_none() || all(bins.iter().copied()),
+        Buffer::Spectrum { bins, frame, .. } => {
+            frame.is_none() || all(bins.iter().flat_map(|z| [z.re, z.im]))
         }
     }
 }

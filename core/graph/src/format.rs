@@ -40,10 +40,9 @@ pub struct GraphFile {
 
 /// A plugin in a graph: a file relative to the graph's, or a name.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct PluginDecl {
-    /// File or name.
     pub name: String,
-    /// Its position.
     pub place: Place,
 }
 
@@ -66,12 +65,10 @@ pub struct NodeDecl {
 
 /// A parameter with its value.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Setting {
-    /// Name of the parameter.
     pub name: String,
-    /// Position of the name.
     pub place: Place,
-    /// The value.
     pub value: Value,
     /// The text as typed on a command line, where texts need no quotes.
     pub typed: Option<String>,
@@ -90,10 +87,9 @@ pub struct Endpoint {
 
 /// A declared wire.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct WireDecl {
-    /// An output.
     pub from: Endpoint,
-    /// An input.
     pub to: Endpoint,
 }
 
@@ -122,22 +118,29 @@ impl GraphFile {
                 .error("unknown version of the graph format")
                 .help("this program reads version 1"));
         }
-        let mut number = |name, range, default| match graph.optional(name) {
-            Some(v) => v.i64_in(range, "Hz").map(|hz| hz as u32),
-            None => Ok(default),
-        };
-        let tick_hz = number("tick_hz", TICK_HZ, DEFAULT_TICK_HZ)?;
-        let audio_hz = number("audio_hz", AUDIO_HZ, DEFAULT_AUDIO_HZ)?;
-        let seed = match graph.optional("seed") {
-            Some(v) => v.i64_in(0..=i64::MAX, "")? as u64,
-            None => DEFAULT_SEED,
-        };
-        let plugins = items(graph.optional("plugins"), plugin)?;
+        let mut it = Self { source: source.clone(), ..Self::empty("") };
+        for name in ["tick_hz", "audio_hz", "seed"] {
+            if let Some(value) = graph.optional(name) {
+                it.set_field(name, value)?;
+            }
+        }
+        it.plugins = items(graph.optional("plugins"), plugin)?;
         let nodes = graph.required("nodes")?.map()?;
-        let nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
-        let wires = items(graph.optional("wires"), wire)?;
+        it.nodes = nodes.iter().map(|(key, v)| NodeDecl::read(key, v)).collect::<Result<_, _>>()?;
+        it.wires = items(graph.optional("wires"), wire)?;
         graph.finish()?;
-        Ok(Self { source: source.clone(), tick_hz, audio_hz, seed, plugins, nodes, wires })
+        Ok(it)
+    }
+
+    /// Sets a number of the graph. Returns whether it has one of this name.
+    fn set_field(&mut self, name: &str, value: &Value) -> Result<bool, Diagnostic> {
+        match name {
+            "tick_hz" => self.tick_hz = value.i64_in(TICK_HZ, "Hz")? as u32,
+            "audio_hz" => self.audio_hz = value.i64_in(AUDIO_HZ, "Hz")? as u32,
+            "seed" => self.seed = value.i64_in(0..=i64::MAX, "")? as u64,
+            _ => return Ok(false),
+        }
+        Ok(true)
     }
 
     /// An empty graph for a program to fill. `name` stands for the file in errors.
@@ -173,21 +176,19 @@ impl GraphFile {
         };
         let value = ron::parse_or_text(&Source::new(format!("{origin} {}", target.trim()), text.trim()))?;
         match target.trim().split_once('.') {
-            None => match target.trim() {
-                "tick_hz" => self.tick_hz = value.i64_in(TICK_HZ, "Hz")? as u32,
-                "audio_hz" => self.audio_hz = value.i64_in(AUDIO_HZ, "Hz")? as u32,
-                "seed" => self.seed = value.i64_in(0..=i64::MAX, "")? as u64,
-                other => {
-                    let help = one_of(other, ["tick_hz", "audio_hz", "seed"]);
-                    return Err(fail(format!("the graph has no setting `{other}`"), help));
+            None => {
+                let name = target.trim();
+                if !self.set_field(name, &value)? {
+                    let help = one_of(name, ["tick_hz", "audio_hz", "seed"]);
+                    return Err(fail(format!("the graph has no setting `{name}`"), help));
                 }
-            },
+            }
             Some((id, param)) => {
-                let ids: Vec<String> = self.nodes.iter().map(|n| n.id.clone()).collect();
-                let Some(node) = self.nodes.iter_mut().find(|n| n.id == id) else {
-                    let help = one_of(id, ids.iter().map(String::as_str));
+                let Some(at) = self.nodes.iter().position(|n| n.id == id) else {
+                    let help = one_of(id, self.nodes.iter().map(|n| n.id.as_str()));
                     return Err(fail(format!("the graph has no node `{id}`"), help));
                 };
+                let node = &mut self.nodes[at];
                 if param == "every" {
                     node.every = value.i64_in(EVERY, "ticks")? as u32;
                     return Ok(());
@@ -283,10 +284,7 @@ impl NodeDecl {
         let mut record = value.record("Node")?;
         let kind_value = record.required("kind")?;
         let kind = kind_value.text()?.to_owned();
-        let every = match record.optional("every") {
-            Some(v) => v.i64_in(EVERY, "ticks")? as u32,
-            None => 1,
-        };
+        let every = record.optional("every").map_or(Ok(1), |v| v.i64_in(EVERY, "ticks"))? as u32;
         let mut params = Vec::new();
         if let Some(v) = record.optional("params") {
             for (key, value) in v.record("Params")?.all() {

@@ -40,28 +40,19 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
     let mut params = Params::new(Some(node.place.clone()));
     for param in &descriptor.params {
         let setting = node.params.iter().find(|s| s.name == param.name);
-        let place = setting.map(|s| s.value.place());
-        let value = match setting {
-            Some(s) => match read(s, param) {
-                Ok(value) => Some(value),
-                Err(e) => {
-                    errors.push(e);
-                    param.default.clone()
-                }
-            },
-            None => {
-                if param.default.is_none() && !param.optional {
-                    errors.push(
-                        Diagnostic::new(format!("`{}` needs the parameter `{}`", node.kind, param.name))
-                            .at_place(&node.place)
-                            .label(format!("no `{}` set", param.name))
-                            .help(param.doc.to_string()),
-                    );
-                }
-                param.default.clone()
-            }
-        };
-        params.insert(param.name.to_string(), value, place);
+        let mut value = param.default.clone();
+        match setting.map(|s| read(s, param)) {
+            Some(Ok(read)) => value = Some(read),
+            Some(Err(e)) => errors.push(e),
+            None if value.is_none() && !param.optional => errors.push(
+                Diagnostic::new(format!("`{}` needs the parameter `{}`", node.kind, param.name))
+                    .at_place(&node.place)
+                    .label(format!("no `{}` set", param.name))
+                    .help(param.doc.to_string()),
+            ),
+            None => {}
+        }
+        params.insert(param.name.to_string(), value, setting.map(|s| s.value.place()));
     }
     match slots::read(&node.params, descriptor) {
         Ok(slots) => params.set_slots(slots),

@@ -8,18 +8,15 @@ use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume
 
 /// A compiled graph.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct Schedule {
-    /// Ticks a second.
     pub tick_hz: u32,
-    /// Audio rate in Hz.
     pub audio_hz: u32,
-    /// Seed of the graph.
     pub seed: u64,
     /// Nodes in the order they run.
     pub nodes: Vec<ScheduledNode>,
     /// Buffers: first constants and fed inputs, then every node's outputs in the order of `nodes`.
     pub buffers: Vec<BufferEntry>,
-    /// Steps of one tick, in order.
     pub steps: Vec<Step>,
     /// Declared nodes that are not built.
     pub dropped: Vec<Dropped>,
@@ -40,10 +37,9 @@ pub enum Step {
 
 /// A node of the schedule.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct ScheduledNode {
-    /// Name in the graph.
     pub id: String,
-    /// Its kind.
     pub kind: String,
     /// Purpose for the host.
     pub role: Option<Role>,
@@ -59,14 +55,12 @@ pub struct ScheduledNode {
     pub inputs: Vec<ScheduledInput>,
     /// Outputs in the descriptor's order.
     pub outputs: Vec<ScheduledOutput>,
-    /// Output buffers.
     pub buffers: Range<usize>,
     /// Sets of gates that let it sleep: it runs while all gates of one set are open. Empty for a node
     /// that always runs.
     pub gate_sets: Vec<Vec<usize>>,
     /// Behaviour on waking.
     pub resume: Resume,
-    /// Whether it is a sink.
     pub sink: bool,
     /// The gated input, if it is a gate.
     pub gate: Option<usize>,
@@ -88,12 +82,10 @@ pub struct ScheduledNode {
 
 /// A parameter that may change while its node runs.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct LiveParam {
-    /// Name.
     pub name: String,
-    /// Index in the descriptor.
     pub index: usize,
-    /// Kind and range.
     pub kind: ParamKind,
     /// Its unit, for a person; may be empty.
     pub unit: String,
@@ -118,12 +110,10 @@ pub struct ScheduledInput {
 
 /// An output of the schedule.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct ScheduledOutput {
-    /// Its name.
     pub name: String,
-    /// Its type.
     pub port: PortType,
-    /// Number of inputs that read it.
     pub readers: usize,
     /// Whether it is `secondary`; see [`asperity_node::Output`].
     pub secondary: bool,
@@ -147,21 +137,18 @@ pub enum BufferEntry {
 
 /// A declared node that is not built.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub struct Dropped {
-    /// Its name in the graph.
     pub id: String,
-    /// Its kind.
     pub kind: String,
-    /// Reason.
     pub why: String,
 }
 
 /// Latency from a source to a sink.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct PathLatency {
-    /// Index of the source.
     pub from: usize,
-    /// Index of the sink.
     pub to: usize,
     /// Least latency of any path.
     pub least: Latency,

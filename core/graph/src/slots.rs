@@ -7,9 +7,6 @@ use asperity_node::{Descriptor, Effect, Settings};
 use crate::Setting;
 
 /// Reads the slots of a node. Every value keeps its place in the file, so that errors point there.
-///
-/// # Errors
-/// A text that is no RON, settings that [`Effect::read`] refuses.
 pub(crate) fn read(settings: &[Setting], descriptor: &Descriptor) -> Result<Vec<Vec<Settings>>, Diagnostic> {
     let Some(effect) = &descriptor.effect else { return Ok(Vec::new()) };
     let Some(list) = settings.iter().find(|setting| setting.name == effect.list) else {

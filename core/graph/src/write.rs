@@ -9,26 +9,18 @@ use crate::{GraphFile, NodeDecl, WireDecl};
 /// The graph in its file format. Reading it back gives the same graph.
 impl fmt::Display for GraphFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Graph(")?;
-        writeln!(f, "    version: 1,")?;
-        writeln!(f, "    tick_hz: {},", self.tick_hz)?;
-        writeln!(f, "    audio_hz: {},", self.audio_hz)?;
-        writeln!(f, "    seed: {},", self.seed)?;
+        let Self { tick_hz, audio_hz, seed, .. } = self;
+        writeln!(f, "Graph(\n    version: 1,\n    tick_hz: {tick_hz},\n    audio_hz: {audio_hz},")?;
+        writeln!(f, "    seed: {seed},")?;
         if !self.plugins.is_empty() {
             let names: Vec<_> = self.plugins.iter().map(|p| quoted(&p.name)).collect();
             writeln!(f, "    plugins: [{}],", names.join(", "))?;
         }
         writeln!(f, "    nodes: {{")?;
-        for node in &self.nodes {
-            writeln!(f, "        {node}")?;
-        }
-        writeln!(f, "    }},")?;
-        writeln!(f, "    wires: [")?;
-        for wire in &self.wires {
-            writeln!(f, "        {wire}")?;
-        }
-        writeln!(f, "    ],")?;
-        writeln!(f, ")")
+        self.nodes.iter().try_for_each(|node| writeln!(f, "        {node}"))?;
+        writeln!(f, "    }},\n    wires: [")?;
+        self.wires.iter().try_for_each(|wire| writeln!(f, "        {wire}"))?;
+        writeln!(f, "    ],\n)")
     }
 }
 

@@ -35,12 +35,9 @@ impl Descriptor {
         if !self.summary.ends_with('.') {
             return Some("its summary is to be a sentence that ends with a full stop".to_owned());
         }
-        names("input", self.inputs.iter().map(|p| (&p.name, &p.doc)))
-            .or_else(|| names("output", self.outputs.iter().map(|p| (&p.name, &p.doc))))
-            .or_else(|| names("parameter", self.params.iter().map(|p| (&p.name, &p.doc))))
-            .or_else(|| first("input", &self.inputs, |p| &p.name, input))
-            .or_else(|| first("output", &self.outputs, |p| &p.name, |p| shape(&p.shape)))
-            .or_else(|| first("parameter", &self.params, |p| &p.name, param))
+        list("input", &self.inputs, |p| (&p.name, &p.doc), input)
+            .or_else(|| list("output", &self.outputs, |p| (&p.name, &p.doc), |p| shape(&p.shape)))
+            .or_else(|| list("parameter", &self.params, |p| (&p.name, &p.doc), param))
             .or_else(|| self.roles())
             .or_else(|| self.effect.as_ref().and_then(|effect| self.wrong_effect(effect)))
     }
@@ -49,10 +46,8 @@ impl Descriptor {
     fn wrong_effect(&self, effect: &Effect) -> Option<String> {
         let input = |name: &str| self.inputs.iter().any(|p| p.name == name);
         if !self.params.iter().any(|p| p.name == effect.list && p.kind == ParamKind::Texts) {
-            return Some(format!(
-                "its effect has the list {:?}, and no list of texts has that name",
-                effect.list
-            ));
+            let list = &effect.list;
+            return Some(format!("its effect has the list {list:?}, and no list of texts has that name"));
         }
         if !input("slot") {
             return Some("an effect needs an input `slot`".to_owned());
@@ -65,9 +60,7 @@ impl Descriptor {
         }
         let gives = self.outputs.first().map(|output| &output.shape);
         if !matches!(gives, Some(ShapeSpec::Audio(_) | ShapeSpec::Control(3))) {
-            return Some(
-                "an effect gives a force of three values or a vibration, as its first output".to_owned(),
-            );
+            return Some("an effect first outputs a force of three values or a vibration".to_owned());
         }
         if effect.forms.is_empty() {
             return Some("its effect has no form".to_owned());
@@ -81,9 +74,7 @@ impl Descriptor {
             if effect.forms.iter().filter(|other| other.name == form.name).count() > 1 {
                 return Some(of("there are two of them".to_owned()));
             }
-            let fields = names("field", form.fields.iter().map(|p| (&p.name, &p.doc)))
-                .or_else(|| first("field", &form.fields, |p| &p.name, param));
-            if let Some(problem) = fields {
+            if let Some(problem) = list("field", &form.fields, |p| (&p.name, &p.doc), param) {
                 return Some(of(problem));
             }
             if effect.acts == Acts::Near && !form.fields.iter().any(|field| field.name == "reach_mm") {
@@ -116,31 +107,26 @@ fn is_name(name: &str) -> bool {
 
 type Text = Cow<'static, str>;
 
-/// Checks the names of one list: well formed, documented, distinct.
-fn names<'a>(what: &str, list: impl Iterator<Item = (&'a Text, &'a Text)>) -> Option<String> {
-    let mut seen = HashSet::new();
-    for (name, doc) in list {
-        if !is_name(name) {
-            return Some(format!("{what} {name:?}: a name is to be {NAME}"));
-        }
-        if doc.trim().is_empty() {
-            return Some(format!("{what} `{name}`: nothing says what it is"));
-        }
-        if !seen.insert(name) {
-            return Some(format!("there are two of {what} `{name}`"));
-        }
-    }
-    None
-}
-
-/// First problem in a list.
-fn first<T>(
+/// The first problem of a list: of its names, which are well formed, documented and distinct, or of an item.
+fn list<T>(
     what: &str,
     list: &[T],
-    name: impl Fn(&T) -> &Text,
+    name_and_doc: impl Fn(&T) -> (&Text, &Text),
     wrong: impl Fn(&T) -> Option<String>,
 ) -> Option<String> {
-    list.iter().find_map(|it| wrong(it).map(|why| format!("{what} `{}`: {why}", name(it))))
+    let mut seen = HashSet::new();
+    let named = |it| {
+        let (name, doc) = name_and_doc(it);
+        if !is_name(name) {
+            Some(format!("{what} {name:?}: a name is to be {NAME}"))
+        } else if doc.trim().is_empty() {
+            Some(format!("{what} `{name}`: nothing says what it is"))
+        } else {
+            (!seen.insert(name)).then(|| format!("there are two of {what} `{name}`"))
+        }
+    };
+    let of = |it| wrong(it).map(|why| format!("{what} `{}`: {why}", name_and_doc(it).0));
+    list.iter().find_map(named).or_else(|| list.iter().find_map(of))
 }
 
 fn input(port: &Input) -> Option<String> {
@@ -228,12 +214,8 @@ mod tests {
     use crate::{FrameRate, Output, Unit};
 
     fn good() -> Descriptor {
-        let layout = FrameLayout {
-            rate_hz: 2500,
-            length: 250,
-            bins: 101,
-            frame_rate: FrameRate::new(500, 1).unwrap(),
-        };
+        let frame_rate = FrameRate::new(500, 1).unwrap();
+        let layout = FrameLayout { rate_hz: 2500, length: 250, bins: 101, frame_rate };
         Descriptor::new("a_kind2", "Does a thing.")
             .input(Input::new("in", ShapeSpec::Audio(RateSpec::Hz(8000)), Unit::NEWTON).doc("a force"))
             .input(Input::new("other", ShapeSpec::Control(3), Unit::NONE).or(0.5).doc("another"))

@@ -5,12 +5,12 @@
 //! plugin's effect works like a built-in one.
 
 use std::borrow::Cow;
-use std::fmt::{self, Write as _};
+use std::fmt;
 use std::ops::{Add, Deref};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::{Kind, Record, Value};
+use asperity_diagnostics::ron::{Kind, Value};
 use asperity_diagnostics::{Diagnostic, Span, one_of};
 
 use crate::{Param, ParamKind, ParamValue, Params};
@@ -74,6 +74,7 @@ impl Add for Law {
 }
 
 /// One way to write the settings of an effect: `name(field: value, ...)`.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Form {
     /// The word before the parenthesis. Empty for an effect with a single form, which is written without
@@ -95,14 +96,12 @@ impl Form {
     }
 
     /// Adds a field with one value.
-    #[must_use]
     pub fn field(mut self, field: Param) -> Self {
         self.fields.push(field);
         self
     }
 
     /// Adds a field with a structure of its own.
-    #[must_use]
     pub fn nested(mut self, name: impl Into<Cow<'static, str>>) -> Self {
         self.nested.push(name.into());
         self
@@ -117,6 +116,7 @@ type Check = dyn Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync;
 /// The node renders an effect for many surfaces. Surfaces with the same settings share a *slot*, an entry
 /// in the node's list. The input `slot` picks one; 0 is the first. A value below 0, beyond the list or not
 /// a number picks none.
+#[must_use]
 #[derive(Clone)]
 pub struct Effect {
     /// The node's parameter with the list, a text a slot.
@@ -146,14 +146,12 @@ impl Effect {
     }
 
     /// Adds a form.
-    #[must_use]
     pub fn form(mut self, form: Form) -> Self {
         self.forms.push(form);
         self
     }
 
     /// Connects a quantity of the contact to an input.
-    #[must_use]
     pub fn needs(
         mut self,
         input: impl Into<Cow<'static, str>>,
@@ -165,7 +163,6 @@ impl Effect {
 
     /// Gives the law of its force for some settings and a normal force \[N\]. It tells a scene whether the
     /// device bears the effect.
-    #[must_use]
     pub fn law(
         mut self,
         direction: Direction,
@@ -176,7 +173,6 @@ impl Effect {
     }
 
     /// Adds a check of what the ranges of the fields cannot say.
-    #[must_use]
     pub fn check(
         mut self,
         check: impl Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync + 'static,
@@ -225,14 +221,20 @@ impl Effect {
         };
         let mut params = Params::new(Some(value.place()));
         for field in &form.fields {
-            let given = record.as_mut().and_then(|record| record.optional(&field.name));
-            let place = given.map(Value::place);
-            let read = match given {
-                Some(value) => Some(field.read(value)?),
-                None if field.default.is_some() || field.optional => field.default.clone(),
-                None => return Err(missing(form, name, &field.name, record.as_mut(), value)),
+            let required = field.default.is_none() && !field.optional;
+            let given = match &mut record {
+                Some(record) if required => record.required(&field.name).map(Some),
+                Some(record) => Ok(record.optional(&field.name)),
+                None if required => Err(value.error(format!("`{name}` needs the field `{}`", field.name))),
+                None => Ok(None),
             };
-            params.insert(field.name.to_string(), read, place);
+            let given = given.map_err(|e| e.help(form.example.to_string()))?;
+            let read = given.map(|value| field.read(value)).transpose()?;
+            params.insert(
+                field.name.to_string(),
+                read.or_else(|| field.default.clone()),
+                given.map(Value::place),
+            );
         }
         let mut nested = Vec::new();
         for name in &form.nested {
@@ -272,21 +274,6 @@ impl Effect {
             Diagnostic::new(message).at(value.source(), span).help(one_of(name, names()))
         })
     }
-}
-
-/// The error for a field that must be there.
-fn missing(
-    form: &Form,
-    name: &str,
-    field: &str,
-    record: Option<&mut Record<'_>>,
-    value: &Value,
-) -> Diagnostic {
-    let error = match record.map(|record| record.required(field)) {
-        Some(Err(error)) => error,
-        _ => value.error(format!("`{name}` needs the field `{field}`")),
-    };
-    error.help(form.example.to_string())
 }
 
 /// The settings of an effect of a surface, as [`Effect::read`] read them. Its fields are [`Params`].
@@ -330,26 +317,20 @@ impl Settings {
 
     /// All that they say but for one field, as a text: the same for the same settings.
     pub fn text_without(&self, field: &str) -> String {
-        let mut text = self.form.clone();
-        for (name, value) in self.params.iter().filter(|(name, _)| *name != field) {
-            let _ = write!(text, " {name}: {value}");
-        }
-        for (name, value) in &self.nested {
-            let _ = write!(text, " {name}: {value}");
-        }
-        text
+        let fields = self.params.iter().filter(|(name, _)| *name != field);
+        let fields = fields.map(|(name, value)| format!(" {name}: {value}"));
+        let nested = self.nested.iter().map(|(name, value)| format!(" {name}: {value}"));
+        std::iter::once(self.form.clone()).chain(fields).chain(nested).collect()
     }
 
     /// The files that they name: fields of the kind [`ParamKind::File`], and fields `file` of nested ones.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = self
-            .params
-            .iter()
-            .filter_map(|(_, value)| match value {
-                ParamValue::File(path) => Some(path.clone()),
-                _ => None,
-            })
-            .collect();
+        let mut files = Vec::new();
+        for (_, value) in self.params.iter() {
+            if let ParamValue::File(path) = value {
+                files.push(path.clone());
+            }
+        }
         self.nested.iter().for_each(|(_, value)| named_files(value, &mut files));
         files
     }

@@ -107,10 +107,9 @@ fn rate_of(port: Option<&PortType>) -> Option<u32> {
 
 /// Ports of one node, for its parameters.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Ports {
-    /// Inputs.
     pub inputs: Vec<Input>,
-    /// Outputs.
     pub outputs: Vec<Output>,
 }
 
@@ -220,6 +219,7 @@ pub trait Node: 'static {
 type MakeGuard = Box<dyn Fn() -> Box<dyn Guard> + Send + Sync>;
 
 /// A processor, with facts that stay as they are while it lives.
+#[must_use]
 pub struct Prepared {
     /// The processor.
     pub processor: Box<dyn Processor>,
@@ -254,31 +254,26 @@ impl Prepared {
     }
 
     /// Sets the [latency](Self::latency).
-    #[must_use]
     pub fn latency(self, latency: Latency) -> Self {
         Self { latency, ..self }
     }
 
     /// Sets the [tail](Self::tail).
-    #[must_use]
     pub fn tail(self, tail: Latency) -> Self {
         Self { tail, ..self }
     }
 
     /// Sets the [duration](Self::duration).
-    #[must_use]
     pub fn duration(self, duration: Option<Latency>) -> Self {
         Self { duration, ..self }
     }
 
     /// Sets the [files](Self::files).
-    #[must_use]
     pub fn files(self, files: Vec<PathBuf>) -> Self {
         Self { files, ..self }
     }
 
     /// Sets the [guard](Self::guard).
-    #[must_use]
     pub fn guard(self, make: impl Fn() -> Box<dyn Guard> + Send + Sync + 'static) -> Self {
         Self { guard: Some(Box::new(make)), ..self }
     }
@@ -286,10 +281,8 @@ impl Prepared {
 
 impl fmt::Debug for Prepared {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Prepared")
-            .field("latency", &self.latency)
-            .field("tail", &self.tail)
-            .finish_non_exhaustive()
+        let mut f = f.debug_struct("Prepared");
+        f.field("latency", &self.latency).field("tail", &self.tail).finish_non_exhaustive()
     }
 }
 
@@ -404,6 +397,7 @@ type Prepare = dyn Fn(&Setup<'_>) -> Result<Prepared, Diagnostic> + Send + Sync;
 
 /// A kind of node, built in or from a plugin. Whoever wraps a kind changes a copy of it, so that the rest
 /// stays as it is.
+#[must_use]
 #[derive(Clone)]
 pub struct NodeKind {
     descriptor: Descriptor,
@@ -429,7 +423,6 @@ impl NodeKind {
     }
 
     /// The same kind, whose ports are the answer of `ports` to those of the descriptor.
-    #[must_use]
     pub fn with_ports(
         self,
         ports: impl Fn(&Config<'_>, Ports) -> Result<Ports, Diagnostic> + Send + Sync + 'static,
@@ -438,13 +431,11 @@ impl NodeKind {
     }
 
     /// The same kind from a plugin's file, with the number of its [build](Self::build).
-    #[must_use]
     pub fn from_plugin(self, origin: Arc<str>, build: u64) -> Self {
         Self { origin, build, ..self }
     }
 
     /// The same kind, of whose nodes `wrap` makes others.
-    #[must_use]
     pub fn wrapped(
         self,
         wrap: impl Fn(&Setup<'_>, Prepared) -> Result<Prepared, Diagnostic> + Send + Sync + 'static,

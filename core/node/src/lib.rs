@@ -15,25 +15,21 @@ mod kind;
 mod param;
 mod port;
 mod registry;
-mod retrieval;
-mod role;
 pub mod time;
-mod unit;
 
 pub use asperity_diagnostics::{Diagnostic, Place, Source, Span};
 pub use asperity_numbers::random;
 pub use asperity_state::{Keep, State};
 pub use buffer::{Buffer, Frame, InputRef, Inputs, Outputs};
-pub use descriptor::{Descriptor, Resume};
+pub use descriptor::{Descriptor, Resume, Retrieval, Role};
 pub use effect::{Acts, Direction, Effect, Form, Law, Settings};
 pub use fact::{Fact, FactValue};
 pub use guard::{Coil, Guard};
 pub use kind::{Config, Fault, Node, NodeKind, Ports, Prepared, Processor, Setup, Status, Tick, Wiring};
 pub use num_complex::Complex;
 pub use param::{Param, ParamKind, ParamValue, Params};
-pub use port::{FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, UnitSpec, Var};
+pub use port::{
+    FrameLayout, Input, LayoutSpec, Output, PortType, RateSpec, Shape, ShapeSpec, Unit, UnitSpec, Var,
+};
 pub use registry::Registry;
-pub use retrieval::Retrieval;
-pub use role::Role;
 pub use time::{FrameClock, FrameRate, Latency};
-pub use unit::Unit;

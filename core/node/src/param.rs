@@ -47,6 +47,7 @@ impl fmt::Display for ParamKind {
 }
 
 /// A declared parameter: name, kind, range, unit, default and meaning in one place.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Param {
     /// Name in a graph file.
@@ -68,20 +69,16 @@ pub struct Param {
 
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub enum ParamValue {
-    /// A number.
     Number(f64),
-    /// A whole number.
     Integer(i64),
-    /// True or false.
     Flag(bool),
     /// A text, or one of a few words.
     Text(String),
     /// A file with its resolved path.
     File(PathBuf),
-    /// A list of numbers.
     Numbers(Vec<f64>),
-    /// A list of texts.
     Texts(Vec<String>),
 }
 
@@ -153,28 +150,24 @@ impl Param {
     }
 
     /// Sets the unit of a number.
-    #[must_use]
     pub fn unit(mut self, unit: &'static str) -> Self {
         self.unit = Cow::Borrowed(unit);
         self
     }
 
     /// Requires a graph to set it.
-    #[must_use]
     pub fn required(mut self) -> Self {
         self.default = None;
         self
     }
 
     /// Allows changes while the node runs.
-    #[must_use]
     pub fn live(mut self) -> Self {
         self.live = true;
         self
     }
 
     /// Allows a graph to leave it out; then it has no value.
-    #[must_use]
     pub fn optional(mut self) -> Self {
         self.default = None;
         self.optional = true;

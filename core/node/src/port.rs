@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::{FrameRate, Unit};
+use crate::FrameRate;
 
 /// Layout of the bins of a [`Shape::Magnitude`] or [`Shape::Spectrum`].
 ///
@@ -80,10 +80,9 @@ impl fmt::Display for Shape {
 
 /// Type of a port.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
 pub struct PortType {
-    /// Content of a tick.
     pub shape: Shape,
-    /// Unit of each value.
     pub unit: Unit,
     /// Whether it comes from a limiter; only such a signal may reach a device.
     pub limited: bool,
@@ -101,10 +100,10 @@ pub type Var = char;
 
 /// A rate in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum RateSpec {
     /// The graph's audio rate.
     Graph,
-    /// This rate.
     Hz(u32),
     /// Rate of every port with this variable; for frames, the rate in their layout.
     Of(Var),
@@ -112,8 +111,8 @@ pub enum RateSpec {
 
 /// A frame layout in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum LayoutSpec {
-    /// This layout.
     Is(FrameLayout),
     /// Layout of every port with this variable.
     Of(Var),
@@ -121,16 +120,13 @@ pub enum LayoutSpec {
 
 /// A shape in a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub enum ShapeSpec {
     /// Any shape, the same for every port with this variable.
     Like(Var),
-    /// `count` values.
     Control(usize),
-    /// Samples.
     Audio(RateSpec),
-    /// Magnitudes.
     Magnitude(LayoutSpec),
-    /// Complex bins.
     Spectrum(LayoutSpec),
 }
 
@@ -149,15 +145,14 @@ pub enum UnitSpec {
 }
 
 /// An input in a descriptor.
+#[must_use]
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Input {
-    /// Name in a graph file.
     pub name: Cow<'static, str>,
     /// Meaning, in a few words.
     pub doc: Cow<'static, str>,
-    /// Content of a tick.
     pub shape: ShapeSpec,
-    /// Unit of the values.
     pub unit: UnitSpec,
     /// Whether it may stay unconnected. A control then reads `default` in every value, audio is silent,
     /// and no frame comes.
@@ -175,6 +170,7 @@ pub struct Input {
 }
 
 /// An output in a descriptor.
+#[must_use]
 #[derive(Clone, Debug)]
 pub struct Output {
     /// Name in a graph file.
@@ -208,28 +204,24 @@ impl Input {
     }
 
     /// Sets its meaning, in a few words.
-    #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
     /// Allows any unit, the same for every port with this variable.
-    #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
     }
 
     /// Allows some units, the same for every port with this variable.
-    #[must_use]
     pub fn unit_among(mut self, var: Var, among: &'static [Unit]) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(among) };
         self
     }
 
     /// Makes it optional; an unconnected control then reads `default`.
-    #[must_use]
     pub fn or(mut self, default: f64) -> Self {
         self.optional = true;
         self.default = default;
@@ -237,14 +229,12 @@ impl Input {
     }
 
     /// Lets a change here wake a sleeping node.
-    #[must_use]
     pub fn wakes(mut self) -> Self {
         self.wakes = true;
         self
     }
 
     /// Accepts only a limited signal.
-    #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
         self
@@ -252,7 +242,6 @@ impl Input {
 
     /// Makes it optional; an unconnected input is set by the host, tick by tick. Built-in nodes only: a
     /// host knows the values by their kind.
-    #[must_use]
     pub fn host_fed(mut self) -> Self {
         (self.optional, self.host_fed) = (true, true);
         self
@@ -267,14 +256,12 @@ impl Output {
     }
 
     /// Sets its meaning, in a few words.
-    #[must_use]
     pub fn doc(mut self, doc: impl Into<Cow<'static, str>>) -> Self {
         self.doc = doc.into();
         self
     }
 
     /// Allows any unit, the same for every port with this variable.
-    #[must_use]
     pub fn unit_of(mut self, var: Var) -> Self {
         self.unit = UnitSpec::Of { var, among: Cow::Borrowed(&[]) };
         self
@@ -282,14 +269,12 @@ impl Output {
 
     /// Makes it secondary: a wire without a port name does not mean it. If the node fails and it holds
     /// its values, these stay valid, because they only describe the other outputs.
-    #[must_use]
     pub fn secondary(mut self) -> Self {
         self.secondary = true;
         self
     }
 
     /// Promises a limited signal.
-    #[must_use]
     pub fn limited(mut self) -> Self {
         self.limited = true;
         self
@@ -327,5 +312,53 @@ impl fmt::Display for ShapeSpec {
             ShapeSpec::Magnitude(l) => write!(f, "Magnitude of {}", layout(l)),
             ShapeSpec::Spectrum(l) => write!(f, "Spectrum of {}", layout(l)),
         }
+    }
+}
+
+/// A unit, by its symbol. Two ports connect only if their units are equal; nothing is converted.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Unit(Cow<'static, str>);
+
+impl Unit {
+    /// A number without a unit.
+    pub const NONE: Self = Self::new("1");
+    /// Length.
+    pub const MILLIMETRE: Self = Self::new("mm");
+    /// Speed.
+    pub const MILLIMETRE_PER_SECOND: Self = Self::new("mm/s");
+    /// Force.
+    pub const NEWTON: Self = Self::new("N");
+    /// Acceleration, and the magnitudes and spectra of one.
+    pub const METRE_PER_SECOND_SQUARED: Self = Self::new("m/s^2");
+    /// Stiffness.
+    pub const NEWTON_PER_MILLIMETRE: Self = Self::new("N/mm");
+    /// Damping.
+    pub const NEWTON_SECOND_PER_METRE: Self = Self::new("N s/m");
+    /// Current.
+    pub const AMPERE: Self = Self::new("A");
+    /// Voltage.
+    pub const VOLT: Self = Self::new("V");
+    /// Samples of a device: 1 is its full scale.
+    pub const FULL_SCALE: Self = Self::new("FS");
+
+    /// A unit by its symbol.
+    pub const fn new(symbol: &'static str) -> Self {
+        Self(Cow::Borrowed(symbol))
+    }
+
+    /// A unit whose symbol is read from a file.
+    pub fn from_symbol(symbol: impl Into<String>) -> Self {
+        Self(Cow::Owned(symbol.into()))
+    }
+
+    /// The symbol.
+    pub fn symbol(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
     }
 }

@@ -1,6 +1,6 @@
 //! Accuracy of a setting, over every stroke, material and draw.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use asperity_accuracy::accuracy::rhythm::{self, Rhythm};
 use asperity_accuracy::accuracy::{
@@ -19,8 +19,10 @@ use crate::figure::{Figure, Figures, mean};
 use crate::knob::{has, set};
 use crate::lag;
 use crate::patch::{Patch, place_stroke};
+use crate::prepare::Prepared;
+use crate::results::Row;
 use crate::setting::Setting;
-use crate::stroke::{Known, Stroke};
+use crate::stroke::Known;
 use crate::time::Monitor;
 
 /// The ground truth of a stroke: accelerations that a pen feels over several places of the same surface, or
@@ -35,9 +37,6 @@ pub(crate) struct Truth {
 
 impl Truth {
     /// Adds an acceleration along some axes \[m/s^2\].
-    ///
-    /// # Errors
-    /// A signal without a spectrogram.
     pub(crate) fn add(&mut self, axes: &[&[f64]], rate_hz: f64) -> Result<(), AccuracyError> {
         self.spectrograms.push(Spectrogram::new(axes, rate_hz)?);
         self.rhythms.extend(Rhythm::new(axes, rate_hz));
@@ -48,122 +47,83 @@ impl Truth {
 /// Ground truths by index of the stroke, material and draw.
 pub(crate) type Truths = HashMap<(usize, String, u64), Truth>;
 
-/// Strokes, materials and draws to render.
-pub(crate) struct Plan<'a> {
-    pub strokes: &'a [Stroke],
-    /// Materials; one without a name where the graph has its own.
-    pub materials: &'a [Option<String>],
-    pub draws: u64,
-    /// Seed of the first draw; the others follow.
-    pub seed: u64,
-    /// Steps of speed for the response lag.
-    pub steps: usize,
-    pub truths: &'a Truths,
-}
-
-impl Plan<'_> {
-    /// Ground truth of a stroke over a material. A recording is the same in every draw.
-    fn truth(&self, s: usize, material: Option<&str>, draw: u64) -> Option<&Truth> {
-        match &self.strokes[s].known {
-            Known::Felt(felt) => Some(felt),
-            Known::Hand(_) => self.truths.get(&(s, material?.to_owned(), draw)),
-        }
-    }
-}
-
-/// Accuracy, lag and hard cases of a setting.
-#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Measured {
-    /// Figures of each draw.
-    pub draws: Vec<Figures>,
-    /// Figures of the network's own magnitudes.
-    pub model: Figures,
-    /// Response lag of each draw \[ms\].
-    pub lags_ms: Vec<[f64; 3]>,
-    /// Declared latency \[ms\].
-    pub latency_ms: Option<f64>,
-    /// Faults of nodes, over strokes and in the steps of speed.
-    pub faults: u64,
-    /// Hard cases that it was put to.
-    pub cases: usize,
-    /// Hard cases that it fails, each with the finding.
-    pub fails: BTreeMap<String, String>,
-}
-
-/// Measures accuracy and lag of a setting; none where the run is to stop.
-///
-/// # Errors
-/// A graph that does not compile over one of the materials.
-pub(crate) fn measure(
-    setting: &Setting,
-    registry: &Registry,
-    plan: &Plan<'_>,
-    monitor: &dyn Monitor,
-) -> Result<Option<Measured>, Diagnostic> {
-    let mut found = Measured::default();
-    let mut models = Vec::new();
-    let double = in_double(setting, registry);
-    let patch = Patch::of(&setting.graph, registry)?;
-    let strokes: Vec<Path3> = plan.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
-    let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
-    paths.push(lag::straight());
-    let options = Options { sleep: false, check_finite: setting.guards, ..Options::default() };
-    for draw in 0..plan.draws {
-        let seed = plan.seed.wrapping_add(draw);
-        let mut all = Vec::new();
-        let mut compared = true;
-        for (m, material) in plan.materials.iter().enumerate() {
-            let material = material.as_deref();
-            let graph = over(&setting.graph, registry, material, seed);
-            let mut chain = Chain::new(&graph, registry, paths.clone(), options)?;
-            found.latency_ms.get_or_insert(chain.latency().ms());
-            for (s, stroke) in plan.strokes.iter().enumerate().filter(|(_, s)| s.goes_over(material)) {
-                if monitor.stopped() {
-                    return Ok(None);
-                }
-                chain.play(s);
-                let rendered = chain.render(stroke.seconds);
-                found.faults += rendered.faults;
-                let mut figures = Figures::new();
-                if let Some(db) = convergence(&rendered) {
-                    figures.insert(Figure::Convergence, db);
-                }
-                if let Some(truth) = plan.truth(s, material, draw) {
-                    against_physics(&rendered, truth, setting.strength, &mut figures);
-                    models.extend(of_model(&rendered, &truth.spectrograms));
-                }
-                // Precision is compared on one stroke over one material only, since double precision is slow.
-                if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
-                    let graph = over(double, registry, material, seed);
-                    let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
-                    wide.play(s);
-                    let wide = wide.render(stroke.seconds);
-                    if let Ok(db) = accuracy::waveform_db(&wide_of(rendered.last()), &wide_of(wide.last())) {
-                        figures.insert(Figure::Precision, db);
+impl Prepared<'_> {
+    /// Measures accuracy and lag of a setting into its row. Returns the figures of the network's own magnitudes;
+    /// none where the run is to stop.
+    pub(crate) fn accuracy(
+        &self,
+        row: &mut Row,
+        setting: &Setting,
+        registry: &Registry,
+        truths: &Truths,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Figures>, Diagnostic> {
+        let tradeoff = self.job.tradeoff;
+        let (mut models, mut lags_ms) = (Vec::new(), Vec::new());
+        let double = in_double(setting, registry);
+        let patch = Patch::of(&setting.graph, registry)?;
+        let strokes: Vec<Path3> = self.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
+        let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
+        paths.push(lag::straight());
+        let options = Options { sleep: false, check_finite: setting.guards, ..Options::default() };
+        for draw in 0..tradeoff.draws {
+            let seed = tradeoff.seed.wrapping_add(draw);
+            let mut all = Vec::new();
+            let mut compared = true;
+            for (m, material) in self.materials.iter().enumerate() {
+                let material = material.as_deref();
+                let graph = over(&setting.graph, registry, material, seed);
+                let mut chain = Chain::new(&graph, registry, paths.clone(), options)?;
+                row.latency_ms.get_or_insert(chain.latency().ms());
+                for (s, stroke) in self.strokes.iter().enumerate().filter(|(_, s)| s.goes_over(material)) {
+                    if monitor.stopped() {
+                        return Ok(None);
                     }
+                    chain.play(s);
+                    let rendered = chain.render(stroke.seconds);
+                    let mut figures = Figures::new();
+                    figures.extend(convergence(&rendered).map(|db| (Figure::Convergence, db)));
+                    // A recording is the same in every draw.
+                    let truth = match &stroke.known {
+                        Known::Felt(felt) => Some(felt),
+                        Known::Hand(_) => material.and_then(|m| truths.get(&(s, m.to_owned(), draw))),
+                    };
+                    if let Some(truth) = truth {
+                        against_physics(&rendered, truth, setting.strength, &mut figures);
+                        models.extend(of_model(&rendered, &truth.spectrograms));
+                    }
+                    // Precision is compared on one stroke over one material only, since double precision is slow.
+                    if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
+                        let graph = over(double, registry, material, seed);
+                        let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
+                        wide.play(s);
+                        let wide = wide.render(stroke.seconds);
+                        let db = accuracy::waveform_db(&wide_of(rendered.last()), &wide_of(wide.last()));
+                        figures.extend(db.ok().map(|db| (Figure::Precision, db)));
+                    }
+                    all.push(figures);
+                    monitor.advanced(1);
                 }
-                all.push(figures);
-                monitor.advanced(1);
+                // A scene has no room for a straight stroke.
+                let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
+                if let Some(pitch_mm) = pitch.filter(|_| patch.is_none()) {
+                    chain.play(paths.len() - 1);
+                    all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
+                }
+                if m == 0 {
+                    lags_ms.extend(lag::measured(&mut chain, strokes.len(), tradeoff.steps));
+                    monitor.advanced(1);
+                }
+                row.faults += chain.faults();
             }
-            // A scene has no room for a straight stroke.
-            let pitch = material.and_then(|m| made::pitch_mm(&made::surface(m).ok()?));
-            if let Some(pitch_mm) = pitch.filter(|_| patch.is_none()) {
-                let before = chain.faults();
-                chain.play(paths.len() - 1);
-                all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
-                found.faults += chain.faults() - before;
-            }
-            if m == 0 {
-                let before = chain.faults();
-                found.lags_ms.extend(lag::measured(&mut chain, strokes.len(), plan.steps));
-                found.faults += chain.faults() - before;
-                monitor.advanced(1);
-            }
+            row.draws.push(mean(all.iter()));
         }
-        found.draws.push(mean(all.iter()));
+        row.figures = mean(row.draws.iter());
+        let mean_lag = |i: usize| lags_ms.iter().map(|l: &[f64; 3]| l[i]).sum::<f64>() / lags_ms.len() as f64;
+        row.lag_ms = (!lags_ms.is_empty()).then(|| std::array::from_fn(mean_lag));
+        row.lag_draws_ms = lags_ms.iter().map(|l| l[1]).collect();
+        Ok(Some(mean(models.iter())))
     }
-    found.model = mean(models.iter());
-    Ok(Some(found))
 }
 
 fn wide_of(x: &[f32]) -> Vec<f64> {
@@ -264,6 +224,7 @@ fn of_agreement(agreement: &Agreement) -> Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     /// Frames of a sine at 100 Hz under a Hann window of 0.1 s: its amplitude in its bin, half of it beside.
     fn sine_frames(amplitude: f32) -> Rendered {
@@ -285,7 +246,8 @@ mod tests {
     fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Tradeoff) {
         let graph = crate::testing::graph_of("g.ron", nodes, "");
         let base = crate::LoadedGraph { registry: registry.clone(), ..crate::testing::loaded("g", graph) };
-        let tradeoff = crate::testing::tradeoff("g.ron", r#"strokes: [(name: "c", seconds: 1.5)]"#);
+        let tradeoff =
+            crate::testing::tradeoff("g.ron", r#"strokes: [(name: "c", seconds: 1.5)], steps: 10"#);
         let mut settings = crate::Settings::new(&tradeoff, &[base], &[]).unwrap();
         (settings.all.remove(0), tradeoff)
     }
@@ -319,18 +281,12 @@ mod tests {
         }
         struct Nobody;
         impl Monitor for Nobody {}
-        let strokes = [tradeoff.strokes[0].open().unwrap()];
-        let plan = Plan {
-            strokes: &strokes,
-            materials: &[None],
-            draws: 1,
-            seed: 1,
-            steps: 10,
-            truths: &Truths::default(),
-        };
-        let found = measure(&setting, &registry, &plan, &Nobody).unwrap().unwrap();
-        // Once with steps, and once at constant speed.
-        assert_eq!(found.faults, 2);
+        let job = crate::testing::job(&tradeoff, &[], Path::new(""));
+        let prepared = Prepared::new(&job).unwrap();
+        let mut row = Row::default();
+        prepared.accuracy(&mut row, &setting, &registry, &Truths::default(), &Nobody).unwrap().unwrap();
+        // Once with steps and once at constant speed, in each of two draws.
+        assert_eq!(row.faults, 4);
     }
 
     #[test]

@@ -26,10 +26,6 @@ pub struct Chain {
     places: Places,
     /// Index of the path.
     path: Arc<AtomicUsize>,
-    /// The actuator, at rest.
-    plant: Option<Plant>,
-    /// Faults before this render.
-    faults: u64,
 }
 
 /// Recorded signals, as indices of node and output.
@@ -44,6 +40,7 @@ struct Places {
     felt: Option<(usize, usize)>,
     /// The signal that drives the coil.
     drive: Option<(usize, usize)>,
+    /// The actuator, at rest.
     plant: Option<Plant>,
 }
 
@@ -64,8 +61,6 @@ pub struct Rendered {
     pub handle: Vec<f64>,
     /// Rate of `felt`, `drive` and `handle` \[Hz\].
     pub rate_hz: u32,
-    /// Faults of nodes.
-    pub faults: u64,
 }
 
 impl Rendered {
@@ -103,9 +98,6 @@ pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str
 }
 
 /// Checks that the libraries of a graph's networks have these materials.
-///
-/// # Errors
-/// A missing material, at its place, with the nearest name; a library that cannot be read.
 pub(crate) fn check_materials<'m>(
     graph: &GraphFile,
     registry: &Registry,
@@ -113,11 +105,9 @@ pub(crate) fn check_materials<'m>(
 ) -> Result<(), Diagnostic> {
     for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
         let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
-        let library = Library::shared(crate::file::beside(&setting.value)?)?;
+        let library = Library::shared(setting.value.path()?)?;
         for (name, place) in materials.clone() {
-            library
-                .material(name)
-                .map_err(|e| Diagnostic { file: None, ..e }.at(&place.source, place.span))?;
+            library.material(name).map_err(|e| Diagnostic { file: None, ..e }.at_place(place))?;
         }
     }
     Ok(())
@@ -150,20 +140,17 @@ impl Chain {
         let compiled = subject.compiled(&graph, &kinds).map_err(Diagnostic::new)?;
         let schedule = Arc::new(compiled.schedule.clone());
         let places = Places::new(&schedule, registry)?;
-        let plant = places.plant.clone();
-        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path, plant, faults: 0 })
+        Ok(Self { engine: Engine::new(compiled, options), schedule, places, path })
     }
 
     /// Resets the graph, and lets the stylus follow the path of this index.
     pub(crate) fn play(&mut self, path: usize) {
         self.path.store(path, Ordering::Relaxed);
-        self.faults = self.engine.faults();
         self.engine.reset();
-        self.places.plant = self.plant.clone();
     }
 
     /// Faults of nodes, in all renders.
-    pub(crate) fn faults(&self) -> u64 {
+    pub fn faults(&self) -> u64 {
         self.engine.faults()
     }
 
@@ -200,27 +187,31 @@ impl Chain {
     pub fn render(&mut self, seconds: f64) -> Rendered {
         let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
         let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
-        let mut frames = self.places.frames.and_then(|at| Frames::new(&self.schedule, at));
-        let mut signal = Vec::new();
+        out.framing = self.places.frames.and_then(|at| framing(&self.schedule, at));
+        let scale = out.framing.map_or(0.0, |framing| framing.bin_scale() as f32);
+        let (mut signal, mut plant) = (Vec::new(), self.places.plant.clone());
         for _ in 0..ticks {
             self.engine.tick();
-            if let (Some(frames), Some((node, output))) = (&mut frames, self.places.frames) {
-                frames.take(self.engine.output(node, output));
+            let buffer = self.places.frames.and_then(|(node, output)| self.engine.output(node, output));
+            if let (Some(framing), Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. })) =
+                (&out.framing, buffer)
+            {
+                // A missing frame is zero.
+                out.frames.resize(*number as usize * framing.bins, 0.0);
+                out.frames.extend(bins.iter().map(|x| x * scale));
             }
             signal.extend(self.samples(self.places.signal).iter().map(|x| f64::from(*x)));
             out.felt.extend_from_slice(self.samples(self.places.felt));
             let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
             out.drive.extend_from_slice(drive);
-            if let Some(plant) = &mut self.places.plant {
+            if let Some(plant) = &mut plant {
                 let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
                 out.handle.extend(out.drive[from..].iter().map(step));
             }
         }
-        if let Some(frames) = frames {
-            out.signal = earlier(signal, self.places.between, frames.framing.rate_hz);
-            (out.frames, out.framing) = (frames.values, Some(frames.framing));
+        if let Some(framing) = &out.framing {
+            out.signal = earlier(signal, self.places.between, framing.rate_hz);
         }
-        out.faults = self.engine.faults() - self.faults;
         out
     }
 
@@ -254,50 +245,28 @@ fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
     }
 }
 
-/// Recorded frames.
-struct Frames {
-    framing: Framing,
-    values: Vec<f32>,
-    scale: f32,
-}
-
-impl Frames {
-    fn new(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Self> {
-        let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else {
-            return None;
-        };
-        let framing = Framing {
-            rate_hz: l.rate_hz,
-            fft_len: l.length as usize,
-            bins: l.bins as usize,
-            frame_num: l.frame_rate.num(),
-            frame_den: l.frame_rate.den(),
-        };
-        Some(Self { framing, values: Vec::new(), scale: framing.bin_scale() as f32 })
-    }
-
-    fn take(&mut self, buffer: Option<&Buffer>) {
-        if let Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. }) = buffer {
-            // A missing frame is zero.
-            self.values.resize(*number as usize * self.framing.bins, 0.0);
-            self.values.extend(bins.iter().map(|x| x * self.scale));
-        }
-    }
+/// Layout of the frames at an output.
+fn framing(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Framing> {
+    let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else { return None };
+    Some(Framing {
+        rate_hz: l.rate_hz,
+        fft_len: l.length as usize,
+        bins: l.bins as usize,
+        frame_num: l.frame_rate.num(),
+        frame_den: l.frame_rate.den(),
+    })
 }
 
 impl Places {
     fn new(schedule: &Schedule, registry: &Registry) -> Result<Self, Diagnostic> {
-        let outputs = || {
-            let of =
-                |(i, n): (usize, &asperity_graph::ScheduledNode)| (0..n.outputs.len()).map(move |o| (i, o));
-            schedule.nodes.iter().enumerate().flat_map(of)
-        };
+        let nodes = schedule.nodes.iter().enumerate();
+        let outputs = nodes.flat_map(|(i, n)| (0..n.outputs.len()).map(move |o| (i, o)));
         let audio = |&(i, o): &(usize, usize), units: &[Unit]| {
             let port = &schedule.nodes[i].outputs[o].port;
             port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && units.contains(&port.unit)
         };
-        let felt = outputs().rfind(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED]));
-        let drive = outputs().rfind(|at| audio(at, &[Unit::AMPERE, Unit::VOLT]));
+        let felt = outputs.clone().rfind(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED]));
+        let drive = outputs.clone().rfind(|at| audio(at, &[Unit::AMPERE, Unit::VOLT]));
         let mut it = Self { felt, drive, ..Self::default() };
         it.plant = it.drive.map(|at| plant(schedule, at)).transpose()?.flatten();
         for (i, node) in schedule.nodes.iter().enumerate() {
@@ -308,9 +277,8 @@ impl Places {
             it.signal = Some((i, 0));
             it.between = node.latency;
             if retrieval.spectrum {
-                let reads =
-                    |n: &asperity_graph::ScheduledNode| n.inputs.iter().any(|p| p.from == Some((i, 0)));
-                let next = schedule.with_role(Role::OverlapAdd).find(|(_, n)| reads(n));
+                let mut adders = schedule.with_role(Role::OverlapAdd);
+                let next = adders.find(|(_, n)| n.inputs.iter().any(|p| p.from == Some((i, 0))));
                 it.signal = next.map(|(n, _)| (n, 0));
                 it.between = next.map_or(it.between, |(_, n)| it.between + n.latency);
             }

@@ -8,28 +8,23 @@ use asperity_graph::{GraphFile, compile};
 use asperity_node::{ParamKind, ParamValue, Registry};
 
 use crate::chain::over;
-use crate::file::beside;
 use crate::knob::has;
 use crate::prepare::Job;
-use crate::setting::Setting;
-use crate::stroke::StrokeDecl;
+use crate::results::Fragment;
+use crate::setting::{LoadedGraph, Setting};
 
-/// Digest of settings, strokes, materials, input files, ways of measuring and the version of this program. It
-/// is the same in all shards: folder, machine and build are not in it.
+/// Digest of the trade-off, its graphs, input files, ways of measuring and the version of this program. It is
+/// the same in all shards: folder, machine and build are not in it.
 pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> String {
     let t = job.tradeoff;
-    let strokes: Vec<String> = t.strokes.iter().map(stroke).collect();
-    let materials: Vec<&String> = t.materials.iter().map(|(name, _)| name).collect();
-    let keys: Vec<&String> = settings.iter().map(|s| &s.key).collect();
+    let graph = |b: &LoadedGraph| {
+        format!("{} {} {:?}", b.strength, b.file.source.text(), Fragment::between(b, &b.graph))
+    };
+    let graphs: Vec<String> = job.graphs().map(graph).collect();
+    let strokes: Vec<String> = t.strokes.iter().filter_map(|s| s.file().map(content)).collect();
+    let ways = (t.seed, t.lenient, settings.len(), job.cases, &job.machine.build);
     let files = files(job, settings, material);
-    let ways = (t.seed, t.draws, t.steps, t.times, job.cases, &job.machine.build);
-    of_bytes(format!("{ways:?} {strokes:?} {materials:?} {keys:?} {files:?}").as_bytes())
-}
-
-/// A stroke as it is declared, with the content of its file.
-fn stroke(decl: &StrokeDecl) -> String {
-    let declared = decl.place.source.text().get(decl.place.span.start..decl.place.span.end);
-    format!("{} {}", declared.unwrap_or_default(), decl.file().map(content).unwrap_or_default())
+    of_bytes(format!("{ways:?} {} {graphs:?} {strokes:?} {files:?}", t.source.text()).as_bytes())
 }
 
 /// Largest input file \[bytes\]: no reader takes a larger one.
@@ -79,7 +74,7 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
             if matches!(has(registry, &node.kind, &param.name), Some(ParamKind::File | ParamKind::Text)) {
                 let from = param.value.place();
                 text += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
-                files.extend(beside(&param.value).ok().filter(|path| path.is_file()));
+                files.extend(param.value.path().ok().filter(|path| path.is_file()));
             }
         }
     }
@@ -89,9 +84,8 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::Machine;
-    use crate::testing::{graph_of, loaded, tradeoff};
-    use crate::{LoadedGraph, Settings};
+    use crate::Settings;
+    use crate::testing::{graph_of, job, loaded, tradeoff};
 
     /// The digest in a folder, on a machine, of a graph that reads a trajectory.
     fn digest(folder: &Path, (cpu, build, program): (&str, &str, &str)) -> String {
@@ -101,17 +95,8 @@ mod tests {
         let base = LoadedGraph { plugins: vec![folder.join("mine.so")], ..loaded("g", graph) };
         let grids = r#"strokes: [(name: "s")], grids: [(name: "g", knobs: {"tick_hz": [250]})]"#;
         let tradeoff = tradeoff(&path("s.ron"), grids);
-        let job = Job {
-            tradeoff: &tradeoff,
-            bases: std::slice::from_ref(&base),
-            baselines: &[],
-            jobs: 1,
-            shard: (0, 2),
-            folder,
-            machine: Machine { cpu: cpu.into(), cores: 2, system: "any".into(), build: build.into() },
-            program,
-            cases: true,
-        };
+        let mut job = job(&tradeoff, std::slice::from_ref(&base), folder);
+        (job.machine.cpu, job.machine.build, job.program) = (cpu.into(), build.into(), program);
         let settings = Settings::new(&tradeoff, job.bases, &[]).unwrap().all;
         of_all(&job, &settings, None)
     }

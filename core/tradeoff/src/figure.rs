@@ -32,74 +32,53 @@ pub enum Figure {
     Precision,
 }
 
-/// The row of a figure in [`TABLE`].
-struct Facts {
-    figure: Figure,
-    name: &'static str,
-    title: &'static str,
-    unit: &'static str,
-    decimals: usize,
-    /// Difference from which on two signals clearly feel different.
-    clearly: Option<f64>,
-}
-
-const fn facts(
-    (figure, name, title): (Figure, &'static str, &'static str),
-    unit: &'static str,
-    decimals: usize,
-    clearly: Option<f64>,
-) -> Facts {
-    Facts { figure, name, title, unit, decimals, clearly }
-}
+/// Name, title, unit, decimals, and the difference from which on two signals clearly feel different.
+type Facts = (&'static str, &'static str, &'static str, usize, Option<f64>);
 
 /// All figures, in the order of [`Figure`].
-#[rustfmt::skip]
-const TABLE: [Facts; 11] = {
-    use Figure::*;
-    [
-        facts((Perceptual, "perceptual", "perceptual similarity to the physics"), "", 3, None),
-        // Pulses of twice the depth are 6 dB in one of five bands: 6 dB over the root of 5 in all.
-        facts((Modulation, "modulation", "envelope modulation error against physics"), "dB", 2, Some(2.7)),
-        facts((Spectrum, "spectrum", "long-term spectrum error against the physics"), "dB", 2, Some(6.0)),
-        facts((Bands, "bands", "nine-band energy error against the physics"), "dB", 2, Some(6.0)),
-        facts((Level, "level", "level error against the physics"), "dB", 2, Some(6.0)),
-        facts((Repetition, "repetition", "repetition error against the physics"), "", 3, None),
-        facts((Kurtosis, "kurtosis", "kurtosis error against the physics"), "dB", 2, None),
-        facts((Steadiness, "steadiness", "level deviation error against the physics"), "dB", 2, None),
-        facts((Pitch, "pitch", "error of the lag at which a grating repeats"), "ms", 2, None),
-        facts((Convergence, "convergence", "spectral convergence to the target magnitudes"), "dB", 2, None),
-        facts((Precision, "precision", "error against the same setting in f64"), "dB", 0, None),
-    ]
-};
+const TABLE: [(Figure, Facts); 11] = [
+    (Figure::Perceptual, ("perceptual", "perceptual similarity to the physics", "", 3, None)),
+    // Pulses of twice the depth are 6 dB in one of five bands: 6 dB over the root of 5 in all.
+    (Figure::Modulation, ("modulation", "envelope modulation error against physics", "dB", 2, Some(2.7))),
+    (Figure::Spectrum, ("spectrum", "long-term spectrum error against the physics", "dB", 2, Some(6.0))),
+    (Figure::Bands, ("bands", "nine-band energy error against the physics", "dB", 2, Some(6.0))),
+    (Figure::Level, ("level", "level error against the physics", "dB", 2, Some(6.0))),
+    (Figure::Repetition, ("repetition", "repetition error against the physics", "", 3, None)),
+    (Figure::Kurtosis, ("kurtosis", "kurtosis error against the physics", "dB", 2, None)),
+    (Figure::Steadiness, ("steadiness", "level deviation error against the physics", "dB", 2, None)),
+    (Figure::Pitch, ("pitch", "error of the lag at which a grating repeats", "ms", 2, None)),
+    (Figure::Convergence, ("convergence", "spectral convergence to the target magnitudes", "dB", 2, None)),
+    (Figure::Precision, ("precision", "error against the same setting in f64", "dB", 0, None)),
+];
 
 impl Figure {
     /// All figures.
     pub fn all() -> impl DoubleEndedIterator<Item = Self> + Clone {
-        TABLE.iter().map(|facts| facts.figure)
+        TABLE.iter().map(|(figure, _)| *figure)
     }
 
-    fn facts(self) -> &'static Facts {
-        &TABLE[self as usize]
+    fn facts(self) -> Facts {
+        TABLE[self as usize].1
     }
 
     /// Name in files and on command lines.
     pub fn name(self) -> &'static str {
-        self.facts().name
+        self.facts().0
     }
 
     /// Heading of a picture.
     pub fn title(self) -> &'static str {
-        self.facts().title
+        self.facts().1
     }
 
     /// Unit; empty where there is none.
     pub fn unit(self) -> &'static str {
-        self.facts().unit
+        self.facts().2
     }
 
     /// Decimals to print.
     pub fn decimals(self) -> usize {
-        self.facts().decimals
+        self.facts().3
     }
 
     /// Whether a larger value is better.
@@ -120,7 +99,7 @@ impl Figure {
     /// Difference from which on two signals clearly feel different, where that is known
     /// (docs/accuracy.md, "How much is much").
     pub fn clearly(self) -> Option<f64> {
-        self.facts().clearly
+        self.facts().4
     }
 
     /// A figure by its name.

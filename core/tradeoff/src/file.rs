@@ -1,6 +1,6 @@
 //! The trade-off file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use asperity_diagnostics::ron::{self, Value};
@@ -146,16 +146,13 @@ impl Tradeoff {
         if !materials.is_empty()
             && let Some(stroke) = strokes.iter().find(|s| s.lacks_material())
         {
-            return Err(Diagnostic::new(format!(
-                "the recording `{}` does not say its material",
-                stroke.name
-            ))
-            .at(&stroke.place.source, stroke.place.span)
-            .help("material: \"the name it has in the graph's library\""));
+            let message = format!("the recording `{}` does not say its material", stroke.name);
+            let help = "material: \"the name it has in the graph's library\"";
+            return Err(Diagnostic::new(message).at_place(&stroke.place).help(help));
         }
         if let Some(b) = baselines.iter().find(|b| b.name == DEFAULT || b.name.trim().is_empty()) {
             return Err(Diagnostic::new(format!("a baseline cannot be named `{}`", b.name))
-                .at(&b.place.source, b.place.span)
+                .at_place(&b.place)
                 .help("`default` is the name of the unchanged graph"));
         }
         no_duplicates(baselines.iter().map(|b| (&b.name, &b.place)))?;
@@ -182,9 +179,7 @@ fn no_duplicates<'a>(names: impl Iterator<Item = (&'a String, &'a Place)>) -> Re
     let mut known = std::collections::HashSet::new();
     for (name, place) in names {
         if !known.insert(name) {
-            return Err(
-                Diagnostic::new(format!("the name `{name}` is used twice")).at(&place.source, place.span)
-            );
+            return Err(Diagnostic::new(format!("the name `{name}` is used twice")).at_place(place));
         }
     }
     Ok(())
@@ -198,13 +193,7 @@ fn list<T>(
 }
 
 fn named(value: &Value) -> Result<Named, Diagnostic> {
-    Ok(Named { path: beside(value)?, place: value.place() })
-}
-
-/// A path relative to the file that names it.
-pub(crate) fn beside(value: &Value) -> Result<PathBuf, Diagnostic> {
-    let base = value.source().path().parent().unwrap_or(Path::new(""));
-    Ok(base.join(value.text()?))
+    Ok(Named { path: value.path()?, place: value.place() })
 }
 
 fn strength(value: &Value) -> Result<f64, Diagnostic> {

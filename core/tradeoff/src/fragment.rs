@@ -4,7 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use asperity_diagnostics::ron::{Kind, Value};
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{NodeKind, ParamKind, Registry};
+use asperity_node::{ParamKind, Registry};
 use asperity_scene::Scene;
 
 use crate::knob::has;
@@ -16,16 +16,13 @@ impl Fragment {
     /// absolute.
     pub(crate) fn between(base: &LoadedGraph, setting: &GraphFile) -> Self {
         let file = &base.file;
-        let mut graph = Vec::new();
-        for (name, before, now) in [
+        let fields = [
             ("tick_hz", u64::from(file.tick_hz), u64::from(setting.tick_hz)),
             ("audio_hz", u64::from(file.audio_hz), u64::from(setting.audio_hz)),
             ("seed", file.seed, setting.seed),
-        ] {
-            if before != now {
-                graph.push(format!("{name}: {now},"));
-            }
-        }
+        ];
+        let changed = fields.into_iter().filter(|(_, before, now)| before != now);
+        let graph = changed.map(|(name, _, now)| format!("{name}: {now},")).collect();
         let home = file.source.path().parent().unwrap_or(Path::new(""));
         let text = |node: &NodeDecl| at_home(node, &base.registry, home).to_string();
         let before: Vec<String> = file.nodes.iter().map(text).collect();
@@ -37,10 +34,13 @@ impl Fragment {
             .collect();
         let mut plugins: Vec<(String, String)> = Vec::new();
         for (node, _) in &new {
-            let Some(from) = base.registry.get(&node.kind).and_then(|kind| plugin(kind)) else { continue };
-            let named = file.plugins.iter().any(|decl| is_file_of(&decl.name, &from));
-            let of = (node.kind.clone(), name_of(&from));
-            if !named && !plugins.contains(&of) {
+            let kind = base.registry.get(&node.kind);
+            let Some(from) = kind.filter(|kind| kind.build() != 0).map(|kind| Path::new(kind.origin()))
+            else {
+                continue;
+            };
+            let of = (node.kind.clone(), name_of(from));
+            if !file.plugins.iter().any(|decl| is_file_of(&decl.name, from)) && !plugins.contains(&of) {
                 plugins.push(of);
             }
         }
@@ -60,11 +60,6 @@ impl Fragment {
     pub fn is_empty(&self) -> bool {
         self.graph.is_empty() && self.nodes.is_empty() && self.gone.is_empty() && self.wires.is_empty()
     }
-}
-
-/// The plugin file that a kind comes from; none for a built-in kind.
-fn plugin(kind: &NodeKind) -> Option<PathBuf> {
-    (kind.build() != 0).then(|| kind.origin().into())
 }
 
 /// Name of a plugin on every machine: its file name without the prefix and suffix of this system.
@@ -98,31 +93,17 @@ fn at_home(node: &NodeDecl, registry: &Registry, home: &Path) -> NodeDecl {
             None => setting.value.source().path().parent().unwrap_or(Path::new("")),
         };
         if is_file && (setting.typed.is_some() || from != home) {
-            let path = relative(&from.join(text), home);
-            let place = setting.value.place();
-            setting.value = Value::made(Kind::Text(path.display().to_string()), &place);
+            // Relative to a folder that contains it; otherwise absolute.
+            let path = tidy(&from.join(text));
+            let path = path.strip_prefix(tidy(home)).unwrap_or(&path).display().to_string();
+            setting.value = Value::made(Kind::Text(path), &setting.value.place());
         }
     }
     node
 }
 
-/// A path relative to a folder that contains it; otherwise absolute.
-fn relative(path: &Path, home: &Path) -> PathBuf {
-    let (path, home) = (tidy(path), tidy(home));
-    path.strip_prefix(&home).map(Path::to_owned).unwrap_or(path)
-}
-
-/// Path from a folder to a file, with `..` where needed.
-pub(crate) fn across(path: &Path, home: &Path) -> PathBuf {
-    let (path, home) = (tidy(path), tidy(home));
-    let up = home.ancestors().position(|above| path.starts_with(above)).unwrap_or_default();
-    let above = home.ancestors().nth(up).unwrap_or(&home);
-    let down = path.strip_prefix(above).unwrap_or(&path);
-    (0..up).map(|_| Path::new("..")).chain([down]).collect()
-}
-
 /// An absolute path without `FOLDER/..`.
-fn tidy(path: &Path) -> PathBuf {
+pub(crate) fn tidy(path: &Path) -> PathBuf {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let mut out = PathBuf::new();
     for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
@@ -145,26 +126,19 @@ impl std::fmt::Display for Fragment {
                  // with its folder on ASPERITY_PLUGIN_PATH"
             )?;
         }
-        for line in &self.graph {
-            writeln!(f, "    {line}")?;
-        }
+        let mut lines: Vec<String> = self.graph.clone();
         if !self.nodes.is_empty() {
-            writeln!(f, "    // in `nodes`, replacing those with the same names:")?;
+            lines.push("// in `nodes`, replacing those with the same names:".into());
         }
-        for node in &self.nodes {
-            writeln!(f, "        {node}")?;
-        }
+        lines.extend(self.nodes.iter().map(|node| format!("    {node}")));
         if !self.gone.is_empty() {
-            writeln!(f, "    // removed: {}", self.gone.join(", "))?;
+            lines.push(format!("// removed: {}", self.gone.join(", ")));
         }
         if !self.wires.is_empty() {
-            writeln!(f, "    wires: [")?;
-            for wire in &self.wires {
-                writeln!(f, "        {wire}")?;
-            }
-            writeln!(f, "    ],")?;
+            let wires = self.wires.iter().map(|wire| format!("    {wire}"));
+            lines.extend(["wires: [".into()].into_iter().chain(wires).chain(["],".into()]));
         }
-        Ok(())
+        lines.iter().try_for_each(|line| writeln!(f, "    {line}"))
     }
 }
 

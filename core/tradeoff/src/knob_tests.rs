@@ -35,11 +35,14 @@ fn knob(text: &str) -> Result<Knob, Diagnostic> {
     Knob::parse(text, Place { span: asperity_diagnostics::Span { start: 0, end: text.len() }, source })
 }
 
+fn graph() -> GraphFile {
+    GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap()
+}
+
 /// The graph with knobs turned, which must compile.
 fn turned(turns: &[(&str, &str)]) -> Turned {
     let registry = registry();
-    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
-    let mut turned = Turned { graph, guards: true };
+    let mut turned = Turned { graph: graph(), guards: true };
     for (text, value) in turns {
         let knob = knob(text).unwrap();
         assert!(knob.fits(&turned.graph, &registry), "{text}");
@@ -64,11 +67,8 @@ fn overlap_add_comes_and_goes_with_phase_retrieval() {
     // Another one that returns spectra changes nothing else.
     let vocoder = turned(&[("phase", r#"(kind: "spsi")"#), ("phase", r#"(kind: "phase_vocoder")"#)]).graph;
     assert_eq!(ids(&vocoder), ids(&spsi));
-    let back = turned(&[
-        ("phase", r#"(kind: "spsi")"#),
-        ("phase", r#"(kind: "sample_commit", params: (frames: 3))"#),
-    ])
-    .graph;
+    let retrieval = r#"(kind: "sample_commit", params: (frames: 3))"#;
+    let back = turned(&[("phase", r#"(kind: "spsi")"#), ("phase", retrieval)]).graph;
     assert_eq!(ids(&back), ids(&before));
     let nodes = |g: &GraphFile| g.nodes.iter().map(ToString::to_string).collect::<Vec<_>>();
     assert_eq!(nodes(&back), nodes(&before));
@@ -88,14 +88,13 @@ fn wires_into_missing_ports_are_removed() {
         let wires = graph.wires.iter().filter(|w| w.to.node == "phase");
         wires.map(|w| (w.from.port.clone(), w.to.port.clone())).collect::<Vec<_>>()
     };
-    let mut other = graph.clone();
-    let value = ron::parse(&Source::new("k.ron", r#"(kind: "sample_commit")"#)).unwrap();
-    replace(&mut other, "phase", &value, &registry).unwrap();
-    assert_eq!(into(&other), [(None, Some("magnitude".to_owned()))]);
-    let mut same = graph.clone();
-    let value = ron::parse(&Source::new("k.ron", r#"(kind: "shaped_noise", params: (seed: 7))"#)).unwrap();
-    replace(&mut same, "phase", &value, &registry).unwrap();
-    assert_eq!(into(&same).len(), 3);
+    let replaced = |node: &str| {
+        let mut graph = graph.clone();
+        replace(&mut graph, "phase", &ron::parse(&Source::new("k.ron", node)).unwrap(), &registry).unwrap();
+        into(&graph)
+    };
+    assert_eq!(replaced(r#"(kind: "sample_commit")"#), [(None, Some("magnitude".to_owned()))]);
+    assert_eq!(replaced(r#"(kind: "shaped_noise", params: (seed: 7))"#).len(), 3);
 }
 
 #[test]
@@ -132,8 +131,7 @@ fn parameters_rates_and_guards_are_set() {
 
 #[test]
 fn nearest_knob_is_suggested() {
-    let registry = registry();
-    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    let (registry, graph) = (registry(), graph());
     for (text, want) in [
         ("phase.framez", "`phase.frames`"),
         ("phas.frames", "`phase.frames`"),
@@ -152,8 +150,7 @@ fn nearest_knob_is_suggested() {
 
 #[test]
 fn invalid_knobs_and_values_are_refused() {
-    let registry = registry();
-    let graph = GraphFile::parse(&Source::new("g.ron", GRAPH)).unwrap();
+    let (registry, graph) = (registry(), graph());
     for text in ["", ".", "a.", ".b"] {
         assert!(knob(text).is_err(), "{text}");
     }

@@ -1,32 +1,15 @@
 //! Names and reasons as Markdown, short enough for a table.
 
-use std::collections::BTreeSet;
-
-use crate::results::{Results, Row};
+use crate::results::Row;
 
 /// Most characters of a name in a table.
 const NAME: usize = 72;
 /// Most characters of a reason in a table: results.json has all of it.
 const REASON: usize = 200;
 
-impl Results {
-    /// Name of a setting in a table. A knob loses its node where no other node has a knob of that name.
-    pub(crate) fn named(&self, row: &Row) -> String {
-        let knobs: BTreeSet<&str> =
-            self.rows.iter().flat_map(|r| &r.turned).map(|(k, _)| k.as_str()).collect();
-        let param = |knob: &str| knob.split_once('.').map(|(_, param)| param.to_owned());
-        let mut name = row.name.clone();
-        for (knob, value) in &row.turned {
-            let Some(short) = param(knob).filter(|_| !knob.starts_with("*.")) else { continue };
-            let alike = knobs
-                .iter()
-                .filter(|k| !k.starts_with("*.") && param(k).as_deref().unwrap_or(k) == short.as_str());
-            if alike.count() == 1 {
-                name = name.replacen(&format!("{knob}={value}"), &format!("{short}={value}"), 1);
-            }
-        }
-        code(&cut(&name, NAME))
-    }
+/// Name of a setting in a table.
+pub(crate) fn named(row: &Row) -> String {
+    code(&cut(&row.name, NAME))
 }
 
 /// A table. Every line needs as many cells as there are titles.
@@ -84,36 +67,6 @@ pub(crate) fn message(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{results, row};
-
-    #[test]
-    fn knobs_lose_their_nodes_where_the_name_is_unique() {
-        type Knobs<'a> = &'a [(&'a str, &'a str)];
-        let cases: [(&str, Knobs, &str); 5] = [
-            (
-                "g.ron: texture.precision=f16 phase.frames=2",
-                &[("texture.precision", "f16"), ("phase.frames", "2")],
-                "`g.ron: precision=f16 frames=2`",
-            ),
-            ("*.precision=f64", &[("*.precision", "f64")], "`*.precision=f64`"),
-            ("a.gain=1 b.gain=2", &[("a.gain", "1"), ("b.gain", "2")], "`a.gain=1 b.gain=2`"),
-            ("phase=spsi", &[("phase", "spsi")], "`phase=spsi`"),
-            // A node of that name is turned, too.
-            ("rate.phase=minimum", &[("rate.phase", "minimum")], "`rate.phase=minimum`"),
-        ];
-        let all = results(
-            cases
-                .iter()
-                .map(|(name, knobs, _)| {
-                    let turned = knobs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
-                    Row { turned, ..row(name) }
-                })
-                .collect(),
-        );
-        for (row, (.., want)) in all.rows.iter().zip(cases) {
-            assert_eq!(all.named(row), want);
-        }
-    }
 
     #[test]
     fn names_are_escaped_in_markdown() {

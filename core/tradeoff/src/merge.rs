@@ -30,12 +30,10 @@ impl Results {
         let mut known: BTreeSet<String> = merged.rows.iter().map(|r| r.key.clone()).collect();
         for (name, shard) in shards {
             if shard.digest != merged.digest || shard.default_row().map(|r| r.key.clone()) != default {
-                let what = format!(
-                    "these results are of another trade-off than {first}, or measured in another way"
-                );
-                return Err(wrong(&name, what).help(
-                    "merge shards of one trade-off, run with the same file, graphs, seed and options",
-                ));
+                let how = "or measured in another way";
+                let what = format!("these results are of another trade-off than {first}, {how}");
+                let help = "merge shards of one trade-off, run with the same file, graphs, seed and options";
+                return Err(wrong(&name, what).help(help));
             }
             if let Some((number, of)) = shard.shards.iter().find(|s| merged.shards.contains(s)) {
                 return Err(wrong(&name, format!("shard {number} of {of} is given twice")));
@@ -50,22 +48,23 @@ impl Results {
                     merged.rows.push(row);
                 }
             }
-            for machine in shard.machines {
-                if !merged.machines.contains(&machine) {
-                    merged.machines.push(machine);
-                }
-            }
-            for note in shard.notes {
-                if !merged.notes.contains(&note) {
-                    merged.notes.push(note);
-                }
-            }
+            add_new(&mut merged.machines, shard.machines);
+            add_new(&mut merged.notes, shard.notes);
             merged.shards.extend(shard.shards);
             merged.unfinished += shard.unfinished;
         }
         merged.shards.sort_unstable();
         noise::find_floors(&mut merged);
         Ok(merged)
+    }
+}
+
+/// Adds what is not there yet.
+fn add_new<T: PartialEq>(to: &mut Vec<T>, more: Vec<T>) {
+    for item in more {
+        if !to.contains(&item) {
+            to.push(item);
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use asperity_scene::space::{Form, Surface};
 use asperity_scene::{Scene, Touchable};
 
 use crate::chain::Path3;
-use crate::file::{Tradeoff, beside};
+use crate::file::Tradeoff;
 use crate::setting::LoadedGraph;
 use crate::stroke::Stroke;
 
@@ -45,9 +45,6 @@ pub(crate) struct Patch {
 
 impl Patch {
     /// The patch in the scene that a graph reads; none where it reads no scene.
-    ///
-    /// # Errors
-    /// A scene that cannot be read, or without a patch.
     pub(crate) fn of(graph: &GraphFile, registry: &Registry) -> Result<Option<Self>, Diagnostic> {
         let reads = |kind: &str| {
             matches!(crate::knob::has(registry, kind, "scene"), Some(ParamKind::File))
@@ -55,7 +52,7 @@ impl Patch {
         };
         let Some(contact) = graph.nodes.iter().find(|n| reads(&n.kind)) else { return Ok(None) };
         let Some(setting) = contact.params.iter().find(|p| p.name == "scene") else { return Ok(None) };
-        let scene = Scene::read(beside(&setting.value)?)?;
+        let scene = Scene::read(setting.value.path()?)?;
         let found = scene.surfaces.iter().find_map(|s| Self::on(s, &scene));
         found.map(Some).ok_or_else(|| {
             Diagnostic::new(format!(
@@ -131,29 +128,23 @@ pub(crate) fn place_stroke(patch: Option<&Patch>, stroke: &Stroke) -> Path3 {
 /// A path along x over the floor. On a patch it becomes a circle, at the same speed.
 pub(crate) fn along(patch: Option<&Patch>, path: Path3) -> Path3 {
     let Some(patch) = patch else { return path };
-    let radius = patch.radius_mm();
-    let round = move |t: f64| {
-        let [x, _, z] = path(t);
-        let (sin, cos) = (x / radius).sin_cos();
-        [radius * cos, radius * sin, z]
-    };
-    patch.path(Arc::new(round), [0.0; 2])
+    patch.path(round(path, patch.radius_mm()), [0.0; 2])
 }
 
 /// A circle at 80 mm/s and 1 N, which never stops: no node sleeps.
-///
-/// # Errors
-/// Those of [`Patch::of`].
 pub(crate) fn circle(graph: &GraphFile, registry: &Registry) -> Result<Path3, Diagnostic> {
     let patch = Patch::of(graph, registry)?;
     let radius = patch.as_ref().map_or(RADIUS_MM, Patch::radius_mm);
-    let path: Path3 = Arc::new(move |t| {
-        let (sin, cos) = (t * ROUND_MM_S / radius).sin_cos();
-        [radius * cos, radius * sin, -2.0]
-    });
-    Ok(match patch {
-        None => path,
-        Some(patch) => patch.path(path, [0.0; 2]),
+    let path = round(Arc::new(|t| [t * ROUND_MM_S, 0.0, -2.0]), radius);
+    Ok(patch.map_or(path.clone(), |patch| patch.path(path, [0.0; 2])))
+}
+
+/// A path along x, bent to a circle.
+fn round(path: Path3, radius: f64) -> Path3 {
+    Arc::new(move |t| {
+        let [x, _, z] = path(t);
+        let (sin, cos) = (x / radius).sin_cos();
+        [radius * cos, radius * sin, z]
     })
 }
 
@@ -172,9 +163,6 @@ fn bounds(stroke: &Stroke) -> [[f64; 2]; 2] {
 }
 
 /// Opens the strokes. Synthetic ones are shrunk to fit on the patches of all graphs, with a note.
-///
-/// # Errors
-/// A file that cannot be read, or needs more room than a patch has; those of [`Patch::of`].
 pub(crate) fn strokes<'b>(
     tradeoff: &Tradeoff,
     graphs: impl Iterator<Item = &'b LoadedGraph>,
@@ -199,7 +187,7 @@ pub(crate) fn strokes<'b>(
                     "`{}` is {:.0} by {:.0} mm, and `{}` has room for {x:.0} by {y:.0}",
                     stroke.name, size[0], size[1], patch.name
                 ))
-                .at(&decl.place.source, decl.place.span)
+                .at_place(&decl.place)
                 .help("a stroke of a `shape` is shrunk to fit"));
             };
             let (smaller, large) = smaller?;

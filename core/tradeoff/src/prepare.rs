@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use asperity_checks::Case;
-use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::{Diagnostic, Place};
 
 use crate::chain::{check_materials, is_network};
 use crate::digest;
@@ -38,7 +38,7 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
+    pub(crate) fn graphs(&self) -> impl Iterator<Item = &LoadedGraph> {
         self.bases.iter().chain(self.baselines)
     }
 
@@ -47,13 +47,18 @@ impl Job<'_> {
         self.bases.get(setting.base).or_else(|| self.baselines.iter().find(|b| b.name == setting.name))
     }
 
-    /// Materials of the trade-off and of its recordings; none where no graph has a network.
-    fn materials(&self, notes: &mut Vec<String>) -> Vec<Option<String>> {
+    /// Materials that the trade-off and its recordings name.
+    fn named(&self) -> impl Iterator<Item = &(String, Place)> + Clone {
         let recorded = self.tradeoff.strokes.iter().filter_map(|s| s.material.as_ref());
+        self.tradeoff.materials.iter().chain(recorded)
+    }
+
+    /// Materials, each once; none where no graph has a network.
+    fn materials(&self, notes: &mut Vec<String>) -> Vec<Option<String>> {
         let mut names: Vec<Option<String>> = Vec::new();
-        for (name, _) in self.tradeoff.materials.iter().chain(recorded) {
-            if !names.contains(&Some(name.clone())) {
-                names.push(Some(name.clone()));
+        for name in self.named().map(|(name, _)| Some(name.clone())) {
+            if !names.contains(&name) {
+                names.push(name);
             }
         }
         let has_network = |b: &LoadedGraph| b.graph.nodes.iter().any(|n| is_network(&b.registry, &n.kind));
@@ -93,10 +98,8 @@ impl<'a> Prepared<'a> {
     /// fit.
     pub fn new(job: &'a Job<'a>) -> Result<Self, Diagnostic> {
         let tradeoff = job.tradeoff;
-        let recorded = tradeoff.strokes.iter().filter_map(|s| s.material.as_ref());
         for graph in job.graphs() {
-            let materials = tradeoff.materials.iter().chain(recorded.clone());
-            check_materials(&graph.graph, &graph.registry, materials)?;
+            check_materials(&graph.graph, &graph.registry, job.named())?;
         }
         let Settings { all, left_out, .. } = Settings::new(tradeoff, job.bases, job.baselines)?;
         let mut notes: Vec<String> =

@@ -1,10 +1,8 @@
 //! Results as a page to read in two minutes.
 
-use std::fmt::Write as _;
-
 use crate::choose::Budget;
 use crate::figure::Figure;
-use crate::markdown::{code, message, plain, reason, table};
+use crate::markdown::{code, message, named, plain, reason, table};
 use crate::results::{Results, Row};
 
 /// Budgets of the report, in microseconds a tick; none for any.
@@ -22,25 +20,26 @@ const SHOWN: [Figure; 6] = [
     Figure::Bands,
 ];
 const FIRST: usize = 4;
-/// Most lines of a table.
+/// Most settings of a grid, most reasons, and most names of a reason.
 const MOST_LINES: usize = 8;
 
 impl Results {
     /// The report, in Markdown. Pictures are named by [`picture_name`](Self::picture_name).
     pub fn report(&self) -> String {
-        let mut out = String::from("# What accuracy costs in time\n\n");
-        self.head(&mut out);
-        self.budgets(&mut out);
-        self.steps(&mut out);
-        self.baselines(&mut out);
-        self.limits(&mut out);
-        self.knobs(&mut out);
-        self.unsound(&mut out);
-        self.method(&mut out);
-        out
+        let sections = [
+            self.head(),
+            self.budgets(),
+            self.steps(),
+            self.baselines(),
+            self.limits(),
+            self.knobs(),
+            self.unsound(),
+            self.method(),
+        ];
+        sections.concat()
     }
 
-    fn head(&self, out: &mut String) {
+    fn head(&self) -> String {
         let of = |n: usize, one: &str, more: &str| {
             if n == 1 { format!("one {one}") } else { format!("{n} {more}") }
         };
@@ -48,40 +47,36 @@ impl Results {
             [] => "its own surfaces".to_owned(),
             some => of(some.len(), "material", "materials"),
         };
-        let sound = self.rows.iter().filter(|r| r.sound()).count();
-        let cases = if self.cases > 0 { "pass every hard case" } else { "were not put to hard cases" };
-        let _ = writeln!(
-            out,
-            "{} of {}, each over {} and {materials}. {sound} of them may be chosen: they ran and {cases}.\n",
+        let mut out = format!(
+            "# What accuracy costs in time\n\n{} of {}, each over {} and {materials}. {} of them may be \
+             chosen: they ran and {}.\n\n",
             of(self.rows.len(), "setting", "settings"),
             code(&self.tradeoff),
             of(self.strokes.len(), "stroke", "strokes"),
+            self.rows.iter().filter(|r| r.sound()).count(),
+            if self.cases > 0 { "pass every hard case" } else { "were not put to hard cases" },
         );
         if self.unfinished > 0 {
-            let _ = writeln!(
-                out,
-                "**{} not finished:** the run was stopped.\n",
-                of(self.unfinished, "setting is", "settings are")
-            );
+            let left = of(self.unfinished, "setting is", "settings are");
+            out += &format!("**{left} not finished:** the run was stopped.\n\n");
         }
         let missing: Vec<String> = self.missing_shards().iter().map(usize::to_string).collect();
         if !missing.is_empty() {
-            let of = self.shards.first().map_or(1, |s| s.1);
-            let _ =
-                writeln!(out, "**Missing shards: {} of {of}**, with their settings.\n", missing.join(", "));
+            let (of, missing) = (self.shards.first().map_or(1, |s| s.1), missing.join(", "));
+            out += &format!("**Missing shards: {missing} of {of}**, with their settings.\n\n");
         }
         let first = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence, Figure::Level];
         if let Some(figure) = first.into_iter().find(|f| !self.pareto_front(*f).is_empty()) {
-            let _ = writeln!(
-                out,
+            out += &format!(
                 "![{}]({})\n\nAll pictures, over time: {}.\nOver lag: {}.\n\
-                 docs/accuracy.md explains the figures.\n",
+                 docs/accuracy.md explains the figures.\n\n",
                 figure.title(),
                 Self::picture_name(figure, "time"),
                 self.links("time", Row::load),
                 self.links("lag", Row::lag50),
             );
         }
+        out
     }
 
     /// Links to the pictures that are drawn.
@@ -97,130 +92,92 @@ impl Results {
         SHOWN.into_iter().filter(|f| self.knows(*f)).take(FIRST).collect()
     }
 
-    fn budgets(&self, out: &mut String) {
+    fn budgets(&self) -> String {
         let shown = self.shown();
-        /// The same choice under neighbouring budgets, and under several lags.
-        struct Line {
-            budgets: Vec<Option<f64>>,
-            lags: Vec<Option<f64>>,
-            cells: Vec<String>,
+        let mut lines: Vec<Vec<String>> = Vec::new();
+        for (lag_ms, tick_us) in LAGS_MS.into_iter().flat_map(|lag| BUDGETS_US.map(|us| (lag, us))) {
+            let choice = self.choose(&Budget { tick_us, lag_ms, ..Budget::default() });
+            let Some((row, time)) = choice.and_then(|c| Some((c.row, c.row.time?))) else { continue };
+            let limit = |most: Option<f64>| most.map_or("any".to_owned(), |most| most.to_string());
+            let mut line = vec![
+                limit(tick_us),
+                limit(lag_ms),
+                named(row),
+                format!("{:.2}", time.load_percent),
+                format!("{:.1} / {:.1}", time.p50_us, time.p999_us),
+                format!("{:.1}", time.stall_us),
+                ms(row.lag50()),
+            ];
+            line.extend(shown.iter().map(|f| f.shown(row.figure(*f))));
+            lines.push(line);
         }
-        let mut merged: Vec<Line> = Vec::new();
-        for lag_ms in LAGS_MS {
-            let mut lines: Vec<Line> = Vec::new();
-            for tick_us in BUDGETS_US {
-                let choice = self.choose(&Budget { tick_us, lag_ms, ..Budget::default() });
-                let Some((row, time)) = choice.and_then(|c| Some((c.row, c.row.time?))) else { continue };
-                let mut cells = vec![
-                    self.named(row),
-                    format!("{:.2}", time.load_percent),
-                    format!("{:.1} / {:.1}", time.p50_us, time.p999_us),
-                    format!("{:.1}", time.stall_us),
-                    ms(row.lag50()),
-                ];
-                cells.extend(shown.iter().map(|f| f.shown(row.figure(*f))));
-                match lines.last_mut().filter(|l| l.cells == cells) {
-                    Some(there) => there.budgets.push(tick_us),
-                    None => lines.push(Line { budgets: vec![tick_us], lags: vec![lag_ms], cells }),
-                }
-            }
-            for line in lines {
-                match merged.iter_mut().find(|l| l.budgets == line.budgets && l.cells == line.cells) {
-                    Some(there) => there.lags.extend(line.lags),
-                    None => merged.push(line),
-                }
-            }
+        if lines.is_empty() {
+            return String::new();
         }
-        if merged.is_empty() {
-            return;
-        }
-        *out += "## Which setting for which budget\n\n";
-        *out += &match self.usual().into_iter().map(Figure::name).collect::<Vec<_>>().as_slice() {
-            [] => "No figure is known: the setting with the lowest load.\n\n".to_owned(),
+        let by: Vec<&str> = self.usual().into_iter().map(Figure::name).collect();
+        let by = match by.as_slice() {
+            [] => "No figure is known: the setting with the lowest load.".to_owned(),
             some => format!(
                 "The best by {}.\nOf the settings that tie within noise, the one with the lowest load.\n\
                  Settings 6 dB worse than the best in spectrum, bands or level are left out, \
-                 and settings 2.7 dB worse in modulation.\n\n",
+                 and settings 2.7 dB worse in modulation.",
                 some.join(", then ")
             ),
         };
         let mut titles = words("us a tick; longest lag, ms; setting; load %; p50 / p99.9 us");
         titles.extend(words("stalls in p99.9, us; lag, ms"));
         titles.extend(shown.iter().map(|f| f.with_unit()));
-        *out += &table(
-            &titles,
-            merged.into_iter().map(|Line { budgets, lags, cells }| {
-                let lag = |lag: &Option<f64>| lag.map_or("any".to_owned(), |ms| format!("{ms}"));
-                let lags: Vec<String> = lags.iter().map(lag).collect();
-                [range(&budgets), lags.join(", ")].into_iter().chain(cells).collect()
-            }),
-        );
+        format!("## Which setting for which budget\n\n{by}\n\n{}", table(&titles, lines))
     }
 
-    fn steps(&self, out: &mut String) {
+    fn steps(&self) -> String {
         let physics = [Figure::Perceptual, Figure::Modulation, Figure::Spectrum];
-        let mut figures: Vec<Figure> =
-            physics.into_iter().filter(|f| !self.pareto_front(*f).is_empty()).collect();
+        let known = |f: &Figure| !self.pareto_front(*f).is_empty();
+        let mut figures: Vec<Figure> = physics.into_iter().filter(known).collect();
         if figures.is_empty() {
-            figures.push(Figure::Convergence);
+            figures.extend([Figure::Convergence].into_iter().filter(known));
         }
-        if figures.iter().all(|f| self.pareto_front(*f).is_empty()) {
-            return;
-        }
-        *out += "## The Pareto front, step by step\n\n\
-                 From the lowest load on. Each step is better by more than noise.\n\n";
+        let mut out = String::new();
         for figure in figures {
             let digits = figure.decimals();
             let mut before: Option<(f64, f64)> = None;
-            let lines = self.front_rows(figure).into_iter().filter_map(|row| {
+            let lines = self.pareto_front(figure).into_iter().filter_map(|i| {
+                let row = &self.rows[i];
                 let (x, load) = (row.figure(figure)?, row.load()?);
                 let (gain, cost) = before.map_or(("".into(), "".into()), |(y, before)| {
                     (format!("{:+.digits$}", x - y), format!("x {:.2}", load / before.max(1e-12)))
                 });
                 before = Some((x, load));
                 let load = format!("{load:.2}");
-                Some(vec![figure.shown(Some(x)), gain, load, cost, ms(row.lag50()), self.named(row)])
+                Some(vec![figure.shown(Some(x)), gain, load, cost, ms(row.lag50()), named(row)])
             });
             let mut titles = vec![figure.with_unit().replace(' ', ", ")];
             titles.extend(words("gain; load %; cost; lag, ms; setting"));
-            *out += &table(&titles, lines.collect::<Vec<_>>());
+            out += &table(&titles, lines.collect::<Vec<_>>());
         }
+        let how = "From the lowest load on. Each step is better by more than noise.";
+        titled(&format!("The Pareto front, step by step\n\n{how}"), out)
     }
 
-    /// Rows on the Pareto front of a figure. Of very many, those with the smallest gain are left out.
-    fn front_rows(&self, figure: Figure) -> Vec<&Row> {
-        let mut rows: Vec<&Row> = self.pareto_front(figure).into_iter().map(|i| &self.rows[i]).collect();
-        let value = |row: &Row| row.figure(figure).unwrap_or(0.0);
-        while rows.len() > MOST_LINES {
-            let gains =
-                rows.windows(2).enumerate().map(|(i, p)| (i + 1, figure.gain(value(p[1]), value(p[0]))));
-            // The last stays: it is the best of all.
-            let least = gains.take(rows.len() - 2).min_by(|a, b| a.1.total_cmp(&b.1));
-            rows.remove(least.map_or(1, |(i, _)| i));
-        }
-        rows
-    }
-
-    fn baselines(&self, out: &mut String) {
+    fn baselines(&self) -> String {
         if !self.rows.iter().any(|row| row.baseline) {
-            return;
+            return String::new();
         }
         let known = |f: &Figure| self.rows.iter().any(|r| r.baseline && r.figure(*f).is_some());
         let figures: Vec<Figure> = Figure::all().filter(known).collect();
-        *out += "## Baselines\n\nOther graphs, over the same strokes and materials.\n\n";
         let mut titles = words("graph; load %; lag, ms");
         titles.extend(figures.iter().map(|f| f.with_unit()));
-        let rows = self.rows.iter().filter(|row| row.default || row.baseline);
         let line = |row: &Row| {
             let load = row.load().map_or("-".into(), |load| format!("{load:.2}"));
-            let cells = [self.named(row), load, ms(row.lag50())];
+            let cells = [named(row), load, ms(row.lag50())];
             cells.into_iter().chain(figures.iter().map(|f| f.shown(row.figure(*f)))).collect()
         };
-        *out += &table(&titles, rows.map(line).collect::<Vec<_>>());
+        let rows = self.rows.iter().filter(|row| row.default || row.baseline).map(line);
+        titled("Baselines\n\nOther graphs, over the same strokes and materials.", table(&titles, rows))
     }
 
-    fn limits(&self, out: &mut String) {
-        let Some(default) = self.default_row() else { return };
+    fn limits(&self) -> String {
+        let Some(default) = self.default_row() else { return String::new() };
         let lines = self.model.iter().filter_map(|(&figure, &reference)| {
             let (now, (best, value)) = (default.figure(figure)?, self.best(figure)?);
             let left = figure.gain(reference, value);
@@ -231,27 +188,24 @@ impl Results {
             } else {
                 "nothing beyond noise".into()
             };
-            let best = format!("{} ({})", figure.shown(Some(value)), self.named(best));
-            Some(vec![
-                figure.name().into(),
-                figure.shown(Some(reference)),
-                figure.shown(Some(now)),
-                best,
-                left,
-            ])
+            let best = format!("{} ({})", figure.shown(Some(value)), named(best));
+            let [reference, now] = [reference, now].map(|x| figure.shown(Some(x)));
+            Some(vec![figure.name().into(), reference, now, best, left])
         });
         let lines: Vec<Vec<String>> = lines.collect();
         if lines.is_empty() {
-            return;
+            return String::new();
         }
-        *out += "## Where the model is the limit\n\n\
-                 The reference: figures of the network's own magnitudes, under the default.\n\
-                 Nodes behind the network can pass it, by correcting its errors.\n\
-                 Where nothing is left to gain, a better network is likely to help; \
-                 phase retrieval and actuator model are not.\n\n";
         let titles =
             words("figure; the network's magnitudes; the default; the best setting; left to gain behind it");
-        *out += &table(&titles, lines);
+        titled(
+            "Where the model is the limit\n\n\
+             The reference: figures of the network's own magnitudes, under the default.\n\
+             Nodes behind the network can pass it, by correcting its errors.\n\
+             Where nothing is left to gain, a better network is likely to help; \
+             phase retrieval and actuator model are not.",
+            table(&titles, lines),
+        )
     }
 
     /// The sound row that is best in a figure.
@@ -260,105 +214,67 @@ impl Results {
         known.reduce(|a, b| if figure.gain(b.1, a.1) > 0.0 { b } else { a })
     }
 
-    fn knobs(&self, out: &mut String) {
-        let mut grids: Vec<&str> = Vec::new();
+    /// Settings by grid, those with a difference first.
+    fn knobs(&self) -> String {
+        let mut grids: Vec<&String> = Vec::new();
         for grid in self.rows.iter().flat_map(|r| &r.grids) {
-            if !grids.contains(&grid.as_str()) {
+            if !grids.contains(&grid) {
                 grids.push(grid);
             }
         }
-        if grids.is_empty() {
-            return;
+        let mut titles = words("setting; load; lag, ms");
+        titles.extend(self.shown().into_iter().map(Figure::with_unit));
+        let mut out = String::new();
+        for grid in grids {
+            let rows = self.rows.iter().filter(|r| !r.default && r.grids.contains(grid));
+            let mut lines: Vec<Vec<String>> = rows.map(|row| self.compared(row)).collect();
+            lines.sort_by_key(|cells| cells[1..].iter().all(|c| c == "=" || c == "-"));
+            if lines.is_empty() {
+                continue;
+            }
+            let more = lines.len().saturating_sub(MOST_LINES);
+            lines.truncate(MOST_LINES);
+            out += &format!("### {}\n\n{}", plain(grid), table(&titles, lines));
+            if more > 0 {
+                out += &format!("{more} more are in results.csv.\n\n");
+            }
         }
         let default = match self.default_row() {
             Some(row) if self.rows.iter().filter(|r| r.default).count() > 1 => {
-                format!("the first graph's default, {}, also for settings of other graphs", self.named(row))
+                format!("the first graph's default, {}, also for settings of other graphs", named(row))
             }
             _ => "the default".to_owned(),
         };
-        let _ = writeln!(
-            out,
-            "## Knob by knob\n\nCompared with {default}. The load is a ratio. `=`: equal within noise.\n\
-             Columns without a difference are left out; results.csv has all figures.\n"
-        );
-        let unchanged = |cells: &[String]| cells.iter().all(|c| c == "=" || c == "-");
-        let mut alike = Vec::new();
-        for grid in grids {
-            let of = self.rows.iter().filter(|r| !r.default && r.grids.iter().any(|g| g == grid));
-            let lines: Vec<(&Row, Vec<String>)> = of.map(|r| (r, self.cells(r))).collect();
-            let (same, mut differing): (Vec<_>, Vec<_>) =
-                lines.into_iter().partition(|(_, cells)| unchanged(cells));
-            let same: Vec<String> = same.iter().map(|(r, _)| self.named(r)).collect();
-            if differing.is_empty() {
-                if !same.is_empty() {
-                    alike.push(format!("{} ({})", plain(grid), first_of(&same)));
-                }
-                continue;
-            }
-            let all = differing.len();
-            if all > MOST_LINES {
-                let front: Vec<usize> = self.shown().into_iter().flat_map(|f| self.pareto_front(f)).collect();
-                let keys: Vec<&str> = front.iter().map(|i| self.rows[*i].key.as_str()).collect();
-                differing.sort_by_key(|(r, _)| !keys.contains(&r.key.as_str()));
-                differing.truncate(MOST_LINES);
-            }
-            let mut titles = words("load; lag, ms");
-            titles.extend(self.shown().into_iter().map(Figure::with_unit));
-            let columns: Vec<usize> = (0..titles.len())
-                .filter(|c| differing.iter().any(|(_, cells)| cells[*c] != "=" && cells[*c] != "-"))
-                .collect();
-            let line = |name: String, cells: &[String]| -> Vec<String> {
-                std::iter::once(name).chain(columns.iter().map(|c| cells[*c].clone())).collect()
-            };
-            let lines = differing.iter().map(|(row, cells)| line(self.named(row), cells));
-            let _ = writeln!(out, "### {}\n", plain(grid));
-            *out += &table(&line("setting".into(), &titles), lines.collect::<Vec<_>>());
-            if all > differing.len() {
-                let _ = writeln!(out, "{} more are in results.csv.\n", all - differing.len());
-            }
-            if !same.is_empty() {
-                let _ = writeln!(out, "Equal within noise: {}.\n", first_of(&same));
-            }
-        }
-        if !alike.is_empty() {
-            let _ = writeln!(out, "All equal within noise: {}.\n", alike.join("; "));
-        }
+        let head =
+            format!("Knob by knob\n\nCompared with {default}. The load is a ratio. `=`: equal within noise.");
+        titled(&head, out)
     }
 
-    /// Load, lag and figures of a row, compared with the default's.
-    fn cells(&self, row: &Row) -> Vec<String> {
-        let mut cells = vec![self.load_ratio(row), self.lag_difference(row)];
+    /// Name, load, lag and figures of a row, compared with the default's.
+    fn compared(&self, row: &Row) -> Vec<String> {
         let default = self.default_row();
-        cells.extend(self.shown().into_iter().map(|f| {
-            match (row.figure(f), default.and_then(|d| d.figure(f))) {
-                (Some(a), Some(b)) if !self.differ(f, a, b) => "=".into(),
-                (a, _) => f.shown(a),
-            }
-        }));
-        cells
-    }
-
-    fn load_ratio(&self, row: &Row) -> String {
-        let default = self.default_row().and_then(Row::load);
-        match (row.load(), default.filter(|d| *d > 0.0)) {
+        let load = match (row.load(), default.and_then(Row::load)) {
             _ if row.error.is_some() => "does not run".into(),
-            (Some(load), Some(default)) => {
-                let (ratio, floor) = (load / default, self.load_noise_floor.unwrap_or(1.0));
-                if row.default || ratio.max(1.0 / ratio) > floor { format!("{ratio:.2}") } else { "=".into() }
+            (Some(a), Some(b)) => {
+                let (ratio, floor) = (a / b.max(1e-12), self.load_noise_floor.unwrap_or(1.0));
+                if ratio.max(1.0 / ratio) > floor { format!("{ratio:.2}") } else { "=".into() }
             }
             _ => "-".into(),
-        }
-    }
-
-    fn lag_difference(&self, row: &Row) -> String {
-        let default = self.default_row().and_then(Row::lag50);
-        match (row.lag50(), default, self.lag_noise_floor_ms) {
-            (Some(a), Some(b), Some(floor)) if !row.default && (a - b).abs() <= floor => "=".into(),
+        };
+        let lag = match (row.lag50(), default.and_then(Row::lag50), self.lag_noise_floor_ms) {
+            (Some(a), Some(b), Some(floor)) if (a - b).abs() <= floor => "=".into(),
             (lag, ..) => ms(lag),
-        }
+        };
+        let figures = self.shown().into_iter().map(|figure| {
+            match (row.figure(figure), default.and_then(|d| d.figure(figure))) {
+                (Some(a), Some(b)) if !self.differ(figure, a, b) => "=".into(),
+                (x, _) => figure.shown(x),
+            }
+        });
+        [named(row), load, lag].into_iter().chain(figures).collect()
     }
 
-    fn unsound(&self, out: &mut String) {
+    fn unsound(&self) -> String {
         // Settings with the same reason share a line.
         let mut lines: Vec<(String, Vec<String>)> = Vec::new();
         for row in self.rows.iter().filter(|r| !r.sound()) {
@@ -372,52 +288,46 @@ impl Results {
             }
             let why = reason(&why.join("; "));
             match lines.iter_mut().find(|(there, _)| *there == why) {
-                Some((_, names)) => names.push(self.named(row)),
-                None => lines.push((why, vec![self.named(row)])),
+                Some((_, names)) => names.push(named(row)),
+                None => lines.push((why, vec![named(row)])),
             }
         }
         if lines.is_empty() {
-            return;
+            return String::new();
         }
-        *out += "## What cannot be chosen\n\n";
         let more = lines.len().saturating_sub(MOST_LINES);
         let mut cells: Vec<Vec<String>> =
             lines.iter().take(MOST_LINES).map(|(why, names)| vec![first_of(names), message(why)]).collect();
         if more > 0 {
             cells.push(vec![format!("{more} more, in results.csv"), String::new()]);
         }
-        *out += &table(&words("setting; why"), cells);
+        titled("What cannot be chosen", table(&words("setting; why"), cells))
     }
 
-    fn method(&self, out: &mut String) {
-        *out += "## How it was measured\n\n";
-        for note in &self.notes {
-            let _ = writeln!(out, "- {}", message(note));
-        }
+    fn method(&self) -> String {
+        let mut lines: Vec<String> = self.notes.iter().map(|note| message(note)).collect();
         for m in &self.machines {
             let (cpu, system, build) = (plain(&m.cpu), plain(&m.system), plain(&m.build));
-            let _ = writeln!(out, "- {cpu}, {} cores, {system}; {build}", m.cores);
+            lines.push(format!("{cpu}, {} cores, {system}; {build}", m.cores));
         }
         let materials = match self.materials.as_slice() {
             [] => "the graph's own".into(),
             some => plain(&some.join(", ")),
         };
         let strokes = plain(&self.strokes.join(", "));
-        let _ = writeln!(out, "- seed {}; strokes: {strokes}; materials: {materials}", self.seed);
-        if let Some(t) = self.idle {
-            let _ = writeln!(
-                out,
-                "- idle ticks, which spin for the default's median of {:.1} us: p99.9 {:.1} us, \
-                 maximum {:.0} us. \
-                 The machine's stalls are in every p99.9 here; a budget leaves them out",
+        lines.push(format!("seed {}; strokes: {strokes}; materials: {materials}", self.seed));
+        lines.extend(self.idle.map(|t| {
+            format!(
+                "idle ticks, which spin for the default's median of {:.1} us: p99.9 {:.1} us, maximum \
+                 {:.0} us. The machine's stalls are in every p99.9 here; a budget leaves them out",
                 t.p50_us, t.p999_us, t.max_us
-            );
-        }
+            )
+        }));
         let times = || self.rows.iter().filter_map(|r| r.time);
         let (misses, ticks) = (times().map(|t| t.misses).sum::<u64>(), times().map(|t| t.ticks).sum::<u64>());
-        let _ = writeln!(out, "- deadline misses: {misses} of {ticks} timed ticks");
+        lines.push(format!("deadline misses: {misses} of {ticks} timed ticks"));
         if self.shards.len() > 1 {
-            let _ = writeln!(out, "- {} shards; times are scaled by their defaults", self.shards.len());
+            lines.push(format!("{} shards; times are scaled by their defaults", self.shards.len()));
         }
         let floor = |(f, x): (&Figure, &f64)| {
             format!("{} {x:.*} {}", f.name(), f.decimals() + 1, f.unit()).trim_end().to_owned()
@@ -426,13 +336,17 @@ impl Results {
         if !floors.is_empty() {
             floors.extend(self.lag_noise_floor_ms.map(|ms| format!("lag {ms:.1} ms")));
             floors.extend(self.load_noise_floor.map(|r| format!("load {:.0} %", (r - 1.0) * 100.0)));
-            let _ = writeln!(
-                out,
-                "- noise floor (95 % of the differences between draws of one setting): {}",
-                floors.join(", ")
-            );
+            let what = "noise floor (95 % of the differences between draws of one setting)";
+            lines.push(format!("{what}: {}", floors.join(", ")));
         }
+        let lines: String = lines.into_iter().map(|line| format!("- {line}\n")).collect();
+        titled("How it was measured", lines)
     }
+}
+
+/// A section; nothing without a body.
+fn titled(title: &str, body: String) -> String {
+    if body.is_empty() { body } else { format!("## {title}\n\n{body}") }
 }
 
 fn ms(lag: Option<f64>) -> String {
@@ -442,16 +356,6 @@ fn ms(lag: Option<f64>) -> String {
 /// Titles from one text.
 fn words(titles: &str) -> Vec<String> {
     titles.split("; ").map(str::to_owned).collect()
-}
-
-/// Neighbouring budgets as a range.
-fn range(budgets: &[Option<f64>]) -> String {
-    match (budgets.first().copied().flatten(), budgets.last().copied().flatten()) {
-        (None, _) => "any".into(),
-        (Some(first), None) => format!("{first} and more"),
-        (Some(first), Some(last)) if first == last => format!("{first}"),
-        (Some(first), Some(last)) => format!("{first} to {last}"),
-    }
 }
 
 /// Names, of very many only the first.

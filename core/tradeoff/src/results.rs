@@ -195,19 +195,15 @@ impl Results {
     /// # Errors
     /// Invalid JSON, another version.
     pub fn parse(text: &str) -> Result<Self, String> {
-        #[derive(Deserialize)]
-        struct Versioned {
-            version: u32,
-        }
         let none = |e: serde_json::Error| format!("these are no results of `asperity tradeoff`: {e}");
-        let Versioned { version } = serde_json::from_str(text).map_err(none)?;
-        if version != VERSION {
-            return Err(format!(
+        let value: serde_json::Value = serde_json::from_str(text).map_err(none)?;
+        match value.get("version").and_then(serde_json::Value::as_u64) {
+            Some(version) if version != u64::from(VERSION) => Err(format!(
                 "these results have version {version}, and this program reads version {VERSION}: \
                  run the trade-off again"
-            ));
+            )),
+            _ => serde_json::from_value(value).map_err(none),
         }
-        serde_json::from_str(text).map_err(none)
     }
 
     /// Missing shards, from 1.

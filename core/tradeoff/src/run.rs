@@ -1,9 +1,8 @@
 //! Runs a trade-off, from its settings to its results.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use asperity_checks::{Effort, Subject, Verdict};
 use asperity_data::made::Ground;
@@ -11,13 +10,14 @@ use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, NodeDecl};
 use asperity_node::{Registry, Role, random};
 use asperity_surfaces::topography::made_surfaces;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::accuracy::{Measured, Plan, Truth, Truths, measure};
+use crate::accuracy::{Truth, Truths};
 use crate::digest;
-use crate::figure::mean;
+use crate::figure::Figures;
 use crate::noise;
-use crate::prepare::{Job, Prepared};
+use crate::prepare::Prepared;
 use crate::progress::Progress;
 use crate::results::{Fragment, Results, Row, VERSION};
 use crate::setting::{LoadedGraph, Setting};
@@ -31,13 +31,12 @@ const PLACES: usize = 2;
 /// A finished part.
 #[derive(Serialize, Deserialize)]
 enum Part {
-    /// Key of a setting, and what was measured.
-    Setting(String, Box<Measured>),
+    Setting(Outcome),
     Batch(Batch),
 }
 
-/// Accuracy of a setting, or why it does not run.
-type Outcome = Result<Box<Measured>, String>;
+/// A measured setting without its times, and the figures of the network's own magnitudes.
+type Outcome = (Box<Row>, Figures);
 
 impl Prepared<'_> {
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
@@ -48,22 +47,20 @@ impl Prepared<'_> {
     pub fn run(&self, monitor: &dyn Monitor) -> Result<Results, Diagnostic> {
         let (job, tradeoff) = (self.job, self.job.tradeoff);
         let depends_on = format!("{} {} {:?} {:?}", self.digest, job.program, job.machine, job.shard);
-        let (progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
+        let (mut progress, parts) = Progress::open(job.folder, &digest::of_bytes(depends_on.as_bytes()))?;
         let (mut outcomes, mut batches) = (HashMap::new(), Vec::new());
         for part in parts {
             match part {
-                Part::Setting(key, measured) => drop(outcomes.insert(key, Ok(measured))),
+                Part::Setting(outcome) => drop(outcomes.insert(outcome.0.key.clone(), outcome)),
                 Part::Batch(batch) => batches.push(batch),
             }
         }
-        let progress = Mutex::new(progress);
-        self.measure_all(&mut outcomes, &progress, monitor)?;
-        self.time_all(&outcomes, &mut batches, &progress, monitor)?;
-        let known = |s: &Setting| Some(row(job, s, outcomes.get(&s.key)?));
-        let mut rows: Vec<Row> = self.settings.iter().filter_map(known).collect();
+        self.measure_all(&mut outcomes, &mut progress, monitor)?;
+        self.time_all(&outcomes, &mut batches, &mut progress, monitor)?;
+        let known = self.settings.iter().filter_map(|s| outcomes.get(&s.key));
+        let mut rows: Vec<Row> = known.clone().map(|(row, _)| (**row).clone()).collect();
         noise::put_times(&mut rows, &batches);
-        let default = self.settings.iter().find(|s| s.default).and_then(|s| outcomes.get(&s.key));
-        let model = default.and_then(|o| o.as_ref().ok()).map(|m| &m.model);
+        let model = known.clone().find(|(row, _)| row.default).map(|(_, model)| model.clone());
         let mut results = Results {
             version: VERSION,
             tradeoff: tradeoff.source.path().display().to_string(),
@@ -75,7 +72,7 @@ impl Prepared<'_> {
             shards: vec![(job.shard.0 + 1, job.shard.1.max(1))],
             unfinished: self.settings.len() - rows.iter().filter(|r| r.is_finished()).count(),
             cases: self.cases.len(),
-            model: mean(model.into_iter()),
+            model: model.unwrap_or_default(),
             idle: noise::idle(&batches),
             notes: self.notes.clone(),
             rows,
@@ -94,7 +91,7 @@ impl Prepared<'_> {
     fn measure_all(
         &self,
         outcomes: &mut HashMap<String, Outcome>,
-        progress: &Mutex<Progress>,
+        progress: &mut Progress,
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
         let left: Vec<&Setting> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.key)).collect();
@@ -104,49 +101,71 @@ impl Prepared<'_> {
             monitor.doing("physics");
             self.truths(monitor)?
         };
-        let tradeoff = self.job.tradeoff;
-        let plan = Plan {
-            strokes: &self.strokes,
-            materials: &self.materials,
-            draws: tradeoff.draws,
-            seed: tradeoff.seed,
-            steps: tradeoff.steps,
-            truths: &truths,
-        };
         monitor.doing("accuracy");
         monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
-        let all = Mutex::new(outcomes);
+        let (all, progress) = (Mutex::new(outcomes), Mutex::new(progress));
         on_threads(&left, self.job.jobs, monitor, |setting| {
             // A node may panic during preparation, where the engine does not contain it.
-            let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &plan, monitor)))
+            let measured = catch_unwind(AssertUnwindSafe(|| self.measure(setting, &truths, monitor)))
                 .unwrap_or_else(|_| Err(Diagnostic::new("it panicked while it was prepared")));
             let outcome = match measured {
                 Ok(None) => return Ok(()),
                 // An error is not kept, since its cause may be repaired.
-                Err(e) => Err(e.to_string()),
-                Ok(Some(measured)) => {
-                    let part = Part::Setting(setting.key.clone(), Box::new(measured));
-                    let Ok(mut progress) = progress.lock() else { return Ok(()) };
-                    let Part::Setting(_, measured) = progress.put(&part)? else { return Ok(()) };
-                    Ok(measured)
-                }
+                Err(e) => (Box::new(Row { error: Some(e.to_string()), ..self.row(setting) }), Figures::new()),
+                Ok(Some(outcome)) => match locked(&progress).put(&Part::Setting(outcome))? {
+                    Part::Setting(outcome) => outcome,
+                    Part::Batch(_) => return Ok(()),
+                },
             };
-            if let Ok(mut all) = all.lock() {
-                all.insert(setting.key.clone(), outcome);
-            }
+            locked(&all).insert(setting.key.clone(), outcome);
             Ok(())
         })
+    }
+
+    /// A row before anything is measured.
+    fn row(&self, s: &Setting) -> Row {
+        let base = self.job.bases.get(s.base);
+        let mut fails = BTreeMap::new();
+        if !s.guards {
+            let why =
+                "guards are off: this can only be measured, since no graph or command can turn them off";
+            fails.insert("guards".into(), why.into());
+        }
+        let fewer_cards = |base: &LoadedGraph| {
+            let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
+            let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
+            cards(&base.graph) > cards(&s.graph)
+        };
+        if base.is_some_and(fewer_cards) {
+            let why = "the limiter before the coil is gone: nothing is played without one";
+            fails.insert("limiter".into(), why.into());
+        }
+        Row {
+            name: s.name.clone(),
+            key: s.key.clone(),
+            graph: base.map_or_else(|| s.graph.source.path().display().to_string(), |b| b.name.clone()),
+            turned: s.turned.clone(),
+            grids: s.grids.clone(),
+            default: s.default,
+            baseline: s.baseline,
+            tick_hz: s.graph.tick_hz,
+            fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
+            fails,
+            ..Row::default()
+        }
     }
 
     /// Measures a setting; none where the run is to stop.
     fn measure(
         &self,
         setting: &Setting,
-        plan: &Plan<'_>,
+        truths: &Truths,
         monitor: &dyn Monitor,
-    ) -> Result<Option<Measured>, Diagnostic> {
+    ) -> Result<Option<Outcome>, Diagnostic> {
         let registry = &self.base(setting)?.registry;
-        let Some(mut measured) = measure(setting, registry, plan, monitor)? else { return Ok(None) };
+        let mut row = Box::new(self.row(setting));
+        let model = self.accuracy(&mut row, setting, registry, truths, monitor)?;
+        let Some(model) = model else { return Ok(None) };
         let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
         for case in &self.cases {
             if monitor.stopped() {
@@ -156,13 +175,13 @@ impl Prepared<'_> {
                 Ok(outcome) => (outcome.verdict, outcome.found),
                 Err(_) => (Verdict::Fails, "it panicked".into()),
             };
-            measured.cases += usize::from(verdict != Verdict::NotApplicable);
+            row.cases += usize::from(verdict != Verdict::NotApplicable);
             if verdict == Verdict::Fails {
-                measured.fails.insert(case.name.to_owned(), why);
+                row.fails.insert(case.name.to_owned(), why);
             }
             monitor.advanced(1);
         }
-        Ok(Some(measured))
+        Ok(Some((row, model)))
     }
 
     /// Times the settings that run and are in no batch yet, until the run is to stop.
@@ -170,13 +189,13 @@ impl Prepared<'_> {
         &self,
         outcomes: &HashMap<String, Outcome>,
         batches: &mut Vec<Batch>,
-        progress: &Mutex<Progress>,
+        progress: &mut Progress,
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
         monitor.doing("times");
         let Some(anchor) = self.settings.first() else { return Ok(()) };
         let timed = |key: &String| batches.iter().any(|b| b.rows.iter().any(|(timed, _)| timed == key));
-        let runs = |key: &String| outcomes.get(key).is_some_and(|o| o.is_ok());
+        let runs = |key: &String| outcomes.get(key).is_some_and(|(row, _)| row.error.is_none());
         let left: Vec<&Setting> = self.settings.iter().filter(|s| runs(&s.key) && !timed(&s.key)).collect();
         let material = self.materials.first().and_then(|m| m.as_deref());
         let times = self.job.tradeoff.times;
@@ -185,7 +204,6 @@ impl Prepared<'_> {
             let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
             let anchor = (anchor, &self.base(anchor)?.registry);
             let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
-            let Ok(mut progress) = progress.lock() else { break };
             if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
                 batches.push(batch);
             }
@@ -199,8 +217,8 @@ impl Prepared<'_> {
         let all = made_surfaces();
         let surface = |name: &String| all.iter().find(|s| s.name == *name);
         let known = self.materials.iter().flatten().filter_map(surface);
-        let wanted: Vec<_> =
-            known.flat_map(|surface| (0..tradeoff.draws).map(move |draw| (surface, draw))).collect();
+        let draws = |surface| (0..tradeoff.draws).map(move |draw| (surface, draw));
+        let wanted: Vec<_> = known.flat_map(draws).collect();
         let truths = Mutex::new(Truths::new());
         on_threads(&wanted, self.job.jobs, monitor, |&(surface, draw)| {
             let seed = |number: u64| random::bits(tradeoff.seed.wrapping_add(draw), number);
@@ -213,14 +231,16 @@ impl Prepared<'_> {
                     // A stroke too short for a spectrogram has no truth.
                     let _ = truth.add(&felt.axes(), felt.rate_hz);
                 }
-                if let Ok(mut truths) = truths.lock() {
-                    truths.insert((s, surface.name.clone(), draw), truth);
-                }
+                locked(&truths).insert((s, surface.name.clone(), draw), truth);
             }
             Ok(())
         })?;
         Ok(truths.into_inner().unwrap_or_default())
     }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Calls a function for each item, on so many threads, until the first error or until the run is to stop.
@@ -230,74 +250,8 @@ fn on_threads<T: Sync>(
     monitor: &dyn Monitor,
     each: impl Fn(&T) -> Result<(), Diagnostic> + Sync,
 ) -> Result<(), Diagnostic> {
-    let next = AtomicUsize::new(0);
-    let wrong: Mutex<Option<Diagnostic>> = Mutex::new(None);
-    let work = || {
-        while let Some(it) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if monitor.stopped() {
-                return;
-            }
-            if let Err(e) = each(it) {
-                next.store(all.len(), Ordering::Relaxed);
-                if let Ok(mut wrong) = wrong.lock() {
-                    wrong.get_or_insert(e);
-                }
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads.max(1) {
-            scope.spawn(work);
-        }
-        work();
-    });
-    wrong.into_inner().unwrap_or_default().map_or(Ok(()), Err)
-}
-
-fn row(job: &Job<'_>, s: &Setting, outcome: &Outcome) -> Row {
-    let base = job.bases.get(s.base);
-    let (measured, error) = match outcome {
-        Ok(measured) => ((**measured).clone(), None),
-        Err(why) => (Measured::default(), Some(why.clone())),
-    };
-    let mut fails = measured.fails;
-    if !s.guards {
-        let why = "guards are off: this can only be measured, since no graph or command can turn them off";
-        fails.insert("guards".into(), why.into());
-    }
-    let fewer_cards = |base: &LoadedGraph| {
-        let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
-        let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
-        cards(&base.graph) > cards(&s.graph)
-    };
-    if base.is_some_and(fewer_cards) {
-        let why = "the limiter before the coil is gone: nothing is played without one";
-        fails.insert("limiter".into(), why.into());
-    }
-    let lags = &measured.lags_ms;
-    let lag_ms = (!lags.is_empty()).then(|| {
-        let of = |i: usize| lags.iter().map(|l| l[i]).sum::<f64>() / lags.len() as f64;
-        [of(0), of(1), of(2)]
-    });
-    Row {
-        name: s.name.clone(),
-        key: s.key.clone(),
-        graph: base.map_or_else(|| s.graph.source.path().display().to_string(), |b| b.name.clone()),
-        turned: s.turned.clone(),
-        grids: s.grids.clone(),
-        default: s.default,
-        baseline: s.baseline,
-        tick_hz: s.graph.tick_hz,
-        fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
-        error,
-        figures: mean(measured.draws.iter()),
-        lag_ms,
-        lag_draws_ms: lags.iter().map(|l| l[1]).collect(),
-        draws: measured.draws,
-        latency_ms: measured.latency_ms,
-        faults: measured.faults,
-        cases: measured.cases,
-        fails,
-        time: None,
-    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let pool = pool.map_err(|e| Diagnostic::new(format!("no threads: {e}")))?;
+    let each = |item| if monitor.stopped() { Ok(()) } else { each(item) };
+    pool.install(|| all.par_iter().with_max_len(1).try_for_each(each))
 }

@@ -1,15 +1,15 @@
 //! Settings: graphs with some knobs changed.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use asperity_diagnostics::ron::{Kind, Value};
-use asperity_diagnostics::{Diagnostic, fnv};
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::Value;
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{ParamKind, ParamValue, Registry};
+use asperity_node::{ParamValue, Registry};
 
-use crate::file::{DEFAULT, Grid, Tradeoff, beside};
-use crate::fragment::across;
+use crate::file::{DEFAULT, Grid, Tradeoff};
+use crate::fragment::tidy;
 use crate::knob::Turned;
 
 /// A graph with the kinds that it may use.
@@ -34,8 +34,7 @@ pub struct LoadedGraph {
 pub struct Setting {
     /// Name: the changed knobs, `default`, or the name of a baseline.
     pub name: String,
-    /// Unique key: a digest of the graph, with files named relative to the graph's folder. So it is the same
-    /// wherever that folder lies. Contents of files are not in it.
+    /// Unique key: its number. It is the same in all shards, since the digest of the trade-off is.
     pub key: String,
     /// Index of its graph among those that are varied; out of range for a baseline.
     pub base: usize,
@@ -62,7 +61,7 @@ pub struct Settings {
     pub all: Vec<Setting>,
     /// Knobs and kinds that were left out, each with the reason.
     pub left_out: Vec<(String, String)>,
-    /// Indices by key, and by file and text.
+    /// Indices by file and text.
     known: HashMap<String, usize>,
 }
 
@@ -85,16 +84,12 @@ impl Settings {
                 let lacks = |base: &&LoadedGraph| !knob.fits(&base.graph, &base.registry);
                 if bases.iter().all(|base| lacks(&base)) && !bases.is_empty() && !tradeoff.lenient {
                     let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
+                    let message = format!("no graph has the knob `{}`: {}", knob.name, graphs.join(", "));
                     let near = knob.nearest(bases.iter().map(|b| (&b.graph, &b.registry)));
-                    return Err(Diagnostic::new(format!(
-                        "no graph has the knob `{knob}`: {}",
-                        graphs.join(", ")
-                    ))
-                    .at(&knob.place().source, knob.place().span)
-                    .help(near));
+                    return Err(Diagnostic::new(message).at_place(&knob.place).help(near));
                 }
                 for base in bases.iter().filter(lacks) {
-                    it.leave_out(&knob.to_string(), &format!("{} has no such knob", base.name));
+                    it.leave_out(&knob.name, &format!("{} has no such knob", base.name));
                 }
             }
             for b in 0..bases.len() {
@@ -123,69 +118,67 @@ impl Settings {
         grid: &Grid,
         lenient: bool,
     ) -> Result<(), Diagnostic> {
-        let base = &bases[b];
+        let LoadedGraph { graph, registry, .. } = &bases[b];
         let mut knobs = Vec::new();
-        for (knob, values) in grid.knobs.iter().filter(|(knob, _)| knob.fits(&base.graph, &base.registry)) {
-            let mut known = Vec::new();
-            for value in values {
-                match knob.unknown_kind(value, &base.registry) {
-                    Some(kind) => self.leave_out(kind, "there is no such kind of node; --plugin loads one"),
-                    None => known.push(value),
+        for (knob, values) in grid.knobs.iter().filter(|(knob, _)| knob.fits(graph, registry)) {
+            let mut known = values.clone();
+            known.retain(|value| match knob.unknown_kind(value, registry) {
+                Some(kind) => {
+                    self.leave_out(kind, "there is no such kind of node; --plugin loads one");
+                    false
                 }
-            }
+                None => true,
+            });
             knobs.push((knob, known));
         }
-        let count: usize = knobs.iter().map(|(_, values)| values.len()).product();
-        let combinations = if knobs.is_empty() { 0..0 } else { 0..count };
-        'combinations: for mut number in combinations {
-            let mut turned = Turned { graph: base.graph.clone(), guards: true };
+        if knobs.is_empty() {
+            return Ok(());
+        }
+        'combinations: for mut number in 0..knobs.iter().map(|(_, values)| values.len()).product() {
+            let mut turned = Turned { graph: graph.clone(), guards: true };
             let mut changes = Vec::new();
             for (knob, values) in &knobs {
-                let value = values[number % values.len()];
+                let value = &values[number % values.len()];
                 number /= values.len();
-                let before = (text(&turned.graph, &base.registry), turned.guards);
-                match knob.turn(&mut turned, value, &base.registry) {
+                let before = (text(&turned.graph, registry), turned.guards);
+                match knob.turn(&mut turned, value, registry) {
                     Err(e) if lenient => {
-                        self.leave_out(&format!("{knob}={}", shown(value)), &e.message);
+                        self.leave_out(&format!("{}={}", knob.name, shown(value)), &e.message);
                         continue 'combinations;
                     }
                     done => done?,
                 }
-                if (text(&turned.graph, &base.registry), turned.guards) != before {
-                    changes.push((knob.to_string(), shown(value)));
+                if (text(&turned.graph, registry), turned.guards) != before {
+                    changes.push((knob.name.clone(), shown(value)));
                 }
             }
             let words: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
             let Turned { graph, guards } = turned;
             let grids = vec![grid.name.clone()];
-            let setting = Setting::of(base, b, named(bases, b, &words.join(" ")));
-            self.add(base, Setting { graph, guards, turned: changes, grids, ..setting });
+            let setting = Setting::of(&bases[b], b, named(bases, b, &words.join(" ")));
+            self.add(&bases[b], Setting { graph, guards, turned: changes, grids, ..setting });
         }
         Ok(())
     }
 
     /// Adds a setting. One that is known gets another grid, and the name of a baseline.
     fn add(&mut self, of: &LoadedGraph, mut setting: Setting) {
-        let path = setting.graph.source.path();
-        let text = format!("{} {}\n{}", setting.guards, setting.strength, text(&setting.graph, &of.registry));
         // Graphs in several folders may have the same text, each with files of its own.
+        let path = setting.graph.source.path();
         let file = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let at = *self.known.entry(format!("{}\n{text}", file.display())).or_insert(self.all.len());
-        if let Some(there) = self.all.get_mut(at) {
-            there
-                .grids
-                .extend(setting.grids.into_iter().filter(|g| !there.grids.contains(g)).collect::<Vec<_>>());
-            if setting.baseline {
-                there.baseline = true;
-                there.name = format!("{} ({})", there.name, setting.name);
-            }
-            return;
+        let text = text(&setting.graph, &of.registry);
+        let known = format!("{} {} {}\n{text}", file.display(), setting.guards, setting.strength);
+        let at = *self.known.entry(known).or_insert(self.all.len());
+        let Some(there) = self.all.get_mut(at) else {
+            setting.key = at.to_string();
+            return self.all.push(setting);
+        };
+        setting.grids.retain(|grid| !there.grids.contains(grid));
+        there.grids.append(&mut setting.grids);
+        if setting.baseline {
+            there.baseline = true;
+            there.name = format!("{} ({})", there.name, setting.name);
         }
-        let numbers = std::iter::once(String::new()).chain((2..).map(|n: u32| format!("\n{n}")));
-        let mut keys = numbers.map(|number| format!("{:016x}", fnv(format!("{text}{number}").as_bytes())));
-        setting.key = keys.find(|key| !self.known.contains_key(key)).unwrap_or_default();
-        self.known.insert(setting.key.clone(), self.all.len());
-        self.all.push(setting);
     }
 }
 
@@ -225,61 +218,30 @@ fn shown(value: &Value) -> String {
 }
 
 /// Canonical text of a graph. Nodes and parameters are sorted by name, values are as nodes read them, and
-/// defaults are left out. Files are named relative to the graph's folder, unless the graph names them
-/// absolutely.
+/// defaults are left out.
 fn text(graph: &GraphFile, registry: &Registry) -> String {
-    let home = graph.source.path().parent().unwrap_or(Path::new(""));
-    let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry, home)).collect();
+    let mut nodes: Vec<String> = graph.nodes.iter().map(|n| node_text(n, registry)).collect();
     nodes.sort();
     let plain = GraphFile { nodes: Vec::new(), ..graph.clone() };
     format!("{plain}\n{}", nodes.join("\n"))
 }
 
-fn node_text(node: &NodeDecl, registry: &Registry, home: &Path) -> String {
-    let declared = registry.get(&node.kind).map(|kind| &kind.descriptor().params);
-    let param = |name: &str| declared.and_then(|all| all.iter().find(|p| p.name == name));
-    let relative = |named: &str, value: ParamValue| match value {
-        ParamValue::File(_) if Path::new(named).is_absolute() => ParamValue::File(named.into()),
-        ParamValue::File(path) => ParamValue::File(across(&path, home)),
-        value => value,
-    };
+fn node_text(node: &NodeDecl, registry: &Registry) -> String {
     let text = |s: &asperity_graph::Setting| {
-        let value = param(&s.name).and_then(|p| Some((p, read(s, &p.kind)?)));
-        match value {
-            Some((p, value)) if p.default.as_ref() == Some(&value) => None,
-            Some((_, value)) => {
-                Some(format!("{}: {}", s.name, relative(s.value.text().unwrap_or(""), value)))
-            }
-            None => Some(format!("{}: {}", s.name, s.typed.clone().unwrap_or_else(|| s.value.to_string()))),
-        }
+        let declared = registry.get(&node.kind).map(|kind| &kind.descriptor().params);
+        let param = declared.and_then(|all| all.iter().find(|p| p.name == s.name));
+        let value = match param.and_then(|p| Some((p, p.read(&s.value).ok()?))) {
+            Some((p, value)) if p.default.as_ref() == Some(&value) => return None,
+            Some((_, ParamValue::File(path))) => ParamValue::File(tidy(&path)).to_string(),
+            Some((_, value)) => value.to_string(),
+            // On the command line a text needs no quotes.
+            None => s.typed.clone().unwrap_or_else(|| s.value.to_string()),
+        };
+        Some(format!("{}: {value}", s.name))
     };
     let mut params: Vec<String> = node.params.iter().filter_map(text).collect();
     params.sort();
     format!("{:?} {} every {}: {}", node.id, node.kind, node.every, params.join(", "))
-}
-
-/// A value as a parameter of this kind reads it; none where it refuses it.
-fn read(setting: &asperity_graph::Setting, kind: &ParamKind) -> Option<ParamValue> {
-    let value = &setting.value;
-    let word = |value: &Value| match value.kind() {
-        Kind::Text(text) | Kind::Word(text) => Some(text.clone()),
-        _ => None,
-    };
-    Some(match kind {
-        ParamKind::Number(_) => ParamValue::Number(value.f64().ok()?),
-        ParamKind::Integer(_) => ParamValue::Integer(value.i64().ok()?),
-        ParamKind::Flag => ParamValue::Flag(value.bool().ok()?),
-        // On the command line a text needs no quotes.
-        ParamKind::Text => {
-            ParamValue::Text(value.text().ok().map(str::to_owned).or_else(|| setting.typed.clone())?)
-        }
-        ParamKind::Choice(_) => ParamValue::Text(word(value)?),
-        ParamKind::File => ParamValue::File(beside(value).ok()?),
-        ParamKind::Numbers(_) => {
-            ParamValue::Numbers(value.list().ok()?.iter().map(|v| v.f64().ok()).collect::<Option<_>>()?)
-        }
-        ParamKind::Texts => ParamValue::Texts(value.list().ok()?.iter().map(word).collect::<Option<_>>()?),
-    })
 }
 
 #[cfg(test)]
@@ -377,27 +339,13 @@ mod tests {
     }
 
     #[test]
-    fn key_does_not_depend_on_the_folder() {
-        let keys = |folder: &str, files: &[&str]| -> Vec<String> {
-            let nodes = r#""s": (kind: "trajectory", params: (file: "../t/a.csv")),
-                "o": (kind: "trajectory", params: (file: "/o.csv"))"#;
-            let base = |file: &&str| loaded(file, graph_of(&format!("{folder}/{file}"), nodes, ""));
-            let bases: Vec<LoadedGraph> = files.iter().map(base).collect();
-            let grids = r#"strokes: [(name: "s")], grids: [(name: "g", knobs: {"s.file": ["b.csv"]})]"#;
-            let grids = tradeoff(&format!("{folder}/g/tradeoffs/s.ron"), grids);
-            Settings::new(&grids, &bases, &[]).unwrap().all.into_iter().map(|s| s.key).collect()
-        };
-        let there = keys("/a/b", &["g/g.ron"]);
-        assert_eq!(there.len(), 2);
-        for folder in ["x", "../y", "/c"] {
-            assert_eq!(keys(folder, &["g/g.ron"]), there, "{folder}");
-        }
-        // Another place relative to the graph is another file. Equal texts with different files differ.
-        let other = keys("/a/b", &["n/g.ron"]);
-        assert_eq!((&other[0], other[1] == there[1]), (&there[0], false));
-        let two = keys("/a/b", &["g/g.ron", "h/g.ron"]);
-        let different: BTreeSet<&String> = two.iter().collect();
-        assert_eq!((two.len(), different.len()), (4, 4));
-        assert_eq!(two[0], there[0]);
+    fn files_of_several_folders_are_several_settings() {
+        let nodes = r#""s": (kind: "trajectory", params: (file: "../t/a.csv"))"#;
+        let bases = ["g/g.ron", "h/g.ron"].map(|file| loaded(file, graph_of(file, nodes, "")));
+        let grids =
+            r#"strokes: [(name: "s")], grids: [(name: "g", knobs: {"s.file": ["b.csv", "../../t/a.csv"]})]"#;
+        let settings = Settings::new(&tradeoff("g/t/s.ron", grids), &bases, &[]).unwrap();
+        // `../../t/a.csv` is what both graphs name.
+        assert_eq!(settings.all.iter().map(|s| s.key.as_str()).collect::<Vec<_>>(), ["0", "1", "2", "3"]);
     }
 }

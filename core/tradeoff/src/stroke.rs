@@ -11,7 +11,6 @@ use asperity_motion::{self, Shape, StrokeParams, TrajectoryOptions};
 
 use crate::accuracy::Truth;
 use crate::chain::Path3;
-use crate::file::beside;
 
 /// A stroke as the trade-off file declares it.
 #[derive(Clone, Debug)]
@@ -87,24 +86,20 @@ fn renamed(mut e: Diagnostic) -> Diagnostic {
 impl StrokeDecl {
     /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or
     /// `(name: "..", shape: circle, ..)` with parameters of the node `stroke`.
-    ///
-    /// # Errors
-    /// Another value, an unknown field, a parameter out of its range.
     pub(crate) fn read(value: &Value) -> Result<Self, Diagnostic> {
         let mut record = value.record("Stroke")?;
         let name = record.required("name")?.text()?.to_owned();
+        let mut it = Self { name, place: value.place(), material: None, from: From::File(PathBuf::new()) };
         if let Some(file) = record.optional("file") {
-            let from = From::File(beside(file)?);
-            record.finish()?;
-            return Ok(Self { name, place: value.place(), material: None, from });
+            it.from = From::File(file.path()?);
+            return record.finish().map(|()| it);
         }
         if let Some(file) = record.optional("recording") {
-            let from = From::Recording(beside(file)?);
-            let material = record.optional("material");
-            let material =
-                material.map(|m| Ok::<_, Diagnostic>((m.text()?.to_owned(), m.place()))).transpose()?;
-            record.finish()?;
-            return Ok(Self { name, place: value.place(), material, from });
+            it.from = From::Recording(file.path()?);
+            if let Some(material) = record.optional("material") {
+                it.material = Some((material.text()?.to_owned(), material.place()));
+            }
+            return record.finish().map(|()| it);
         }
         let d = StrokeParams::default();
         let shape = match record.optional("shape") {
@@ -134,7 +129,7 @@ impl StrokeDecl {
                 .error(format!("`seconds` is {}, out of range", params.duration_s))
                 .help(format!("at most {LONGEST_S}: rendered strokes are held in memory")));
         }
-        Ok(Self { name, place: value.place(), material: None, from: From::Made(Box::new(params)) })
+        Ok(Self { from: From::Made(Box::new(params)), ..it })
     }
 
     /// Whether it is a recording that does not say its material.
@@ -161,9 +156,6 @@ impl StrokeDecl {
     }
 
     /// Opens the stroke, and reads its file.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or is no trajectory or recording.
     pub(crate) fn open(&self) -> Result<Stroke, Diagnostic> {
         let name = self.name.clone();
         let material = self.material.as_ref().map(|(name, _)| name.clone());
@@ -171,7 +163,7 @@ impl StrokeDecl {
         let (seconds, measured, known): (f64, Path3, Known) = match &self.from {
             From::Made(params) => {
                 let made = asperity_motion::Stroke::new((**params).clone());
-                let made = made.map_err(|e| e.at(&self.place.source, self.place.span))?;
+                let made = made.map_err(|e| e.at_place(&self.place))?;
                 let hand = Hand::stroke(params)?;
                 (params.duration_s, Arc::new(move |t| made.sample(t).position), Known::Hand(hand))
             }

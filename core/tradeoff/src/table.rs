@@ -4,7 +4,8 @@ use crate::figure::Figure;
 use crate::markdown::reason;
 use crate::results::Results;
 
-/// Columns behind those of the figures.
+/// Columns before and behind those of the figures.
+const BEFORE_FIGURES: &str = "setting,graph,grids,default,baseline,tick_hz";
 const AFTER_FIGURES: &str = "lag_10_ms,lag_50_ms,lag_90_ms,latency_ms,load_percent,\
     p50_us,p50_percent,p99_us,p99_percent,p999_us,p999_percent,max_us,max_percent,\
     stall_us,cold_us,misses,ticks,memory_kib,faults,cases,fails,error";
@@ -12,12 +13,11 @@ const AFTER_FIGURES: &str = "lag_10_ms,lag_50_ms,lag_90_ms,latency_ms,load_perce
 impl Results {
     /// A table with a line for each setting. Unknown values are empty.
     pub fn csv(&self) -> String {
-        let mut lines = vec![
-            "setting,graph,grids,default,baseline,tick_hz".split(',').map(str::to_owned).collect::<Vec<_>>(),
-        ];
         let name = |f: Figure| f.with_unit().to_lowercase().replace(' ', "_");
-        lines[0].extend(Figure::all().map(name));
-        lines[0].extend(AFTER_FIGURES.split(',').map(str::to_owned));
+        let mut titles: Vec<String> = BEFORE_FIGURES.split(',').map(str::to_owned).collect();
+        titles.extend(Figure::all().map(name));
+        titles.extend(AFTER_FIGURES.split(',').map(str::to_owned));
+        let mut lines = vec![titles];
         for row in &self.rows {
             let number = |x: Option<f64>| x.map_or(String::new(), |x| ((x * 1e4).round() / 1e4).to_string());
             let count = |x: Option<u64>| x.map_or(String::new(), |x| x.to_string());

@@ -1,13 +1,14 @@
 //! Graphs and rows for tests.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use asperity_diagnostics::Source;
 use asperity_graph::GraphFile;
 
 use crate::figure::{Figure, Figures};
-use crate::results::{Results, Row, Time, VERSION};
-use crate::{LoadedGraph, Tradeoff};
+use crate::results::{Machine, Results, Row, Time, VERSION};
+use crate::{Job, LoadedGraph, Tradeoff};
 
 /// A graph file with these nodes and wires.
 pub(crate) fn graph_of(path: &str, nodes: &str, wires: &str) -> GraphFile {
@@ -31,6 +32,21 @@ pub(crate) fn loaded(name: &str, graph: GraphFile) -> LoadedGraph {
 pub(crate) fn tradeoff(path: &str, fields: &str) -> Tradeoff {
     let source: Arc<Source> = Source::new(path, format!("Tradeoff(version: 1, {fields})"));
     Tradeoff::parse(&source).unwrap()
+}
+
+/// A run of a trade-off over these graphs.
+pub(crate) fn job<'a>(tradeoff: &'a Tradeoff, bases: &'a [LoadedGraph], folder: &'a Path) -> Job<'a> {
+    Job {
+        tradeoff,
+        bases,
+        baselines: &[],
+        jobs: 1,
+        shard: (0, 1),
+        folder,
+        machine: Machine { cpu: "any".into(), cores: 2, system: "any".into(), build: "1".into() },
+        program: "p",
+        cases: true,
+    }
 }
 
 /// A row without figures.

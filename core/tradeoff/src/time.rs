@@ -59,16 +59,11 @@ pub(crate) struct Batch {
     pub rows: Vec<(String, Result<Time, String>)>,
 }
 
-/// The work of a tick.
-enum Work {
-    Chain(Box<Chain>),
-    /// Spins for so many nanoseconds.
-    Spin(u64),
-}
-
-/// A member of a batch.
+/// A member of a batch: a chain, or an idle tick.
 struct Entry {
-    work: Work,
+    chain: Option<Box<Chain>>,
+    /// Time for which a tick without a chain spins \[ns\].
+    spin_ns: u64,
     tick_hz: u32,
     /// Ticks in a block.
     block: u64,
@@ -117,31 +112,41 @@ impl Entry {
         let options = Options { check_finite: setting.guards, ..Options::default() };
         let path = patch::circle(&graph, registry)?;
         let (chain, memory) = weighed(monitor, || Chain::new(&graph, registry, vec![path.clone()], options))?;
-        Ok(Self { memory, ..Self::of(Work::Chain(Box::new(chain)), graph.tick_hz, block_ticks(&graph)) })
+        let chain = Some(Box::new(chain));
+        Ok(Self { chain, memory, ..Self::spins(0, graph.tick_hz, block_ticks(&graph)) })
     }
 
-    fn of(work: Work, tick_hz: u32, block: u64) -> Self {
-        let (ticks, blocks) = (Timing::new(3), Timing::new(3));
-        let (turns, cold) = (Vec::new(), Vec::new());
-        Self { work, tick_hz, block, ticks, blocks, turns, misses: 0, cold, memory: None }
+    fn spins(spin_ns: u64, tick_hz: u32, block: u64) -> Self {
+        Self {
+            chain: None,
+            spin_ns,
+            tick_hz,
+            block,
+            ticks: Timing::new(3),
+            blocks: Timing::new(3),
+            turns: Vec::new(),
+            misses: 0,
+            cold: Vec::new(),
+            memory: None,
+        }
     }
 
     /// An idle entry that spins for this one's median tick, at its tick rate.
     fn idle(&mut self) -> Self {
         self.turn(WARM_MS, true);
-        let spin = self.ticks.summary().p50_ns;
-        let work = std::mem::replace(&mut self.work, Work::Spin(0));
-        *self = Self { memory: self.memory, ..Self::of(work, self.tick_hz, self.block) };
-        Self::of(Work::Spin(spin), self.tick_hz, self.block)
+        let idle = Self::spins(self.ticks.summary().p50_ns, self.tick_hz, self.block);
+        let fresh = Self::spins(self.spin_ns, self.tick_hz, self.block);
+        *self = Self { chain: self.chain.take(), memory: self.memory, ..fresh };
+        idle
     }
 
     /// Runs a tick, and returns its time \[ns\].
     fn tick(&mut self) -> u64 {
         let began = Instant::now();
-        match &mut self.work {
-            Work::Chain(chain) => chain.engine().tick(),
-            Work::Spin(ns) => {
-                while began.elapsed().as_nanos() < u128::from(*ns) {
+        match &mut self.chain {
+            Some(chain) => chain.engine().tick(),
+            None => {
+                while began.elapsed().as_nanos() < u128::from(self.spin_ns) {
                     std::hint::spin_loop();
                 }
             }
@@ -197,10 +202,7 @@ impl Entry {
             cold_us: median(self.cold.clone()),
             memory_kib: self.memory.map(|b| b as f64 / 1024.0),
             stall_us: 0.0,
-            faults: match &self.work {
-                Work::Chain(chain) => chain.faults(),
-                Work::Spin(_) => 0,
-            },
+            faults: self.chain.as_ref().map_or(0, |chain| chain.faults()),
         }
     }
 }
@@ -219,9 +221,6 @@ fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
 }
 
 /// Times a batch; none where the run is to stop. Nothing else should run meanwhile.
-///
-/// # Errors
-/// A default that does not compile.
 pub(crate) fn batch(
     anchor: (&Setting, &Registry),
     settings: &[(&Setting, &Registry)],
@@ -233,15 +232,10 @@ pub(crate) fn batch(
     first.turn(WARM_MS, false);
     let idle = first.idle();
     let mut entries = vec![idle, first];
-    let mut errors: Vec<Option<String>> = Vec::new();
+    let mut made: Vec<Result<(), String>> = Vec::new();
     for (setting, registry) in settings {
-        match Entry::new(setting, registry, material, monitor) {
-            Ok(entry) => {
-                entries.push(entry);
-                errors.push(None);
-            }
-            Err(e) => errors.push(Some(e.to_string())),
-        }
+        let entry = Entry::new(setting, registry, material, monitor);
+        made.push(entry.map(|entry| entries.push(entry)).map_err(|e| e.to_string()));
     }
     for entry in entries.iter_mut().skip(2) {
         entry.turn(WARM_MS, false);
@@ -263,14 +257,10 @@ pub(crate) fn batch(
         Time { stall_us: stall_us(idle, time.p50_us), ..time }
     });
     let (Some(idle), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
-    let rows = settings.iter().zip(errors).map(|((setting, _), error)| {
-        let time = match error {
-            Some(why) => Err(why),
-            None => done.next().ok_or_else(|| "it was not timed".to_owned()),
-        };
-        (setting.key.clone(), time)
-    });
-    let rows = rows.collect();
+    let mut time =
+        |made: Result<(), String>| made.and_then(|()| done.next().ok_or("it was not timed".into()));
+    let rows =
+        settings.iter().zip(made).map(|((setting, _), made)| (setting.key.clone(), time(made))).collect();
     Ok(Some(Batch { idle, anchor, rows }))
 }
 
@@ -357,7 +347,7 @@ mod tests {
 
     #[test]
     fn turn_is_whole_blocks() {
-        let mut entry = Entry::of(Work::Spin(0), 500, 16);
+        let mut entry = Entry::spins(0, 500, 16);
         entry.turn(100, false);
         assert_eq!(entry.time().ticks, 0);
         entry.turn(100, true);
@@ -373,10 +363,10 @@ mod tests {
 
     #[test]
     fn idle_tick_lasts_as_long_as_the_default() {
-        let mut beside = Entry::of(Work::Spin(30_000), 500, 4);
+        let mut beside = Entry::spins(30_000, 500, 4);
         let mut idle = beside.idle();
         assert_eq!(beside.time().ticks, 0);
-        assert!(matches!(beside.work, Work::Spin(30_000)));
+        assert_eq!(beside.spin_ns, 30_000);
         for entry in [&mut beside, &mut idle] {
             entry.turn(40, true);
         }

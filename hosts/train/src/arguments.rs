@@ -25,31 +25,15 @@ pub(crate) enum Command {
     /// Retrains the tick network of a model; its encoder and materials stay.
     Network(Network),
     /// Evaluates a trained model on held-out data and rewrites its model report.
-    Evaluate(Evaluate),
+    Evaluate(Trained),
     /// Finds the patterns of a model's materials again: the fields `waves` and `events` of its library.
     Pattern(FindPatterns),
 }
 
-/// Arguments of retraining a network, with the settings of the model.
+/// A trained model, and what it was made of.
 #[derive(Args, Clone, Debug)]
-pub(crate) struct Network {
+pub(crate) struct Trained {
     /// Folder of the model.
-    pub folder: PathBuf,
-    /// Folder for checkpoints; by default FOLDER with `.run` after its name.
-    #[arg(long, value_name = "FOLDER")]
-    pub run: Option<PathBuf>,
-    /// Present place of the data if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
-    #[arg(long, value_name = "SOURCE")]
-    pub data: Option<Origin>,
-    /// Steps before settling; by default those of the model's stage two.
-    #[arg(long, value_parser = value_parser!(u32).range(1..=100_000_000))]
-    pub steps: Option<u32>,
-}
-
-/// Arguments of an evaluation.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct Evaluate {
-    /// The model's folder.
     pub folder: PathBuf,
     /// Folder of its checkpoints with the classifier; by default FOLDER with `.run` after its name.
     #[arg(long, value_name = "FOLDER")]
@@ -57,6 +41,16 @@ pub(crate) struct Evaluate {
     /// Present place of the data if they have moved: `hatt:FOLDER` or `recordings:FOLDER`.
     #[arg(long, value_name = "SOURCE")]
     pub data: Option<Origin>,
+}
+
+/// Arguments of retraining a network, with the settings of the model.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Network {
+    #[command(flatten)]
+    pub model: Trained,
+    /// Steps before settling; by default those of the model's stage two.
+    #[arg(long, value_parser = value_parser!(u32).range(1..=100_000_000))]
+    pub steps: Option<u32>,
 }
 
 /// A training run.

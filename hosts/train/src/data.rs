@@ -9,9 +9,9 @@ use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
 use serde::{Deserialize, Serialize};
 
+use crate::Failure;
 use crate::arguments::Settings;
-use crate::failure::Failure;
-use crate::progress::Teller;
+use crate::files::Teller;
 
 /// A source of data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,9 +51,7 @@ impl FromStr for Origin {
 /// Trained range of touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reach {
-    /// Largest force in N.
     pub force_n: f64,
-    /// Largest speed in mm/s.
     pub speed_mm_s: f64,
 }
 
@@ -75,11 +73,11 @@ impl Reach {
 
 /// Training and test data of a run.
 pub(crate) struct Data {
-    /// Subjects to train on.
+    /// To train on.
     pub seen: Vec<Subject>,
-    /// Subjects held out of training.
+    /// Held out of training.
     pub unseen: Vec<Subject>,
-    /// Range of the training touches.
+    /// Of the training touches.
     pub reach: Reach,
 }
 
@@ -118,28 +116,22 @@ pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
 }
 
 /// Makes or reads the data of a run.
-///
-/// # Errors
-/// Errors of the source; fewer than two materials to train on; a material without an image or a stroke.
 pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
     let made = settings.data == Origin::Made;
-    let refuse = |what: &str| Err(Diagnostic::new(what.to_owned()).into());
+    let refuse = |what: String| Err(Diagnostic::new(what).into());
     if made && settings.unseen > 0 {
-        return refuse(
-            "--unseen is for data that are read: of made surfaces, two of each family are held apart",
-        );
+        let why = "of made surfaces, two of each family are held apart";
+        return refuse(format!("--unseen is for data that are read: {why}"));
     }
     if !made && settings.every > 1 {
-        return refuse("--every is for made data");
+        return refuse("--every is for made data".to_owned());
     }
     let data = from(settings)?;
     for (path, note) in data.seen.iter().chain(&data.unseen).flat_map(|s| &s.notes) {
         eprintln!("{}: {note}", path.display());
     }
     if data.seen.len() < 2 {
-        return Err(
-            Diagnostic::new("there is nothing to tell apart: fewer than two materials to train on").into()
-        );
+        return refuse("there is nothing to tell apart: fewer than two materials to train on".to_owned());
     }
     for subject in &data.seen {
         let missing = match (subject.images.train.is_empty(), subject.examples.train.is_empty()) {
@@ -147,9 +139,7 @@ pub(crate) fn load(settings: &Settings) -> Result<Data, Failure> {
             (_, true) => "no stroke",
             _ => continue,
         };
-        return Err(
-            Diagnostic::new(format!("the material `{}` has {missing} to train on", subject.name)).into()
-        );
+        return refuse(format!("the material `{}` has {missing} to train on", subject.name));
     }
     Ok(data)
 }

@@ -17,8 +17,8 @@ use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Tensor};
 use serde::{Deserialize, Serialize};
 
-use crate::failure::Failure;
-use crate::files::write_whole;
+use crate::Failure;
+use crate::files::{Teller, refused, write_whole};
 
 /// Batches drawn ahead on a second thread.
 const AHEAD: usize = 2;
@@ -29,14 +29,15 @@ const EPSILON: f32 = 1e-8;
 /// Reports of a whole stage.
 const REPORTS: usize = 200;
 /// First bytes of a checkpoint.
-const MAGIC: &[u8; 8] = b"ASPCHK02";
+const MAGIC: &[u8; 8] = b"ASPCHK03";
+/// Largest checkpoint to read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
+const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
 
 /// One stage of a training run.
 #[derive(Clone, Debug)]
 pub(crate) struct Stage<'a> {
     /// Name of the stage and its checkpoint.
-    pub name: &'a str,
-    /// Steps in all.
+    pub name: &'static str,
     pub steps: usize,
     /// Largest learning rate. The rate rises over the first fiftieth of the steps and falls to a
     /// hundredth by half a cosine.
@@ -46,8 +47,15 @@ pub(crate) struct Stage<'a> {
     pub second_decay: f32,
     /// Folder of checkpoints.
     pub folder: &'a Path,
-    /// Stop request of the user.
+    pub begun: Begun,
     pub stop: &'a Stop,
+}
+
+/// Checksums of a run's settings and data: a checkpoint goes on with the same only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Begun {
+    pub settings: u32,
+    pub data: u32,
 }
 
 /// A stop request, and whether a running stage can keep its state.
@@ -64,7 +72,6 @@ impl Stop {
         !self.wanted.swap(true, Ordering::Relaxed) && self.heeded.load(Ordering::Relaxed)
     }
 
-    /// Whether a stop was requested.
     pub(crate) fn wanted(&self) -> bool {
         self.wanted.load(Ordering::Relaxed)
     }
@@ -73,61 +80,16 @@ impl Stop {
 /// Mean losses of a stage so far: (steps done, loss).
 pub(crate) type Losses = Vec<(usize, f64)>;
 
-/// Progress of a stage.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Progress {
-    /// Steps done.
-    pub step: usize,
-    /// Mean loss since the last report.
-    pub loss: f64,
-    /// Time left.
-    pub left: Duration,
-    /// Steps a second.
-    pub rate: f64,
-}
-
-#[derive(Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 struct Header {
+    begun: Begun,
     step: usize,
-    /// Sum of losses since the last report.
-    #[serde(with = "bits")]
-    sum: f64,
-    #[serde(with = "bits::of_losses")]
-    losses: Losses,
+    /// Sum of losses since the last report, and reported losses, as bits: decimals may not read back exactly.
+    sum: u64,
+    losses: Vec<(usize, u64)>,
     model_bytes: usize,
     /// Checksum of all bytes behind the header.
     crc32: u32,
-}
-
-/// Numbers as their bits, as decimals may not read back exactly.
-mod bits {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(x: &f64, to: S) -> Result<S::Ok, S::Error> {
-        x.to_bits().serialize(to)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-        u64::deserialize(from).map(f64::from_bits)
-    }
-
-    pub(super) mod of_losses {
-        use super::*;
-
-        pub(in super::super) fn serialize<S: Serializer>(
-            losses: &[(usize, f64)],
-            to: S,
-        ) -> Result<S::Ok, S::Error> {
-            to.collect_seq(losses.iter().map(|(step, loss)| (step, loss.to_bits())))
-        }
-
-        pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
-            from: D,
-        ) -> Result<Vec<(usize, f64)>, D::Error> {
-            let all = Vec::<(usize, u64)>::deserialize(from)?;
-            Ok(all.into_iter().map(|(step, bits)| (step, f64::from_bits(bits))).collect())
-        }
-    }
 }
 
 impl Stage<'_> {
@@ -146,32 +108,28 @@ impl Stage<'_> {
     }
 
     /// Runs the remaining steps, from the checkpoint if there is one, and returns the model and all
-    /// losses. `draw` makes the batch of a step on another thread; `loss` evaluates a model on it.
-    ///
-    /// # Errors
-    /// [`Failure::Stopped`] after a [stop](Self::stop) request and a checkpoint; a checkpoint that
-    /// cannot be read or written; a loss that is not finite.
+    /// losses. `draw` makes the batch of a step on another thread; `loss` evaluates a model on it. After a
+    /// [stop](Self::stop) request it writes a checkpoint and fails with [`Failure::Stopped`].
     pub(crate) fn descend<M: Module, B: Send>(
         &self,
         model: M,
         draw: impl Fn(usize) -> B + Sync,
         loss: impl Fn(&M, B) -> Tensor<1>,
-        mut report: impl FnMut(&Progress),
     ) -> Result<(M, Losses), Failure> {
         // Momenta of untouched weights decay for ever, down to denormals.
         let _flushed = Flushed::new();
-        let clipping = Some(GradientClippingConfig::Norm(1.0));
         let adam = AdamConfig::new()
             .with_beta_2(self.second_decay)
             .with_epsilon(EPSILON)
-            .with_grad_clipping(clipping)
+            .with_grad_clipping(Some(GradientClippingConfig::Norm(1.0)))
             .init();
+        let mut teller = Teller::new(self.name, self.steps);
         let (model, mut adam, mut header) = self.resume(model, adam)?;
         let (start, begun) = (Instant::now(), header.step);
         let every = self.steps.div_ceil(REPORTS).max(1);
         self.stop.heeded.store(true, Ordering::Relaxed);
         let model = std::thread::scope(|scope| {
-            let mut model = model;
+            let (mut model, mut sum) = (model, f64::from_bits(header.sum));
             let (send, receive) = mpsc::sync_channel(AHEAD);
             let draw = &draw;
             scope.spawn(move || (begun..self.steps).try_for_each(|step| send.send(draw(step))));
@@ -186,21 +144,23 @@ impl Stage<'_> {
                         self.name, header.step
                     )));
                 }
-                header.sum += size;
+                sum += size;
                 let gradients = GradientsParams::from_grads(now.backward(), &model);
                 model = adam.step(self.learning_rate(header.step), model, gradients);
                 header.step += 1;
                 if header.step % every == 0 || header.step == self.steps {
                     let count = header.step - header.losses.last().map_or(0, |(step, _)| *step);
-                    let mean = header.sum / count as f64;
-                    header.losses.push((header.step, mean));
-                    header.sum = 0.0;
+                    let mean = sum / count as f64;
+                    header.losses.push((header.step, mean.to_bits()));
+                    sum = 0.0;
                     let rate = (header.step - begun) as f64 / start.elapsed().as_secs_f64();
-                    let left = Duration::from_secs_f64((self.steps - header.step) as f64 / rate);
-                    report(&Progress { step: header.step, loss: mean, left, rate });
+                    let left = ((self.steps - header.step) as f64 / rate) as u64;
+                    let left = format!("{} min {:02} s left", left / 60, left % 60);
+                    teller.tell(header.step, &format!("loss {mean:.4}, {rate:.1} steps/s, {left}"));
                 }
                 let stopped = self.stop.wanted();
                 if stopped || saved.elapsed() > CHECKPOINT_EVERY || header.step == self.steps {
+                    header.sum = sum.to_bits();
                     self.save(&model, &adam, &mut header)?;
                     saved = Instant::now();
                 }
@@ -211,21 +171,17 @@ impl Stage<'_> {
             Ok(model)
         })?;
         self.stop.heeded.store(false, Ordering::Relaxed);
-        Ok((model, header.losses))
+        let losses = header.losses.into_iter().map(|(step, loss)| (step, f64::from_bits(loss)));
+        Ok((model, losses.collect()))
     }
 
     fn save<M: Module>(&self, model: &M, adam: &ModuleOptimizer, header: &mut Header) -> Result<(), Failure> {
         let broken = |e: &dyn std::fmt::Display| Failure::Model(format!("a checkpoint cannot be made: {e}"));
         let model = model.clone().into_record().into_bytes().map_err(|e| broken(&e))?;
         let adam = adam.into_bytes().map_err(|e| broken(&e))?;
-        header.model_bytes = model.len();
-        header.crc32 = crc32(&[&model, &adam]);
+        (header.model_bytes, header.crc32) = (model.len(), crc32(&[&model, &adam]));
         let line = serde_json::to_vec(header).map_err(|e| broken(&e))?;
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend((line.len() as u64).to_le_bytes());
-        bytes.extend(line);
-        bytes.extend_from_slice(&model);
-        bytes.extend_from_slice(&adam);
+        let bytes = [&MAGIC[..], &(line.len() as u64).to_le_bytes(), &line, &model, &adam].concat();
         Ok(write_whole(&self.path(), &bytes)?)
     }
 
@@ -234,42 +190,42 @@ impl Stage<'_> {
         model: M,
         adam: ModuleOptimizer,
     ) -> Result<(M, ModuleOptimizer, Header), Failure> {
-        match read(&self.path(), model.clone())? {
-            None => {
-                Ok((model, adam, Header { step: 0, sum: 0.0, losses: Vec::new(), model_bytes: 0, crc32: 0 }))
-            }
-            Some((model, header, state)) => {
-                let adam = adam.from_bytes(state).map_err(|_| broken(&self.path()))?;
-                Ok((model, adam, header))
-            }
-        }
+        let Some((model, header, state)) = read(&self.path(), self.begun, model.clone())? else {
+            return Ok((model, adam, Header { begun: self.begun, ..Header::default() }));
+        };
+        let adam = adam.from_bytes(state).map_err(|_| broken(&self.path()))?;
+        Ok((model, adam, header))
     }
 }
 
 /// Model of a stage's checkpoint if the stage is finished.
-///
-/// # Errors
-/// A checkpoint that cannot be read or belongs to another model.
-pub(crate) fn of_checkpoint<M: Module>(path: &Path, steps: usize, model: M) -> Result<Option<M>, Failure> {
-    Ok(read(path, model)?.filter(|(_, header, _)| header.step == steps).map(|(model, ..)| model))
+pub(crate) fn of_checkpoint<M: Module>(
+    path: &Path,
+    begun: Begun,
+    steps: usize,
+    model: M,
+) -> Result<Option<M>, Failure> {
+    Ok(read(path, begun, model)?.filter(|(_, header, _)| header.step == steps).map(|(model, ..)| model))
 }
 
 fn broken(path: &Path) -> Diagnostic {
-    Diagnostic::new("this is not a whole checkpoint")
-        .in_file(path)
-        .help("remove it, and its stage begins anew")
+    refused(path, "this is not a whole checkpoint", "remove it, and its stage begins anew")
 }
 
-/// Largest checkpoint to read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
-const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
-
 /// Model, header and the optimiser's state of a checkpoint.
-fn read<M: Module>(path: &Path, model: M) -> Result<Option<(M, Header, Bytes)>, Failure> {
+fn read<M: Module>(path: &Path, begun: Begun, model: M) -> Result<Option<(M, Header, Bytes)>, Failure> {
     if !path.exists() {
         return Ok(None);
     }
     let bytes = file::read(path, MAX_CHECKPOINT_BYTES)?;
     let (header, model_bytes, adam_bytes) = parts(&bytes).ok_or_else(|| broken(path))?;
+    let help = "name another --run folder, or remove this one";
+    if header.begun.settings != begun.settings {
+        return Err(refused(path, "this run was begun with other settings", help).into());
+    }
+    if header.begun.data != begun.data {
+        return Err(refused(path, "the data have changed since this run was begun", help).into());
+    }
     let bytes = |part: &[u8]| Bytes::from_bytes_vec(part.to_vec());
     let record = ModuleRecord::from_bytes(bytes(model_bytes)).map_err(|_| broken(path))?;
     let model = model.try_load_record(record).map_err(|_| broken(path))?;
@@ -278,8 +234,7 @@ fn read<M: Module>(path: &Path, model: M) -> Result<Option<(M, Header, Bytes)>, 
 
 /// Header, model and optimiser of a checkpoint.
 fn parts(bytes: &[u8]) -> Option<(Header, &[u8], &[u8])> {
-    let rest = bytes.strip_prefix(MAGIC)?;
-    let (length, rest) = rest.split_first_chunk::<8>()?;
+    let (length, rest) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<8>()?;
     let (line, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     let header: Header = serde_json::from_slice(line).ok()?;
     let (model, adam) = rest.split_at_checked(header.model_bytes)?;
@@ -293,5 +248,71 @@ fn crc32(parts: &[&[u8]]) -> u32 {
 }
 
 #[cfg(test)]
-#[path = "descent_tests.rs"]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::layer::{Layer, Weights};
+    use asperity_numbers::Random;
+    use burn::tensor::{Device, TensorData};
+
+    const BEGUN: Begun = Begun { settings: 1, data: 2 };
+
+    /// Learns y = 2 a - b + 1, with a stop request after step `stop_at`.
+    fn learn(folder: &Path, begun: Begun, stop_at: Option<usize>) -> Result<(Weights, Losses), Failure> {
+        let device = Device::flex().autodiff();
+        let stop = &Stop::default();
+        let (steps, learning_rate, second_decay) = (60, 0.1, 0.99);
+        let stage = Stage { name: "line", steps, learning_rate, second_decay, folder, begun, stop };
+        let layer = Layer::new(2, 1, 1.0, &mut Random::new(5), &device);
+        let draw = |step: usize| {
+            let mut random = Random::new(step as u64);
+            let inputs: Vec<f32> = (0..16).map(|_| random.range(-1.0, 1.0) as f32).collect();
+            let wanted: Vec<f32> = inputs.chunks_exact(2).map(|x| 2.0 * x[0] - x[1] + 1.0).collect();
+            (step, inputs, wanted)
+        };
+        let loss = |layer: &Layer, (step, inputs, wanted): (usize, Vec<f32>, Vec<f32>)| {
+            if Some(step) == stop_at {
+                assert!(stop.ask() && !stop.ask(), "seen to, and not twice");
+            }
+            let tensor = |x: Vec<f32>, width| Tensor::<2>::from_data(TensorData::new(x, [8, width]), &device);
+            (layer.forward(tensor(inputs, 2)) - tensor(wanted, 1)).powi_scalar(2).mean()
+        };
+        let (layer, losses) = stage.descend(layer, draw, loss)?;
+        Ok((layer.weights(), losses))
+    }
+
+    #[test]
+    fn run_stopped_twice_ends_at_the_same_bits() {
+        let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let (weights, losses) = learn(whole.path(), BEGUN, None).unwrap();
+        assert!(losses.last().unwrap().1 < 0.05 * losses[0].1, "{losses:?}");
+        for stop_at in [17, 40] {
+            assert!(matches!(learn(parts.path(), BEGUN, Some(stop_at)), Err(Failure::Stopped)));
+        }
+        let unbroken = (weights, losses);
+        assert_eq!(learn(parts.path(), BEGUN, None).unwrap(), unbroken);
+        // A finished stage takes no step, so the stop never comes.
+        assert_eq!(learn(whole.path(), BEGUN, Some(0)).unwrap(), unbroken);
+        // A stop request without a stage to keep is not obeyed.
+        assert!(!Stop::default().ask());
+    }
+
+    #[test]
+    fn broken_or_other_checkpoint_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        learn(folder.path(), BEGUN, None).unwrap();
+        let path = folder.path().join("line.checkpoint");
+        let refused = |begun: Begun, why: &str| {
+            let Err(Failure::Input(e)) = learn(folder.path(), begun, None) else { panic!("taken") };
+            assert!(e.to_string().contains("line.checkpoint") && e.to_string().contains(why), "{e}");
+        };
+        refused(Begun { settings: 0, ..BEGUN }, "begun with other settings");
+        refused(Begun { data: 0, ..BEGUN }, "the data have changed");
+        let bytes = std::fs::read(&path).unwrap();
+        let mut flipped = bytes.clone();
+        flipped[bytes.len() - 1] ^= 1;
+        for broken in [&bytes[..0], &bytes[..7], &bytes[..40], &bytes[..bytes.len() / 2], &flipped] {
+            std::fs::write(&path, broken).unwrap();
+            refused(BEGUN, "not a whole");
+        }
+    }
+}

@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use serde::{Deserialize, Serialize};
 
-use crate::layer::{Layer, Weights, all_relu, initial, layers, numbers, relu_between};
+use crate::layer::{Layer, Weights, all_relu, initial, layers, numbers, relu_between, rows};
 
 /// Features of an image: 256 channels of 5 x 7.
 pub(crate) const FEATURES: usize = 256 * 5 * 7;
@@ -45,21 +45,18 @@ impl Preset {
     }
 }
 
-/// Geometry of a convolution of AlexNet (Krizhevsky 2014, "One weird trick for parallelizing
-/// convolutional neural networks", in torchvision's version).
+/// Geometry of a convolution: edge of the kernel, stride both ways, rows and columns of zeros around the
+/// image, and whether [pooling](POOL) follows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Geometry {
-    /// Edge of the kernel.
     pub kernel: usize,
-    /// Stride both ways.
     pub stride: usize,
-    /// Rows and columns of zeros around the image.
     pub padding: usize,
-    /// Whether 3 x 3 max-pooling with stride 2 follows.
     pub pooled: bool,
 }
 
-/// Geometry of the five convolutions.
+/// AlexNet's convolutions (Krizhevsky 2014, "One weird trick for parallelizing convolutional neural
+/// networks", in torchvision's version).
 pub(crate) const GEOMETRY: [Geometry; 5] = [
     Geometry { kernel: 11, stride: 4, padding: 2, pooled: true },
     Geometry { kernel: 5, stride: 1, padding: 2, pooled: true },
@@ -127,7 +124,6 @@ impl ImageEncoder {
         x.flatten(1, 3)
     }
 
-    /// Weights of the convolutions.
     pub(crate) fn kernels(&self) -> Vec<Kernel> {
         let kernel = |c: &Convolution| Kernel {
             shape: c.weight.val().dims(),
@@ -141,7 +137,7 @@ impl ImageEncoder {
 /// Layers from features to something else, ReLU between.
 #[derive(Module, Debug)]
 pub(crate) struct Head {
-    layers: Vec<Layer>,
+    pub(crate) layers: Vec<Layer>,
 }
 
 impl Head {
@@ -164,14 +160,11 @@ impl Head {
     ) -> Self {
         let mut weights: Vec<Weights> = classifier.layers.iter().map(Layer::weights).collect();
         weights.pop();
-        if let Some(first) = weights.first_mut() {
-            first.fold(|_| (scale.recip(), 0.0), FEATURES);
-        }
+        weights[0].fold((scale.recip(), 0.0), FEATURES);
         let hidden: Vec<Layer> = weights.iter().map(|w| Layer::of(w, device)).collect();
         let plain: Vec<Layer> = weights.iter().map(|w| Layer::of(w, &Device::flex())).collect();
         let squares = |features: &Vec<f32>| {
-            let features = TensorData::new(features.clone(), [features.len() / FEATURES, FEATURES]);
-            let answers = numbers(all_relu(&plain, Tensor::from_data(features, &Device::flex())));
+            let answers = numbers(all_relu(&plain, rows(features.clone(), FEATURES, &Device::flex())));
             answers.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / answers.len().max(1) as f64
         };
         let mean_square = features.iter().map(squares).sum::<f64>() / features.len().max(1) as f64;
@@ -182,12 +175,6 @@ impl Head {
         Self { layers }
     }
 
-    /// Input of the last layer.
-    #[cfg(test)]
-    pub(crate) fn hidden(&self, features: Tensor<2>) -> Tensor<2> {
-        all_relu(&self.layers[..self.layers.len() - 1], features)
-    }
-
     /// \[n, outputs\] of features \[n, 8960\].
     pub(crate) fn forward(&self, features: Tensor<2>) -> Tensor<2> {
         relu_between(&self.layers, features)
@@ -196,12 +183,10 @@ impl Head {
     /// Weights for unscaled features and answers times `gain`, with `scale` folded in.
     pub(crate) fn weights(&self, scale: f32, gain: f32) -> Vec<Weights> {
         let mut weights: Vec<Weights> = self.layers.iter().map(Layer::weights).collect();
-        if let Some(first) = weights.first_mut() {
-            first.fold(|_| (scale, 0.0), FEATURES);
-        }
-        if let Some(last) = weights.last_mut() {
-            last.weight.iter_mut().chain(&mut last.bias).for_each(|w| *w *= gain);
-        }
+        weights[0].fold((scale, 0.0), FEATURES);
+        let last = weights.len() - 1;
+        let Weights { weight, bias, .. } = &mut weights[last];
+        weight.iter_mut().chain(bias).for_each(|w| *w *= gain);
         weights
     }
 }

@@ -17,9 +17,7 @@ pub(crate) struct Layer {
 /// Weights of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Weights {
-    /// Inputs.
     pub inputs: usize,
-    /// Outputs.
     pub outputs: usize,
     /// \[in, out\], row by row.
     pub weight: Vec<f32>,
@@ -43,20 +41,16 @@ impl Layer {
         random: &mut Random,
         device: &Device,
     ) -> Self {
-        let weight = TensorData::new(initial(inputs * outputs, inputs, gain, random), [inputs, outputs]);
-        Self {
-            weight: Param::from_tensor(Tensor::from_data(weight, device)),
-            bias: Param::from_tensor(Tensor::zeros([outputs], device)),
-        }
+        let weight = initial(inputs * outputs, inputs, gain, random);
+        Self::of(&Weights { inputs, outputs, weight, bias: vec![0.0; outputs] }, device)
     }
 
     /// A trainable layer of these weights.
     pub(crate) fn of(weights: &Weights, device: &Device) -> Self {
-        let Weights { inputs, outputs, weight, bias } = weights;
-        let weight = TensorData::new(weight.clone(), [*inputs, *outputs]);
+        let Weights { outputs, weight, bias, .. } = weights;
         let bias = TensorData::new(bias.clone(), [*outputs]);
         Self {
-            weight: Param::from_tensor(Tensor::from_data(weight, device)),
+            weight: Param::from_tensor(rows(weight.clone(), *outputs, device)),
             bias: Param::from_tensor(Tensor::from_data(bias, device)),
         }
     }
@@ -66,11 +60,16 @@ impl Layer {
         x.matmul(self.weight.val()) + self.bias.val().unsqueeze()
     }
 
-    /// Weights of the layer.
     pub(crate) fn weights(&self) -> Weights {
         let [inputs, outputs] = self.weight.val().dims();
         Weights { inputs, outputs, weight: numbers(self.weight.val()), bias: numbers(self.bias.val()) }
     }
+}
+
+/// Numbers as rows of a width.
+pub(crate) fn rows(numbers: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
+    let count = numbers.len() / width;
+    Tensor::from_data(TensorData::new(numbers, [count, width]), device)
 }
 
 /// All numbers of a tensor with the last index fastest.
@@ -109,9 +108,8 @@ impl Weights {
     }
 
     /// Folds x' = scale (x - offset) of the first `n` inputs into the weights.
-    pub(crate) fn fold(&mut self, scaling: impl Fn(usize) -> (f32, f32), n: usize) {
-        for (i, row) in self.weight.chunks_exact_mut(self.outputs).take(n).enumerate() {
-            let (scale, offset) = scaling(i);
+    pub(crate) fn fold(&mut self, (scale, offset): (f32, f32), n: usize) {
+        for row in self.weight.chunks_exact_mut(self.outputs).take(n) {
             for (w, b) in row.iter_mut().zip(&mut self.bias) {
                 *w *= scale;
                 *b -= *w * offset;
@@ -142,7 +140,7 @@ mod tests {
         let mut layer = Weights { inputs: 2, outputs: 1, weight: vec![3.0, -2.0], bias: vec![0.5] };
         let answer = |l: &Weights, x: [f32; 2]| l.bias[0] + x[0] * l.weight[0] + x[1] * l.weight[1];
         let scaled = answer(&layer, [0.25 * (7.0 - 1.0), 5.0]);
-        layer.fold(|_| (0.25, 1.0), 1);
+        layer.fold((0.25, 1.0), 1);
         assert_eq!(answer(&layer, [7.0, 5.0]), scaled);
     }
 }

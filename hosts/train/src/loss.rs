@@ -71,40 +71,22 @@ impl Target {
     pub(crate) fn loss(self, aim: Aim, answer: Tensor<2>, target: Tensor<2>, weight: Tensor<2>) -> Tensor<1> {
         const S: f32 = SOFT;
         let (y, m) = (answer * weight.clone(), target * weight);
-        let all = match (self, aim) {
-            (Self::Mean, Aim::Euclidean) => (y - m).powi_scalar(2) / 2.0,
-            (Self::Rms, Aim::Euclidean) => y.clone().powi_scalar(3) / 3.0 - m.powi_scalar(2) * y,
-            (Self::Mean, Aim::Relative) => {
-                let silent = silence(&y, &m);
-                let u = y + S;
-                silent.or(u.clone().log() + (m + S) / u)
+        let u = y.clone() + S;
+        let felt = match (self, aim) {
+            (Self::Mean, Aim::Euclidean) => return ((y - m).powi_scalar(2) / 2.0).mean(),
+            (Self::Rms, Aim::Euclidean) => {
+                return (y.clone().powi_scalar(3) / 3.0 - m.powi_scalar(2) * y).mean();
             }
+            (Self::Mean, Aim::Relative) => u.clone().log() + (m.clone() + S) / u,
             (Self::Rms, Aim::Relative) => {
-                let silent = silence(&y, &m);
-                let u = y + S;
                 let square = u.clone().powi_scalar(2) * 2.0;
-                silent.or(u.clone().log() + u.recip() * (2.0 * S) + (m.powi_scalar(2) - S * S) / square)
+                let rest = (m.clone().powi_scalar(2) - S * S) / square;
+                u.clone().log() + u.recip() * (2.0 * S) + rest
             }
         };
-        all.mean()
-    }
-}
-
-/// Loss for true silence.
-struct Silence {
-    /// 1 there, and 0 elsewhere.
-    there: Tensor<2>,
-    loss: Tensor<2>,
-}
-
-fn silence(y: &Tensor<2>, m: &Tensor<2>) -> Silence {
-    let loss = (y.clone().powi_scalar(2) + 1.0).sqrt();
-    Silence { there: m.clone().equal_scalar(0.0).float(), loss }
-}
-
-impl Silence {
-    fn or(self, felt: Tensor<2>) -> Tensor<2> {
-        felt.clone() + self.there * (self.loss - felt)
+        let silence = (y.powi_scalar(2) + 1.0).sqrt();
+        let silent = m.equal_scalar(0.0).float();
+        (felt.clone() + silent * (silence - felt)).mean()
     }
 }
 
@@ -276,12 +258,13 @@ impl Scales {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::{Device, TensorData};
+    use crate::layer::rows;
+    use burn::tensor::Device;
 
     /// Loss of one answer to magnitudes alternating between 1 and 3.
     fn loss(target: Target, aim: Aim, answer: f32) -> f32 {
         let device = Device::flex();
-        let row = |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [2, 1]), &device) };
+        let row = |x: Vec<f32>| rows(x, 1, &device);
         target.loss(aim, row(vec![answer; 2]), row(vec![1.0, 3.0]), row(vec![1.0; 2])).into_scalar::<f32>()
     }
 
@@ -306,11 +289,9 @@ mod tests {
         let (device, n) = (Device::flex().autodiff(), pairs.len());
         let all = |x: f32, width| Tensor::<2>::full([n, width], x, &device);
         let frames = |which: usize| pairs.iter().map(move |pair| pair[which]);
-        let rows =
-            |x: Vec<f32>, width| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [n, width]), &device) };
-        let magnitudes = [0, 1].map(|which| rows(frames(which).flatten().collect(), BINS));
+        let magnitudes = [0, 1].map(|which| rows(frames(which).flatten().collect(), BINS, &device));
         let power = |frame: [f32; BINS]| frame.iter().map(|m| m * m).sum::<f32>();
-        let powers = [0, 1].map(|which| rows(frames(which).map(power).collect(), 1));
+        let powers = [0, 1].map(|which| rows(frames(which).map(power).collect(), 1, &device));
         let scatter = scatter.map(|x| Tensor::<2>::full([1, 1], x, &device).require_grad());
         let [ratio, variance] = scatter.clone().map(|x| x.repeat_dim(0, n));
         let answers = Answers { magnitudes: all(answer, BINS), ratio: ratio.repeat_dim(1, BINS), variance };

@@ -6,7 +6,6 @@ mod data;
 mod descent;
 mod encoder;
 mod evaluation;
-mod failure;
 mod files;
 mod layer;
 mod loss;
@@ -14,17 +13,33 @@ mod model_report;
 mod network;
 mod onnx;
 mod pattern;
-mod progress;
 mod stages;
 mod training;
 
 use std::process::ExitCode;
 
+use asperity_diagnostics::Diagnostic;
 use asperity_numbers::denormals::Flushed;
 use clap::Parser;
 
 use arguments::{Arguments, Command};
-use failure::Failure;
+
+/// Reasons for an early end of a run.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// A file, a name or a range.
+    Input(Diagnostic),
+    /// Invalid training or result.
+    Model(String),
+    /// Stopped by the user; everything is kept.
+    Stopped,
+}
+
+impl From<Diagnostic> for Failure {
+    fn from(e: Diagnostic) -> Self {
+        Self::Input(e)
+    }
+}
 
 fn main() -> ExitCode {
     // The threads of a step's matrix products.
@@ -39,19 +54,12 @@ fn main() -> ExitCode {
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),
         Command::Pattern(found) => pattern::find(&found),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Input(e)) => {
-            eprintln!("error: {e}");
-            ExitCode::from(2)
-        }
-        Err(Failure::Model(e)) => {
-            eprintln!("error: {e}");
-            ExitCode::FAILURE
-        }
-        Err(Failure::Stopped) => {
-            eprintln!("stopped; the same command goes on from here");
-            ExitCode::from(130)
-        }
-    }
+    let (code, message) = match result {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Failure::Input(e)) => (2, format!("error: {e}")),
+        Err(Failure::Model(e)) => (1, format!("error: {e}")),
+        Err(Failure::Stopped) => (130, "stopped; the same command goes on from here".to_owned()),
+    };
+    eprintln!("{message}");
+    ExitCode::from(code)
 }

@@ -14,41 +14,27 @@ use crate::evaluation::{
 };
 use crate::loss::{Aim, Target};
 
-/// Sizes of the model's files for the report.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sizes {
-    /// Bytes of the encoder's file.
-    pub encoder_bytes: u64,
-    /// Bytes of the network's file.
-    pub network_bytes: u64,
+/// The report, in Markdown, with the sizes of the encoder's and the network's file in MB.
+pub(crate) fn write(settings: &Settings, sizes_mb: [f64; 2], data: &Data, evaluation: &Evaluation) -> String {
+    let Evaluation { naming, levels: all, strangers: unseen, scatter: each, .. } = evaluation;
+    let when = |known: bool, text: &dyn Fn() -> String| if known { text() } else { String::new() };
+    let scattered = each.iter().any(|(_, scatter)| scatter.is_some());
+    let parts = [
+        ("Goals", goals(evaluation)),
+        ("Names", when(naming.images > 0, &|| names(naming))),
+        ("Vibration", vibration(settings, evaluation)),
+        ("Mean or root mean square", when(!all.is_empty(), &|| levels(settings, all))),
+        ("Mean over root mean square", when(scattered, &|| scatter(&evaluation.scatter_by_family))),
+        ("Surfaces that were never seen", when(!unseen.surfaces.is_empty(), &|| strangers(unseen))),
+        ("Every material", table(&evaluation.scores)),
+    ];
+    let parts = parts.into_iter().filter(|(_, text)| !text.is_empty());
+    let parts = parts.map(|(title, text)| format!("\n## {title}\n\n{text}"));
+    std::iter::once(head(settings, sizes_mb, data)).chain(parts).collect()
 }
 
-/// The report, in Markdown.
-pub(crate) fn write(settings: &Settings, sizes: Sizes, data: &Data, evaluation: &Evaluation) -> String {
-    let mut report = head(settings, sizes, data);
-    // writing to a String cannot fail
-    let _ = write!(report, "\n## Goals\n\n{}", goals(evaluation));
-    if evaluation.naming.images > 0 {
-        let _ = write!(report, "\n## Names\n\n{}", names(&evaluation.naming));
-    }
-    let _ = write!(report, "\n## Vibration\n\n{}", vibration(settings, evaluation));
-    if !evaluation.levels.is_empty() {
-        let _ = write!(report, "\n## Mean or root mean square\n\n{}", levels(settings, &evaluation.levels));
-    }
-    if evaluation.scatter.iter().any(|(_, scatter)| scatter.is_some()) {
-        let _ =
-            write!(report, "\n## Mean over root mean square\n\n{}", scatter(&evaluation.scatter_by_family));
-    }
-    if !evaluation.strangers.surfaces.is_empty() {
-        let _ = write!(report, "\n## Surfaces that were never seen\n\n{}", strangers(&evaluation.strangers));
-    }
-    let _ = write!(report, "\n## Every material\n\n{}", table(&evaluation.scores));
-    report
-}
-
-fn head(settings: &Settings, sizes: Sizes, data: &Data) -> String {
+fn head(settings: &Settings, [encoder, network]: [f64; 2], data: &Data) -> String {
     let count = |of: fn(&asperity_data::Subject) -> usize| data.seen.iter().map(of).sum::<usize>();
-    let megabytes = |bytes: u64| bytes as f64 * 1e-6;
     let preset = match settings.preset {
         Preset::Paper => "the sizes of Heravi et al. 2024".to_owned(),
         Preset::Compact => {
@@ -97,7 +83,7 @@ with a weight of {weight} on naming by the vector, then {settling} for each targ
 `variance` [1, 1], the variance of a frame's power over its squared mean."
             }
         },
-        anew = if let Some(steps) = settings.network_steps {
+        anew = settings.network_steps.map_or(String::new(), |steps| {
             format!(
                 "
 Then the network of every tick was trained anew on vectors of the finished encoder: {steps} steps, and {} \
@@ -106,11 +92,7 @@ network for the other target is that of the first training.
 ",
                 settings.settling_steps
             )
-        } else {
-            String::new()
-        },
-        encoder = megabytes(sizes.encoder_bytes),
-        network = megabytes(sizes.network_bytes),
+        }),
         materials = data.seen.len(),
         force_n = data.reach.force_n,
         speed_mm_s = data.reach.speed_mm_s,
@@ -134,6 +116,11 @@ network for the other target is that of the first training.
         touching = settings.feeling_groups * settings.feeling_each,
         settling = settings.settling_steps,
     )
+}
+
+/// Lines of a table.
+fn lines<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
+    rows.map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
 }
 
 /// A name, in a table.
@@ -229,35 +216,29 @@ fn names(naming: &Naming) -> String {
             "\nNamed worst, and what they are taken for most often:\n\n| material | rightly | \
         taken for |\n|---|---|---|\n",
         );
-        for (name, part, other) in &naming.worst {
-            let _ = writeln!(text, "| {} | {} | {} |", cell(name), percent(*part), cell(other));
-        }
+        text +=
+            &lines(naming.worst.iter().map(|(name, part, other)| [cell(name), percent(*part), cell(other)]));
     }
     text
 }
 
 fn vibration(settings: &Settings, evaluation: &Evaluation) -> String {
     let [places, places_beyond] = places(settings);
-    let of_made = |figure: &str| {
-        format!(
+    let figure = match settings.target {
+        Target::Mean => "mean",
+        Target::Rms => "root mean square",
+    };
+    let truth = match &settings.data {
+        Origin::Recordings(_) => "the magnitudes of single recorded frames of held-out strokes, which are \
+                                  random about what can be known"
+            .to_owned(),
+        Origin::Hatt(_) => {
+            format!("the models' {figure} magnitudes on strokes that were never trained on")
+        }
+        Origin::Made => format!(
             "the {figure} magnitudes, over {places} places (beyond: {places_beyond}) of pieces that were \
              never trained on, of strokes that were never trained on"
-        )
-    };
-    let truth = match (&settings.data, settings.target) {
-        (Origin::Recordings(_), _) => {
-            "the magnitudes of single recorded frames of held-out strokes, which are random about what \
-             can be known"
-                .to_owned()
-        }
-        (Origin::Hatt(_), Target::Mean) => {
-            "the models' mean magnitudes on strokes that were never trained on".to_owned()
-        }
-        (Origin::Hatt(_), Target::Rms) => {
-            "the models' root mean square magnitudes on strokes that were never trained on".to_owned()
-        }
-        (Origin::Made, Target::Mean) => of_made("mean"),
-        (Origin::Made, Target::Rms) => of_made("root mean square"),
+        ),
     };
     let beyond = if evaluation.beyond.is_empty() {
         String::new()
@@ -323,7 +304,7 @@ fn levels(settings: &Settings, levels: &[Level]) -> String {
             "a likelihood whose least is at the mean magnitude, and one whose least is at the power"
         }
     };
-    let mut text = format!(
+    let text = format!(
         "Power over the true power of held-out strokes, in dB, mean over materials. The mean of a random \
          magnitude carries {MEAN_GAIN_DB} dB less than its power asks for, and that of a
 sure one nothing less: the first two columns are of the true means, without a network, and of the same \
@@ -336,23 +317,15 @@ first is too quiet, what is above 0 in the second is overdriven. The networks we
     );
     let signed = |db: Option<f64>| db.map_or_else(|| "-".to_owned(), |db| format!("{db:+.2}"));
     let gained = |db: Option<f64>| signed(db.map(|db| db + MEAN_GAIN_DB));
-    for level in levels {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} |",
-            level.family,
-            signed(level.exact_mean_db),
-            gained(level.exact_mean_db),
-            signed(level.mean_db),
-            gained(level.mean_db),
-            signed(level.rms_db)
-        );
-    }
-    text
+    let row = |Level { family, exact_mean_db, mean_db, rms_db }: &Level| {
+        let [exact, mean] = [*exact_mean_db, *mean_db].map(|db| [signed(db), gained(db)].join(" | "));
+        [family.clone(), exact, mean, signed(*rms_db)]
+    };
+    text + &lines(levels.iter().map(row))
 }
 
 fn scatter(families: &[(String, Option<Scatter>)]) -> String {
-    let mut text = String::from(
+    let text = String::from(
         "The ratio is mean over root mean square magnitude at one material, force and velocity: 0.886 for \
          noise, 1 for
 a steady line. The variance is that of a frame's power over its squared mean; power is the sum of all squared
@@ -363,16 +336,13 @@ within a material, and are means over materials.
 |---|---|---|---|---|
 ",
     );
-    for (family, scatter) in families {
-        let figures = match scatter {
-            Some(s) => {
-                [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(|x| format!("{x:.3}"))
-            }
-            None => [(); 4].map(|()| "-".to_owned()),
-        };
-        let _ = writeln!(text, "| {} | {} |", cell(family), figures.join(" | "));
-    }
-    text
+    let known = |s: &Scatter| {
+        [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(|x| format!("{x:.3}")).join(" | ")
+    };
+    let row = |(family, scatter): &(String, Option<Scatter>)| {
+        [cell(family), scatter.as_ref().map_or("- | - | - | -".to_owned(), known)]
+    };
+    text + &lines(families.iter().map(row))
 }
 
 fn strangers(strangers: &Strangers) -> String {
@@ -408,24 +378,17 @@ would give {}.
         mean(|s| s.blend_db),
         mean(|s| s.best_db),
     );
-    for s in surfaces {
-        let [family, other] = [&s.family, &s.neighbour.1].map(|f| cell(f.as_deref().unwrap_or("-")));
-        let _ = writeln!(
-            text,
-            "| {} | {family} | {} | {other} | {} | {} | {} | {} |",
-            cell(&s.name),
-            cell(&s.neighbour.0),
-            decibels(s.nearest_db),
-            decibels(s.raw_db),
-            decibels(s.blend_db),
-            decibels(s.best_db)
-        );
-    }
-    text
+    let row = |s: &Stranger| {
+        let family = |family: &Option<String>| cell(family.as_deref().unwrap_or("-"));
+        let names = [cell(&s.name), family(&s.family), cell(&s.neighbour.0), family(&s.neighbour.1)];
+        let errors = [s.nearest_db, s.raw_db, s.blend_db, s.best_db].map(decibels);
+        [names.join(" | "), errors.join(" | ")]
+    };
+    text + &lines(surfaces.iter().map(row))
 }
 
 fn table(scores: &[Score]) -> String {
-    let mut text = String::from(
+    let text = String::from(
         "Mean of |error| in dB, as above.
 
 | material | model | 9 of 10 within | bias | (a) mean spectrum | (b) nearest touch | twenty nearest | (c) \
@@ -433,19 +396,10 @@ two signals |
 |---|---|---|---|---|---|---|---|
 ",
     );
-    for s in judged(scores) {
-        let _ = writeln!(
-            text,
-            "| {} | {:.2} | {:.2} | {:+.2} | {:.2} | {:.2} | {:.2} | {} |",
-            cell(&s.material),
-            s.model_db,
-            s.p90_db,
-            s.bias_db,
-            s.constant_db,
-            s.nearest_db,
-            s.smooth_db,
-            decibels(s.floor_db)
-        );
-    }
-    text
+    let row = |s: &Score| {
+        let rivals = [s.constant_db, s.nearest_db, s.smooth_db].map(|db| format!("{db:.2}"));
+        let model = format!("{:.2} | {:.2} | {:+.2}", s.model_db, s.p90_db, s.bias_db);
+        [cell(&s.material), model, rivals.join(" | "), decibels(s.floor_db)]
+    };
+    text + &lines(judged(scores).map(row))
 }

@@ -75,19 +75,14 @@ pub(crate) struct Answers {
 /// Weights for export, with inputs in N and mm/s.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NetworkWeights {
-    /// Force branch.
     pub force: Vec<Weights>,
-    /// Speed branch.
     pub speed: Vec<Weights>,
-    /// Action branch.
     pub action: Vec<Weights>,
-    /// Predictor up to its last layer.
+    /// All but its last layer.
     pub predictor: Vec<Weights>,
-    /// Last layer of the magnitudes' logarithms.
+    /// Last layer, of the magnitudes' logarithms.
     pub magnitudes: Weights,
-    /// Last layer of the ratios.
     pub ratio: Weights,
-    /// Last layer of the variance.
     pub variance: Weights,
 }
 
@@ -137,25 +132,18 @@ impl Network {
 
     /// Network whose answer for vectors times `scale` is this one's for the vectors.
     pub(crate) fn for_vectors_times(mut self, scale: f32, device: &Device) -> Self {
-        if let Some(first) = self.predictor.first_mut() {
-            let mut weights = first.weights();
-            weights.fold(|_| (scale.recip(), 0.0), VECTOR_LEN);
-            *first = Layer::of(&weights, device);
-        }
+        let mut first = self.predictor[0].weights();
+        first.fold((scale.recip(), 0.0), VECTOR_LEN);
+        self.predictor[0] = Layer::of(&first, device);
         self
     }
 
     /// Weights with the scaling of inputs folded in.
     pub(crate) fn weights(&self, scaling: Scaling) -> NetworkWeights {
         let all = |layers: &[Layer]| -> Vec<Weights> { layers.iter().map(Layer::weights).collect() };
-        let mut force = all(&self.force);
-        if let Some(first) = force.first_mut() {
-            first.fold(|_| scaling.force, HISTORY);
-        }
-        let mut speed = all(&self.speed);
-        if let Some(first) = speed.first_mut() {
-            first.fold(|_| (scaling.speed, 0.0), 2 * HISTORY);
-        }
+        let (mut force, mut speed) = (all(&self.force), all(&self.speed));
+        force[0].fold(scaling.force, HISTORY);
+        speed[0].fold((scaling.speed, 0.0), 2 * HISTORY);
         let scatter = self.scatter.weights();
         NetworkWeights {
             force,
@@ -194,8 +182,7 @@ fn compass() -> Weights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layer::numbers;
-    use burn::tensor::TensorData;
+    use crate::layer::{numbers, rows};
 
     #[test]
     fn a_network_has_512700_weights_and_10100_more_for_scatter() {
@@ -226,8 +213,7 @@ mod tests {
     fn vectors_of_another_size_have_the_same_answer() {
         let (device, random) = (Device::flex(), &mut Random::new(2));
         let mut row = |width: usize, scale: f32| -> Tensor<2> {
-            let numbers: Vec<f32> = (0..width).map(|_| scale * random.range(-1.0, 1.0) as f32).collect();
-            Tensor::from_data(TensorData::new(numbers, [1, width]), &device)
+            rows((0..width).map(|_| scale * random.range(-1.0, 1.0) as f32).collect(), width, &device)
         };
         let (force, speed, vector) = (row(HISTORY, 1.0), row(2 * HISTORY, 1.0), row(VECTOR_LEN, 6.0));
         let network = Network::new(&mut Random::new(1), &device);

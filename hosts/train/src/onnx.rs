@@ -241,12 +241,12 @@ fn value(name: &str, shape: &[usize]) -> pb::ValueInfoProto {
 mod tests {
     use super::*;
     use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features};
-    use crate::layer::numbers;
+    use crate::layer::{all_relu, numbers, rows};
     use crate::network::{Network, Scaling};
     use asperity_numbers::Random;
     use asperity_texture::picture::Image;
     use asperity_texture::{Answer, Choice, Encoder, Model, Precision};
-    use burn::tensor::{Device, Tensor, TensorData};
+    use burn::tensor::Device;
 
     fn apart(a: &[f32], b: &[f32]) -> f32 {
         let most = b.iter().fold(1e-6_f32, |most, x| most.max(x.abs()));
@@ -267,11 +267,10 @@ mod tests {
             let head = Head::texture(&classifier, (std::slice::from_ref(&looks), scale), random, &device);
             let widths: Vec<usize> = head.weights(1.0, 1.0).iter().map(|w| w.outputs).collect();
             assert_eq!(widths, if preset == Preset::Paper { [4096, 512, 256] } else { [192, 512, 256] });
-            let row =
-                |x: Vec<f32>| -> Tensor<2> { Tensor::from_data(TensorData::new(x, [1, FEATURES]), &device) };
+            let row = |x: Vec<f32>| rows(x, FEATURES, &device);
             // It starts as the classifier, with components of about 1.
-            let [hidden, begun] =
-                [head.hidden(row(looks.clone())), classifier.hidden(row(plain))].map(numbers);
+            let hidden = |head: &Head, x: Vec<f32>| numbers(all_relu(&head.layers[..2], row(x)));
+            let (hidden, begun) = (hidden(&head, looks.clone()), hidden(&classifier, plain));
             assert!(apart(&hidden, &begun) < 1e-4, "{preset:?}: {}", apart(&hidden, &begun));
             let trained: Vec<f32> = numbers(head.forward(row(looks))).into_iter().map(|x| 0.5 * x).collect();
             let rms = (trained.iter().map(|x| x * x).sum::<f32>() / 256.0).sqrt();
@@ -298,9 +297,9 @@ mod tests {
         let force: [f32; HISTORY] = std::array::from_fn(|_| random.range(0.0, 6.0) as f32);
         let speed: [f32; 2 * HISTORY] = std::array::from_fn(|_| random.range(-350.0, 350.0) as f32);
         let vector: Vec<f32> = (0..VECTOR_LEN).map(|_| random.range(-1.0, 1.0) as f32).collect();
-        let row = |x: Vec<f32>| -> Tensor<2> {
+        let row = |x: Vec<f32>| {
             let width = x.len();
-            Tensor::from_data(TensorData::new(x, [1, width]), &device)
+            rows(x, width, &device)
         };
         let scaled_force = force.map(|f| scaling.force.0 * (f - scaling.force.1)).to_vec();
         let scaled_speed = speed.map(|v| scaling.speed * v).to_vec();

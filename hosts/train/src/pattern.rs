@@ -12,11 +12,10 @@ use asperity_texture::{Library, LibraryMaterial, Pattern};
 use clap::Args;
 use rayon::prelude::*;
 
+use crate::Failure;
 use crate::arguments::Settings;
 use crate::data::{Origin, made_settings};
-use crate::failure::Failure;
-use crate::files::write_whole;
-use crate::progress::Teller;
+use crate::files::{Teller, write_whole};
 use crate::training::{settings_now, settings_of};
 
 /// Arguments of a new search for patterns.
@@ -34,9 +33,6 @@ pub(crate) struct FindPatterns {
 
 /// Finds the patterns of a model's materials again and writes its library with them. The rest of the
 /// library stays.
-///
-/// # Errors
-/// Errors of the files and the data.
 pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
     let settings = settings_now(&find.folder, &settings_of(&find.folder)?, find.data.as_ref())?;
     let path = find.folder.join("materials.ron");
@@ -62,9 +58,6 @@ pub(crate) fn find(find: &FindPatterns) -> Result<(), Failure> {
 }
 
 /// Gives each material of the data the pattern for a folder's network; other materials keep theirs.
-///
-/// # Errors
-/// Errors of the recordings and of the network's file.
 pub(crate) fn fill(
     materials: &mut [LibraryMaterial],
     settings: &Settings,

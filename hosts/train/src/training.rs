@@ -9,9 +9,8 @@ use asperity_data::Subject;
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_numbers::Random;
 use asperity_plot::{Curve, Curves};
-use asperity_texture::Encoder;
 use asperity_texture::picture::Image;
-use asperity_texture::{Library, LibraryMaterial, Pattern, VECTOR_LEN};
+use asperity_texture::{Encoder, Library, LibraryMaterial, Model, Pattern, VECTOR_LEN};
 use burn::module::Module;
 use burn::tensor::Device;
 use image::ExtendedColorType;
@@ -19,66 +18,49 @@ use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use crate::arguments::{self, Evaluate, Settings, Train};
+use crate::arguments::{self, Settings, Train, Trained};
 use crate::data::{self, Data, Origin};
-use crate::descent::{self, Losses, Stage, Stop};
-use crate::evaluation::{self, Naming as Named, Network, Written};
-use crate::failure::Failure;
-use crate::files::write_whole;
-use crate::model_report::Sizes;
-use crate::network::{self, Scaling};
-use crate::pattern;
-use crate::progress::Teller;
+use crate::descent::{self, Begun, Losses, Stage, Stop};
+use crate::evaluation::{self, Naming as Named, Written};
+use crate::files::{Teller, make_folder, refused, write_whole};
+use crate::loss::Target;
+use crate::network::Network;
 use crate::stages::{self, Kin, Learner, Looks, Namer, Naming, Touching, mean_vector, vectors};
-use crate::{model_report, onnx};
+use crate::{Failure, model_report, onnx, pattern};
+
+/// Learning rate of settling as a part of stage two's.
+const SETTLING: f64 = 0.05;
+/// File of the settings in a model's folder.
+const SETTINGS: &str = "settings.json";
 
 /// Trains a model and writes it.
-///
-/// # Errors
-/// Errors of the data, the folders or the training; [`Failure::Stopped`] by Ctrl-C.
 pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let settings = &train.settings;
-    let run = train.run.clone().unwrap_or_else(|| beside(&train.out));
-    belongs(&run, settings)?;
     fits(&train.out, settings)?;
     let stop = stop_by_ctrl_c()?;
     let data = data::load(settings)?;
-    same_data(&run, &data)?;
     spares(&train.out, &data)?;
-    let _alone = begin(&train.out, &run, settings, &data)?;
-    let device = Device::flex().autodiff();
-    let stage = |name, steps: u32, (learning_rate, second_decay)| Stage {
-        name,
-        steps: steps as usize,
-        learning_rate,
-        second_decay,
-        folder: &run,
-        stop: &stop,
-    };
+    let run = Run::begin(&train.out, train.run.as_deref(), stop, settings, &data)?;
+    let (plain, device) = (Device::flex(), Device::flex().autodiff());
 
     // With no weight on names stages one and two are the paper's.
     let kin = Kin::of(data.seen.iter().map(|s| s.family.as_deref())).filter(|_| settings.naming_weight > 0.0);
     let kin = kin.as_ref();
-    let naming = stage("naming", settings.naming_steps, (settings.naming_rate, 0.999));
-    let mut teller = Teller::new("naming", naming.steps);
+    let naming = run.stage("naming", settings.naming_steps, settings.naming_rate, 0.999);
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &device);
     let naming_of = Naming { batch: settings.naming_batch as usize, seed: settings.seed, kin };
-    let (namer, naming_losses) =
-        stages::name(&naming, namer, &data.seen, naming_of, &device, |p| teller.progress(p))?;
+    let (namer, naming_losses) = stages::name(&naming, namer, &data.seen, naming_of, &device)?;
 
-    let plain = Device::flex();
     let namer = namer.valid();
     if let Some(part) = namer.named_rightly(&data.seen, &plain) {
         eprintln!("naming: {:.1} % of held-out images are named rightly", 100.0 * part);
     }
     let looks = Looks::of(&namer.encoder, &data.seen, (kin, settings.seed), &plain);
-    let feeling = stage("feeling", settings.feeling_steps, (settings.feeling_rate, 0.99));
-    let mut teller = Teller::new("feeling", feeling.steps);
-    let touching = touching(settings, &data);
+    let feeling = run.stage("feeling", settings.feeling_steps, settings.feeling_rate, 0.99);
+    let touching = Touching::of(settings, &data);
     let learner = Learner::new(&namer.classifier, &looks, settings.seed, &device);
     let beside = (&looks, kin, settings.naming_weight);
-    let (learner, feeling_losses) =
-        stages::feel(&feeling, learner, &data.seen, beside, touching, &device, |p| teller.progress(p))?;
+    let (learner, feeling_losses) = stages::feel(&feeling, learner, &data.seen, beside, touching, &device)?;
 
     // The texture encoder is done. The rest learns from vectors, half of the time from those to be
     // stored.
@@ -94,71 +76,50 @@ pub(crate) fn train(train: &Train) -> Result<(), Failure> {
     let stored: Vec<[f32; VECTOR_LEN]> = vectors.iter().map(|v| mean_vector(v)).collect();
     let both = with_stored(&vectors, &stored);
     let settle = |name, target| {
-        let settling = stage(name, settings.settling_steps, (SETTLING * settings.feeling_rate, 0.99));
-        let mut teller = Teller::new(name, settling.steps);
-        let touching = Touching { target, ..touching };
+        let stage = run.stage(name, settings.settling_steps, SETTLING * settings.feeling_rate, 0.99);
         let network = learner.feeler.network.clone().for_vectors_times(gain, &device);
-        stages::settle(&settling, network, &data.seen, &both, touching, &device, |p| teller.progress(p))
+        stages::settle(&stage, network, &data.seen, &both, Touching { target, ..touching }, &device)
     };
     let (settled, settling_losses) = settle("settling", settings.target)?;
     let other = settings.target.other();
     let (settled_other, other_losses) = settle("settling_other", other)?;
 
     let about = [("settings", about(settings))];
-    let network = |network: &network::Network, target| {
+    let write = |name: &str, bytes: &[u8]| write_whole(&train.out.join(name), bytes);
+    let network = |network: &Network, target| {
         onnx::network(&network.weights(touching.scaling), target, data.reach, &about)
     };
-    let out = |name: &str| train.out.join(name);
-    write_whole(
-        &out("encoder.onnx"),
-        &onnx::encoder(&namer.encoder.kernels(), &texture.weights(looks.scale, gain), &about),
-    )?;
-    write_whole(&out("texture.onnx"), &network(&settled, settings.target))?;
-    let name = format!("texture_{}.onnx", other.name());
-    write_whole(&out(&name), &network(&settled_other, other))?;
+    let head = texture.weights(looks.scale, gain);
+    write("encoder.onnx", &onnx::encoder(&namer.encoder.kernels(), &head, &about))?;
+    write("texture.onnx", &network(&settled, settings.target))?;
+    write(&other_file(settings.target), &network(&settled_other, other))?;
     let mut materials = materials(&train.out, &data, &stored)?;
     pattern::fill(&mut materials, settings, &train.out)?;
-    write_whole(
-        &out("materials.ron"),
-        Library::new(out("materials.ron"), Some("encoder.onnx".to_owned()), materials).to_ron().as_bytes(),
-    )?;
-    write_whole(&out(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())?;
-    let losses: Vec<(String, Losses)> = [
+    let path = train.out.join("materials.ron");
+    let library = Library::new(&path, Some("encoder.onnx".to_owned()), materials);
+    write_whole(&path, library.to_ron().as_bytes())?;
+    let losses = [
         ("naming", naming_losses),
         ("feeling", feeling_losses),
         ("settling", settling_losses),
         ("settling_other", other_losses),
-    ]
-    .map(|(name, losses)| (name.to_owned(), losses))
-    .into();
-    write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
-    write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
-    eprintln!("wrote {}", train.out.display());
-    if stop.wanted() {
-        return Err(Failure::Stopped);
-    }
-    judge(&train.out, &run, settings, &data)
+    ];
+    run.finish(&train.out, settings, &losses.map(|(name, losses)| (name.to_owned(), losses)), &data)
 }
 
 /// Retrains the tick network of a model from its encoder's vectors, and writes its model report.
-///
-/// # Errors
-/// Errors of the files, the data or the training; [`Failure::Stopped`] by Ctrl-C.
 pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
-    let folder = &asked.folder;
+    let Trained { folder, run, data } = &asked.model;
     let settings = settings_of(folder)?;
-    let run = asked.run.clone().unwrap_or_else(|| beside(folder));
-    belongs(&run, &settings)?;
-    let out = |name: &str| folder.join(name);
-    let encoder = Encoder::load(out("encoder.onnx"))?;
-    let library = Library::read(out("materials.ron"))?;
-    let mut losses = losses_of(&out("losses.csv"))?;
+    let encoder = Encoder::load(folder.join("encoder.onnx"))?;
+    let library = Library::read(folder.join("materials.ron"))?;
+    let mut losses = losses_of(&folder.join("losses.csv"))?;
     let stop = stop_by_ctrl_c()?;
-    let data = data_of(folder, &settings, asked.data.as_ref())?;
-    same_data(&run, &data)?;
+    let data = data_of(folder, &settings, data.as_ref())?;
     let stored: Vec<[f32; VECTOR_LEN]> =
         trained(&library, &data)?.materials().iter().map(|m| *m.vector).collect();
-    let _alone = begin(folder, &run, &settings, &data)?;
+    let run = Run::begin(folder, run.as_deref(), stop, &settings, &data)?;
+    namer_of(&run.folder, run.begun, &settings, &data)?;
 
     let mut teller = Teller::new("vectors", data.seen.len());
     let mut vectors: Vec<Vec<f32>> = Vec::new();
@@ -170,20 +131,12 @@ pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     }
     let both = with_stored(&vectors, &stored);
     let device = Device::flex().autodiff();
-    let learn = |network, name, steps: u32, learning_rate, touching| {
-        let stage = Stage {
-            name,
-            steps: steps as usize,
-            learning_rate,
-            second_decay: 0.99,
-            folder: &run,
-            stop: &stop,
-        };
-        let mut teller = Teller::new(name, stage.steps);
-        stages::settle(&stage, network, &data.seen, &both, touching, &device, |p| teller.progress(p))
+    let learn = |network, name, steps, learning_rate, touching| {
+        let stage = run.stage(name, steps, learning_rate, 0.99);
+        stages::settle(&stage, network, &data.seen, &both, touching, &device)
     };
-    let touching = touching(&settings, &data);
-    let network = network::Network::new(&mut Random::new(settings.seed), &device);
+    let touching = Touching::of(&settings, &data);
+    let network = Network::new(&mut Random::new(settings.seed), &device);
     // The second stage draws other touches than the first.
     let other = Touching { seed: !settings.seed, ..touching };
     let steps = asked.steps.unwrap_or(settings.feeling_steps);
@@ -194,25 +147,89 @@ pub(crate) fn network(asked: &arguments::Network) -> Result<(), Failure> {
     let settings = Settings { network_steps: Some(steps), ..settings };
     let about = [("settings", about(&settings))];
     let weights = network.weights(touching.scaling);
-    write_whole(&out("texture.onnx"), &onnx::network(&weights, settings.target, data.reach, &about))?;
-    write_whole(&out(SETTINGS), serde_json::to_string_pretty(&settings).unwrap_or_default().as_bytes())?;
+    let bytes = onnx::network(&weights, settings.target, data.reach, &about);
+    write_whole(&folder.join("texture.onnx"), &bytes)?;
     losses.retain(|(name, _)| !["settling", "network", "network_settling"].contains(&name.as_str()));
     losses.extend([("network".to_owned(), first), ("network_settling".to_owned(), second)]);
-    write_whole(&out("losses.csv"), csv(&losses).as_bytes())?;
-    write_whole(&out("curves.svg"), curves(&losses).to_svg().as_bytes())?;
-    eprintln!("wrote {}", out("texture.onnx").display());
     eprintln!(
         "patterns go with the network before: `asperity-train pattern {}` finds them anew",
         folder.display()
     );
-    if stop.wanted() {
-        return Err(Failure::Stopped);
-    }
-    judge(folder, &run, &settings, &data)
+    run.finish(folder, &settings, &losses, &data)
 }
 
-/// Learning rate of settling as a part of stage two's.
-const SETTLING: f64 = 0.05;
+/// A run: its folder of checkpoints, where nobody else can train meanwhile.
+struct Run {
+    folder: PathBuf,
+    begun: Begun,
+    stop: Arc<Stop>,
+    _lock: File,
+}
+
+impl Run {
+    fn begin(
+        out: &Path,
+        run: Option<&Path>,
+        stop: Arc<Stop>,
+        settings: &Settings,
+        data: &Data,
+    ) -> Result<Self, Diagnostic> {
+        let folder = run_folder(out, run);
+        make_folder(out)?;
+        make_folder(&folder)?;
+        let path = folder.join("lock");
+        let lock = File::create(&path)
+            .map_err(|e| Diagnostic::new(format!("cannot write this file: {e}")).in_file(&path))?;
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            let help = "wait until it is done, or name another --run folder";
+            return Err(refused(&folder, "another training is going on here", help));
+        }
+        Ok(Self { folder, begun: begun(settings, data), stop, _lock: lock })
+    }
+
+    fn stage(&self, name: &'static str, steps: u32, learning_rate: f64, second_decay: f32) -> Stage<'_> {
+        let (steps, folder, begun) = (steps as usize, &self.folder, self.begun);
+        Stage { name, steps, learning_rate, second_decay, folder, begun, stop: &self.stop }
+    }
+
+    /// Writes how a model was trained, and its model report.
+    fn finish(
+        self,
+        out: &Path,
+        settings: &Settings,
+        losses: &[(String, Losses)],
+        data: &Data,
+    ) -> Result<(), Failure> {
+        let json = serde_json::to_string_pretty(settings).unwrap_or_default();
+        write_whole(&out.join(SETTINGS), json.as_bytes())?;
+        write_whole(&out.join("losses.csv"), csv(losses).as_bytes())?;
+        write_whole(&out.join("curves.svg"), curves(losses).to_svg().as_bytes())?;
+        eprintln!("wrote {}", out.display());
+        if self.stop.wanted() {
+            return Err(Failure::Stopped);
+        }
+        judge(out, &self.folder, self.begun, settings, data)
+    }
+}
+
+/// The folder of checkpoints: beside a model's, unless it is named.
+fn run_folder(out: &Path, run: Option<&Path>) -> PathBuf {
+    if let Some(run) = run {
+        return run.to_owned();
+    }
+    // `.` and `..` have no file name.
+    let whole = if out.file_name().is_none() { out.canonicalize().ok() } else { None };
+    let out = whole.as_deref().unwrap_or(out);
+    let mut name = out.file_name().unwrap_or_default().to_owned();
+    name.push(".run");
+    out.with_file_name(name)
+}
+
+/// Checksums of a run's settings, apart from later changes to the model, and of its data.
+fn begun(settings: &Settings, data: &Data) -> Begun {
+    let settings = serde_json::to_vec(&Settings { network_steps: None, ..settings.clone() });
+    Begun { settings: crc32fast::hash(&settings.unwrap_or_default()), data: data.checksum() }
+}
 
 /// A stop request set by Ctrl-C; a second Ctrl-C ends the program.
 fn stop_by_ctrl_c() -> Result<Arc<Stop>, Failure> {
@@ -228,17 +245,6 @@ fn stop_by_ctrl_c() -> Result<Arc<Stop>, Failure> {
     Ok(stop)
 }
 
-fn touching(settings: &Settings, data: &Data) -> Touching {
-    Touching {
-        groups: settings.feeling_groups as usize,
-        each: settings.feeling_each as usize,
-        seed: settings.seed,
-        target: settings.target,
-        aim: settings.error,
-        scaling: Scaling::of(data.reach),
-    }
-}
-
 /// Vectors of images \[subject\]\[n, 256\], each list followed by equally many copies of the stored
 /// vector.
 fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f32>> {
@@ -247,9 +253,6 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
 }
 
 /// Settings of a model.
-///
-/// # Errors
-/// A folder without settings.
 pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     serde_json::from_str(Source::read(&path)?.text())
@@ -257,22 +260,17 @@ pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
 }
 
 /// Settings of a model with the present place of its data.
-///
-/// # Errors
-/// Data of another kind.
 pub(crate) fn settings_now(
     folder: &Path,
     settings: &Settings,
     now: Option<&Origin>,
 ) -> Result<Settings, Diagnostic> {
-    match now {
-        Some(data) if data.name() != settings.data.name() => {
-            let message = format!("this model was trained on `{}` data", settings.data.name());
-            Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)))
-        }
-        Some(data) => Ok(Settings { data: data.clone(), ..settings.clone() }),
-        None => Ok(settings.clone()),
+    let data = now.unwrap_or(&settings.data);
+    if data.name() != settings.data.name() {
+        let message = format!("this model was trained on `{}` data", settings.data.name());
+        return Err(Diagnostic::new(message).in_file(folder.join(SETTINGS)));
     }
+    Ok(Settings { data: data.clone(), ..settings.clone() })
 }
 
 /// Data of a model, from the place in its settings or from the present place.
@@ -289,31 +287,36 @@ fn data_of(folder: &Path, settings: &Settings, now: Option<&Origin>) -> Result<D
 }
 
 /// Evaluates the model of a folder and writes its model report.
-///
-/// # Errors
-/// Errors of the files and the data.
-pub(crate) fn evaluate(evaluate: &Evaluate) -> Result<(), Failure> {
-    let settings = settings_of(&evaluate.folder)?;
-    let run = evaluate.run.clone().unwrap_or_else(|| beside(&evaluate.folder));
-    if evaluate.run.is_some() && !run.is_dir() {
-        return Err(Diagnostic::new("there is no such folder").in_file(&run).help("--run names it").into());
+pub(crate) fn evaluate(Trained { folder, run, data }: &Trained) -> Result<(), Failure> {
+    let settings = settings_of(folder)?;
+    if let Some(run) = run.as_ref().filter(|run| !run.is_dir()) {
+        return Err(refused(run, "there is no such folder", "--run names it").into());
     }
-    let data = data_of(&evaluate.folder, &settings, evaluate.data.as_ref())?;
-    judge(&evaluate.folder, &run, &settings, &data)
+    let data = data_of(folder, &settings, data.as_ref())?;
+    judge(folder, &run_folder(folder, run.as_deref()), begun(&settings, &data), &settings, &data)
 }
 
-fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<(), Failure> {
-    let other = folder.join(format!("texture_{}.onnx", settings.target.other().name()));
-    belongs(run, settings)?;
-    same_data(run, data)?;
+/// Result of stage one, from the run's folder.
+fn namer_of(run: &Path, begun: Begun, settings: &Settings, data: &Data) -> Result<Option<Namer>, Failure> {
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
+    descent::of_checkpoint(&run.join("naming.checkpoint"), begun, settings.naming_steps as usize, namer)
+}
+
+/// File of the network for the other target.
+fn other_file(target: Target) -> String {
+    format!("texture_{}.onnx", target.other().name())
+}
+
+fn judge(folder: &Path, run: &Path, begun: Begun, settings: &Settings, data: &Data) -> Result<(), Failure> {
+    let path = |name: &str| folder.join(name);
+    let other = path(&other_file(settings.target));
     let written = Written {
-        encoder: Encoder::load(folder.join("encoder.onnx"))?,
-        network: Network::read(&folder.join("texture.onnx"))?,
-        other: other.exists().then(|| Network::read(&other)).transpose()?,
-        namer: descent::of_checkpoint(&run.join("naming.checkpoint"), settings.naming_steps as usize, namer)?,
-        library: trained(&Library::read(folder.join("materials.ron"))?, data)?,
-        named: named_earlier(&folder.join("evaluation.json")),
+        encoder: Encoder::load(path("encoder.onnx"))?,
+        network: Model::load(path("texture.onnx"))?,
+        other: other.exists().then(|| Model::load(&other)).transpose()?,
+        namer: namer_of(run, begun, settings, data)?,
+        library: trained(&Library::read(path("materials.ron"))?, data)?,
+        named: named_earlier(&path("evaluation.json")),
     };
     let evaluation = evaluation::evaluate(&written, settings, data)?;
     if written.namer.is_none() {
@@ -324,12 +327,12 @@ fn judge(folder: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<
         eprintln!("no classifier in {}: {instead}", run.display());
     }
     let json = serde_json::to_string_pretty(&evaluation).unwrap_or_default();
-    write_whole(&folder.join("evaluation.json"), json.as_bytes())?;
-    let size = |name: &str| std::fs::metadata(folder.join(name)).map_or(0, |m| m.len());
-    let sizes = Sizes { encoder_bytes: size("encoder.onnx"), network_bytes: size("texture.onnx") };
-    let report = model_report::write(settings, sizes, data, &evaluation);
-    write_whole(&folder.join("MODEL_CARD.md"), report.as_bytes())?;
-    eprintln!("wrote {}", folder.join("MODEL_CARD.md").display());
+    write_whole(&path("evaluation.json"), json.as_bytes())?;
+    let megabytes = ["encoder.onnx", "texture.onnx"]
+        .map(|name| std::fs::metadata(path(name)).map_or(0.0, |m| m.len() as f64 * 1e-6));
+    let report = model_report::write(settings, megabytes, data, &evaluation);
+    write_whole(&path("MODEL_CARD.md"), report.as_bytes())?;
+    eprintln!("wrote {}", path("MODEL_CARD.md").display());
     Ok(())
 }
 
@@ -363,9 +366,7 @@ fn materials(
     data: &Data,
     vectors: &[[f32; VECTOR_LEN]],
 ) -> Result<Vec<LibraryMaterial>, Failure> {
-    let pictures = folder.join("pictures");
-    std::fs::create_dir_all(&pictures)
-        .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(&pictures))?;
+    make_folder(&folder.join("pictures"))?;
     let mut taken = HashSet::new();
     let mut picture = |subject: &Subject| -> Result<Vec<String>, Failure> {
         let images = &subject.images;
@@ -374,18 +375,17 @@ fn materials(
         write_whole(&folder.join(&name), &jpeg(image)?)?;
         Ok(vec![name])
     };
-    let mut material =
-        |(subject, vector): (&Subject, &[f32; VECTOR_LEN])| -> Result<LibraryMaterial, Failure> {
-            Ok(LibraryMaterial {
-                name: subject.name.clone(),
-                description: subject.description.clone(),
-                family: subject.family.clone(),
-                images: picture(subject)?,
-                pattern: Pattern::default(),
-                vector: Box::new(*vector),
-            })
-        };
-    let materials = data.seen.iter().zip(vectors).map(&mut material).collect::<Result<_, _>>()?;
+    let mut materials = Vec::new();
+    for (subject, vector) in data.seen.iter().zip(vectors) {
+        materials.push(LibraryMaterial {
+            name: subject.name.clone(),
+            description: subject.description.clone(),
+            family: subject.family.clone(),
+            images: picture(subject)?,
+            pattern: Pattern::default(),
+            vector: Box::new(*vector),
+        });
+    }
     // Unseen surfaces get pictures too, for the reader.
     data.unseen.iter().try_for_each(|subject| picture(subject).map(drop))?;
     Ok(materials)
@@ -431,10 +431,11 @@ fn losses_of(path: &Path) -> Result<Vec<(String, Losses)>, Diagnostic> {
 }
 
 fn csv(stages: &[(String, Losses)]) -> String {
-    let rows = stages
-        .iter()
-        .flat_map(|(name, losses)| losses.iter().map(move |(step, loss)| format!("{name},{step},{loss}\n")));
-    std::iter::once("stage,step,loss\n".to_owned()).chain(rows).collect()
+    let mut text = "stage,step,loss\n".to_owned();
+    for (name, losses) in stages {
+        text.extend(losses.iter().map(|(step, loss)| format!("{name},{step},{loss}\n")));
+    }
+    text
 }
 
 fn curves(stages: &[(String, Losses)]) -> Curves {
@@ -450,63 +451,14 @@ fn curves(stages: &[(String, Losses)]) -> Curves {
     }
 }
 
-/// The folder of checkpoints beside a model's.
-fn beside(out: &Path) -> PathBuf {
-    // `.` and `..` have no file name.
-    let whole = if out.file_name().is_none() { out.canonicalize().ok() } else { None };
-    let out = whole.as_deref().unwrap_or(out);
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(".run");
-    out.with_file_name(name)
-}
-
-/// File of the settings in a model's or a run's folder.
-const SETTINGS: &str = "settings.json";
-
-/// Whether two runs have the same settings, apart from later changes to the model.
-fn begun_alike(a: &Settings, b: &Settings) -> bool {
-    Settings { network_steps: b.network_steps, ..a.clone() } == *b
-}
-
-/// Refuses a run's folder that belongs to other settings.
-fn belongs(run: &Path, settings: &Settings) -> Result<(), Diagnostic> {
-    let Some(found) = told(run, SETTINGS)? else { return Ok(()) };
-    let path = run.join(SETTINGS);
-    let found: Settings = serde_json::from_str(&found)
-        .map_err(|e| Diagnostic::new(format!("these are not a run's settings: {e}")).in_file(&path))?;
-    if begun_alike(&found, settings) {
-        return Ok(());
-    }
-    Err(Diagnostic::new("this run was begun with other settings")
-        .in_file(path)
-        .help("give the settings it has, name another --run folder, or remove this one"))
-}
-
-/// Content of a file of a run's folder; nothing if no run was begun there.
-fn told(run: &Path, name: &str) -> Result<Option<String>, Diagnostic> {
-    let path = run.join(name);
-    if path.exists() {
-        return Ok(Some(Source::read(&path)?.text().to_owned()));
-    }
-    let mut files = std::fs::read_dir(run).into_iter().flatten().flatten();
-    match files.find(|file| file.path().extension().is_some_and(|e| e == "checkpoint")) {
-        None => Ok(None),
-        Some(file) => Err(Diagnostic::new("it is not known what this checkpoint was made with")
-            .in_file(file.path())
-            .help(format!("its run's {name} is gone: name another --run folder, or remove this one"))),
-    }
-}
-
 /// Refuses a folder with a model of other settings.
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
-    let path = out.join(SETTINGS);
-    let alike = |found: &str| serde_json::from_str(found).is_ok_and(|found| begun_alike(&found, settings));
-    if !path.exists() || alike(Source::read(&path)?.text()) {
+    let alike = |found: Settings| Settings { network_steps: settings.network_steps, ..found } == *settings;
+    if !out.join(SETTINGS).exists() || settings_of(out).is_ok_and(alike) {
         return Ok(());
     }
-    Err(Diagnostic::new("a model with other settings lies here")
-        .in_file(&path)
-        .help("name another --out folder, or remove this one"))
+    let help = "name another --out folder, or remove this one";
+    Err(refused(&out.join(SETTINGS), "a model with other settings lies here", help))
 }
 
 /// Refuses to overwrite a library with later additions.
@@ -516,47 +468,9 @@ fn spares(out: &Path, data: &Data) -> Result<(), Diagnostic> {
         return Ok(());
     }
     let library = Library::read(&path)?;
-    match library.materials().iter().find(|m| data.seen.iter().all(|s| s.name != m.name)) {
-        None => Ok(()),
-        Some(added) => {
-            Err(Diagnostic::new(format!("`{}` was added to this library, and would be lost", added.name))
-                .in_file(&path)
-                .help("name another --out folder, or move this file away"))
-        }
+    if let Some(added) = library.materials().iter().find(|m| data.seen.iter().all(|s| s.name != m.name)) {
+        let what = format!("`{}` was added to this library, and would be lost", added.name);
+        return Err(refused(&path, &what, "name another --out folder, or move this file away"));
     }
-}
-
-/// File of a run's folder with the checksum of its data.
-const CHECKSUM: &str = "data.crc32";
-
-/// Refuses a run's folder begun with other data.
-fn same_data(run: &Path, data: &Data) -> Result<(), Diagnostic> {
-    match told(run, CHECKSUM)? {
-        Some(found) if found != data.checksum().to_string() => {
-            Err(Diagnostic::new("the data have changed since this run was begun")
-                .in_file(run.join(CHECKSUM))
-                .help("name another --run folder, or remove this one"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Makes a run's folders and marks them as such. Nobody else can train there until the result is
-/// dropped.
-fn begin(out: &Path, run: &Path, settings: &Settings, data: &Data) -> Result<File, Diagnostic> {
-    for folder in [out, run] {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder))?;
-    }
-    let lock = run.join("lock");
-    let held = File::create(&lock)
-        .map_err(|e| Diagnostic::new(format!("cannot write this file: {e}")).in_file(&lock))?;
-    if let Err(TryLockError::WouldBlock) = held.try_lock() {
-        return Err(Diagnostic::new("another training is going on here")
-            .in_file(run)
-            .help("wait until it is done, or name another --run folder"));
-    }
-    write_whole(&run.join(CHECKSUM), data.checksum().to_string().as_bytes())?;
-    write_whole(&run.join(SETTINGS), serde_json::to_string_pretty(settings).unwrap_or_default().as_bytes())?;
-    Ok(held)
+    Ok(())
 }

@@ -9,25 +9,14 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::hatt;
+use crate::{folder, hatt};
 use asperity_autoregressive::{Texture, TextureFile, is_stable, line_spectrum};
 use asperity_diagnostics::Source;
 
 /// Mixtures of an edge to check, beside its ends.
 const PARTS: u32 = 200;
-
-fn files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files(&path, found);
-        } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) {
-            found.push(path);
-        }
-    }
-}
 
 fn edges(texture: &Texture) -> Vec<[usize; 2]> {
     let sides = |&[a, b, c]: &[usize; 3]| [[a, b], [b, c], [c, a]];
@@ -59,11 +48,9 @@ struct Counts {
 }
 
 fn counts(folder: &Path) -> Counts {
-    let mut paths = Vec::new();
-    files(folder, &mut paths);
-    paths.sort();
+    let paths = folder::tree(folder).unwrap_or_else(|e| panic!("{e}"));
     let mut it = Counts { textures: 0, edges: 0, unstable: [0, 0], orders: [usize::MAX, 0] };
-    for path in paths {
+    for path in paths.into_iter().filter(|path| folder::ends_with(path, &["xml"])) {
         let source = Source::read(&path).unwrap_or_else(|e| panic!("{e}"));
         if !source.text().to_ascii_lowercase().contains("<modelset") {
             continue;

@@ -73,9 +73,8 @@ pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnost
     let files = folder::tree(folder)?;
     let mut found = materials(&files)?;
     if found.is_empty() {
-        return Err(Diagnostic::new("no model sets in this folder")
-            .in_file(folder)
-            .help("the toolkit's models are XML files with a `modelSet` in them"));
+        let help = "the toolkit's models are XML files with a `modelSet` in them";
+        return Err(folder::refused(folder, "no model sets in this folder", help));
     }
     for picture in files.iter().filter(|f| folder::is_picture(f)) {
         let name = key(picture);
@@ -94,9 +93,7 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
     for path in files.iter().filter(|f| folder::ends_with(f, &["xml"])) {
         let source = Source::read(path)?;
         if source.text().trim().is_empty() {
-            return Err(Diagnostic::new("this file is empty")
-                .in_file(path)
-                .help("remove it, or download it again"));
+            return Err(folder::refused(path, "this file is empty", "remove it, or download it again"));
         }
         // The toolkit's recordings are XML too.
         if !source.text().to_ascii_lowercase().contains("<modelset") {
@@ -104,12 +101,8 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
         }
         let key = key(path);
         if let Some(first) = found.iter().find(|m| m.key == key) {
-            return Err(Diagnostic::new(format!(
-                "a second material of the name of {}",
-                first.path.display()
-            ))
-            .in_file(path)
-            .help("keep the models of one sample rate in the folder"));
+            let what = format!("a second material of the name of {}", first.path.display());
+            return Err(folder::refused(path, &what, "keep the models of one sample rate in the folder"));
         }
         let texture = parse(&source)?;
         found.push(Found { key, path: path.clone(), texture, pictures: Vec::new() });
@@ -138,9 +131,8 @@ fn title(path: &Path) -> String {
 
 fn subject(material: &Found, settings: &Settings, seed: u64) -> Result<Subject, Diagnostic> {
     if material.pictures.is_empty() {
-        return Err(Diagnostic::new("no picture of this material")
-            .in_file(&material.path)
-            .help("a PNG, JPEG or BMP file in the folder whose name begins as this file's"));
+        let help = "a PNG, JPEG or BMP file in the folder whose name begins as this file's";
+        return Err(folder::refused(&material.path, "no picture of this material", help));
     }
     let frames = Frames::new(material.texture.rate_hz()).map_err(|e| e.in_file(&material.path))?;
     let mut seeds = Random::new(seed);

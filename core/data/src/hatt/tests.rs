@@ -10,8 +10,14 @@ type Part = fn(&[f64; 2], f64, f64) -> String;
 const AR: [[f64; 2]; 4] = [[-1.2, 0.81], [-0.9, 0.7], [-0.4, 0.6], [0.1, 0.5]];
 const PLACES: [[f64; 2]; 4] = [[20.0, 0.5], [200.0, 0.5], [20.0, 2.0], [200.0, 2.0]];
 
-fn lsf(ar: &[f64]) -> Vec<f64> {
-    line_spectrum::from_polynomial(ar).unwrap()
+/// Numbers with a text between.
+fn joined(numbers: &[f64], by: &str) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(by)
+}
+
+/// Line spectral frequencies with a text between.
+fn lsf(ar: &[f64], by: &str) -> String {
+    joined(&line_spectrum::from_polynomial(ar).unwrap(), by)
 }
 
 fn set(head: &str, part: Part) -> String {
@@ -22,10 +28,10 @@ fn set(head: &str, part: Part) -> String {
 }
 
 fn plain(ar: &[f64; 2], speed: f64, force: f64) -> String {
+    let ar = joined(ar, " ");
     format!(
-        "<model>\n<ARcoeff>{} {}</ARcoeff>\n<var>0.04</var>\n<gain>1.5</gain>\n<speedMod>{speed}</speedMod>\n\
-         <forceMod>{force}</forceMod>\n</model>\n",
-        ar[0], ar[1]
+        "<model>\n<ARcoeff>{ar}</ARcoeff>\n<var>0.04</var>\n<gain>1.5</gain>\n<speedMod>{speed}</speedMod>\n\
+         <forceMod>{force}</forceMod>\n</model>\n"
     )
 }
 
@@ -53,42 +59,32 @@ fn every_shape_of_a_set_gives_the_same_models() {
     assert_eq!((want.rate_hz(), want.models().len()), (1000.0, 4));
     assert_eq!(want.models()[1].ar, AR[1]);
     let elements: Part = |ar, v, f| {
+        let (ar, lsf) = (joined(ar, "</value>\n<value>"), lsf(ar, "</value> <value>"));
         format!(
-            "<model1><ARCOEFF><value>{}</value>\n<value>{}</value></ARCOEFF>\
-             <arlsf> <value>{}</value> <value>{}</value> </arlsf><MAcoeff/><var><value>0.04</value></var>\
-             <gain>1.5</gain><speedMod>{v}</speedMod><forceMod> {f} </forceMod></model1>",
-            ar[0],
-            ar[1],
-            lsf(ar)[0],
-            lsf(ar)[1]
+            "<model1><ARCOEFF><value>{ar}</value></ARCOEFF>\
+             <arlsf> <value>{lsf}</value> </arlsf><MAcoeff/><var><value>0.04</value></var>\
+             <gain>1.5</gain><speedMod>{v}</speedMod><forceMod> {f} </forceMod></model1>"
         )
     };
     let attributes: Part = |ar, v, f| {
+        let (ar, lsf) = (joined(ar, ", "), lsf(ar, " "));
         format!(
-            "<Model ARcoeff=\"1, {}, {}\" ARlsf='{} {}' Var='0.04' gain='1.5' speedMod='{v}' \
-             forceMod='{f}'/>",
-            ar[0],
-            ar[1],
-            lsf(ar)[0],
-            lsf(ar)[1]
+            "<Model ARcoeff=\"1, {ar}\" ARlsf='{lsf}' Var='0.04' gain='1.5' speedMod='{v}' forceMod='{f}'/>"
         )
     };
     let values: Part = |ar, v, f| {
+        let [a, b] = ar;
         format!(
-            "<m><ARcoeff value='{}'/><ARcoeff><c value='{}'/></ARcoeff><var value='0.04'/><gain value='1.5'/>\
-             <speedMod value='{v}'/><forceMod value='{f}'/></m>",
-            ar[0], ar[1]
+            "<m><ARcoeff value='{a}'/><ARcoeff><c value='{b}'/></ARcoeff><var value='0.04'/>\
+             <gain value='1.5'/><speedMod value='{v}'/><forceMod value='{f}'/></m>"
         )
     };
     // The other sign; the frequencies tell.
     let turned: Part = |ar, v, f| {
+        let (ar, lsf) = (joined(&ar.map(|a| -a), ";"), lsf(ar, " "));
         format!(
-            "<m><ARcoeff>{};{}</ARcoeff><ARlsf>{} {}</ARlsf><var>0.04</var><gain>1.5</gain>\
-             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>",
-            -ar[0],
-            -ar[1],
-            lsf(ar)[0],
-            lsf(ar)[1]
+            "<m><ARcoeff>{ar}</ARcoeff><ARlsf>{lsf}</ARlsf><var>0.04</var><gain>1.5</gain>\
+             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>"
         )
     };
     let head = "<numMod>4</numMod><other>words</other>";
@@ -96,7 +92,7 @@ fn every_shape_of_a_set_gives_the_same_models() {
         assert_eq!(texture(&set(head, part)).models(), want.models());
     }
     let listed: Part =
-        |ar, _, _| format!("<m><ARcoeff>{} {}</ARcoeff><var>0.04</var><gain>1.5</gain></m>", ar[0], ar[1]);
+        |ar, _, _| format!("<m><ARcoeff>{}</ARcoeff><var>0.04</var><gain>1.5</gain></m>", joined(ar, " "));
     let lists = "<speedList>20 200 20 200</speedList><forceList>0.5 0.5 2 2</forceList>";
     assert_eq!(texture(&set(lists, listed)).models(), want.models());
 }
@@ -104,12 +100,10 @@ fn every_shape_of_a_set_gives_the_same_models() {
 #[test]
 fn frequencies_alone_and_moving_averages_are_read() {
     let part: Part = |ar, v, f| {
+        let (ar, ma) = (lsf(ar, " "), lsf(&[0.5], " "));
         format!(
-            "<m><ARlsf>{} {}</ARlsf><MAcoeff>1 0.5</MAcoeff><MAlsf>{}</MAlsf><var>0.04</var>\
-             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>",
-            lsf(ar)[0],
-            lsf(ar)[1],
-            lsf(&[0.5])[0]
+            "<m><ARlsf>{ar}</ARlsf><MAcoeff>1 0.5</MAcoeff><MAlsf>{ma}</MAlsf><var>0.04</var>\
+             <speedMod>{v}</speedMod><forceMod>{f}</forceMod></m>"
         )
     };
     let read = texture(&set("", part));
@@ -183,7 +177,7 @@ fn entities_of_a_file_are_refused_at_the_first() {
 
 /// A white model: `E|A|^2 = 6 / N var gain^2` in every bin.
 fn white(ar: &[f64; 2], speed: f64, force: f64) -> String {
-    plain(ar, speed, force).replace(&format!("{} {}", ar[0], ar[1]), "0")
+    plain(ar, speed, force).replace(&joined(ar, " "), "0")
 }
 
 #[test]

@@ -52,10 +52,9 @@ struct Sum {
 
 impl Sum {
     fn new(example: Example) -> Self {
-        let m = example.magnitudes.map(f64::from);
-        let powers = m.map(|m| m * m);
-        let square = powers.iter().sum::<f64>().powi(2);
-        Self { count: 1.0, magnitudes: m, powers, square, example }
+        let magnitudes = example.magnitudes.map(f64::from);
+        let powers = magnitudes.map(|m| m * m);
+        Self { count: 1.0, square: powers.iter().sum::<f64>().powi(2), magnitudes, powers, example }
     }
 
     fn add(&mut self, example: &Example) {

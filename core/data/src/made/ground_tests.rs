@@ -1,8 +1,8 @@
 use asperity_accuracy::accuracy::{Spectrogram, compare, waveform_db};
 use asperity_motion::{Shape, StrokeParams};
 
+use super::super::expectations;
 use super::super::strokes::Drawn;
-use super::super::{Settings, expectations};
 use super::*;
 
 /// A circle at one speed and force.

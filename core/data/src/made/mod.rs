@@ -10,20 +10,20 @@
 
 mod expectations;
 mod ground;
-mod images;
-mod patterned;
 mod strokes;
 
+use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
-use asperity_surfaces::topography::{MadeSurface, made_surfaces};
+use asperity_surfaces::tactile::{Camera, Press, indentation};
+use asperity_surfaces::topography::{HeightField, MadeSurface, made_surfaces};
+use asperity_texture::picture::Image;
 use rayon::prelude::*;
 
 pub use expectations::expectations;
-pub use ground::{Ground, pitch_mm, surface};
-pub use patterned::{FORCE_N, pattern, straight_strokes};
+pub use ground::{FORCE_N, Ground, pattern, pitch_mm, straight_strokes, surface};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
 use crate::example::{Example, Parts, Subject, Truth};
@@ -70,10 +70,25 @@ fn unseen(number: usize) -> bool {
     number % UNSEEN_EVERY == UNSEEN_AT
 }
 
+/// Depth of the gel's press in mm.
+const DEPTH_MM: (f64, f64) = (0.2, 0.6);
+
+/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another
+/// camera.
+fn press(piece: &HeightField, count: usize, random: &mut Random, images: &mut Vec<Image>) {
+    for _ in 0..count {
+        let camera = Camera::another(random);
+        let length = piece.length_mm();
+        let press = Press {
+            place_mm: [random.range(0.0, length), random.range(0.0, length)],
+            turn: TAU * random.unit(),
+            depth_mm: random.range(DEPTH_MM.0, DEPTH_MM.1),
+        };
+        images.push(camera.picture(&indentation(piece, &press, camera.grid()), random));
+    }
+}
+
 /// Images and examples of one surface. The same settings give the same bits.
-///
-/// # Errors
-/// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.
 fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagnostic> {
     let mut images = Parts::default();
     let mut examples = Parts::default();
@@ -81,14 +96,13 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
     for number in 0..train + held {
         let seed = settings.piece(number);
         let piece = surface.patch(GRID, seed);
-        let (to_images, to_examples) = if number < train {
-            (&mut images.train, &mut examples.train)
-        } else {
-            (&mut images.held, &mut examples.held)
+        let (to_images, to_examples) = match number < train {
+            true => (&mut images.train, &mut examples.train),
+            false => (&mut images.held, &mut examples.held),
         };
         // No two surfaces are pressed or stroked alike.
         let own = |salt: u64| Random::new(seed ^ surface.seed() ^ salt);
-        images::add(&piece, settings.images, &mut own(0x5eed), to_images);
+        press(&piece, settings.images, &mut own(0x5eed), to_images);
         let random = &mut own(0x5704);
         strokes::add(surface, &piece, settings, random, to_examples)?;
     }
@@ -136,6 +150,10 @@ pub fn subjects(
 mod tests {
     use super::*;
 
+    fn power(magnitudes: &[f32; 100]) -> f64 {
+        magnitudes.iter().map(|m| f64::from(m * m)).sum()
+    }
+
     const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
 
     #[test]
@@ -146,13 +164,9 @@ mod tests {
         assert_eq!([made.images.train.len(), made.images.held.len()], [1, 1]);
         assert!(made.images.train != made.images.held);
         assert!(made.examples.train.len() > 45 && made.examples.held.len() > 45);
-        assert!(
-            made.examples.train.iter().all(|e| made
-                .examples
-                .held
-                .iter()
-                .all(|h| h.velocity != e.velocity || e.velocity == [0.0; 20]))
-        );
+        let Parts { train, held } = &made.examples;
+        let moving = train.iter().filter(|e| e.velocity != [0.0; 20]);
+        assert!(moving.clone().all(|e| held.iter().all(|h| h.velocity != e.velocity)));
         assert_ne!(made, subject(surface, &Settings { seed: 4, ..SMALL }).unwrap());
         let other = subject(&made_surfaces()[61], &SMALL).unwrap();
         assert!(made.examples.train[30].velocity != other.examples.train[30].velocity, "stroked alike");
@@ -179,7 +193,6 @@ mod tests {
     #[test]
     fn made_stroke_is_felt_at_two_places() {
         let made = subject(&made_surfaces()[4], &SMALL).unwrap();
-        let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
         let (mut here, mut there, mut both) = (0.0, 0.0, 0.0);
         for e in &made.examples.train {
             let other = e.other.expect("another place");
@@ -199,7 +212,6 @@ mod tests {
         assert!(expected.len() > 60);
         let (mut one, mut rms, mut mean) = (0.0, 0.0, 0.0);
         for e in &expected {
-            let power = |m: &[f32; 100]| m.iter().map(|m| f64::from(m * m)).sum::<f64>();
             one += power(&e.example.magnitudes) + power(&e.example.other.unwrap());
             rms += 2.0 * power(&e.rms);
             mean += 2.0 * power(&e.mean);

@@ -22,6 +22,8 @@ const SAMPLES: usize = (SAMPLE_HZ as f64 / RATE_HZ) as usize;
 const FRAME: usize = (SAMPLE_HZ as f64 * WINDOW_S) as usize;
 /// Slowest mean speed of a stroke in mm/s.
 const SLOWEST_MM_S: f64 = 8.0;
+/// Speeds of strokes within the range in mm/s.
+const USUAL_MM_S: [f64; 2] = [SLOWEST_MM_S, 0.97 * MAX_SPEED_MM_S];
 /// Peak speed of a minimum-jerk movement over its mean.
 const PEAK: f64 = 1.875;
 /// Mean forces of strokes [N].
@@ -52,7 +54,7 @@ impl Drawn {
     /// # Errors
     /// A duration outside a [stroke's](StrokeParams) range.
     pub fn new(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
-        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, TREMOR_MM, duration_s, random)
+        Self::within(USUAL_MM_S, FORCES_N, TREMOR_MM, duration_s, random)
     }
 
     /// Draws one without tremor.
@@ -60,7 +62,7 @@ impl Drawn {
     /// The last 20 ms do not tell what a tremor adds in the next 0.1 s. A network that never met tremor
     /// follows it as it comes. One that did answers the average effect of tremor at a speed.
     fn smooth(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
-        Self::up_to(0.97 * MAX_SPEED_MM_S, SLOWEST_MM_S, FORCES_N, 0.0, duration_s, random)
+        Self::within(USUAL_MM_S, FORCES_N, 0.0, duration_s, random)
     }
 
     /// Draws one beyond the range by half: above 300 mm/s, 3.5 N or both.
@@ -70,15 +72,13 @@ impl Drawn {
     pub fn beyond(duration_s: f64, random: &mut Random) -> Result<Self, Diagnostic> {
         let fast = random.chance(0.67);
         let strong = !fast || random.chance(0.5);
-        let (fastest, slowest) =
-            if fast { (BEYOND_SPEED_MM_S, 150.0) } else { (MAX_SPEED_MM_S, SLOWEST_MM_S) };
+        let speed_mm_s = if fast { [150.0, BEYOND_SPEED_MM_S] } else { [SLOWEST_MM_S, MAX_SPEED_MM_S] };
         let force_n = if strong { [MAX_FORCE_N, HARDER * MAX_FORCE_N] } else { FORCES_N };
-        Self::up_to(fastest, slowest, force_n, TREMOR_MM, duration_s, random)
+        Self::within(speed_mm_s, force_n, TREMOR_MM, duration_s, random)
     }
 
-    fn up_to(
-        fastest: f64,
-        slowest: f64,
+    fn within(
+        [slowest, fastest]: [f64; 2],
         force_n: [f64; 2],
         tremor_mm: f64,
         duration_s: f64,
@@ -220,9 +220,6 @@ pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut S
 }
 
 /// Adds the examples of as many strokes over a piece as the settings say.
-///
-/// # Errors
-/// As [`Drawn::new`].
 pub(super) fn add(
     surface: &MadeSurface,
     piece: &HeightField,
@@ -273,14 +270,10 @@ mod tests {
         // At the turns of a zigzag both directions are fast at once, and tremor adds.
         let near = |found: f64, most: f64, above: f64| (0.9..=above).contains(&(found / most));
         let (force_n, speed_mm_s) = reach(|random| Drawn::new(3.0, random));
-        assert!(
-            near(force_n, MAX_FORCE_N, 1.01) && near(speed_mm_s, MAX_SPEED_MM_S, 1.2),
-            "{force_n} {speed_mm_s}"
-        );
+        let (force, speed) = (near(force_n, MAX_FORCE_N, 1.01), near(speed_mm_s, MAX_SPEED_MM_S, 1.2));
+        assert!(force && speed, "{force_n} {speed_mm_s}");
         let (force_n, speed_mm_s) = reach(|random| Drawn::beyond(3.0, random));
-        assert!(
-            near(force_n, BEYOND_FORCE_N, 1.02) && near(speed_mm_s, BEYOND_SPEED_MM_S, 1.25),
-            "{force_n} {speed_mm_s}"
-        );
+        let (force, speed) = (near(force_n, BEYOND_FORCE_N, 1.02), near(speed_mm_s, BEYOND_SPEED_MM_S, 1.25));
+        assert!(force && speed, "{force_n} {speed_mm_s}");
     }
 }

@@ -46,7 +46,6 @@
 //! The last fifth of each stroke is held apart. With five or more strokes of a material it is the last
 //! fifth of them, sorted by name. No sample counts in both parts.
 
-mod channels;
 mod read;
 mod stroke;
 
@@ -62,21 +61,7 @@ use crate::folder;
 use crate::history::RATE_HZ;
 use crate::pattern;
 
-use stroke::Stroke;
-
-/// A recorded stroke: channels of one rate and one length.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
-    /// Sampling rate in Hz: 1 to 10 kHz, within a clock's tolerance.
-    pub rate_hz: f64,
-    /// Normal force in N.
-    pub force_n: Vec<f64>,
-    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
-    /// over 20 ms, so that noise of single samples does not count.
-    pub speed_mm_s: Vec<f64>,
-    /// Acceleration of the tool in m/s^2 by axes, one to three.
-    pub acceleration_m_s2: Vec<Vec<f64>>,
-}
+pub use stroke::Recorded;
 
 impl Recorded {
     /// A stroke from named columns, for files without names: `force_n`, `ax_m_s2` and the others of the
@@ -86,7 +71,7 @@ impl Recorded {
     /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
     /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
     pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
-        channels::named(columns, channels::rate(rate_hz)?).map(Stroke::recorded)
+        read::named(columns, read::rate(rate_hz)?)
     }
 }
 
@@ -95,7 +80,11 @@ impl Recorded {
 /// # Errors
 /// A file that is not as the [module](self) says. CSV and RON errors have line and column.
 pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
-    stroke(path).map(Stroke::recorded)
+    if folder::ends_with(path, &["wav"]) {
+        read::wav(path, &channels_file(path))
+    } else {
+        parse(&Source::read(path)?)
+    }
 }
 
 /// A recorded stroke that a graph can play, with what the tool felt.
@@ -136,7 +125,7 @@ impl Recording {
 /// # Errors
 /// As [`recorded`].
 pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
-    stroke(path)?.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))
+    recorded(path)?.recording().map_err(|e| e.in_file(path))
 }
 
 /// Reads one stroke from the text of a table.
@@ -144,7 +133,7 @@ pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
 /// # Errors
 /// As [`recorded`] of a CSV file.
 pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
-    read::table(source).map(Stroke::recorded)
+    read::table(source)
 }
 
 /// Path of the file that names a WAV file's channels.
@@ -164,9 +153,8 @@ const CHANNELS_FILE: &str = "recording.ron";
 pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
     let materials: Vec<PathBuf> = folder::entries(folder)?.into_iter().filter(|p| p.is_dir()).collect();
     if materials.is_empty() {
-        return Err(Diagnostic::new("no materials in this folder")
-            .in_file(folder)
-            .help("a folder for each material, with its pictures and strokes"));
+        let help = "a folder for each material, with its pictures and strokes";
+        return Err(folder::refused(folder, "no materials in this folder", help));
     }
     materials.iter().map(|material| subject(material)).collect()
 }
@@ -176,20 +164,21 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
     let recordings = of_strokes(&files);
     if pictures.is_empty() {
-        return Err(Diagnostic::new("no picture of this material")
-            .in_file(folder)
-            .help("a PNG, JPEG or BMP file, one at least"));
+        let help = "a PNG, JPEG or BMP file, one at least";
+        return Err(folder::refused(folder, "no picture of this material", help));
     }
     if recordings.is_empty() {
-        return Err(Diagnostic::new("no stroke over this material")
-            .in_file(folder)
-            .help("a CSV or WAV file, one at least"));
+        return Err(folder::refused(
+            folder,
+            "no stroke over this material",
+            "a CSV or WAV file, one at least",
+        ));
     }
     let whole = are_divided(recordings.len());
     let seen = recordings.len() - folder::held_of(recordings.len());
     let mut examples = Parts::default();
     for (number, path) in recordings.into_iter().enumerate() {
-        let stroke = stroke(path)?;
+        let stroke = recorded(path)?;
         let made = stroke.examples().map_err(|e| e.in_file(path))?;
         let split_s = match whole {
             true if number < seen => f64::INFINITY,
@@ -198,12 +187,13 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         };
         for mut timed in made {
             // Data to judge by is not trained on.
-            if timed.begin_s() < split_s && timed.end_s() + WINDOW_S > split_s {
+            let span = timed.span_s();
+            if span.start < split_s && span.end + WINDOW_S > split_s {
                 timed.example.other = None;
             }
-            if timed.end_s() <= split_s {
+            if span.end <= split_s {
                 examples.train.push(timed.example);
-            } else if timed.begin_s() >= split_s {
+            } else if span.start >= split_s {
                 examples.held.push(timed.example);
             }
         }
@@ -233,12 +223,12 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     let seen = if whole { paths.len() - folder::held_of(paths.len()) } else { paths.len() };
     let mut strokes = Vec::new();
     for path in paths.into_iter().take(seen) {
-        let stroke = stroke(path)?;
-        if !stroke.has_places() {
+        let stroke = recorded(path)?;
+        if !stroke.directed {
             continue;
         }
         let part = if whole { 1.0 } else { 0.8 };
-        let recording = stroke.recording().map_err(|e| Diagnostic::new(e.to_string()).in_file(path))?;
+        let recording = stroke.recording().map_err(|e| e.in_file(path))?;
         let axes = recording.felt.axes();
         let axes: Vec<&[f64]> = axes.iter().map(|a| &a[..(a.len() as f64 * part) as usize]).collect();
         let place = |t: f64| {
@@ -248,15 +238,6 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
         strokes.push(pattern::Stroke::new(recording.felt.rate_hz, &axes, place));
     }
     Ok(strokes)
-}
-
-/// Reads a stroke by the extension of its file.
-fn stroke(path: &Path) -> Result<Stroke, Diagnostic> {
-    if folder::ends_with(path, &["wav"]) {
-        read::wav(path, &channels_file(path))
-    } else {
-        read::table(&Source::read(path)?)
-    }
 }
 
 /// Files of strokes among others.

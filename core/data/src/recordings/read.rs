@@ -1,14 +1,14 @@
-//! Strokes from files: tables, and WAV files with the file that names their channels.
+//! Strokes from files: tables, and WAV files with the file that names their channels. Their quantities.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
 use asperity_diagnostics::ron;
-use asperity_diagnostics::{Diagnostic, Source, Span};
-use asperity_motion::Table;
+use asperity_diagnostics::{Diagnostic, Source, Span, one_of};
+use asperity_motion::{Column, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S, Table};
 
-use super::channels::{self, Channels, NONE, QUANTITIES, TIME};
-use super::stroke::Stroke;
+use super::Recorded;
 use crate::wav::Wav;
 
 const HEADER_HELP: &str =
@@ -16,13 +16,148 @@ const HEADER_HELP: &str =
 /// Largest full scale in any unit.
 const MAX_FULL_SCALE: f64 = 1e6;
 
+/// Largest acceleration in m/s^2, either sign.
+const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
+/// Rates that are accepted, in Hz.
+const RATES_HZ: RangeInclusive<f64> = 1000.0..=10_000.0;
+/// A rate near a multiple of this, in Hz, ..
+const RATE_STEP_HZ: f64 = 10.0;
+/// .. within this part, counts as that multiple: clocks are not exact.
+const RATE_TOLERANCE: f64 = 2e-4;
+/// Tolerance beyond the ends of the range, as a part.
+const END_TOLERANCE: f64 = 2e-3;
+
+/// Name of a channel that is left out.
+const NONE: &str = "none";
+const TIME: usize = 0;
+const FORCE: usize = 1;
+const VELOCITY: [usize; 2] = [2, 3];
+const PLACE: [usize; 2] = [4, 5];
+const SPEED: usize = 6;
+const AXES: std::ops::Range<usize> = 7..10;
+const ACCELERATION: usize = 10;
+
+/// All quantities.
+const QUANTITIES: [Column; 11] = [
+    Column { alias: Some("time_s"), ..Column::within("t_s", MAX_ABS_TIME_S, "s") },
+    Column::within("force_n", MAX_ABS_FORCE_N, "N"),
+    Column::within("vx_mm_s", MAX_SPEED_MM_S, "mm/s"),
+    Column::within("vy_mm_s", MAX_SPEED_MM_S, "mm/s"),
+    Column::within("x_mm", MAX_ABS_POSITION_MM, "mm"),
+    Column::within("y_mm", MAX_ABS_POSITION_MM, "mm"),
+    Column { least: 0.0, ..Column::within("speed_mm_s", MAX_SPEED_MM_S, "mm/s") },
+    Column::within("ax_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    Column::within("ay_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    Column::within("az_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    Column::within("acceleration_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+];
+
+/// The number of a quantity other than the time by its name. None for [`NONE`]; else help for the error.
+fn number(name: &str) -> Result<Option<usize>, String> {
+    let mut known = QUANTITIES.iter().enumerate().skip(TIME + 1);
+    match known.clone().find(|(_, q)| q.name == name) {
+        Some((number, _)) => Ok(Some(number)),
+        None if name == NONE => Ok(None),
+        None => Err(one_of(name, known.by_ref().map(|(_, q)| q.name).chain([NONE]).collect::<Vec<_>>())),
+    }
+}
+
+/// Samples by quantity, if recorded.
+type Channels = [Option<Vec<f64>>; QUANTITIES.len()];
+
+/// Checks that the quantities make a stroke.
+fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
+    let both = |of: [usize; 2]| of.into_iter().all(&has);
+    let motion = both(VELOCITY) || both(PLACE) || has(SPEED);
+    let (what, help) = match (has(FORCE), motion, AXES.into_iter().any(&has), has(ACCELERATION)) {
+        (false, ..) => ("no force", "`force_n`"),
+        (_, false, ..) => ("no motion", "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`"),
+        (_, _, false, false) => {
+            ("no acceleration", "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`")
+        }
+        (_, _, true, true) => (
+            "the acceleration of one axis and of several",
+            "either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`",
+        ),
+        _ => return Ok(()),
+    };
+    Err(Diagnostic::new(what).help(help))
+}
+
+/// Rounds a measured rate in Hz to the intended one.
+pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
+    let round = (hz / RATE_STEP_HZ).round() * RATE_STEP_HZ;
+    let meant = if (hz - round).abs() <= RATE_TOLERANCE * round { round } else { hz };
+    let near = RATES_HZ.start() * (1.0 - END_TOLERANCE)..=RATES_HZ.end() * (1.0 + END_TOLERANCE);
+    if near.contains(&meant) {
+        return Ok(meant);
+    }
+    Err(Diagnostic::new(format!("a rate of {hz:.1} Hz")).help(format!(
+        "recordings are read at {} to {} Hz; bring this one to such a rate",
+        RATES_HZ.start(),
+        RATES_HZ.end()
+    )))
+}
+
+/// A stroke from named columns.
+pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Recorded, Diagnostic> {
+    let mut channels: Channels = std::array::from_fn(|_| None);
+    let len = columns.first().map_or(0, |(_, samples)| samples.len());
+    for (name, samples) in columns {
+        let number =
+            number(name).map_err(|help| Diagnostic::new(format!("unknown column `{name}`")).help(help))?;
+        let Some(number) = number else { continue };
+        if samples.len() != len {
+            return Err(Diagnostic::new(format!("columns of {len} and of {} samples", samples.len())));
+        }
+        let column = &QUANTITIES[number];
+        if let Some((row, x)) = samples.iter().enumerate().find(|(_, x)| !column.holds(**x)) {
+            let what = format!("`{name}` is {x} in row {row}, at {} s", row as f64 / rate_hz);
+            return Err(Diagnostic::new(what).help(column.help()));
+        }
+        if channels[number].replace(samples).is_some() {
+            return Err(Diagnostic::new(format!("the column `{name}` is there twice")));
+        }
+    }
+    stroke(channels, rate_hz)
+}
+
+/// A stroke from its channels.
+fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Recorded, Diagnostic> {
+    check(|i| channels[i].is_some())?;
+    let mut take = |i: usize| channels[i].take();
+    let force = take(FORCE).unwrap_or_default();
+    let (place, speed) = match (VELOCITY.map(&mut take), PLACE.map(&mut take), take(SPEED)) {
+        ([Some(x), Some(y)], _, _) => ([x, y].map(|axis| travelled(&axis, rate_hz)), None),
+        (_, [Some(x), Some(y)], _) => ([x, y], None),
+        (_, _, speed) => {
+            let speed = speed.unwrap_or_default();
+            ([travelled(&speed, rate_hz), vec![0.0; speed.len()]], Some(speed))
+        }
+    };
+    let mut acceleration: Vec<Vec<f64>> = AXES.filter_map(&mut take).collect();
+    acceleration.extend(take(ACCELERATION));
+    Recorded::new(rate_hz, force, place, speed, acceleration)
+}
+
+/// The way of a velocity from the first sample, by trapezoidal sums.
+fn travelled(velocity: &[f64], rate_hz: f64) -> Vec<f64> {
+    let (mut place, mut before) = (0.0, velocity.first().copied().unwrap_or(0.0));
+    let step = |v: &f64| {
+        place += 0.5 * (before + v) / rate_hz;
+        before = *v;
+        place
+    };
+    std::iter::once(0.0).chain(velocity.iter().skip(1).map(step)).take(velocity.len()).collect()
+}
+
 /// Reads a table; the [module above](super) says what it holds.
-pub(super) fn table(source: &Arc<Source>) -> Result<Stroke, Diagnostic> {
+pub(super) fn table(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
     let mut table = Table::open(source, &QUANTITIES, HEADER_HELP)?;
     if !table.has(TIME) {
         return Err(Diagnostic::new("no clock").at(source, table.header_end()).help("`t_s` or `time_s`"));
     }
-    channels::check(|i| table.has(i)).map_err(|e| e.at(source, table.header_end()))?;
+    check(|i| table.has(i)).map_err(|e| e.at(source, table.header_end()))?;
     let mut channels: Channels = std::array::from_fn(|i| table.has(i).then(Vec::new));
     let mut clock = Vec::new();
     let mut row = [0.0; QUANTITIES.len()];
@@ -34,7 +169,7 @@ pub(super) fn table(source: &Arc<Source>) -> Result<Stroke, Diagnostic> {
     }
     let time = channels[TIME].take().unwrap_or_default();
     let rate_hz = steady_rate(source, &time, &clock)?;
-    channels::stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))
+    stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))
 }
 
 /// The rate of a clock that is never more than half a step off a steady one.
@@ -58,11 +193,11 @@ fn steady_rate(source: &Arc<Source>, time: &[f64], cells: &[Span]) -> Result<f64
             .help("each row is one sample, none is missing, and `t_s` rises by the same step"));
     }
     // A reader looks for the file's length at its last row.
-    channels::rate(1.0 / step).map_err(|e| e.at(source, cells.last().copied().unwrap_or(end)))
+    rate(1.0 / step).map_err(|e| e.at(source, cells.last().copied().unwrap_or(end)))
 }
 
 /// Reads a WAV file; `names` is the file that names its channels.
-pub(super) fn wav(path: &Path, names: &Path) -> Result<Stroke, Diagnostic> {
+pub(super) fn wav(path: &Path, names: &Path) -> Result<Recorded, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
     if !names.is_file() {
         return Err(fail("nothing says what the channels of this file are".into())
@@ -71,7 +206,7 @@ pub(super) fn wav(path: &Path, names: &Path) -> Result<Stroke, Diagnostic> {
     let source = Source::read(names)?;
     let listed = names_of(&source)?;
     let wav = Wav::read(path, u32::MAX)?;
-    let rate_hz = channels::rate(f64::from(wav.rate_hz)).map_err(|e| e.in_file(path))?;
+    let rate_hz = rate(f64::from(wav.rate_hz)).map_err(|e| e.in_file(path))?;
     if wav.channels != listed.len() {
         return Err(fail(format!("{} channels, and {} are named", wav.channels, listed.len()))
             .help(format!("{} names all, those to be left out as `{NONE}`", names.display())));
@@ -87,7 +222,7 @@ pub(super) fn wav(path: &Path, names: &Path) -> Result<Stroke, Diagnostic> {
         }
         read[quantity] = Some(channel);
     }
-    channels::stroke(read, rate_hz).map_err(|e| e.in_file(path))
+    stroke(read, rate_hz).map_err(|e| e.in_file(path))
 }
 
 /// For each channel the number of its quantity, unless it is left out, and its full scale.
@@ -103,8 +238,8 @@ fn names_of(source: &Arc<Source>) -> Result<Vec<(Option<usize>, f64)>, Diagnosti
         let full_scale = channel.optional("full_scale");
         channel.finish()?;
         let name = value.text()?;
-        let quantity = channels::number(name)
-            .map_err(|help| value.error(format!("unknown quantity `{name}`")).help(help))?;
+        let quantity =
+            number(name).map_err(|help| value.error(format!("unknown quantity `{name}`")).help(help))?;
         if quantity.is_some() && named.iter().any(|(q, _)| *q == quantity) {
             return Err(value.error(format!("`{name}` is there twice")));
         }
@@ -119,6 +254,6 @@ fn names_of(source: &Arc<Source>) -> Result<Vec<(Option<usize>, f64)>, Diagnosti
         };
         named.push((quantity, full_scale));
     }
-    channels::check(|i| named.iter().any(|(q, _)| *q == Some(i))).map_err(|e| e.at(source, list.span()))?;
+    check(|i| named.iter().any(|(q, _)| *q == Some(i))).map_err(|e| e.at(source, list.span()))?;
     Ok(named)
 }

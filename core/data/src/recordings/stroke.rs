@@ -1,11 +1,11 @@
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::ops::Range;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_dsp::filter::{FilterError, Section};
+use asperity_dsp::filter::Section;
 use asperity_dsp::frame::WINDOW_S;
 
-use super::{Recorded, Recording};
+use super::Recording;
 use crate::example::Example;
 use crate::felt::Felt;
 use crate::frames::Spectrometer;
@@ -22,19 +22,22 @@ const AROUND_S: f64 = 0.01;
 /// Shortest stroke in seconds.
 const MIN_DURATION_S: f64 = 0.5;
 
-/// Motion of the tool along the surface, in mm and mm/s.
-pub(super) enum Motion {
-    Velocity([Vec<f64>; 2]),
-    Place([Vec<f64>; 2]),
-    Speed(Vec<f64>),
-}
-
 /// A recorded stroke: channels of one rate and one length.
-pub(super) struct Stroke {
-    rate_hz: f64,
-    force: Vec<f64>,
-    motion: Motion,
-    acceleration: Vec<Vec<f64>>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Sampling rate in Hz: 1 to 10 kHz, within a clock's tolerance.
+    pub rate_hz: f64,
+    /// Normal force in N.
+    pub force_n: Vec<f64>,
+    /// Place along the surface in mm.
+    place_mm: [Vec<f64>; 2],
+    /// Whether the directions of the places are known. From a speed alone they go along x.
+    pub(super) directed: bool,
+    /// Speed along the surface in mm/s. From velocities or places it is the length of their mean change
+    /// over 20 ms, so that noise of single samples does not count.
+    pub speed_mm_s: Vec<f64>,
+    /// Acceleration of the tool in m/s^2 by axes, one to three.
+    pub acceleration_m_s2: Vec<Vec<f64>>,
 }
 
 /// An example and its time.
@@ -46,90 +49,50 @@ pub(super) struct Timed {
 }
 
 impl Timed {
-    /// Time of its first sample.
-    pub(super) fn begin_s(&self) -> f64 {
-        self.at_s - HISTORY as f64 / RATE_HZ
-    }
-
-    /// End of its frame.
-    pub(super) fn end_s(&self) -> f64 {
-        self.at_s + WINDOW_S
+    /// Time of its first sample, and the end of its frame.
+    pub(super) fn span_s(&self) -> Range<f64> {
+        self.at_s - HISTORY as f64 / RATE_HZ..self.at_s + WINDOW_S
     }
 }
 
-impl Stroke {
-    /// A stroke.
+impl Recorded {
+    /// A stroke with its places, and with its speed if they do not tell it.
     pub(super) fn new(
         rate_hz: f64,
-        force: Vec<f64>,
-        motion: Motion,
-        acceleration: Vec<Vec<f64>>,
+        force_n: Vec<f64>,
+        place_mm: [Vec<f64>; 2],
+        speed_mm_s: Option<Vec<f64>>,
+        acceleration_m_s2: Vec<Vec<f64>>,
     ) -> Result<Self, Diagnostic> {
-        let stroke = Self { rate_hz, force, motion, acceleration };
-        if stroke.duration_s() < MIN_DURATION_S {
-            return Err(Diagnostic::new(format!("a stroke of {:.3} s", stroke.duration_s()))
+        let duration_s = force_n.len() as f64 / rate_hz;
+        if duration_s < MIN_DURATION_S {
+            return Err(Diagnostic::new(format!("a stroke of {duration_s:.3} s"))
                 .help(format!("{MIN_DURATION_S} s at least")));
         }
-        Ok(stroke)
+        let around = (AROUND_S * rate_hz).round() as usize;
+        let speed = |n: usize| {
+            let (from, to) = (n.saturating_sub(around), (n + around).min(force_n.len() - 1));
+            let [x, y] = place_mm.each_ref().map(|axis| axis[to] - axis[from]);
+            x.hypot(y) * rate_hz / (to - from).max(1) as f64
+        };
+        let directed = speed_mm_s.is_none();
+        let speed_mm_s = speed_mm_s.unwrap_or_else(|| (0..force_n.len()).map(speed).collect());
+        Ok(Self { rate_hz, force_n, place_mm, directed, speed_mm_s, acceleration_m_s2 })
     }
 
-    /// Length in seconds.
     pub(super) fn duration_s(&self) -> f64 {
-        self.force.len() as f64 / self.rate_hz
-    }
-
-    /// Whether the path is known.
-    pub(super) fn has_places(&self) -> bool {
-        !matches!(self.motion, Motion::Speed(_))
-    }
-
-    /// The stroke with its motion as a speed.
-    pub(super) fn recorded(self) -> Recorded {
-        let (count, around) = (self.force.len(), (AROUND_S * self.rate_hz).round() as usize);
-        // Way between two samples, in mm.
-        let length = |moved: &dyn Fn(usize, usize) -> [f64; 2]| -> Vec<f64> {
-            let speed = |n: usize| {
-                let (from, to) = (n.saturating_sub(around), (n + around).min(count - 1));
-                let [x, y] = moved(from, to);
-                x.hypot(y) * self.rate_hz / (to - from).max(1) as f64
-            };
-            (0..count).map(speed).collect()
-        };
-        let speed_mm_s = match self.motion {
-            Motion::Speed(speed) => speed,
-            Motion::Place(axes) => length(&|from, to| axes.each_ref().map(|axis| axis[to] - axis[from])),
-            Motion::Velocity(axes) => {
-                // Trapezoidal sums from the first sample.
-                let places = axes.map(|axis| {
-                    let mut place = 0.0;
-                    let next = |pair: &[f64]| {
-                        place += 0.5 * (pair[0] + pair[1]) / self.rate_hz;
-                        place
-                    };
-                    let rest: Vec<f64> = axis.windows(2).map(next).collect();
-                    [vec![0.0], rest].concat()
-                });
-                length(&|from, to| places.each_ref().map(|axis| axis[to] - axis[from]))
-            }
-        };
-        Recorded {
-            rate_hz: self.rate_hz,
-            force_n: self.force,
-            speed_mm_s,
-            acceleration_m_s2: self.acceleration,
-        }
+        self.force_n.len() as f64 / self.rate_hz
     }
 
     /// A path that a graph can play, and what was felt.
-    pub(super) fn recording(self) -> Result<Recording, FilterError> {
+    pub(super) fn recording(self) -> Result<Recording, Diagnostic> {
         let acceleration_m_s2 = self.without_gravity()?;
-        let mut position_mm = Vec::new();
-        let mut place = [0.0; 2];
-        for tick in (0..).take_while(|tick| self.sample(*tick) < self.force.len()) {
-            self.advance(&mut place, tick);
-            let force = self.mean(&self.force, tick).max(0.0);
-            position_mm.push([place[0], place[1], -force / STIFFNESS_N_PER_MM]);
-        }
+        let ticks = (0..).take_while(|tick| self.sample(*tick) < self.force_n.len());
+        let position = |tick: usize| {
+            let [x, y] = self.place(tick);
+            [x, y, -self.force(tick) / STIFFNESS_N_PER_MM]
+        };
+        let position_mm = ticks.map(position).collect();
         Ok(Recording { position_mm, felt: Felt { rate_hz: self.rate_hz, acceleration_m_s2 } })
     }
 
@@ -138,28 +101,36 @@ impl Stroke {
         (tick as f64 * self.rate_hz / RATE_HZ) as usize
     }
 
-    /// Mean of a channel over the tick that ends at `tick`, that sample included.
-    fn mean(&self, channel: &[f64], tick: usize) -> f64 {
+    /// Mean force over the tick that ends at `tick`, that sample included; none below 0.
+    fn force(&self, tick: usize) -> f64 {
         let first = tick.checked_sub(1).map_or(0, |before| self.sample(before) + 1);
-        let part = channel.get(first..=self.sample(tick)).unwrap_or_default();
-        part.iter().sum::<f64>() / part.len().max(1) as f64
+        let part = self.force_n.get(first..=self.sample(tick)).unwrap_or_default();
+        (part.iter().sum::<f64>() / part.len().max(1) as f64).max(0.0)
+    }
+
+    /// Place at a tick. The chain measures places and derives velocities.
+    fn place(&self, tick: usize) -> [f64; 2] {
+        let at = tick as f64 * self.rate_hz / RATE_HZ;
+        let (sample, part) = (at as usize, at.fract());
+        self.place_mm.each_ref().map(|axis| {
+            let here = axis.get(sample).copied().unwrap_or_default();
+            here + part * (axis.get(sample + 1).copied().unwrap_or(here) - here)
+        })
     }
 
     /// All examples of the stroke.
     pub(super) fn examples(&self) -> Result<Vec<Timed>, Diagnostic> {
-        let acceleration = self.without_gravity().map_err(|e| Diagnostic::new(e.to_string()))?;
+        let acceleration = self.without_gravity()?;
         let mut recorder = Recorder::default();
         let mut spectrometer = Spectrometer::new(self.rate_hz);
-        let mut place = [0.0; 2];
         let mut examples = Vec::new();
         for tick in 0.. {
             let start = self.sample(tick);
             let frame = start..start + spectrometer.length();
-            if frame.end > self.force.len() {
+            if frame.end > self.force_n.len() {
                 break;
             }
-            self.advance(&mut place, tick);
-            let history = recorder.observe(place, self.mean(&self.force, tick).max(0.0));
+            let history = recorder.observe(self.place(tick), self.force(tick));
             if tick < WARM_UP || tick % EVERY != 0 {
                 continue;
             }
@@ -171,7 +142,7 @@ impl Stroke {
             // The next frame is another signal of nearly the same touch.
             let other = frame_at(frame.end..2 * frame.end - frame.start);
             let mut velocity = history.velocity;
-            if matches!(self.motion, Motion::Speed(_)) {
+            if !self.directed {
                 turn(&mut velocity, examples.len());
             }
             let example = Example { force: history.force, velocity, magnitudes, other };
@@ -180,30 +151,10 @@ impl Stroke {
         Ok(examples)
     }
 
-    /// Moves a place in mm on by a tick. The chain measures places and derives velocities.
-    fn advance(&self, place: &mut [f64; 2], tick: usize) {
-        match &self.motion {
-            Motion::Place(axes) => {
-                let at = tick as f64 * self.rate_hz / RATE_HZ;
-                let (sample, part) = (at as usize, at.fract());
-                *place = axes.each_ref().map(|a| {
-                    let here = a.get(sample).copied().unwrap_or_default();
-                    here + part * (a.get(sample + 1).copied().unwrap_or(here) - here)
-                });
-            }
-            Motion::Velocity(axes) => {
-                for (place, axis) in place.iter_mut().zip(axes) {
-                    *place += self.mean(axis, tick) / RATE_HZ;
-                }
-            }
-            Motion::Speed(speed) => place[0] += self.mean(speed, tick) / RATE_HZ,
-        }
-    }
-
-    fn without_gravity(&self) -> Result<Vec<Vec<f64>>, FilterError> {
-        let filter = Section::high_pass(HIGH_PASS_HZ, std::f64::consts::FRAC_1_SQRT_2)
-            .bilinear(self.rate_hz, HIGH_PASS_HZ)?;
-        let mut axes = self.acceleration.clone();
+    fn without_gravity(&self) -> Result<Vec<Vec<f64>>, Diagnostic> {
+        let filter = Section::high_pass(HIGH_PASS_HZ, FRAC_1_SQRT_2).bilinear(self.rate_hz, HIGH_PASS_HZ);
+        let filter = filter.map_err(|e| Diagnostic::new(e.to_string()))?;
+        let mut axes = self.acceleration_m_s2.clone();
         for axis in &mut axes {
             let mut filter = filter;
             filter.reset_to(axis.first().copied().unwrap_or(0.0));

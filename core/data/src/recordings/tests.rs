@@ -97,11 +97,8 @@ fn one_stroke_is_read_as_recorded_with_speed_of_its_motion() {
     // A circle of 30 mm at 1.5 turns a second: 283 mm/s all the way.
     let (radius, w) = (30.0, TAU * 1.5);
     let read = |names: &str, row: &dyn Fn(f64) -> Vec<f64>| {
-        std::fs::write(
-            &path,
-            table(&format!("t_s,force_n,{names}"), 1000.0, 1.0, |t| [vec![2.0 + t], row(t)].concat()),
-        )
-        .unwrap();
+        let row = |t| [vec![2.0 + t], row(t)].concat();
+        std::fs::write(&path, table(&format!("t_s,force_n,{names}"), 1000.0, 1.0, row)).unwrap();
         recorded(&path).unwrap()
     };
     // Noise of velocities, here 200 mm/s up and down, is no speed.
@@ -131,14 +128,8 @@ fn one_stroke_is_read_as_recorded_with_speed_of_its_motion() {
 #[test]
 fn headerless_columns_take_the_callers_names() {
     let column = |x: f64| vec![x; 1000];
-    let columns = || {
-        vec![
-            ("force_n", column(2.0)),
-            ("none", column(f64::NAN)),
-            ("speed_mm_s", column(30.0)),
-            ("ax_m_s2", column(0.5)),
-        ]
-    };
+    let named = [("force_n", 2.0), ("none", f64::NAN), ("speed_mm_s", 30.0), ("ax_m_s2", 0.5)];
+    let columns = || named.map(|(name, x)| (name, column(x))).to_vec();
     let found = Recorded::from_columns(1000.0, columns()).unwrap();
     assert_eq!((found.force_n, found.speed_mm_s), (column(2.0), column(30.0)));
     assert_eq!((found.rate_hz, found.acceleration_m_s2), (1000.0, vec![column(0.5)]));
@@ -218,6 +209,7 @@ fn bad_tables_are_refused_at_the_cell() {
         assert!(good.contains(what), "{what}");
         error(&good.replacen(what, by, 1))
     };
+    let row = |by: &str| replaced("0.0100, 1, 2, 3", &format!("0.0100, {by}"));
     let slow = table(h, 500.0, 1.0, |_| vec![1.0, 2.0, 3.0]);
     let fast: String = (0..9000).map(|i| format!("{:.7}, 1, 2, 3\n", f64::from(i) / 10_100.0)).collect();
     let fast = format!("{h}\n{fast}");
@@ -227,9 +219,8 @@ fn bad_tables_are_refused_at_the_cell() {
         (error("t_s,force_n,speed_mm_s,accel\n"), "s.csv:1:24: unknown column `accel`"),
         (
             error("t_s;force_n;speed_mm_s;ax_m_s2\n0;1;50;0,1\n"),
-            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the \
-             columns, such \
-             as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
+            "s.csv:1:1: unknown column `t_s;force_n;speed_mm_s;ax_m_s2` (the first line names the columns, \
+             such as `t_s,force_n,vx_mm_s,vy_mm_s,ax_m_s2,ay_m_s2,az_m_s2`; cells are separated by commas",
         ),
         (error("t_s,force_n,force_n\n"), "s.csv:1:13: the column `force_n` is there twice"),
         (error("t_s,time_s\n"), "s.csv:1:5: the column `time_s` is there twice"),
@@ -242,25 +233,13 @@ fn bad_tables_are_refused_at_the_cell() {
             "s.csv:1:49: the acceleration of one axis and of several",
         ),
         (error(&format!("{h}\n")), "s.csv:2:1: a stroke of no rows or one"),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, , 3"), "s.csv:13:12: `speed_mm_s` is empty"),
-        (
-            replaced("0.0100, 1, 2, 3", "0.0100, x, 2, 3"),
-            "s.csv:13:9: `force_n` is `x`, which is not a number",
-        ),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, -2, 3"), "s.csv:13:12: `speed_mm_s` is `-2`, out of range"),
-        (
-            replaced("0.0100, 1, 2, 3", "0.0100, NaN, 2, 3"),
-            "s.csv:13:9: `force_n` is `NaN`, which is not finite",
-        ),
-        (
-            replaced("0.0100, 1, 2, 3", "0.0100, inf, 2, 3"),
-            "s.csv:13:9: `force_n` is `inf`, which is not finite",
-        ),
-        (replaced("0.0100, 1, 2, 3", "0.0100, 1, 2"), "s.csv:13:13: a row of 3 cells under a header of 4"),
-        (
-            replaced("0.0100, 1, 2, 3", "0.0100, 1, 2, 3, 4"),
-            "s.csv:13:18: a row of 5 cells under a header of 4",
-        ),
+        (row("1, , 3"), "s.csv:13:12: `speed_mm_s` is empty"),
+        (row("x, 2, 3"), "s.csv:13:9: `force_n` is `x`, which is not a number"),
+        (row("1, -2, 3"), "s.csv:13:12: `speed_mm_s` is `-2`, out of range"),
+        (row("NaN, 2, 3"), "s.csv:13:9: `force_n` is `NaN`, which is not finite"),
+        (row("inf, 2, 3"), "s.csv:13:9: `force_n` is `inf`, which is not finite"),
+        (row("1, 2"), "s.csv:13:13: a row of 3 cells under a header of 4"),
+        (row("1, 2, 3, 4"), "s.csv:13:18: a row of 5 cells under a header of 4"),
         (replaced("0.0100, ", "0.0050, "), "s.csv:13:1: the clock is not steady"),
         (replaced("0.0100, 1, 2, 3\n0.0110, 1, 2, 3\n", ""), "s.csv:13:1: the clock is not steady"),
         (error(&slow), "s.csv:502:1: a rate of 500.0 Hz"),
@@ -324,20 +303,17 @@ fn bad_sound_files_and_bad_names_are_refused() {
     };
     wav(&path, (hound::SampleFormat::Int, 16), 2000, 1.0);
     fails("nothing says what the channels");
-    for (names_text, want) in [
-        (
-            NAMES.replace("speed_mm_s", "sped_mm_s"),
-            "recording.ron:4:12: unknown quantity `sped_mm_s` (did you mean `speed_mm_s`?)",
-        ),
-        (NAMES.replace("none", "force_n"), "`force_n` is there twice"),
-        (NAMES.replace("force_n", "t_s"), "unknown quantity `t_s`"),
-        (NAMES.replace(", full_scale: 20.0", ""), "recording.ron:2:1: the field `full_scale` is missing"),
-        (NAMES.replace("20.0", "-1.0"), "out of range"),
-        (NAMES.replace("acceleration_m_s2", "none"), "no acceleration"),
-        (NAMES.replace("(quantity: \"none\"),\n", ""), "4 channels, and 3 are named"),
-        (NAMES.replace("20.0", "100000.0"), "`force_n` is 25000"),
+    for (from, to, want) in [
+        ("speed_mm_s", "sped_mm_s", "ron:4:12: unknown quantity `sped_mm_s` (did you mean `speed_mm_s`?)"),
+        ("none", "force_n", "`force_n` is there twice"),
+        ("force_n", "t_s", "unknown quantity `t_s`"),
+        (", full_scale: 20.0", "", "recording.ron:2:1: the field `full_scale` is missing"),
+        ("20.0", "-1.0", "out of range"),
+        ("acceleration_m_s2", "none", "no acceleration"),
+        ("(quantity: \"none\"),\n", "", "4 channels, and 3 are named"),
+        ("20.0", "100000.0", "`force_n` is 25000"),
     ] {
-        std::fs::write(&names, names_text).unwrap();
+        std::fs::write(&names, NAMES.replace(from, to)).unwrap();
         fails(want);
     }
     std::fs::write(&names, NAMES).unwrap();
@@ -374,13 +350,8 @@ fn recording_is_a_playable_stroke_with_its_acceleration() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.csv");
     let text = table("t_s,force_n,x_mm,y_mm,ax_m_s2,az_m_s2", 2000.0, 1.0, |t| {
-        vec![
-            (2.0 * t - 0.5).max(-0.1),
-            80.0 * t,
-            5.0 - 30.0 * t,
-            tone(3.0, 120.0, t),
-            9.81 + tone(1.0, 300.0, t),
-        ]
+        let (ax, az) = (tone(3.0, 120.0, t), 9.81 + tone(1.0, 300.0, t));
+        vec![(2.0 * t - 0.5).max(-0.1), 80.0 * t, 5.0 - 30.0 * t, ax, az]
     });
     std::fs::write(&path, text).unwrap();
     let found = recording(&path).unwrap();
@@ -405,11 +376,8 @@ fn recording_is_a_playable_stroke_with_its_acceleration() {
         assert!((sample.force.unwrap() + 0.5 * place[2]).abs() < 1e-4, "{tick}");
     }
 
-    std::fs::write(
-        &path,
-        table("t_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 1.0, |_| vec![1.0, 50.0, 0.0]),
-    )
-    .unwrap();
+    let text = table("t_s,force_n,speed_mm_s,acceleration_m_s2", 1000.0, 1.0, |_| vec![1.0, 50.0, 0.0]);
+    std::fs::write(&path, text).unwrap();
     let found = recording(&path).unwrap();
     let last = found.position_mm[499];
     assert!((last[0] - 50.0).abs() < 0.2 && last[1] == 0.0 && last[2] == -2.0, "{last:?}");

@@ -6,7 +6,7 @@ use asperity_node::{Buffer, PortType, Shape};
 use super::crossfade::Crossfade;
 use super::plan::{Fate, Place, Plan, Point, live_value};
 use super::shadow::Ways;
-use super::takeover::{Rebuilt, Set, Swap};
+use super::takeover::{Absent, Rebuilt, Set, Swap};
 use crate::engine::Body;
 use crate::slot::{GateSets, Slot};
 
@@ -112,13 +112,9 @@ fn boxed(ways: &Ways) -> GateSets {
 
 /// Sets the gate sets of new nodes during the fade, and returns those for afterwards.
 fn gate_sets(plan: &Plan, old: &Schedule, new: &Schedule, slots: &mut [Slot]) -> Vec<(usize, GateSets)> {
-    let mut after = Vec::new();
-    for (j, ways) in plan.shadows.new_ways(old, new).iter().enumerate() {
-        if *ways != new.nodes[j].gate_sets {
-            after.push((j, std::mem::replace(&mut slots[j].gate_sets, boxed(ways))));
-        }
-    }
-    after
+    let ways = plan.shadows.new_ways(old, new).into_iter().enumerate();
+    let other = ways.filter(|(j, ways)| *ways != new.nodes[*j].gate_sets);
+    other.map(|(j, ways)| (j, std::mem::replace(&mut slots[j].gate_sets, boxed(&ways)))).collect()
 }
 
 /// Buffers fed by the host with which nodes in the same place continue: new and old buffer.
@@ -149,7 +145,7 @@ fn add_shadows(plan: &Plan, old: &Schedule, body: &mut Body) -> Vec<(usize, usiz
     let first = body.slots.len();
     for &i in &plan.shadows.nodes {
         let node = &old.nodes[i];
-        let mut slot = Slot::empty(node);
+        let mut slot = Slot::new(node, Box::new(Absent));
         slot.gate_sets = boxed(&plan.shadows.old_ways(old, i));
         let start = body.buffers.len();
         slot.outputs = start..start + node.outputs.len();

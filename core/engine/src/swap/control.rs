@@ -38,11 +38,8 @@ pub struct Controller {
 
 impl fmt::Debug for Controller {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let under_way = self.sent - self.back;
-        f.debug_struct("Controller")
-            .field("sent", &self.sent)
-            .field("under_way", &under_way)
-            .finish_non_exhaustive()
+        let mut f = f.debug_struct("Controller");
+        f.field("sent", &self.sent).field("under_way", &(self.sent - self.back)).finish_non_exhaustive()
     }
 }
 
@@ -125,12 +122,8 @@ impl Controller {
         let at = self.schedule.index_of(node).ok_or_else(|| ParameterError::NoNode(node.to_owned()))?;
         let live = &self.schedule.nodes[at].live;
         let Some(k) = live.iter().position(|l| l.name == param) else {
-            let names = live.iter().map(|l| l.name.clone()).collect();
-            return Err(ParameterError::NotLive {
-                node: node.to_owned(),
-                param: param.to_owned(),
-                live: names,
-            });
+            let live = live.iter().map(|l| l.name.clone()).collect();
+            return Err(ParameterError::NotLive { node: node.to_owned(), param: param.to_owned(), live });
         };
         check(&live[k], value)?;
         if !self.commands.read_is_held() {
@@ -165,7 +158,7 @@ fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
         let fits = value.fract() == 0.0 && (least..=most).contains(&value);
         (fits, format!("a whole number from {least} to {most}"))
     };
-    let (fits, range) = match &live.kind {
+    let (fits, takes) = match &live.kind {
         ParamKind::Number(r) => {
             (r.contains(&value), format!("a number from {:?} to {:?}", r.start(), r.end()))
         }
@@ -176,11 +169,7 @@ fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
             (false, "nothing while the node runs".into())
         }
     };
-    if fits {
-        Ok(())
-    } else {
-        Err(ParameterError::OutOfRange { param: live.name.clone(), value, takes: range })
-    }
+    if fits { Ok(()) } else { Err(ParameterError::OutOfRange { param: live.name.clone(), value, takes }) }
 }
 
 fn report(number: u64, plan: &Plan, old: &Schedule, new: &Schedule, swap: &Swap) -> SwapReport {
@@ -205,14 +194,7 @@ fn report(number: u64, plan: &Plan, old: &Schedule, new: &Schedule, swap: &Swap)
         let param = live.map(|l| l.name.clone()).unwrap_or_default();
         ParameterChange { node: node.id.clone(), param, value: set.value }
     };
-    SwapReport {
-        number,
-        nodes,
-        parameters: swap.sets.iter().map(parameter).collect(),
-        crossfades: plan
-            .points
-            .iter()
-            .filter(|p| !p.on_input() || plan.fates[p.node].kept().is_some())
-            .count(),
-    }
+    let fades = plan.points.iter().filter(|p| !p.on_input() || plan.fates[p.node].kept().is_some());
+    let parameters = swap.sets.iter().map(parameter).collect();
+    SwapReport { number, nodes, parameters, crossfades: fades.count() }
 }

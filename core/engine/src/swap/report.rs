@@ -18,12 +18,10 @@ pub struct SwapReport {
 
 /// Change of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
 pub struct NodeChange {
-    /// Name in the graph.
     pub id: String,
-    /// Its kind.
     pub kind: String,
-    /// The change.
     pub change: Change,
 }
 
@@ -47,12 +45,10 @@ pub enum Change {
 
 /// A live parameter that is set.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub struct ParameterChange {
-    /// The node.
     pub node: String,
-    /// The parameter.
     pub param: String,
-    /// Its new value.
     pub value: f64,
 }
 

@@ -1,6 +1,5 @@
 //! The tick thread's part of a swap. Nothing here allocates, frees, locks or waits.
 
-use asperity_graph::ScheduledNode;
 use asperity_node::{Buffer, Processor, Status, Tick};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
@@ -8,7 +7,7 @@ use ringbuf::{HeapCons, HeapProd};
 use super::crossfade::{self, Crossfade, Ramp};
 use super::order::Run;
 use crate::engine::Body;
-use crate::slot::{GateSets, Now, Slot};
+use crate::slot::{GateSets, Now};
 
 /// A request of the controller.
 pub(crate) enum Command {
@@ -63,17 +62,17 @@ pub(super) struct Rebuilt {
 
 /// The engine's end of its controller, and the swap that it is fading.
 pub(crate) struct Link {
-    pub(super) commands: HeapCons<Command>,
-    pub(super) retired: HeapProd<Box<Swap>>,
+    commands: HeapCons<Command>,
+    retired: HeapProd<Box<Swap>>,
     /// Taken from the ring, but not due yet.
-    pub(super) next: Option<Command>,
-    pub(super) fading: Option<(Box<Swap>, Ramp)>,
+    next: Option<Command>,
+    pub(crate) fading: Option<(Box<Swap>, Ramp)>,
     /// Finished, but not given back yet.
-    pub(super) over: Option<Box<Swap>>,
+    over: Option<Box<Swap>>,
     /// Number of swaps taken over.
-    taken: u64,
+    pub(crate) taken: u64,
     /// Faults of removed nodes.
-    faults: u64,
+    pub(crate) faults: u64,
 }
 
 impl Link {
@@ -88,18 +87,6 @@ impl Link {
         {
             fade.run(buffers, *ramp);
         }
-    }
-
-    pub(crate) fn faults(&self) -> u64 {
-        self.faults
-    }
-
-    pub(crate) fn swaps(&self) -> u64 {
-        self.taken
-    }
-
-    pub(crate) fn is_fading(&self) -> bool {
-        self.fading.is_some()
     }
 
     /// Runs due commands before a tick.
@@ -184,11 +171,13 @@ impl Link {
     pub(crate) fn settle(&mut self, body: &mut Body) {
         let Some((mut swap, _)) = self.fading.take() else { return };
         for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
-            if let Some((node, input)) = *reader {
-                body.slots[node].inputs[input].buffer = fade.new as u32;
+            let Some((node, input)) = *reader else { continue };
+            body.slots[node].inputs[input].buffer = fade.new as u32;
+            // A reader of a control is called once with the final value, even if no control wakes it.
+            if fade.rate_hz == 0 {
+                body.slots[node].rouse();
             }
         }
-        self.wake_readers(&swap, body);
         for (slot, gate_sets) in &mut swap.gate_sets {
             std::mem::swap(&mut body.slots[*slot].gate_sets, gate_sets);
         }
@@ -197,16 +186,6 @@ impl Link {
         }
         std::mem::swap(&mut body.steps, &mut swap.settled);
         self.over = Some(swap);
-    }
-
-    /// Wakes readers of a control with a new source, even those that no control wakes: each is called
-    /// once with the final value.
-    fn wake_readers(&self, swap: &Swap, body: &mut Body) {
-        for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
-            if let (0, Some((node, _))) = (fade.rate_hz, *reader) {
-                body.slots[node].rouse();
-            }
-        }
     }
 }
 
@@ -231,15 +210,8 @@ fn carry_controls(to: &mut [Buffer], from: &[Buffer]) {
     }
 }
 
-impl Slot {
-    /// A slot whose node comes from another graph.
-    pub(super) fn empty(like: &ScheduledNode) -> Self {
-        Self::new(like, Box::new(Absent))
-    }
-}
-
-/// Placeholder for a node that is elsewhere.
-struct Absent;
+/// Placeholder for a node that comes from another graph.
+pub(super) struct Absent;
 
 impl Processor for Absent {
     fn process(&mut self, _: &mut Tick<'_>) -> Status {

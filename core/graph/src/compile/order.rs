@@ -142,19 +142,16 @@ fn reaching_sinks(graph: &GraphFile, resolved: &Resolved) -> Result<Vec<bool>, V
 fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     for (i, node) in resolved.nodes.iter().enumerate().filter(|(i, _)| live[*i]) {
-        for (input, wire) in node.ports.inputs.iter().zip(&node.input_wires) {
-            if wire.is_none() && !input.optional {
-                let decl = &graph.nodes[i];
-                errors.push(
-                    Diagnostic::new(format!(
-                        "nothing is wired to `{}.{}`, which must be",
-                        decl.id, input.name
-                    ))
+        let inputs = node.ports.inputs.iter().zip(&node.input_wires);
+        for (input, _) in inputs.filter(|(input, wire)| wire.is_none() && !input.optional) {
+            let decl = &graph.nodes[i];
+            let message = format!("nothing is wired to `{}.{}`, which must be", decl.id, input.name);
+            errors.push(
+                Diagnostic::new(message)
                     .at_place(&decl.place)
                     .label(format!("`{}` is unconnected", input.name))
                     .help(format!("it takes {} [{}]: {}", input.shape, input.unit, input.doc)),
-                );
-            }
+            );
         }
     }
     if errors.is_empty() { Ok(()) } else { Err(errors) }
@@ -199,58 +196,39 @@ fn cut_cycles(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Result<V
             }
         }
     }
-    match find_cycle(&after, |v| live[v] && !closes[v]) {
-        None => Ok(closes),
-        Some(cycle) => {
-            let mut names: Vec<&str> = cycle.iter().map(|&i| graph.nodes[i].id.as_str()).collect();
-            names.push(names[0]);
-            let (last, first) = (cycle[cycle.len() - 1], cycle[0]);
-            let wire = resolved.wires.iter().position(|w| w.from.0 == last && w.to.0 == first);
-            let place =
-                wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
-            Err(vec![
-                Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
-                    .at_place(place)
-                    .label("this wire closes the cycle")
-                    .help("put a `delay` into the cycle"),
-            ])
-        }
+    let mut before = vec![BTreeSet::new(); n];
+    for w in resolved.wires.iter().filter(|w| !closes[w.to.0]) {
+        before[w.to.0].insert(w.from.0);
     }
+    let Some(cycle) = find_cycle(&before, |v| live[v] && !closes[v]) else { return Ok(closes) };
+    let mut names: Vec<&str> = cycle.iter().map(|&i| graph.nodes[i].id.as_str()).collect();
+    names.push(names[0]);
+    let (last, first) = (cycle[cycle.len() - 1], cycle[0]);
+    let wire = resolved.wires.iter().position(|w| w.from.0 == last && w.to.0 == first);
+    let place = wire.and_then(|w| graph.wires.get(w)).map_or(&graph.nodes[first].place, |w| &w.from.place);
+    Err(vec![
+        Diagnostic::new(format!("these nodes wait for each other: {}", names.join(" -> ")))
+            .at_place(place)
+            .label("this wire closes the cycle")
+            .help("put a `delay` into the cycle"),
+    ])
 }
 
-/// Finds a cycle among the `open` vertices, if there is one.
-fn find_cycle(after: &[Vec<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
-    let n = after.len();
-    let (mut done, mut on_path) = (vec![false; n], vec![false; n]);
-    for root in (0..n).filter(|&v| open(v)) {
-        if done[root] {
-            continue;
-        }
-        let mut path: Vec<(usize, usize)> = vec![(root, 0)];
-        on_path[root] = true;
-        while let Some((v, next)) = path.last_mut() {
-            let v = *v;
-            match after[v].get(*next) {
-                None => {
-                    done[v] = true;
-                    on_path[v] = false;
-                    path.pop();
-                }
-                Some(&w) => {
-                    *next += 1;
-                    if on_path[w] {
-                        let start = path.iter().position(|(u, _)| *u == w).unwrap_or(0);
-                        return Some(path[start..].iter().map(|(u, _)| *u).collect());
-                    }
-                    if open(w) && !done[w] {
-                        on_path[w] = true;
-                        path.push((w, 0));
-                    }
-                }
-            }
-        }
+/// Finds a cycle among the `open` vertices, if there is one, beginning with its lowest number.
+fn find_cycle(before: &[BTreeSet<usize>], open: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
+    let ordered: BTreeSet<usize> = topological_order(before, &open).into_iter().collect();
+    let left: BTreeSet<usize> = (0..before.len()).filter(|&v| open(v) && !ordered.contains(&v)).collect();
+    // Each of these waits for another of them.
+    let (mut path, mut at) = (Vec::new(), *left.first()?);
+    while !path.contains(&at) {
+        path.push(at);
+        at = *before[at].intersection(&left).next()?;
     }
-    None
+    let mut cycle = path.split_off(path.iter().position(|v| *v == at)?);
+    cycle.reverse();
+    let lowest = (0..cycle.len()).min_by_key(|i| cycle[*i])?;
+    cycle.rotate_left(lowest);
+    Some(cycle)
 }
 
 /// A node with more sets of gates than this always runs.

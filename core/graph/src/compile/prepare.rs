@@ -3,9 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use asperity_node::{
-    Diagnostic, InputRef, ParamValue, Params, PortType, Prepared, Setup, Shape, Wiring, time,
-};
+use asperity_node::{Diagnostic, InputRef, ParamValue, Params, PortType, Setup, Shape, Wiring, time};
 
 use super::order::Ordered;
 use super::resolve::Resolved;
@@ -29,14 +27,11 @@ pub(super) fn prepare(
     }
     let mut buffers = constants(&resolved, typed, ordered);
     let mut next = buffers.len();
-    let outputs_at: Vec<usize> = {
-        let mut starts = vec![0; resolved.nodes.len()];
-        for &i in &ordered.nodes {
-            starts[i] = next;
-            next += resolved.nodes[i].ports.outputs.len();
-        }
-        starts
-    };
+    let mut outputs_at = vec![0; resolved.nodes.len()];
+    for &i in &ordered.nodes {
+        outputs_at[i] = next;
+        next += resolved.nodes[i].ports.outputs.len();
+    }
     let mut readers: HashMap<(usize, usize), usize> = HashMap::new();
     for w in resolved.wires.iter().filter(|w| place[w.to.0] != usize::MAX) {
         *readers.entry(w.from).or_default() += 1;
@@ -105,7 +100,38 @@ pub(super) fn prepare(
         };
         match node.kind.prepare(&setup) {
             Ok(mut prepared) => {
-                nodes.push(scheduled(graph, &resolved, ordered, i, &place, &mut prepared, inputs, outputs));
+                let (decl, descriptor) = (&graph.nodes[i], node.kind.descriptor());
+                let live = descriptor.params.iter().enumerate().filter(|(_, p)| p.live);
+                let live = live.map(|(index, p)| LiveParam {
+                    name: p.name.to_string(),
+                    index,
+                    kind: p.kind.clone(),
+                    unit: p.unit.to_string(),
+                });
+                let ways = ordered.gate_sets[i].iter();
+                nodes.push(ScheduledNode {
+                    id: decl.id.clone(),
+                    kind: decl.kind.clone(),
+                    role: descriptor.role,
+                    build: node.kind.build(),
+                    every: decl.every,
+                    params: node.params.clone(),
+                    live: live.collect(),
+                    inputs,
+                    outputs,
+                    buffers: 0..0,
+                    gate_sets: ways.map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
+                    resume: descriptor.resume,
+                    sink: descriptor.sink,
+                    gate: ordered.gates[i],
+                    closes_cycle: ordered.closes_cycle[i],
+                    latency: prepared.latency,
+                    tail: prepared.tail,
+                    duration: prepared.duration,
+                    allocation_free: prepared.allocation_free,
+                    facts: prepared.processor.facts(),
+                    files: prepared.files.clone(),
+                });
                 all.push(prepared);
             }
             Err(e) => {
@@ -174,50 +200,6 @@ fn constants(resolved: &Resolved, typed: &Typed, ordered: &Ordered) -> Vec<Buffe
         }
     }
     out
-}
-
-#[allow(clippy::too_many_arguments)]
-fn scheduled(
-    graph: &GraphFile,
-    resolved: &Resolved,
-    ordered: &Ordered,
-    i: usize,
-    place: &[usize],
-    prepared: &mut Prepared,
-    inputs: Vec<ScheduledInput>,
-    outputs: Vec<ScheduledOutput>,
-) -> ScheduledNode {
-    let (decl, node) = (&graph.nodes[i], &resolved.nodes[i]);
-    let descriptor = node.kind.descriptor();
-    let live = descriptor.params.iter().enumerate().filter(|(_, p)| p.live).map(|(index, p)| LiveParam {
-        name: p.name.to_string(),
-        index,
-        kind: p.kind.clone(),
-        unit: p.unit.to_string(),
-    });
-    ScheduledNode {
-        id: decl.id.clone(),
-        kind: decl.kind.clone(),
-        role: descriptor.role,
-        build: node.kind.build(),
-        every: decl.every,
-        params: node.params.clone(),
-        live: live.collect(),
-        inputs,
-        outputs,
-        buffers: 0..0,
-        gate_sets: ordered.gate_sets[i].iter().map(|way| way.iter().map(|&g| place[g]).collect()).collect(),
-        resume: descriptor.resume,
-        sink: descriptor.sink,
-        gate: ordered.gates[i],
-        closes_cycle: ordered.closes_cycle[i],
-        latency: prepared.latency,
-        tail: prepared.tail,
-        duration: prepared.duration,
-        allocation_free: prepared.allocation_free,
-        facts: prepared.processor.facts(),
-        files: prepared.files.clone(),
-    }
 }
 
 /// Adds to an error in another file which part of the graph reads that file.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::one_of;
 use asperity_node::random::seed_of;
-use asperity_node::{Config, Diagnostic, Input, NodeKind, Output, Params, Ports, Registry};
+use asperity_node::{Config, Diagnostic, NodeKind, Params, Ports, Registry};
 
 use super::within_budget;
 use crate::{Endpoint, GraphFile, params};
@@ -159,59 +159,34 @@ fn end(
     };
     // A node that could not be resolved has its own error already.
     let ports = &nodes[index].as_ref()?.ports;
-    let (names, others, word): (Vec<&str>, Vec<&str>, &str) = {
-        let ins: Vec<&str> = ports.inputs.iter().map(|p| p.name.as_ref()).collect();
-        let outs: Vec<&str> = ports.outputs.iter().map(|p| p.name.as_ref()).collect();
-        match direction {
-            Direction::Input => (ins, outs, "input"),
-            Direction::Output => (outs, ins, "output"),
-        }
+    // A wire without a port name means the only required input, or the only output that is not secondary.
+    let ins: Vec<(&str, bool)> = ports.inputs.iter().map(|p| (p.name.as_ref(), !p.optional)).collect();
+    let outs: Vec<(&str, bool)> = ports.outputs.iter().map(|p| (p.name.as_ref(), !p.secondary)).collect();
+    let (these, others, word, other) = match direction {
+        Direction::Input => (ins, outs, "input", "output"),
+        Direction::Output => (outs, ins, "output", "input"),
     };
-    match &end.port {
-        Some(port) => match names.iter().position(|n| n == port) {
-            Some(i) => Some((index, i)),
-            None if others.contains(&port.as_str()) => {
-                let other = if direction == Direction::Input { "output" } else { "input" };
-                let help = || "a wire goes from an output to an input".to_owned();
-                fail(format!("`{}.{port}` is an {other}, not an {word}", end.node), &help);
-                None
-            }
-            None => {
-                let kind = &graph.nodes[index].kind;
-                let help = || one_of(port, names.iter().copied());
-                fail(format!("`{kind}` has no {word} `{port}`"), &help);
-                None
-            }
-        },
-        None if names.len() == 1 => Some((index, 0)),
-        None if direction == Direction::Input && only_required(&ports.inputs).is_some() => {
-            Some((index, only_required(&ports.inputs)?))
+    let Some(port) = &end.port else {
+        let mut main = (0..these.len()).filter(|&i| these[i].1 || these.len() == 1);
+        if let (Some(only), None) = (main.next(), main.next()) {
+            return Some((index, only));
         }
-        None if direction == Direction::Output && only_main(&ports.outputs).is_some() => {
-            Some((index, only_main(&ports.outputs)?))
-        }
-        None => {
-            let named = |n: &&str| format!("`{}.{n}`", end.node);
-            let help = || match names.iter().map(named).collect::<Vec<_>>().join(", ") {
-                all if all.is_empty() => "it has none".to_owned(),
-                all => format!("one of {all}"),
-            };
-            fail(format!("`{}` has {} {word}s; say which", end.node, names.len()), &help);
-            None
-        }
+        let all: Vec<String> = these.iter().map(|(n, _)| format!("`{}.{n}`", end.node)).collect();
+        let help =
+            || if all.is_empty() { "it has none".into() } else { format!("one of {}", all.join(", ")) };
+        fail(format!("`{}` has {} {word}s; say which", end.node, these.len()), &help);
+        return None;
+    };
+    let at = these.iter().position(|(n, _)| n == port);
+    if at.is_none() && others.iter().any(|(n, _)| n == port) {
+        let help = || "a wire goes from an output to an input".to_owned();
+        fail(format!("`{}.{port}` is an {other}, not an {word}", end.node), &help);
+    } else if at.is_none() {
+        let kind = &graph.nodes[index].kind;
+        let help = || one_of(port, these.iter().map(|(n, _)| *n));
+        fail(format!("`{kind}` has no {word} `{port}`"), &help);
     }
-}
-
-/// The only required input, which a wire without a port name means.
-fn only_required(inputs: &[Input]) -> Option<usize> {
-    let mut required = (0..inputs.len()).filter(|&i| !inputs[i].optional);
-    required.next().filter(|_| required.next().is_none())
-}
-
-/// The only output that is not `secondary`, which a wire without a port name means.
-fn only_main(outputs: &[Output]) -> Option<usize> {
-    let mut main = (0..outputs.len()).filter(|&i| !outputs[i].secondary);
-    main.next().filter(|_| main.next().is_none())
+    Some((index, at?))
 }
 
 fn name_of(graph: &GraphFile, nodes: &[Option<ResolvedNode>], (node, input): (usize, usize)) -> String {

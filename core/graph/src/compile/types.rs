@@ -4,7 +4,7 @@
 //! until nothing changes. Only then, where an output is still open, they bind back from an input. So
 //! the result does not depend on the order of the wires. Then each wire is checked at both ends.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use asperity_node::{
     Descriptor, Diagnostic, FrameLayout, LayoutSpec, NodeKind, PortType, Ports, RateSpec, Registry, Shape,
@@ -41,35 +41,24 @@ struct Partial {
 /// Variables of one node.
 #[derive(Clone, Debug, Default)]
 struct Env {
-    shapes: Vec<(Var, Partial)>,
-    units: Vec<(Var, Option<Unit>)>,
+    shapes: HashMap<Var, Partial>,
+    units: HashMap<Var, Unit>,
 }
 
-fn fill<T: Clone>(slot: &mut Option<T>, value: Option<&T>) -> bool {
-    match (&slot, value) {
-        (None, Some(v)) => {
-            *slot = Some(v.clone());
-            true
-        }
-        _ => false,
-    }
+/// Fills an empty slot. Returns whether anything changed.
+fn fill<T: Copy>(slot: &mut Option<T>, value: Option<T>) -> bool {
+    let fills = slot.is_none() && value.is_some();
+    *slot = slot.or(value);
+    fills
 }
 
 impl Env {
     fn shape(&mut self, var: Var) -> &mut Partial {
-        let i = self.shapes.iter().position(|(v, _)| *v == var).unwrap_or_else(|| {
-            self.shapes.push((var, Partial::default()));
-            self.shapes.len() - 1
-        });
-        &mut self.shapes[i].1
+        self.shapes.entry(var).or_default()
     }
 
     fn known_shape(&self, var: Var) -> Partial {
-        self.shapes.iter().find(|(v, _)| *v == var).map(|(_, p)| p.clone()).unwrap_or_default()
-    }
-
-    fn known_unit(&self, var: Var) -> Option<Unit> {
-        self.units.iter().find(|(v, _)| *v == var).and_then(|(_, u)| u.clone())
+        self.shapes.get(&var).cloned().unwrap_or_default()
     }
 
     /// Type of a port, as far as known.
@@ -103,7 +92,7 @@ impl Env {
         };
         p.unit = match unit {
             UnitSpec::Is(u) => Some(u.clone()),
-            UnitSpec::Of { var, .. } => self.known_unit(*var),
+            UnitSpec::Of { var, .. } => self.units.get(var).cloned(),
         };
         p
     }
@@ -114,41 +103,32 @@ impl Env {
             ShapeSpec::Like(v) => {
                 let p = self.shape(*v);
                 // Only for the same kind, because a rate differs in meaning between audio and frames.
-                if p.kind.is_none_or(|k| found.kind == Some(k)) {
-                    fill(&mut p.kind, found.kind.as_ref())
-                        | fill(&mut p.count, found.count.as_ref())
-                        | fill(&mut p.rate_hz, found.rate_hz.as_ref())
-                        | fill(&mut p.layout, found.layout.as_ref())
-                } else {
-                    false
-                }
+                p.kind.is_none_or(|k| found.kind == Some(k))
+                    && fill(&mut p.kind, found.kind)
+                        | fill(&mut p.count, found.count)
+                        | fill(&mut p.rate_hz, found.rate_hz)
+                        | fill(&mut p.layout, found.layout)
             }
             ShapeSpec::Audio(RateSpec::Of(v)) if found.kind == Some(Kind::Audio) => {
-                fill(&mut self.shape(*v).rate_hz, found.rate_hz.as_ref())
+                fill(&mut self.shape(*v).rate_hz, found.rate_hz)
             }
             ShapeSpec::Magnitude(LayoutSpec::Of(v)) if found.kind == Some(Kind::Magnitude) => {
-                self.layout(*v, found)
+                fill(&mut self.shape(*v).layout, found.layout)
             }
             ShapeSpec::Spectrum(LayoutSpec::Of(v)) if found.kind == Some(Kind::Spectrum) => {
-                self.layout(*v, found)
+                fill(&mut self.shape(*v).layout, found.layout)
             }
             _ => false,
         };
         if let UnitSpec::Of { var, among } = unit
             && let Some(u) = &found.unit
             && (among.is_empty() || among.contains(u))
+            && !self.units.contains_key(var)
         {
-            let i = self.units.iter().position(|(v, _)| v == var).unwrap_or_else(|| {
-                self.units.push((*var, None));
-                self.units.len() - 1
-            });
-            changed |= fill(&mut self.units[i].1, Some(u));
+            self.units.insert(*var, u.clone());
+            changed = true;
         }
         changed
-    }
-
-    fn layout(&mut self, var: Var, found: &Partial) -> bool {
-        fill(&mut self.shape(var).layout, found.layout.as_ref())
     }
 }
 
@@ -221,12 +201,8 @@ fn bind_all(resolved: &Resolved, audio_hz: u32) -> Vec<Env> {
     }
     let ends = |w: usize| {
         let Wire { from, to } = resolved.wires[w];
-        (
-            &resolved.nodes[from.0].ports.outputs[from.1],
-            &resolved.nodes[to.0].ports.inputs[to.1],
-            from.0,
-            to.0,
-        )
+        let (source, reader) = (&resolved.nodes[from.0].ports, &resolved.nodes[to.0].ports);
+        (&source.outputs[from.1], &reader.inputs[to.1], from.0, to.0)
     };
     let mut envs = vec![Env::default(); n];
     let forward = |envs: &mut Vec<Env>, mut queue: VecDeque<usize>| {
@@ -294,14 +270,10 @@ fn check_wire(
             kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
         });
     }
-    if input.limited && !output.limited {
-        let d = error(format!(
-            "`{}` takes only what a limiter lets through, and `{}` is not one",
-            names.1, names.0
-        ));
-        return Some(d.help("put a `limiter` last before the device; it cannot be left out"));
-    }
-    None
+    let message =
+        || format!("`{}` takes only what a limiter lets through, and `{}` is not one", names.1, names.0);
+    let help = "put a `limiter` last before the device; it cannot be left out";
+    (input.limited && !output.limited).then(|| error(message()).help(help))
 }
 
 /// Checks `every` against the signals: audio must run every tick, and a reader must run whenever a
@@ -329,14 +301,12 @@ pub(super) fn check_every(
         let (from, to) = (&graph.nodes[w.from.0], &graph.nodes[w.to.0]);
         if frames && !from.every.is_multiple_of(to.every) {
             let place = &wire.to.place;
-            errors.push(
-                Diagnostic::new(format!(
-                    "`{}` runs every {} ticks and would miss frames of `{}`, which comes every {}",
-                    to.id, to.every, from.id, from.every
-                ))
-                .at_place(place)
-                .help(format!("`every` of `{}` must divide that of `{}`; or leave it out", to.id, from.id)),
+            let message = format!(
+                "`{}` runs every {} ticks and would miss frames of `{}`, which comes every {}",
+                to.id, to.every, from.id, from.every
             );
+            let help = format!("`every` of `{}` must divide that of `{}`; or leave it out", to.id, from.id);
+            errors.push(Diagnostic::new(message).at_place(place).help(help));
         }
     }
     if errors.is_empty() { Ok(()) } else { Err(errors) }

@@ -9,16 +9,14 @@ use serde::{Deserialize, Serialize};
 use super::Written;
 use super::magnitudes::{Judge, Judged};
 use super::statistics::Statistics;
+use crate::Failure;
 use crate::data::Data;
-use crate::failure::Failure;
 use crate::stages::mean_vector;
 
 /// Accuracy of names for images of held-out places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Naming {
-    /// Images.
     pub images: usize,
-    /// Number of names.
     pub classes: usize,
     /// Part named right by the classifier; none without its file.
     pub classifier: Option<f64>,
@@ -37,7 +35,6 @@ pub(crate) struct Naming {
 /// Nearest neighbours of surfaces that were never trained on.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Strangers {
-    /// Held-out surfaces.
     pub surfaces: Vec<Stranger>,
     /// Families of neighbours, if materials have families.
     pub families: Option<Families>,
@@ -53,16 +50,13 @@ pub(crate) struct Families {
     /// Part of images that the linear classifier of plain statistics gives a material of the right
     /// family.
     pub statistics: f64,
-    /// By chance.
     pub chance: f64,
 }
 
 /// A surface that was never trained on.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Stranger {
-    /// Its name.
     pub name: String,
-    /// Its family.
     pub family: Option<String>,
     /// The material nearest to the mean of its images' vectors, with its family.
     pub neighbour: (String, Option<String>),
@@ -101,44 +95,36 @@ fn nearest(library: &Library, vector: &[f32; VECTOR_LEN]) -> usize {
     library.materials().iter().position(|m| Some(m.name.as_str()) == name).unwrap_or(0)
 }
 
+fn part_of(all: usize, some: usize) -> f64 {
+    some as f64 / all.max(1) as f64
+}
+
 /// Judges names.
-///
-/// # Errors
-/// An encoder or a network that fails to run.
 pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
     let by_vector: Vec<usize> =
         vectors(&written.encoder, &held)?.iter().map(|v| nearest(&written.library, v)).collect();
-    let named: Option<Vec<usize>> = written
-        .namer
-        .as_ref()
-        .map(|namer| namer.names(held.iter().map(|(_, image)| *image), &Device::flex()));
+    let images = || held.iter().map(|(_, image)| *image);
+    let named = written.namer.as_ref().map(|namer| namer.names(images(), &Device::flex()));
     let rightly = |named: &[usize]| {
-        held.iter().zip(named).filter(|((class, _), named)| class == *named).count() as f64
-            / held.len().max(1) as f64
+        part_of(held.len(), held.iter().zip(named).filter(|((class, _), named)| class == *named).count())
     };
     let by_statistics = statistics.names(&held);
     let judged = named.as_ref().unwrap_or(&by_vector);
-    let mut worst: Vec<(String, f64, String)> = data
-        .seen
-        .iter()
-        .enumerate()
-        .filter_map(|(class, subject)| {
-            let of: Vec<usize> =
-                held.iter().zip(judged).filter(|((c, _), _)| *c == class).map(|(_, named)| *named).collect();
-            if of.is_empty() {
-                return None;
-            }
-            let mut counts = vec![0_u32; data.seen.len()];
-            of.iter().filter(|named| **named != class).for_each(|named| counts[*named] += 1);
-            let most = (0..counts.len()).max_by_key(|n| counts[*n]).unwrap_or(0);
-            let right = of.iter().filter(|named| **named == class).count() as f64 / of.len() as f64;
-            Some((subject.name.clone(), right, data.seen[most].name.clone()))
-        })
-        .collect();
+    // How often each material's images got each name.
+    let mut counts = vec![vec![0_usize; data.seen.len()]; data.seen.len()];
+    held.iter().zip(judged).for_each(|((class, _), named)| counts[*class][*named] += 1);
+    let mut worst: Vec<(String, f64, String)> = Vec::new();
+    for (class, counts) in counts.iter_mut().enumerate() {
+        let (all, right) = (counts.iter().sum::<usize>(), std::mem::take(&mut counts[class]));
+        let most = (0..counts.len()).max_by_key(|n| counts[*n]).unwrap_or(0);
+        if right < all {
+            let name = |class: usize| data.seen[class].name.clone();
+            worst.push((name(class), part_of(all, right), name(most)));
+        }
+    }
     worst.sort_by(|a, b| a.1.total_cmp(&b.1));
     worst.truncate(10);
-    worst.retain(|(_, right, _)| *right < 1.0);
     let now = Naming {
         images: held.len(),
         classes: data.seen.len(),
@@ -169,9 +155,6 @@ impl Naming {
 }
 
 /// Judges the neighbours of held-out surfaces by their true magnitudes.
-///
-/// # Errors
-/// An encoder or a network that fails to run.
 pub(super) fn strangers(
     written: &Written,
     statistics: &Statistics,
@@ -184,12 +167,9 @@ pub(super) fn strangers(
     let vectors = vectors(&written.encoder, &images)?;
     let materials = written.library.materials();
     let part_in_family = |named: &mut dyn Iterator<Item = usize>| {
-        let right = images
-            .iter()
-            .zip(named)
-            .filter(|((s, _), named)| data.unseen[*s].family == families[*named])
-            .count();
-        right as f64 / images.len().max(1) as f64
+        let pairs = images.iter().zip(named);
+        let right = pairs.filter(|((s, _), named)| data.unseen[*s].family == families[*named]).count();
+        part_of(images.len(), right)
     };
     let images_in_family = part_in_family(&mut vectors.iter().map(|v| nearest(&written.library, v)));
     let statistics_in_family = part_in_family(&mut statistics.names(&images).into_iter());
@@ -228,16 +208,13 @@ pub(super) fn strangers(
     };
     let pairs: Vec<_> = data.unseen.iter().zip(truths).enumerate().collect();
     let surfaces = pairs.into_par_iter().map(of).collect::<Result<Vec<_>, Failure>>()?;
-    let chance = data
-        .unseen
-        .iter()
-        .map(|s| families.iter().filter(|f| **f == s.family).count() as f64 / families.len().max(1) as f64)
-        .sum::<f64>()
-        / data.unseen.len().max(1) as f64;
-    let right = surfaces.iter().filter(|s: &&Stranger| s.family == s.neighbour.1).count() as f64;
+    let by_chance =
+        |s: &Subject| part_of(families.len(), families.iter().filter(|f| **f == s.family).count());
+    let chance = data.unseen.iter().map(by_chance).sum::<f64>() / data.unseen.len().max(1) as f64;
+    let right = surfaces.iter().filter(|s: &&Stranger| s.family == s.neighbour.1).count();
     let known = data.unseen.iter().chain(&data.seen).all(|s| s.family.is_some());
     let families = known.then_some(Families {
-        surfaces: right / surfaces.len().max(1) as f64,
+        surfaces: part_of(surfaces.len(), right),
         images: images_in_family,
         statistics: statistics_in_family,
         chance,

@@ -1,12 +1,11 @@
 use asperity_data::{Example, Expectation, HISTORY, Subject};
 use asperity_dsp::frame::BINS;
 use asperity_numbers::Random;
-use asperity_texture::Library;
+use asperity_texture::{Answer, Choice, Library, Model, Precision, Range, Runner, hold_magnitudes};
 use serde::Serialize;
 
-use super::Network;
+use crate::Failure;
 use crate::data::Reach;
-use crate::failure::Failure;
 use crate::loss::Target;
 
 /// Least true magnitude of a judged bin [m/s^2].
@@ -19,7 +18,6 @@ const SMOOTH: usize = 20;
 /// Mean errors of one material's magnitudes in dB, over the judged bins of all frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(crate) struct Score {
-    /// Name of the material.
     pub material: String,
     /// Judged bins; without any the other figures are invalid.
     pub bins: usize,
@@ -51,12 +49,42 @@ impl Score {
 pub(crate) struct Scatter {
     /// Mean over root mean square magnitude.
     pub ratio: f64,
-    /// Answered value.
     pub ratio_answered: f64,
     /// Variance of a frame's power over its squared mean.
     pub variance: f64,
-    /// Answered value.
     pub variance_answered: f64,
+}
+
+/// A written network with one vector, run as the node runs it.
+struct Touched {
+    range: Range,
+    runner: Runner,
+}
+
+impl Touched {
+    fn new(network: &Model, vector: &[f32]) -> Result<Self, Failure> {
+        let runner = network.runner(&[vector], Precision::F32, Choice::Auto)?;
+        Ok(Self { range: Range::new(network.trained()), runner })
+    }
+
+    /// Magnitudes in m/s^2 after the forces and velocities of an example, clamped to the trained range.
+    fn after(&mut self, example: &Example) -> Result<[f32; BINS], Failure> {
+        let mut held = [0.0; BINS];
+        hold_magnitudes(&self.answer(example)?.magnitudes, &mut held);
+        Ok(held)
+    }
+
+    /// Magnitudes and their scatter.
+    fn answer(&mut self, example: &Example) -> Result<Answer, Failure> {
+        let (mut force, mut velocity) = ([0.0; HISTORY], [0.0; 2 * HISTORY]);
+        self.range.forces(&example.force.map(f64::from), &mut force);
+        self.range.velocities(&example.velocity.map(f64::from), &mut velocity);
+        let mut answer = Answer::default();
+        self.runner
+            .answer(0, &force, &velocity, &mut answer)
+            .map_err(|e| Failure::Model(format!("the written network does not run: {e}")))?;
+        Ok(answer)
+    }
 }
 
 /// True magnitudes of held-out strokes.
@@ -69,7 +97,6 @@ fn decibels(x: f64) -> f64 {
 }
 
 impl Judged {
-    /// True magnitudes of expectations for a target.
     pub(crate) fn of(expectations: Vec<Expectation>, target: Target) -> Self {
         let frame = |e: Expectation| {
             let truth = match target {
@@ -85,12 +112,9 @@ impl Judged {
     }
 
     /// Power of a network's answers over the true one, over all frames, in dB; none for silence.
-    ///
-    /// # Errors
-    /// A network that fails to run.
-    pub(crate) fn level_db(&self, network: &Network, vector: &[f32]) -> Result<Option<f64>, Failure> {
+    pub(crate) fn level_db(&self, network: &Model, vector: &[f32]) -> Result<Option<f64>, Failure> {
         let mut answered = 0.0;
-        let mut touched = network.with(vector)?;
+        let mut touched = Touched::new(network, vector)?;
         for (e, _) in &self.frames {
             answered += power(&touched.after(&e.example)?);
         }
@@ -105,11 +129,8 @@ impl Judged {
 
     /// Scatter, true and answered by a network. Ratios are weighted by their bins' true power,
     /// variances by their frames'. None if the truth is not known.
-    ///
-    /// # Errors
-    /// A network that fails to run.
-    pub(crate) fn scatter(&self, network: &Network, vector: &[f32]) -> Result<Option<Scatter>, Failure> {
-        let mut touched = network.with(vector)?;
+    pub(crate) fn scatter(&self, network: &Model, vector: &[f32]) -> Result<Option<Scatter>, Failure> {
+        let mut touched = Touched::new(network, vector)?;
         let (mut sums, mut total) = ([0.0; 4], 0.0);
         for (e, _) in &self.frames {
             let Some(variance) = e.variance else { continue };
@@ -159,23 +180,20 @@ impl Errors {
 
 /// A network under test and its target.
 pub(crate) struct Judge<'a> {
-    pub(crate) network: &'a Network,
+    pub(crate) network: &'a Model,
     pub(crate) target: Target,
     pub(crate) reach: Reach,
 }
 
 impl Judge<'_> {
     /// Mean |error| in dB of the network's answers with a vector; none for silence.
-    ///
-    /// # Errors
-    /// A network that fails to run.
     pub(crate) fn error_db(&self, vector: &[f32], judged: &Judged) -> Result<Option<f64>, Failure> {
         Ok(self.errors(vector, judged)?.mean())
     }
 
     fn errors(&self, vector: &[f32], judged: &Judged) -> Result<Errors, Failure> {
         let mut errors = Errors::default();
-        let mut touched = self.network.with(vector)?;
+        let mut touched = Touched::new(self.network, vector)?;
         for (e, truth) in &judged.frames {
             errors.add(&touched.after(&e.example)?, truth);
         }
@@ -183,9 +201,6 @@ impl Judge<'_> {
     }
 
     /// All figures of a material.
-    ///
-    /// # Errors
-    /// A network that fails to run.
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
         let average = |of: &mut dyn Iterator<Item = &Example>| {
@@ -255,14 +270,11 @@ fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
 }
 
 /// Largest magnitude answered to strokes without force and to forces without speed, over all materials.
-///
-/// # Errors
-/// A network that fails to run.
-pub(crate) fn loudest_silence(network: &Network, library: &Library, reach: Reach) -> Result<f64, Failure> {
+pub(crate) fn loudest_silence(network: &Model, library: &Library, reach: Reach) -> Result<f64, Failure> {
     let mut loudest = 0.0_f32;
     for material in library.materials() {
         let mut random = Random::new(77);
-        let mut touched = network.with(material.vector.as_slice())?;
+        let mut touched = Touched::new(network, material.vector.as_slice())?;
         for case in 0..20 {
             let mut nothing = Example {
                 force: [0.0; HISTORY],
@@ -309,9 +321,7 @@ mod tests {
         assert!((judged.mean_level_db().unwrap() - 20.0 * 0.9_f64.log10()).abs() < 1e-4);
         let mut quiet = expectation(1.0);
         quiet.rms = [0.001; BINS];
-        quiet.rms[4] = 0.5;
-        quiet.rms[5] = 0.011;
-        quiet.rms[6] = 0.004;
+        quiet.rms[4..7].copy_from_slice(&[0.5, 0.011, 0.004]);
         let judged = Judged::of(vec![quiet], Target::Rms);
         let bins: Vec<usize> = (0..BINS).filter(|k| judged.frames[0].1[*k].is_some()).collect();
         assert_eq!(bins, [4, 5]);

@@ -2,39 +2,35 @@
 
 mod looks;
 mod magnitudes;
-mod network;
 mod statistics;
 
 use asperity_data::{Example, Expectation, Subject, Truth, made};
+use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
 use asperity_surfaces::topography::MadeSurface;
-use asperity_texture::Encoder;
-use asperity_texture::Library;
+use asperity_texture::{Encoder, Library, Model};
 use rayon::prelude::*;
 use serde::Serialize;
 
 pub(crate) use looks::{ALONE, Naming, Stranger, Strangers};
 pub(crate) use magnitudes::{AUDIBLE_M_S2, RANGE_DB, Scatter, Score};
-pub(crate) use network::Network;
 
+use crate::Failure;
 use crate::arguments::Settings;
 use crate::data::{Data, Origin, made_settings};
-use crate::failure::Failure;
 use crate::loss::{Target, square_of_noise};
 use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
 /// A written model.
 pub(crate) struct Written {
-    /// From an image to a vector.
     pub encoder: Encoder,
-    /// From forces, velocities and a vector to magnitudes for the settings' target.
-    pub network: Network,
+    /// For the settings' target.
+    pub network: Model,
     /// Network for the other target, if it was trained.
-    pub other: Option<Network>,
+    pub other: Option<Model>,
     /// Result of stage one, from the run's folder.
     pub namer: Option<Namer>,
-    /// Vectors.
     pub library: Library,
     /// Earlier result of naming, if any.
     pub named: Option<Naming>,
@@ -43,19 +39,15 @@ pub(crate) struct Written {
 /// All results.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Evaluation {
-    /// Naming of held-out images.
     pub naming: Naming,
-    /// Held-out surfaces.
     pub strangers: Strangers,
     /// Errors of magnitudes on held-out strokes, for each material.
     pub scores: Vec<Score>,
     /// The same beyond the trained range of force and speed, with inputs clamped to it.
     pub beyond: Vec<Score>,
-    /// Levels of the two targets, for each family.
     pub levels: Vec<Level>,
     /// Scatter of each material's magnitudes; none if the truth is not known.
     pub scatter: Vec<(String, Option<Scatter>)>,
-    /// Scatter by family.
     pub scatter_by_family: Vec<(String, Option<Scatter>)>,
     /// Largest magnitude answered to no force, or to no speed, in m/s^2.
     pub silence_m_s2: f64,
@@ -64,7 +56,6 @@ pub(crate) struct Evaluation {
 /// Power of answers over the true power, over a family's materials, in dB. None for silence.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Level {
-    /// The family.
     pub family: String,
     /// Level of the true means: the best result of a network for means.
     pub exact_mean_db: Option<f64>,
@@ -96,35 +87,28 @@ struct Known {
     beyond: Option<Vec<Expectation>>,
 }
 
-/// Truths of all subjects of the data.
-struct Truths {
-    seen: Vec<Known>,
-    unseen: Vec<Vec<Expectation>>,
-}
-
-/// Made surfaces get new strokes at many places; other subjects use their held-out examples.
-fn truths(settings: &Settings, data: &Data) -> Result<Truths, Failure> {
+/// Truths of the seen and the unseen subjects. Made surfaces get new strokes at many places; other subjects
+/// use their held-out examples.
+fn truths(settings: &Settings, data: &Data) -> Result<(Vec<Known>, Vec<Vec<Expectation>>), Failure> {
     let read = |s: &Subject| s.examples.held.iter().map(|e| target_of(e, s.truth)).collect::<Vec<_>>();
     if settings.data != Origin::Made {
         let seen = data.seen.iter().map(|s| Known { within: read(s), beyond: None }).collect();
-        return Ok(Truths { seen, unseen: data.unseen.iter().map(read).collect() });
+        return Ok((seen, data.unseen.iter().map(read).collect()));
     }
     // The same for all seeds, to compare models.
     let random = &mut Random::new(0x4e1d_00a7);
-    let inside = (0..STROKES).map(|_| made::Drawn::new(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
-    let outside =
-        (0..STROKES).map(|_| made::Drawn::beyond(STROKE_S, random)).collect::<Result<Vec<_>, _>>()?;
+    let mut drawn = |draw: fn(f64, &mut Random) -> Result<made::Drawn, Diagnostic>| {
+        (0..STROKES).map(|_| draw(STROKE_S, random)).collect::<Result<Vec<_>, _>>()
+    };
+    let (inside, outside) = (drawn(made::Drawn::new)?, drawn(made::Drawn::beyond)?);
     let made = made_settings(settings);
     let [seen, unseen] = made::surfaces(settings.every as usize);
+    let within = |surface: &MadeSurface| made::expectations(surface, &made, &inside, PLACES);
     let known = |surface: &MadeSurface| Known {
-        within: made::expectations(surface, &made, &inside, PLACES),
+        within: within(surface),
         beyond: Some(made::expectations(surface, &made, &outside, PLACES / 2)),
     };
-    let unknown = |surface: &MadeSurface| made::expectations(surface, &made, &inside, PLACES);
-    Ok(Truths {
-        seen: seen.par_iter().map(known).collect(),
-        unseen: unseen.par_iter().map(unknown).collect(),
-    })
+    Ok((seen.par_iter().map(known).collect(), unseen.par_iter().map(within).collect()))
 }
 
 /// An example as its own expectation.
@@ -137,28 +121,21 @@ fn target_of(example: &Example, truth: Truth) -> Expectation {
 }
 
 /// Evaluates a model on held-out data.
-///
-/// # Errors
-/// A network that fails to run; a material missing in the library.
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
-    let truths = truths(settings, data)?;
+    let (seen, unseen) = truths(settings, data)?;
     let judge = Judge { network: &written.network, target: settings.target, reach: data.reach };
 
     eprintln!("judging names of held-out images");
     let statistics = looks::statistics(data);
     let naming = looks::naming(written, &statistics, data)?;
     eprintln!("judging vibration of {} materials", data.seen.len());
-    let judged: Vec<(Judged, Score, Option<Score>)> = (data.seen.par_iter().zip(&truths.seen))
+    let judged: Vec<(Judged, Score, Option<Score>)> = (data.seen.par_iter().zip(&seen))
         .map(|(subject, truth)| {
             let vector = written.library.material(&subject.name)?.vector.as_slice();
             let judged = Judged::of(truth.within.clone(), settings.target);
             let score = judge.score(subject, vector, &judged)?;
-            let beyond = match &truth.beyond {
-                Some(beyond) => {
-                    Some(judge.score(subject, vector, &Judged::of(beyond.clone(), settings.target))?)
-                }
-                None => None,
-            };
+            let beyond = truth.beyond.clone().map(|beyond| Judged::of(beyond, settings.target));
+            let beyond = beyond.map(|beyond| judge.score(subject, vector, &beyond)).transpose()?;
             Ok((judged, score, beyond))
         })
         .collect::<Result<_, Failure>>()?;
@@ -178,44 +155,31 @@ pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> R
         }
     }
     eprintln!("judging {} unseen surfaces", data.unseen.len());
-    let strangers = looks::strangers(written, &statistics, data, &judge, truths.unseen)?;
+    let strangers = looks::strangers(written, &statistics, data, &judge, unseen)?;
     let (mut scores, mut beyond) = (Vec::new(), Vec::new());
     for (_, score, out) in judged {
         scores.push(score);
         beyond.extend(out);
     }
     let silence_m_s2 = magnitudes::loudest_silence(&written.network, &written.library, data.reach)?;
-    let figures = |s: &Option<Scatter>| match s {
-        Some(s) => [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(Some),
-        None => [None; 4],
-    };
-    let families =
-        by_family(scatter.iter().map(|(s, scatter)| (s.family.clone(), figures(scatter))).collect());
-    let of_family = |(family, figures): (String, [Option<f64>; 4])| {
-        let known = match figures {
-            [Some(ratio), Some(ratio_answered), Some(variance), Some(variance_answered)] => {
-                Some(Scatter { ratio, ratio_answered, variance, variance_answered })
-            }
-            _ => None,
+    let figures = |s: Scatter| [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(Some);
+    let of_subjects = scatter.iter().map(|(s, known)| (s.family.clone(), known.map_or([None; 4], figures)));
+    let of_family = |(family, [ratio, ratio_answered, variance, variance_answered]): (_, [_; 4])| {
+        let known = || {
+            let (ratio_answered, variance_answered) = (ratio_answered?, variance_answered?);
+            Some(Scatter { ratio: ratio?, ratio_answered, variance: variance?, variance_answered })
         };
-        (family, known)
+        (family, known())
     };
-    Ok(Evaluation {
-        naming,
-        strangers,
-        scores,
-        beyond,
-        levels,
-        scatter_by_family: families.into_iter().map(of_family).collect(),
-        scatter: scatter.into_iter().map(|(s, scatter)| (s.name.clone(), scatter)).collect(),
-        silence_m_s2,
-    })
+    let scatter_by_family = by_family(of_subjects.collect()).into_iter().map(of_family).collect();
+    let scatter = scatter.into_iter().map(|(s, scatter)| (s.name.clone(), scatter)).collect();
+    Ok(Evaluation { naming, strangers, scores, beyond, levels, scatter_by_family, scatter, silence_m_s2 })
 }
 
 /// Levels of both targets by family, and last over all.
 fn levels(
     written: &Written,
-    other: &Network,
+    other: &Model,
     target: Target,
     data: &Data,
     judged: &[(Judged, Score, Option<Score>)],
@@ -227,7 +191,7 @@ fn levels(
     let mut all = Vec::new();
     for (subject, (judged, _, _)) in data.seen.iter().zip(judged) {
         let vector = written.library.material(&subject.name)?.vector.as_slice();
-        let level = |network: &Network| judged.level_db(network, vector);
+        let level = |network: &Model| judged.level_db(network, vector);
         all.push((subject.family.clone(), [judged.mean_level_db(), level(mean)?, level(rms)?]));
     }
     let level = |(family, [exact_mean_db, mean_db, rms_db]): (String, [Option<f64>; 3])| Level {

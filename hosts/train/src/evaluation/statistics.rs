@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-use crate::layer::{Layer, numbers};
+use crate::layer::{Layer, numbers, rows};
 
 /// Edge of the middle square for the spectrum.
 const SIDE: usize = 192;
@@ -71,7 +71,7 @@ impl Statistics {
             std::array::from_fn(|i| (x[i] - self.mean[i]) / self.deviation[i])
         };
         let numbers: Vec<f32> = all.iter().flat_map(scaled).collect();
-        Tensor::from_data(TensorData::new(numbers, [all.len(), NUMBERS]), device)
+        rows(numbers, NUMBERS, device)
     }
 }
 

@@ -5,16 +5,16 @@ use asperity_dsp::frame::BINS;
 use asperity_numbers::Random;
 use asperity_texture::VECTOR_LEN;
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
-use super::kin::{Kin, naming_loss};
-use super::looks::Looks;
-use super::naming::STRANGE_WEIGHT;
-use super::random;
 use super::sight::dropout;
-use crate::descent::{Losses, Progress, Stage};
+use super::{Kin, Looks, name_loss, random};
+use crate::Failure;
+use crate::arguments::Settings;
+use crate::data::Data;
+use crate::descent::{Losses, Stage};
 use crate::encoder::{FEATURES, Head};
-use crate::failure::Failure;
+use crate::layer::rows;
 use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, foreseen, square_of_noise, two_of};
 use crate::network::{Network, Scaling};
 
@@ -46,8 +46,8 @@ impl Learner {
         let network = Network::new(random, device);
         let spread = |_| 0.1 * random.normal() as f32;
         let classes = looks.seen.len();
-        let centres = TensorData::new((0..classes * VECTOR_LEN).map(spread).collect(), [classes, VECTOR_LEN]);
-        let centres = Param::from_tensor(Tensor::from_data(centres, device));
+        let centres = (0..classes * VECTOR_LEN).map(spread).collect();
+        let centres = Param::from_tensor(rows(centres, VECTOR_LEN, device));
         Self { feeler: Feeler { texture, network }, centres }
     }
 
@@ -75,12 +75,22 @@ pub(crate) struct Touching {
     pub each: usize,
     /// Seed of the examples drawn.
     pub seed: u64,
-    /// Target.
     pub target: Target,
-    /// Weighting of errors.
     pub aim: Aim,
-    /// Scaling of forces and velocities.
     pub scaling: Scaling,
+}
+
+impl Touching {
+    pub(crate) fn of(settings: &Settings, data: &Data) -> Self {
+        Self {
+            groups: settings.feeling_groups as usize,
+            each: settings.feeling_each as usize,
+            seed: settings.seed,
+            target: settings.target,
+            aim: settings.error,
+            scaling: Scaling::of(data.reach),
+        }
+    }
 }
 
 /// Share of silent touches: force without speed, or speed without force.
@@ -94,6 +104,7 @@ struct Felt<'a> {
 }
 
 /// Examples of one batch: \[groups * each, ..\].
+#[derive(Default)]
 struct Touches {
     force: Vec<f32>,
     speed: Vec<f32>,
@@ -102,11 +113,6 @@ struct Touches {
     /// Magnitudes and powers of two signals; 0 without two signals.
     two: [Vec<f32>; 2],
     powers: [Vec<f32>; 2],
-}
-
-fn rows(numbers: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
-    let count = numbers.len() / width;
-    Tensor::from_data(TensorData::new(numbers, [count, width]), device)
 }
 
 impl<'a> Felt<'a> {
@@ -118,15 +124,7 @@ impl<'a> Felt<'a> {
     /// Touches of the settings' number of materials: their indices and examples.
     fn draw(&self, random: &mut Random) -> (Vec<usize>, Touches) {
         let Touching { groups, each, .. } = self.settings;
-        let count = groups * each;
-        let mut touches = Touches {
-            force: Vec::with_capacity(count * HISTORY),
-            speed: Vec::with_capacity(count * 2 * HISTORY),
-            target: Vec::with_capacity(count * BINS),
-            weight: Vec::with_capacity(count * BINS),
-            two: [0, 1].map(|_| Vec::with_capacity(count * BINS)),
-            powers: [0, 1].map(|_| Vec::with_capacity(count)),
-        };
+        let mut touches = Touches::default();
         let classes: Vec<usize> = (0..groups).map(|_| random.below(self.subjects.len())).collect();
         for number in &classes {
             let (subject, scales) = (&self.subjects[*number], &self.scales[*number]);
@@ -134,15 +132,15 @@ impl<'a> Felt<'a> {
                 let example = &subject.examples.train[random.below(subject.examples.train.len())];
                 if random.chance(SILENT) {
                     touches.push(&silent(example, random), Truth::Rms, self.settings, scales);
-                } else {
-                    let swapped = example.other.filter(|_| random.chance(0.5)).map(|other| Example {
-                        magnitudes: other,
-                        other: Some(example.magnitudes),
-                        ..example.clone()
-                    });
-                    let example = swapped.as_ref().unwrap_or(example);
-                    touches.push(example, subject.truth, self.settings, scales);
+                    continue;
                 }
+                let mut example = example.clone();
+                if let Some(other) = &mut example.other
+                    && random.chance(0.5)
+                {
+                    std::mem::swap(&mut example.magnitudes, other);
+                }
+                touches.push(&example, subject.truth, self.settings, scales);
             }
         }
         (classes, touches)
@@ -172,9 +170,6 @@ impl<'a> Felt<'a> {
 /// Stage two: trains texture encoder and network to predict a touch's vibration. With `naming_weight`
 /// the encoder also brings images of one material close together, and strange ones close to their
 /// family.
-///
-/// # Errors
-/// As [`Stage::descend`].
 pub(crate) fn feel(
     stage: &Stage<'_>,
     learner: Learner,
@@ -182,7 +177,6 @@ pub(crate) fn feel(
     (looks, kin, naming_weight): (&Looks, Option<&Kin>, f64),
     settings: Touching,
     device: &Device,
-    report: impl FnMut(&Progress),
 ) -> Result<(Learner, Losses), Failure> {
     let felt = Felt::new(subjects, settings);
     let groups = settings.groups;
@@ -206,21 +200,12 @@ pub(crate) fn feel(
         if naming_weight == 0.0 {
             return loss;
         }
-        let scores = learner.scores(vectors);
-        let (named, strange) = classes.split_at(groups);
-        let mut naming = naming_loss(scores.clone().narrow(0, 0, groups), named, device);
-        if let Some(kin) = kin {
-            naming = naming + kin.loss(scores.narrow(0, groups, strangers), strange, device) * STRANGE_WEIGHT;
-        }
-        loss + naming * naming_weight
+        loss + name_loss(learner.scores(vectors), classes.split_at(groups), kin, device) * naming_weight
     };
-    stage.descend(learner, draw, loss, report)
+    stage.descend(learner, draw, loss)
 }
 
 /// End of stage two: trains only the network, from fixed vectors \[subject\]\[n, 256\].
-///
-/// # Errors
-/// As [`Stage::descend`].
 pub(crate) fn settle(
     stage: &Stage<'_>,
     network: Network,
@@ -228,7 +213,6 @@ pub(crate) fn settle(
     vectors: &[Vec<f32>],
     settings: Touching,
     device: &Device,
-    report: impl FnMut(&Progress),
 ) -> Result<(Network, Losses), Failure> {
     let felt = Felt::new(subjects, settings);
     let draw = |step: usize| {
@@ -241,7 +225,7 @@ pub(crate) fn settle(
     let loss = |network: &Network, (of, touches): (Vec<f32>, Touches)| {
         felt.loss(network, rows(of, VECTOR_LEN, device), touches, device)
     };
-    stage.descend(network, draw, loss, report)
+    stage.descend(network, draw, loss)
 }
 
 impl Touches {
@@ -282,5 +266,84 @@ fn silent(example: &Example, random: &mut Random) -> Example {
 }
 
 #[cfg(test)]
-#[path = "feeling_tests.rs"]
-mod tests;
+mod tests {
+    use asperity_data::Parts;
+    use burn::module::Module as _;
+
+    use super::*;
+    use crate::descent::{Begun, Stop};
+    use crate::encoder::Preset;
+    use crate::layer::numbers;
+    use crate::stages::Namer;
+
+    /// Three materials, two looks of each: 8960 numbers a look.
+    fn looks() -> Looks {
+        let random = &mut Random::new(3);
+        let mut some = || (0..2 * FEATURES).map(|_| random.range(0.0, 1.7) as f32).collect::<Vec<_>>();
+        let seen = (0..3).map(|_| some()).collect();
+        Looks { seen, strange: (0..3).map(|_| some()).collect(), scale: 1.0 }
+    }
+
+    fn learner(looks: &Looks, device: &Device) -> Learner {
+        Learner::new(&Namer::new(Preset::Compact, 3, 1, device).classifier, looks, 1, device)
+    }
+
+    #[test]
+    fn scores_differ_by_sharpness_times_squared_distances() {
+        let device = Device::flex();
+        let learner = learner(&looks(), &device);
+        let centres = numbers(learner.centres.val());
+        let vector: Vec<f32> = (0..VECTOR_LEN).map(|i| (i % 7) as f32 * 0.1).collect();
+        let scores = numbers(learner.scores(rows(vector.clone(), VECTOR_LEN, &device)));
+        let squared = |class: usize| -> f64 {
+            let centre = &centres[class * VECTOR_LEN..][..VECTOR_LEN];
+            centre.iter().zip(&vector).map(|(c, x)| f64::from(c - x).powi(2)).sum()
+        };
+        for class in 1..3 {
+            let wanted = -f64::from(SHARPNESS) * (squared(class) - squared(0));
+            let found = f64::from(scores[class] - scores[0]);
+            assert!(wanted.abs() > 0.01 && (found - wanted).abs() < 1e-4, "{class}: {found}, not {wanted}");
+        }
+    }
+
+    #[test]
+    fn zero_name_weight_leaves_only_vibration_loss() {
+        let device = Device::flex().autodiff();
+        let looks = looks();
+        let example = Example {
+            force: [1.0; HISTORY],
+            velocity: [50.0; 2 * HISTORY],
+            magnitudes: std::array::from_fn(|bin| 1.0 + (bin % 5) as f32),
+            other: None,
+        };
+        let subject = |name: &str| Subject {
+            name: name.into(),
+            description: String::new(),
+            family: Some(if name == "a" { "x" } else { "y" }.into()),
+            images: Parts::default(),
+            examples: Parts { train: vec![example.clone()], held: Vec::new() },
+            truth: Truth::Rms,
+            notes: Vec::new(),
+        };
+        let subjects = ["a", "b", "c"].map(subject);
+        let kin = Kin::of(subjects.iter().map(|s| s.family.as_deref()));
+        let scaling = Scaling { force: (1.0, 0.0), speed: 0.01 };
+        let (target, aim) = (Target::Rms, Aim::Relative);
+        let settings = Touching { groups: 3, each: 2, seed: 1, target, aim, scaling };
+        let moved = |naming_weight: f64| {
+            let (folder, stop, begun) = (tempfile::tempdir().unwrap(), &Stop::default(), Begun::default());
+            let (name, steps, learning_rate, second_decay) = ("feeling", 3, 1e-3, 0.99);
+            let stage =
+                Stage { name, steps, learning_rate, second_decay, folder: folder.path(), begun, stop };
+            let begun = learner(&looks, &device);
+            let before = numbers(begun.valid().centres.val());
+            let beside = (&looks, kin.as_ref(), naming_weight);
+            let (done, losses) = feel(&stage, begun, &subjects, beside, settings, &device).unwrap();
+            (before != numbers(done.valid().centres.val()), losses)
+        };
+        let (moves, alone) = moved(0.0);
+        assert!(!moves, "centres are of names only");
+        let (moves, both) = moved(0.2);
+        assert!(moves && both != alone);
+    }
+}

@@ -5,12 +5,12 @@ use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::kin::{Kin, naming_loss};
-use super::random;
 use super::sight::{SHIFT, dropout, shifted, strange};
-use crate::descent::{Losses, Progress, Stage};
+use super::{Kin, name_loss, random};
+use crate::Failure;
+use crate::descent::{Losses, Stage};
 use crate::encoder::{FEATURES, Head, ImageEncoder, PIXELS, Preset, features, planes};
-use crate::failure::Failure;
+use crate::layer::rows;
 
 /// Image encoder and classifier.
 #[derive(Module, Debug)]
@@ -30,9 +30,8 @@ impl Namer {
     /// Classes of images by the classifier.
     pub(crate) fn names<'a>(&self, images: impl Iterator<Item = &'a Image>, device: &Device) -> Vec<usize> {
         let images: Vec<&Image> = images.collect();
-        let features = features(&self.encoder, &images, device);
-        let features = TensorData::new(features, [images.len(), FEATURES]);
-        let scores = self.classifier.forward(Tensor::from_data(features, device));
+        let scores =
+            self.classifier.forward(rows(features(&self.encoder, &images, device), FEATURES, device));
         scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
     }
 
@@ -61,31 +60,25 @@ pub(crate) struct Naming<'a> {
 
 /// Stage one: trains a [`Namer`] to name the subjects by their images, and to tell the families of
 /// images that are [strange].
-///
-/// # Errors
-/// As [`Stage::descend`].
 pub(crate) fn name(
     stage: &Stage<'_>,
     namer: Namer,
     subjects: &[Subject],
     settings: Naming<'_>,
     device: &Device,
-    report: impl FnMut(&Progress),
 ) -> Result<(Namer, Losses), Failure> {
     let Naming { batch, seed, kin } = settings;
     let all = batch + kin.map_or(0, |_| batch.div_ceil(4));
-    let images: Vec<(usize, &Image)> = subjects
-        .iter()
-        .enumerate()
-        .flat_map(|(class, s)| s.images.train.iter().map(move |image| (class, image)))
-        .collect();
+    let of = |(class, s)| -> Vec<(usize, &Image)> {
+        let s: &Subject = s;
+        s.images.train.iter().map(|image| (class, image)).collect()
+    };
+    let images: Vec<(usize, &Image)> = subjects.iter().enumerate().flat_map(of).collect();
+    // Pixels, classes, and factors of features: 0 for half of them.
     let draw = |step: usize| {
         let random = &mut random(seed, 1, step);
-        let mut sight = Sight {
-            pixels: Vec::with_capacity(all * PIXELS),
-            classes: Vec::with_capacity(all),
-            kept: dropout(all, random),
-        };
+        let kept = dropout(all, random);
+        let (mut pixels, mut classes) = (Vec::with_capacity(all * PIXELS), Vec::with_capacity(all));
         for number in 0..all {
             let (class, image) = images[random.below(images.len())];
             let light = random.range(0.9, 1.1);
@@ -94,35 +87,16 @@ pub(crate) fn name(
             if number >= batch {
                 image = strange(&image, random);
             }
-            planes(&image, [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32), &mut sight.pixels);
-            sight.classes.push(class);
+            planes(&image, [0; 3].map(|_| (light * random.range(0.95, 1.05)) as f32), &mut pixels);
+            classes.push(class);
         }
-        sight
+        (pixels, classes, kept)
     };
-    let loss = |namer: &Namer, sight: Sight| {
-        let pixels = TensorData::new(sight.pixels, [all, 3, IMAGE[0], IMAGE[1]]);
-        let kept: Tensor<2> = Tensor::from_data(TensorData::new(sight.kept, [all, FEATURES]), device);
-        let features = namer.encoder.forward(Tensor::from_data(pixels, device)) * kept;
-        let scores = namer.classifier.forward(features);
-        let (named, strange) = sight.classes.split_at(batch);
-        let loss = naming_loss(scores.clone().narrow(0, 0, batch), named, device);
-        match kin {
-            Some(kin) => {
-                loss + kin.loss(scores.narrow(0, batch, all - batch), strange, device) * STRANGE_WEIGHT
-            }
-            None => loss,
-        }
+    let loss = |namer: &Namer, (pixels, classes, kept): (Vec<f32>, Vec<usize>, Vec<f32>)| {
+        let pixels = TensorData::new(pixels, [all, 3, IMAGE[0], IMAGE[1]]);
+        let seen = namer.encoder.forward(Tensor::from_data(pixels, device));
+        let scores = namer.classifier.forward(seen * rows(kept, FEATURES, device));
+        name_loss(scores, classes.split_at(batch), kin, device)
     };
-    stage.descend(namer, draw, loss, report)
-}
-
-/// Weight of a strange image's family beside an image's name.
-pub(super) const STRANGE_WEIGHT: f32 = 0.5;
-
-/// Images of one batch.
-struct Sight {
-    pixels: Vec<f32>,
-    classes: Vec<usize>,
-    /// Factors of features: 0 for half of them.
-    kept: Vec<f32>,
+    stage.descend(namer, draw, loss)
 }
