@@ -89,6 +89,13 @@ impl Ran {
         assert_eq!(self.code, 0, "stdout: {}\nstderr: {}", self.out, self.err);
         self
     }
+
+    /// Asserts that the input was refused for this reason.
+    #[track_caller]
+    pub fn refused(self, why: &str) -> Self {
+        assert!(self.code == 2 && self.err.contains(why), "code {}: {}{}", self.code, self.out, self.err);
+        self
+    }
 }
 
 /// Runs the program to its end.
