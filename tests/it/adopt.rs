@@ -70,14 +70,10 @@ fn a_delay_of_another_length_takes_over_what_it_keeps() {
 #[test]
 fn control_in_a_delay_arrives_after_its_length_changes() {
     let graph = || {
-        let mut graph = GraphFile::empty("control");
-        let source = [("shape", "control"), ("count", "2"), ("unit", "\"N\"")];
-        graph.add_node("source", "test_source", &source, "test").unwrap();
-        graph.add_node("it", "delay", &[], "test").unwrap();
-        graph.add_node("probe", "probe", &[], "test").unwrap();
-        graph.add_wire("source", "it", "test");
-        graph.add_wire("it", "probe", "test");
-        graph
+        harness::graph::of_lines(
+            "source: test_source(shape: control, count: 2, unit: \"N\"); it: delay; probe: probe
+             source -> it -> probe",
+        )
     };
     let mut old = prepared(graph(), &["delay_ms=20"]);
     let mut out = [control(&[0.0; 2])];

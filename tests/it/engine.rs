@@ -1,36 +1,19 @@
 //! The engine under nodes that behave, sleep, fail and panic: what flows on, and what is counted.
 
-use asperity_diagnostics::Source;
 use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
-use asperity_graph::{GraphFile, compile};
+use asperity_graph::compile;
 use asperity_node::{Buffer, Fault};
 use harness::graph;
 use harness::nodes::{TestClock, registry};
 
+use crate::drive::{audio_of as audio, control_of as control, node};
+
 fn engine_with(nodes: &str, wires: &str, options: Options) -> Engine {
-    Engine::new(graph::compiled(&graph::of(nodes, wires), &registry()), options)
+    Engine::new(graph::compiled(&graph::of_lines(&format!("{nodes}; {wires}")), &registry()), options)
 }
 
 fn engine(nodes: &str, wires: &str) -> Engine {
     engine_with(nodes, wires, Options::default())
-}
-
-fn node(engine: &Engine, id: &str) -> usize {
-    engine.schedule().index_of(id).unwrap_or_else(|| panic!("no node {id}"))
-}
-
-fn audio(engine: &Engine, id: &str, output: usize) -> Vec<f32> {
-    match engine.output(node(engine, id), output) {
-        Some(Buffer::Audio { samples, len, .. }) => samples[..*len].to_vec(),
-        other => panic!("no audio: {other:?}"),
-    }
-}
-
-fn control(engine: &Engine, id: &str, output: usize) -> (Vec<f64>, bool) {
-    match engine.output(node(engine, id), output) {
-        Some(Buffer::Control { values, valid, .. }) => (values.to_vec(), *valid),
-        other => panic!("no control: {other:?}"),
-    }
 }
 
 #[test]
@@ -53,9 +36,8 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
 #[test]
 fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 10, to: 25, how: nan)), \"g\": (kind: \"gain\"), \
-         \"c\": (kind: \"counter\"), \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
-        "(\"f.audio\", \"g\"), (\"g\", \"p\"), (\"c.samples\", \"q\")",
+        "f: faulty(from: 10, to: 25, how: nan); g: gain; c: counter; p: probe; q: probe",
+        "f.audio -> g -> p; c.samples -> q",
     );
     let mut out = Vec::new();
     for tick in 0..40 {
@@ -80,9 +62,8 @@ fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
 #[test]
 fn a_control_of_a_failing_node_holds_and_is_not_trusted() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 5, to: 8, how: \"nan control\")), \
-         \"g\": (kind: \"gain\", params: (gain: 2.0)), \"p\": (kind: \"probe\")",
-        "(\"f.control\", \"g\"), (\"g\", \"p\")",
+        "f: faulty(from: 5, to: 8, how: \"nan control\"); g: gain(gain: 2.0); p: probe",
+        "f.control -> g -> p",
     );
     for tick in 0..12 {
         e.tick();
@@ -95,10 +76,7 @@ fn a_control_of_a_failing_node_holds_and_is_not_trusted() {
 
 #[test]
 fn a_frame_of_a_failing_node_is_zero() {
-    let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 2, to: 3, how: \"inf frame\")), \"p\": (kind: \"probe\")",
-        "(\"f.frame\", \"p\")",
-    );
+    let mut e = engine("f: faulty(from: 2, to: 3, how: \"inf frame\"); p: probe", "f.frame -> p");
     for tick in 0..4_u64 {
         e.tick();
         let Some(Buffer::Magnitude { bins, frame, valid }) = e.output(node(&e, "f"), 2) else {
@@ -113,9 +91,8 @@ fn a_frame_of_a_failing_node_is_zero() {
 #[test]
 fn a_panic_is_contained_counted_and_quarantined() {
     let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 3, to: 1000, how: panic)), \"c\": (kind: \"counter\"), \
-         \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")",
-        "(\"f.audio\", \"p\"), (\"c.tick\", \"q\")",
+        "f: faulty(from: 3, to: 1000, how: panic); c: counter; p: probe; q: probe",
+        "f.audio -> p; c.tick -> q",
     );
     for _ in 0..100 {
         e.tick();
@@ -130,23 +107,17 @@ fn a_panic_is_contained_counted_and_quarantined() {
 
 #[test]
 fn an_error_code_reaches_the_report() {
-    let mut e = engine(
-        "\"f\": (kind: \"faulty\", params: (from: 0, to: 1, how: error)), \"p\": (kind: \"probe\")",
-        "(\"f.audio\", \"p\")",
-    );
+    let mut e = engine("f: faulty(from: 0, to: 1, how: error); p: probe", "f.audio -> p");
     e.tick();
     assert_eq!(e.report(node(&e, "f")).unwrap().last_fault, Some(Fault::Failed(42)));
 }
 
 #[test]
 fn what_serves_a_closed_gate_alone_is_not_called() {
-    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
-                 \"g\": (kind: \"test_gate\"), \"p\": (kind: \"probe\"), \"shared\": (kind: \"counter\"), \
-                 \"q\": (kind: \"probe\"), \"n\": (kind: \"memory_never\"), \
-                 \"mix\": (kind: \"mix\", params: (inputs: 3))";
-    let wires = "(\"c.samples\", \"m\"), (\"m\", \"mix.in1\"), (\"shared.samples\", \"mix.in2\"), \
-                 (\"shared.tick\", \
-                 \"q\"), (\"shared.samples\", \"n\"), (\"n\", \"mix.in3\"), (\"mix\", \"g\"), (\"g\", \"p\")";
+    let nodes = "c: counter; m: memory_restart; g: test_gate; p: probe; shared: counter; q: probe; \
+                 n: memory_never; mix: mix(inputs: 3)";
+    let wires = "c.samples -> m -> mix.in1; shared.samples -> mix.in2; shared.tick -> q; \
+                 shared.samples -> n -> mix.in3; mix -> g -> p";
     let mut e = engine(nodes, wires);
     for _ in 0..10 {
         e.tick();
@@ -163,11 +134,8 @@ fn what_serves_a_closed_gate_alone_is_not_called() {
 fn a_node_wakes_as_it_says() {
     for (kind, after) in [("restart", 1.0), ("elapsed", 3.0 * 1000.0 + 4.0), ("resume", 4.0), ("never", 7.0)]
     {
-        let nodes = format!(
-            "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_{kind}\"), \"g\": (kind: \"test_gate\"), \
-             \"p\": (kind: \"probe\")"
-        );
-        let mut e = engine(&nodes, "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")");
+        let nodes = format!("c: counter; m: memory_{kind}; g: test_gate; p: probe");
+        let mut e = engine(&nodes, "c.samples -> m -> g -> p");
         for _ in 0..7 {
             e.tick();
         }
@@ -177,9 +145,8 @@ fn a_node_wakes_as_it_says() {
 
 #[test]
 fn the_output_is_the_same_whether_nodes_sleep_or_not() {
-    let nodes = "\"c\": (kind: \"counter\"), \"m\": (kind: \"memory_restart\"), \
-                 \"g\": (kind: \"test_gate\"), \"p\": (kind: \"probe\")";
-    let wires = "(\"c.samples\", \"m\"), (\"m\", \"g\"), (\"g\", \"p\")";
+    let nodes = "c: counter; m: memory_restart; g: test_gate; p: probe";
+    let wires = "c.samples -> m -> g -> p";
     let mut sleeping = engine(nodes, wires);
     let mut awake = engine_with(nodes, wires, Options { sleep: false, ..Options::default() });
     for tick in 0..12 {
@@ -193,9 +160,8 @@ fn the_output_is_the_same_whether_nodes_sleep_or_not() {
 
 #[test]
 fn a_node_that_dozes_is_woken_by_its_input() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 2, open: 8)), \
-                 \"d\": (kind: \"dozer\"), \"p\": (kind: \"probe\")";
-    let mut e = engine(nodes, "(\"f.audio\", \"g\"), (\"g\", \"d\"), (\"d\", \"p\")");
+    let nodes = "f: faulty; g: test_gate(close: 2, open: 8); d: dozer; p: probe";
+    let mut e = engine(nodes, "f.audio -> g -> d -> p");
     let mut levels = Vec::new();
     for _ in 0..10 {
         e.tick();
@@ -208,12 +174,8 @@ fn a_node_that_dozes_is_woken_by_its_input() {
 
 #[test]
 fn a_cycle_through_a_delay_gives_the_geometric_series() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"sum\": (kind: \"mix\"), \
-                 \"half\": (kind: \"gain\", params: (gain: 0.5)), \
-                 \"later\": (kind: \"delay\", params: (delay_ms: 2.0)), \"p\": (kind: \"probe\")";
-    let wires = "(\"f.audio\", \"sum.in1\"), (\"later\", \"sum.in2\"), (\"sum\", \"half\"), \
-                 (\"half\", \"later\"), \
-                 (\"sum\", \"p\")";
+    let nodes = "f: faulty; sum: mix; half: gain(gain: 0.5); later: delay(delay_ms: 2.0); p: probe";
+    let wires = "f.audio -> sum.in1; later -> sum.in2; sum -> half -> later; sum -> p";
     let mut e = engine(nodes, wires);
     for tick in 0..20 {
         e.tick();
@@ -226,11 +188,8 @@ fn a_cycle_through_a_delay_gives_the_geometric_series() {
 fn a_delay_is_exact_in_and_out_of_a_cycle() {
     for ms in [0.0, 0.02083334, 1.0, 2.0, 37.5] {
         let samples = (ms * 48.0_f64).round() as usize;
-        let nodes = format!(
-            "\"c\": (kind: \"counter\"), \"d\": (kind: \"delay\", params: (delay_ms: {ms:?})), \
-             \"p\": (kind: \"probe\")"
-        );
-        let mut e = engine(&nodes, "(\"c.samples\", \"d\"), (\"d\", \"p\")");
+        let nodes = format!("c: counter; d: delay(delay_ms: {ms:?}); p: probe");
+        let mut e = engine(&nodes, "c.samples -> d -> p");
         let mut out = Vec::new();
         for _ in 0..30 {
             e.tick();
@@ -243,8 +202,8 @@ fn a_delay_is_exact_in_and_out_of_a_cycle() {
 
 #[test]
 fn a_node_may_run_every_kth_tick_and_its_control_holds() {
-    let nodes = "\"c\": (kind: \"counter\"), \"h\": (kind: \"gain\", every: 4), \"p\": (kind: \"probe\")";
-    let mut e = engine(nodes, "(\"c.tick\", \"h\"), (\"h\", \"p\")");
+    let nodes = "c: counter; h: gain every 4; p: probe";
+    let mut e = engine(nodes, "c.tick -> h -> p");
     for tick in 0..400_u64 {
         e.tick();
         assert_eq!(control(&e, "h", 0).0, [(tick / 4 * 4) as f64]);
@@ -256,25 +215,18 @@ fn a_node_may_run_every_kth_tick_and_its_control_holds() {
 #[test]
 fn what_would_chop_the_signal_may_not_run_every_kth_tick() {
     let refused = |nodes: &str, wires: &str| {
-        let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        let graph = GraphFile::parse(&Source::new("g.ron", text)).unwrap();
+        let graph = graph::of_lines(&format!("{nodes}; {wires}"));
         compile(&graph, &registry(), Default::default()).unwrap_err()[0].to_string()
     };
-    let audio = refused(
-        "\"c\": (kind: \"counter\"), \"g\": (kind: \"gain\", every: 2), \"p\": (kind: \"probe\")",
-        "(\"c.samples\", \"g\"), (\"g\", \"p\")",
-    );
+    let audio = refused("c: counter; g: gain every 2; p: probe", "c.samples -> g -> p");
     assert!(audio.contains("`g` carries audio and must run every tick"), "{audio}");
-    let frames = refused(
-        "\"f\": (kind: \"faulty\"), \"s\": (kind: \"spsi\", every: 2), \"p\": (kind: \"probe\")",
-        "(\"f.frame\", \"s\"), (\"s\", \"p\")",
-    );
+    let frames = refused("f: faulty; s: spsi every 2; p: probe", "f.frame -> s -> p");
     assert!(frames.contains("`s` runs every 2 ticks and would miss frames of `f`"), "{frames}");
 }
 
 #[test]
 fn a_fault_before_falling_asleep_leaves_no_buzz() {
-    let mut e = engine("\"f\": (kind: \"sleeper\"), \"p\": (kind: \"probe\")", "(\"f\", \"p\")");
+    let mut e = engine("f: sleeper; p: probe", "f -> p");
     let mut out = Vec::new();
     for _ in 0..40 {
         e.tick();
@@ -289,10 +241,9 @@ fn a_fault_before_falling_asleep_leaves_no_buzz() {
 fn a_changed_control_wakes_where_it_is_said_to() {
     // The floor's force changes while the stylus comes down and presses, and rests in the air before and
     // after.
-    let nodes = "\"s\": (kind: \"stroke\", params: (tremor_mm: 0.0, duration_s: 2.0, approach_s: 0.5)), \
-                 \"f\": (kind: \"virtual_floor\"), \"w\": (kind: \"waker\"), \"d\": (kind: \"deaf\"), \
-                 \"p\": (kind: \"probe\"), \"q\": (kind: \"probe\")";
-    let wires = "(\"s\", \"f\"), (\"f.force\", \"w\"), (\"f.force\", \"d\"), (\"w\", \"p\"), (\"d\", \"q\")";
+    let nodes = "s: stroke(tremor_mm: 0.0, duration_s: 2.0, approach_s: 0.5); f: virtual_floor; \
+                 w: waker; d: deaf; p: probe; q: probe";
+    let wires = "s -> f; f.force -> w; f.force -> d; w -> p; d -> q";
     let mut e = engine(nodes, wires);
     let mut changes = 1;
     let mut before = 0.0;
@@ -311,12 +262,9 @@ fn a_changed_control_wakes_where_it_is_said_to() {
 #[test]
 fn a_mark_does_not_outlive_the_sleep_of_its_node() {
     // The wave is marked in tick 3, where its control fails; from tick 4 on its gate is closed and it sleeps.
-    let nodes = "\"f\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"nan control\")), \
-                 \"n\": (kind: \"faulty\"), \
-                 \"w\": (kind: \"marked\"), \"g\": (kind: \"test_gate\", params: (close: 4, open: 50)), \
-                 \"p\": (kind: \"probe\"), \"c\": (kind: \"gain\", params: (unit: \"1\"))";
-    let wires = "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"c\"), (\"c\", \"g\"), \
-                 (\"g\", \"p\")";
+    let nodes = "f: faulty(from: 3, to: 4, how: \"nan control\"); n: faulty; w: marked; \
+                 g: test_gate(close: 4, open: 50); p: probe; c: gain(unit: \"1\")";
+    let wires = "n.audio -> w.in; f.control -> w.control; w -> c -> g -> p";
     let mut e = engine(nodes, wires);
     for tick in 0..20 {
         e.tick();
@@ -327,9 +275,8 @@ fn a_mark_does_not_outlive_the_sleep_of_its_node() {
 
 #[test]
 fn a_tail_rings_out_after_the_input_and_no_longer() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"g\": (kind: \"test_gate\", params: (close: 5, open: 50)), \
-                 \"t\": (kind: \"tail3\"), \"p\": (kind: \"probe\")";
-    let mut e = engine(nodes, "(\"f.audio\", \"g\"), (\"g\", \"t\"), (\"t\", \"p\")");
+    let nodes = "f: faulty; g: test_gate(close: 5, open: 50); t: tail3; p: probe";
+    let mut e = engine(nodes, "f.audio -> g -> t -> p");
     let mut loud = Vec::new();
     for tick in 0..20 {
         e.tick();
@@ -344,12 +291,10 @@ fn a_tail_rings_out_after_the_input_and_no_longer() {
 /// ticks 200 to 206.
 fn level_after_a_failing_control(last: &str) -> Vec<f32> {
     let nodes = format!(
-        "\"f\": (kind: \"faulty\", params: (from: 200, to: 207, how: \"nan control\")), \
-         \"n\": (kind: \"faulty\"), \
-         \"w\": (kind: \"marked\"), \"last\": (kind: \"{last}\"), \"p\": (kind: \"probe\")"
+        "f: faulty(from: 200, to: 207, how: \"nan control\"); n: faulty; w: marked; last: {last}; \
+         p: probe"
     );
-    let wires =
-        "(\"n.audio\", \"w.in\"), (\"f.control\", \"w.control\"), (\"w\", \"last\"), (\"last\", \"p\")";
+    let wires = "n.audio -> w.in; f.control -> w.control; w -> last -> p";
     let mut e = engine(&nodes, wires);
     let tick = |_| {
         e.tick();
@@ -369,11 +314,10 @@ fn limiter_and_audio_out_fade_when_a_control_failed() {
 
 #[test]
 fn a_mix_adds_audio_and_controls_each_with_its_gain() {
-    let nodes = "\"f\": (kind: \"faulty\"), \"a\": (kind: \"mix\", params: (inputs: 3, gains: [0.5, -2.0])), \
-                 \"c\": (kind: \"mix\", params: (gains: [3.0, 0.25])), \"p\": (kind: \"probe\"), \
-                 \"q\": (kind: \"probe\")";
-    let wires = "(\"f.audio\", \"a.in1\"), (\"f.audio\", \"a.in2\"), (\"f.audio\", \"a.in3\"), \
-                 (\"f.control\", \"c.in1\"), (\"f.control\", \"c.in2\"), (\"a\", \"p\"), (\"c\", \"q\")";
+    let nodes = "f: faulty; a: mix(inputs: 3, gains: [0.5, -2.0]); c: mix(gains: [3.0, 0.25]); \
+                 p: probe; q: probe";
+    let wires = "f.audio -> a.in1; f.audio -> a.in2; f.audio -> a.in3; f.control -> c.in1; \
+                 f.control -> c.in2; a -> p; c -> q";
     let mut e = engine(nodes, wires);
     for tick in 0..5 {
         e.tick();
@@ -384,8 +328,8 @@ fn a_mix_adds_audio_and_controls_each_with_its_gain() {
 
 #[test]
 fn after_a_reset_the_same_samples_come_again() {
-    let nodes = "\"s\": (kind: \"stroke\"), \"v\": (kind: \"velocity\"), \"p\": (kind: \"probe\")";
-    let mut e = engine(nodes, "(\"s\", \"v\"), (\"v.speed\", \"p\")");
+    let nodes = "s: stroke; v: velocity; p: probe";
+    let mut e = engine(nodes, "s -> v; v.speed -> p");
     let mut run = || {
         let mut out = Vec::new();
         for _ in 0..500 {
@@ -404,10 +348,8 @@ fn after_a_reset_the_same_samples_come_again() {
 fn slow_call_fades_out_is_counted_and_quarantined() {
     let limited = Options { limit_ns: Some(100_000), ..Options::default() };
     let mut e = engine_with(
-        "\"s\": (kind: \"slow\", params: (from: 10, to: 1000)), \"p\": (kind: \"probe\"), \
-         \"q\": (kind: \"slow\"), \
-         \"r\": (kind: \"probe\")",
-        "(\"s.out\", \"p\"), (\"q.out\", \"r\")",
+        "s: slow(from: 10, to: 1000); p: probe; q: slow; r: probe",
+        "s.out -> p; q.out -> r",
         limited,
     );
     let mut out = Vec::new();
@@ -429,10 +371,10 @@ fn slow_call_fades_out_is_counted_and_quarantined() {
 
 #[test]
 fn without_a_clock_or_a_limit_nothing_takes_too_long() {
-    let graph = "\"s\": (kind: \"slow\", params: (to: 1000)), \"p\": (kind: \"probe\")";
-    let mut unlimited = engine(graph, "(\"s.out\", \"p\")");
+    let graph = "s: slow(to: 1000); p: probe";
+    let mut unlimited = engine(graph, "s.out -> p");
     let limited = Options { limit_ns: Some(100_000), ..Options::default() };
-    let mut without_clock = engine_with(graph, "(\"s.out\", \"p\")", limited);
+    let mut without_clock = engine_with(graph, "s.out -> p", limited);
     for _ in 0..20 {
         unlimited.tick_timed(&TestClock, &mut []);
         without_clock.tick();
@@ -443,19 +385,13 @@ fn without_a_clock_or_a_limit_nothing_takes_too_long() {
 /// Every other fault is contained as with guards.
 #[test]
 fn without_guards_only_non_finite_values_go_on() {
-    let faulty = |id: &str, how: &str| {
-        format!(
-            "\"{id}\": (kind: \"faulty\", params: (from: 3, to: 4, how: \"{how}\")), \
-             \"p_{id}\": (kind: \"probe\"), "
-        )
-    };
+    let faulty =
+        |id: &str, how: &str| format!("{id}: faulty(from: 3, to: 4, how: \"{how}\"); p_{id}: probe; ");
     let ids = [("a", "nan"), ("c", "nan control"), ("m", "inf frame"), ("x", "panic"), ("e", "error")];
     let nodes: String = ids.iter().map(|(id, how)| faulty(id, how)).collect();
-    let nodes = nodes
-        + "\"w\": (kind: \"gain\", params: (unit: \"A\")), \"l\": (kind: \"limiter\"), \
-           \"p\": (kind: \"probe\")";
-    let wires: String = ids.iter().map(|(id, _)| format!("(\"{id}.control\", \"p_{id}\"), ")).collect();
-    let wires = wires + "(\"a.audio\", \"w\"), (\"w\", \"l\"), (\"l\", \"p\")";
+    let nodes = nodes + "w: gain(unit: \"A\"); l: limiter; p: probe";
+    let wires: String = ids.iter().map(|(id, _)| format!("{id}.control -> p_{id}; ")).collect();
+    let wires = wires + "a.audio -> w -> l -> p";
     for check_finite in [true, false] {
         let mut e = engine_with(&nodes, &wires, Options { check_finite, ..Options::default() });
         for tick in 0..20 {

@@ -107,10 +107,8 @@ fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
     let check = |part: usize| {
         let dir = tempfile::tempdir().unwrap();
         for (name, args) in all.iter().skip(part).step_by(2) {
-            let mut program = Command::new(&emulator);
-            program.args(["-cpu", OLD_CPU]).arg(asperity(dir.path()).get_program());
-            program.current_dir(dir.path()).env("ASPERITY_STATE", "");
-            assert_eq!(Some(&hash(program, dir.path(), args)), kept.get(name), "{name} differs");
+            let hash = hash(on_old_cpu(&emulator, dir.path()), dir.path(), args);
+            assert_eq!(Some(&hash), kept.get(name), "{name} differs");
         }
     };
     std::thread::scope(|s| {
@@ -126,27 +124,25 @@ fn network_by_tract_stays_within_its_tolerance_on_an_old_cpu() {
     let dir = tempfile::tempdir().unwrap();
     let graph = graphs("heravi2024.ron").display().to_string();
     let render = |mut program: Command, name: &str| {
-        program.args([
-            "render",
-            &graph,
-            "--set",
-            "texture.executor=tract",
-            "--seconds",
-            SECONDS,
-            "--out",
-            name,
-        ]);
+        program.args(["render", &graph, "--set", "texture.executor=tract"]);
+        program.args(["--seconds", SECONDS, "--out", name]);
         let out = program.output().expect("the program starts");
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
         harness::wav(&dir.path().join(name)).0
     };
-    let mut old = Command::new(emulator);
-    old.args(["-cpu", OLD_CPU]).arg(asperity(dir.path()).get_program());
-    old.current_dir(dir.path()).env("ASPERITY_STATE", "");
+    let old = on_old_cpu(&emulator, dir.path());
     let (here, there) = (render(asperity(dir.path()), "here.wav"), render(old, "there.wav"));
     let peak = here.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
     let off = here.iter().zip(&there).fold(0.0_f32, |off, (a, b)| off.max((a - b).abs()));
     assert!(peak > 0.01 && here.len() == there.len() && off < 1e-4 * peak, "{off} of {peak}");
+}
+
+/// The program on the emulated CPU.
+fn on_old_cpu(emulator: &Path, dir: &Path) -> Command {
+    let mut program = Command::new(emulator);
+    program.args(["-cpu", OLD_CPU]).arg(asperity(dir).get_program());
+    program.current_dir(dir).env("ASPERITY_STATE", "");
+    program
 }
 
 /// The emulator, where it is installed.
@@ -170,9 +166,7 @@ fn report_says_which_instructions_computed_it() {
     let args = ["render", &graph, "--seconds", "0.1", "--report", "r.json", "--portable"];
     let ran = run(dir.path(), &args).ok();
     assert!(ran.out.contains("by portable; every CPU gives the same bits"), "{}", ran.out);
-    let report = std::fs::read_to_string(dir.path().join("r.json")).unwrap();
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    assert_eq!(report["instructions"], "portable");
+    assert_eq!(harness::json(&dir.path().join("r.json"))["instructions"], "portable");
     // By tract other CPUs may give other bits, and that is said.
     let ran =
         run(dir.path(), &["render", &graph, "--seconds", "0.1", "--set", "texture.executor=tract"]).ok();

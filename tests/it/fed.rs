@@ -4,24 +4,20 @@ use asperity_engine::{Controller, Engine};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Registry};
 
-fn graph(nodes: &str, wires: &str) -> GraphFile {
-    let text = format!(
-        "Graph(version: 1, tick_hz: 500, audio_hz: 44100, seed: 1, nodes: {{{nodes}}}, wires: [{wires}])"
-    );
-    harness::graph::parsed(text)
+use crate::drive::{audio_of, control_of, node};
+
+fn graph(lines: &str) -> GraphFile {
+    let mut graph = harness::graph::of_lines(lines);
+    graph.set("audio_hz=44100", "test").expect("a rate");
+    graph
 }
 
-fn engine(nodes: &str, wires: &str) -> (Controller, Engine) {
-    let compiled = harness::graph::compiled(&graph(nodes, wires), &registry());
-    Engine::controlled(compiled, Default::default())
+fn engine(lines: &str) -> (Controller, Engine) {
+    Engine::controlled(harness::graph::compiled(&graph(lines), &registry()), Default::default())
 }
 
 fn registry() -> Registry {
     harness::registry()
-}
-
-fn node(engine: &Engine, id: &str) -> usize {
-    engine.schedule().index_of(id).expect("the node")
 }
 
 fn output<'e>(engine: &'e Engine, id: &str, at: usize) -> &'e Buffer {
@@ -29,21 +25,14 @@ fn output<'e>(engine: &'e Engine, id: &str, at: usize) -> &'e Buffer {
 }
 
 fn control(engine: &Engine, id: &str, at: usize) -> Vec<f64> {
-    match output(engine, id, at) {
-        Buffer::Control { values, .. } => values.to_vec(),
-        other => panic!("{other:?}"),
-    }
+    control_of(engine, id, at).0
 }
 
 fn audio(engine: &Engine, id: &str) -> Vec<f32> {
-    match output(engine, id, 0) {
-        Buffer::Audio { samples, len, .. } => samples[..*len].to_vec(),
-        other => panic!("{other:?}"),
-    }
+    audio_of(engine, id, 0)
 }
 
-const HAND: &str = r#""hand": (kind: "osc_input"), "p": (kind: "probe")"#;
-const TO_PROBE: &str = r#"("hand.position", "p")"#;
+const HAND: &str = "hand: osc_input; p: probe; hand.position -> p";
 
 fn place(engine: &mut Engine, at: [f64; 3], valid: bool) -> bool {
     let hand = node(engine, "hand");
@@ -54,7 +43,7 @@ fn place(engine: &mut Engine, at: [f64; 3], valid: bool) -> bool {
 
 #[test]
 fn what_the_host_has_not_given_is_not_to_be_trusted() {
-    let (_c, mut engine) = engine(HAND, TO_PROBE);
+    let (_c, mut engine) = engine(HAND);
     engine.tick();
     assert!(!output(&engine, "hand", 0).is_valid());
     assert!(place(&mut engine, [1.0, 2.0, 3.0], true));
@@ -72,7 +61,7 @@ fn what_the_host_has_not_given_is_not_to_be_trusted() {
 
 #[test]
 fn a_value_that_is_not_finite_is_not_taken() {
-    let (_c, mut engine) = engine(HAND, TO_PROBE);
+    let (_c, mut engine) = engine(HAND);
     assert!(place(&mut engine, [1.0, 2.0, 3.0], true));
     let hand = node(&engine, "hand");
     assert!(!engine.feed_control(hand, 0, &[f64::NAN, 0.0, 0.0], true));
@@ -87,10 +76,8 @@ fn a_value_that_is_not_finite_is_not_taken() {
 
 #[test]
 fn a_wire_takes_the_place_of_the_host() {
-    let (_c, mut engine) = engine(
-        r#""t": (kind: "stroke"), "hand": (kind: "osc_input"), "p": (kind: "probe")"#,
-        r#"("t", "hand.hand_position"), ("hand.position", "p")"#,
-    );
+    let (_c, mut engine) =
+        engine("t: stroke; hand: osc_input; p: probe; t -> hand.hand_position; hand.position -> p");
     assert_eq!(engine.schedule().host_fed().count(), 2, "force and stroke are the host's");
     let hand = node(&engine, "hand");
     assert!(!engine.feed_control(hand, 0, &[1.0, 2.0, 3.0], true));
@@ -100,13 +87,13 @@ fn a_wire_takes_the_place_of_the_host() {
 
 #[test]
 fn what_was_given_goes_on_through_a_swap_in_the_same_tick() {
-    let (mut controller, mut engine) = engine(HAND, TO_PROBE);
+    let (mut controller, mut engine) = engine(HAND);
     for k in 0..5 {
         assert!(place(&mut engine, [f64::from(k), 0.0, 0.0], true));
         engine.tick();
     }
-    let other = r#""hand": (kind: "osc_input", params: (timeout_ms: 70.0)), "p": (kind: "probe")"#;
-    let compiled = harness::graph::compiled(&graph(other, TO_PROBE), &registry());
+    let other = graph("hand: osc_input(timeout_ms: 70.0); p: probe; hand.position -> p");
+    let compiled = harness::graph::compiled(&other, &registry());
     let report = controller.swap(compiled, &[]).expect("it is sent");
     assert!(report.to_string().contains("`hand` rebuilt"), "{report}");
     for k in 5..20 {
@@ -119,17 +106,14 @@ fn what_was_given_goes_on_through_a_swap_in_the_same_tick() {
 }
 
 /// The gate of a stroked surface that buzzes.
-const SURFACE: (&str, &str) = (
-    r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "floor": (kind: "virtual_floor"),
-       "mic": (kind: "audio_in"), "gate": (kind: "speed_gate"),
-       "out": (kind: "file_out", params: (file: "x.npy"))"#,
-    r#"("hand.position", "motion.position"), ("hand.position", "floor"), ("motion.speed", "gate.speed"),
-       ("floor.force", "gate.force"), ("mic", "gate.in"), ("gate.out", "out")"#,
-);
+const SURFACE: &str = "hand: osc_input; motion: velocity; floor: virtual_floor; mic: audio_in
+    gate: speed_gate; out: file_out(file: \"x.npy\")
+    hand.position -> motion.position; hand.position -> floor; motion.speed -> gate.speed
+    floor.force -> gate.force; mic -> gate.in; gate.out -> out";
 
 #[test]
 fn silent_hand_shuts_the_gate_within_its_fade() {
-    let (_c, mut engine) = engine(SURFACE.0, SURFACE.1);
+    let (_c, mut engine) = engine(SURFACE);
     let mic = node(&engine, "mic");
     let run = |engine: &mut Engine, k: u32, valid: bool| {
         assert!(place(engine, [0.2 * f64::from(k), 0.0, -2.0], valid));
@@ -158,11 +142,8 @@ fn silent_hand_shuts_the_gate_within_its_fade() {
 /// Each tick has its own number of samples. A tick with a NaN is silent and invalid.
 #[test]
 fn fed_audio_has_the_ticks_length_and_is_finite() {
-    let (_c, mut engine) = engine(
-        r#""mic": (kind: "audio_in", params: (full_scale: 2.0)),
-           "out": (kind: "file_out", params: (file: "x.npy"))"#,
-        r#"("mic", "out")"#,
-    );
+    let (_c, mut engine) =
+        engine("mic: audio_in(full_scale: 2.0); out: file_out(file: \"x.npy\"); mic -> out");
     let mic = node(&engine, "mic");
     let mut sent = 0;
     for _ in 0..10 {
@@ -191,11 +172,10 @@ fn fed_audio_has_the_ticks_length_and_is_finite() {
 
 #[test]
 fn skipped_ticks_go_by_for_every_node() {
-    let zigzag = r#""t": (kind: "trajectory"), "motion": (kind: "velocity"), "p": (kind: "probe"),
-       "q": (kind: "probe")"#;
-    let wires = r#"("t.position", "motion.position"), ("motion.speed", "p"), ("t.position", "q")"#;
-    let (_c, mut all) = engine(zigzag, wires);
-    let (_d, mut some) = engine(zigzag, wires);
+    let zigzag = "t: trajectory; motion: velocity; p: probe; q: probe
+        t.position -> motion.position; motion.speed -> p; t.position -> q";
+    let (_c, mut all) = engine(zigzag);
+    let (_d, mut some) = engine(zigzag);
     for _ in 0..300 {
         all.tick();
     }
@@ -213,8 +193,8 @@ fn skipped_ticks_go_by_for_every_node() {
 #[test]
 fn a_stylus_that_is_put_down_elsewhere_has_not_flown_there() {
     let (_c, mut engine) = engine(
-        r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "p": (kind: "probe")"#,
-        r#"("hand.position", "motion.position"), ("hand.stroke", "motion.stroke"), ("motion.speed", "p")"#,
+        "hand: osc_input; motion: velocity; p: probe
+         hand.position -> motion.position; hand.stroke -> motion.stroke; motion.speed -> p",
     );
     let mut fastest: f64 = 0.0;
     for k in 0..200_u32 {
@@ -236,16 +216,13 @@ fn way(tick: u64) -> [f64; 3] {
     [50.0 * t, 0.0, 10.0 - 20.0 * t]
 }
 
-const SPEED: (&str, &str) = (
-    r#""hand": (kind: "osc_input"), "motion": (kind: "velocity"), "p": (kind: "probe"),
-       "q": (kind: "probe")"#,
-    r#"("hand.position", "motion.position"), ("motion.speed", "p"), ("motion.unfiltered", "q")"#,
-);
+const SPEED: &str = "hand: osc_input; motion: velocity; p: probe; q: probe
+    hand.position -> motion.position; motion.speed -> p; motion.unfiltered -> q";
 
 #[test]
 fn a_stylus_that_moves_while_ticks_are_lost_is_no_faster() {
     for lost in [1, 3, 50, 5000] {
-        let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+        let (_c, mut engine) = engine(SPEED);
         let mut fastest: f64 = 0.0;
         while engine.next_tick() < 6000 {
             if engine.next_tick() == 100 {
@@ -269,7 +246,7 @@ fn a_stylus_that_moves_while_ticks_are_lost_is_no_faster() {
 #[test]
 fn velocity_is_held_while_positions_are_invalid() {
     for gap in [1, 5, 200] {
-        let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+        let (_c, mut engine) = engine(SPEED);
         for tick in 0..600 {
             let missing = (300..300 + gap).contains(&tick);
             // The host holds the last place.
@@ -288,7 +265,7 @@ fn velocity_is_held_while_positions_are_invalid() {
 
 #[test]
 fn a_hand_that_is_first_heard_of_has_not_flown_there() {
-    let (_c, mut engine) = engine(SPEED.0, SPEED.1);
+    let (_c, mut engine) = engine(SPEED);
     for tick in 0..50 {
         assert!(tick < 10 || place(&mut engine, [80.0, -40.0, 5.0], true));
         engine.tick();
@@ -306,15 +283,14 @@ fn wall_reached_over_lost_ticks_or_a_gap_is_no_faster() {
          effects: (stiffness: (stiffness_n_per_mm: 0.5)))})",
     )
     .unwrap();
-    let nodes = format!(
-        r#""hand": (kind: "osc_input"), "contact": (kind: "contact", params: (scene: {:?})),
-           "p": (kind: "probe")"#,
+    let lines = format!(
+        "hand: osc_input; contact: contact(scene: {:?}); p: probe
+         hand.position -> contact.position; contact.approach -> p",
         scene.display().to_string()
     );
-    let wires = r#"("hand.position", "contact.position"), ("contact.approach", "p")"#;
     // It is reached after 250 ticks.
     for (lost, from) in [(true, 240), (false, 240), (true, 100), (false, 100), (true, 249), (false, 249)] {
-        let (_c, mut engine) = engine(&nodes, wires);
+        let (_c, mut engine) = engine(&lines);
         let at = node(&engine, "contact");
         let output = engine.schedule().nodes[at].outputs.iter().position(|o| o.name == "approach").unwrap();
         let mut told = Vec::new();

@@ -19,19 +19,11 @@ fn folder(mut network: ModelProto, trained: &[(&str, &str)]) -> tempfile::TempDi
 /// Two seconds over a hard floor of so much force at most: the summary, the facts of the network, the
 /// samples.
 fn render(dir: &Path, force: &str) -> (String, Value, Vec<f32>) {
-    let floor = format!("floor.max_force_n={force}");
-    let args = [
-        "render",
-        "g.ron",
-        "--set",
-        "texture.model=m.onnx",
-        "--set",
-        "floor.stiffness_n_per_mm=50",
-        "--set",
-        &floor,
-    ];
-    let ran =
-        run(dir, &[&args[..], &["--seconds", "2", "--report", "r.json", "--out", "o.wav"]].concat()).ok();
+    let args = format!(
+        "render g.ron --set texture.model=m.onnx --set floor.stiffness_n_per_mm=50 \
+         --set floor.max_force_n={force} --seconds 2 --report r.json --out o.wav"
+    );
+    let ran = run(dir, &args.split(' ').collect::<Vec<_>>()).ok();
     let report = json(&dir.join("r.json"));
     assert_eq!(report["faults"], 0, "{report}");
     let nodes = report["nodes"].as_array().expect("nodes");
@@ -94,6 +86,6 @@ fn negative_network_output_is_silent_and_counted() {
 fn a_range_that_is_none_is_refused_with_the_file() {
     let net = networks::model(&Net::random(1), Spelling::default());
     let dir = folder(net, &[("force_max_n", "much")]);
-    let ran = run(dir.path(), &["check", "g.ron", "--set", "texture.model=m.onnx"]);
-    assert!(ran.code == 2 && ran.err.contains("this model's `force_max_n` is \"much\""), "{}", ran.err);
+    run(dir.path(), &["check", "g.ron", "--set", "texture.model=m.onnx"])
+        .refused("this model's `force_max_n` is \"much\"");
 }

@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use harness::{asperity, files, graphs, json, run, wav};
+use harness::{Ran, asperity, files, graphs, json, run, wav};
+use tempfile::TempDir;
 
 fn shipped(name: &str) -> String {
     graphs(name).display().to_string()
@@ -13,6 +14,16 @@ fn heravi() -> String {
     shipped("heravi2024.ron")
 }
 
+/// Renders the shipped graph with these words.
+fn render(dir: &TempDir, args: &str) -> Ran {
+    let graph = heravi();
+    run(dir.path(), &["render", &graph].into_iter().chain(args.split(' ')).collect::<Vec<_>>())
+}
+
+fn npy(dir: &TempDir, name: &str) -> Vec<f32> {
+    asperity_accuracy::npy::read(dir.path().join(name)).unwrap().values.into_f32()
+}
+
 fn rms(x: &[f32]) -> f64 {
     (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
@@ -20,22 +31,16 @@ fn rms(x: &[f32]) -> f64 {
 /// A trajectory at 500 Hz: straight along x at a speed, pressed to a depth from `from` to `to` seconds;
 /// before and after above the surface, moving from 0.3 s before to 0.3 s after.
 fn straight(speed_mm_s: f64, depth_mm: f64, from: f64, to: f64, seconds: f64) -> String {
-    let mut csv = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 500.0) as usize {
-        let t = k as f64 / 500.0;
-        let x = speed_mm_s * t.clamp(from - 0.3, to + 0.3);
+    harness::csv(seconds, |t| {
         let z = if (from..to).contains(&t) { -depth_mm } else { 5.0 };
-        csv.push_str(&format!("{t},{x},0,{z}\n"));
-    }
-    csv
+        [speed_mm_s * t.clamp(from - 0.3, to + 0.3), 0.0, z]
+    })
 }
 
 #[test]
 fn one_command_makes_wav_plot_and_report() {
     let dir = tempfile::tempdir().unwrap();
-    let ran =
-        run(dir.path(), &["render", &heravi(), "--out", "o.wav", "--plot", "p.svg", "--report", "r.json"])
-            .ok();
+    let ran = render(&dir, "--out o.wav --plot p.svg --report r.json").ok();
     assert_eq!(files(dir.path()), ["o.wav", "p.svg", "r.json"]);
     for word in ["rendered", "x real time", "p50", "p99", "latency", "peak", "limiter", "faults", "wrote"] {
         assert!(ran.out.contains(word), "no {word} in {}", ran.out);
@@ -81,9 +86,9 @@ fn one_command_makes_wav_plot_and_report() {
 fn a_second_run_gives_the_same_bytes_and_another_seed_others() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["a.wav", "b.wav"] {
-        run(dir.path(), &["render", &heravi(), "--out", name, "--seconds", "2"]).ok();
+        render(&dir, &format!("--out {name} --seconds 2")).ok();
     }
-    run(dir.path(), &["render", &heravi(), "--out", "c.wav", "--seconds", "2", "--set", "seed=7"]).ok();
+    render(&dir, "--out c.wav --seconds 2 --set seed=7").ok();
     let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
     assert_eq!(read("a.wav"), read("b.wav"));
     assert_ne!(read("a.wav"), read("c.wav"));
@@ -132,19 +137,11 @@ fn every_rate_gives_its_number_of_samples() {
     for (tick_hz, audio_hz) in
         [(500, 44_100), (1000, 48_000), (4000, 96_000), (100, 48_000), (700, 8_000), (500, 22_050)]
     {
-        let (tick, audio) = (format!("tick_hz={tick_hz}"), format!("audio_hz={audio_hz}"));
-        run(
-            dir.path(),
-            &["render", &heravi(), "--out", "o.wav", "--seconds", "3", "--set", &tick, "--set", &audio],
-        )
-        .ok();
+        let sets = format!("--set tick_hz={tick_hz} --set audio_hz={audio_hz}");
+        render(&dir, &format!("--out o.wav --seconds 3 {sets}")).ok();
         let (samples, rate) = wav(&dir.path().join("o.wav"));
-        assert_eq!((rate as usize, samples.len()), (audio_hz, 3 * audio_hz), "{tick} {audio}");
-        assert!(
-            rms(&samples) > 1e-3 && samples.iter().all(|x| x.is_finite()),
-            "{tick} {audio}: {}",
-            rms(&samples)
-        );
+        assert_eq!((rate as usize, samples.len()), (audio_hz, 3 * audio_hz), "{sets}");
+        assert!(rms(&samples) > 1e-3 && samples.iter().all(|x| x.is_finite()), "{sets}");
     }
 }
 
@@ -152,28 +149,23 @@ fn every_rate_gives_its_number_of_samples() {
 fn the_level_does_not_depend_on_tick_rate_or_synthesis() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), straight(100.0, 2.0, 0.2, 5.8, 6.0)).unwrap();
-    let level = |sets: &[&str]| {
-        let graph = heravi();
-        let mut args = vec!["render", &graph, "--input", "t.csv", "--probe", "gate.out=a.npy"];
-        for s in sets {
-            args.extend(["--set", s]);
-        }
-        run(dir.path(), &args).ok();
-        let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+    let level = |sets: &str| {
+        render(&dir, &format!("--input t.csv --probe gate.out=a.npy{sets}")).ok();
+        let a = npy(&dir, "a.npy");
         let second = a.len() / 6;
         20.0 * rms(&a[2 * second..5 * second]).log10()
     };
-    let reference = level(&[]);
+    let reference = level("");
     for sets in [
-        ["tick_hz=1000"].as_slice(),
-        &["tick_hz=250"],
-        &["texture.synthesis_hz=0"],
-        &["texture.synthesis_hz=0", "audio_hz=44100"],
-        &["audio_hz=44100"],
-        &["tick_hz=700"],
+        " --set tick_hz=1000",
+        " --set tick_hz=250",
+        " --set texture.synthesis_hz=0",
+        " --set texture.synthesis_hz=0 --set audio_hz=44100",
+        " --set audio_hz=44100",
+        " --set tick_hz=700",
     ] {
         let other = level(sets);
-        assert!((other - reference).abs() < 1.0, "{sets:?}: {other} dB, not {reference} dB");
+        assert!((other - reference).abs() < 1.0, "{sets}: {other} dB, not {reference} dB");
     }
 }
 
@@ -182,12 +174,8 @@ fn there_is_silence_off_the_surface_and_at_rest() {
     let dir = tempfile::tempdir().unwrap();
     let level = |csv: String| {
         std::fs::write(dir.path().join("t.csv"), csv).unwrap();
-        run(
-            dir.path(),
-            &["render", &heravi(), "--input", "t.csv", "--probe", "gate.out=a.npy", "--report", "r.json"],
-        )
-        .ok();
-        let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+        render(&dir, "--input t.csv --probe gate.out=a.npy --report r.json").ok();
+        let a = npy(&dir, "a.npy");
         let report = json(&dir.path().join("r.json"));
         let nodes = report["nodes"].as_array().unwrap();
         let network = nodes.iter().find(|n| n["id"] == "texture").unwrap();
@@ -204,7 +192,7 @@ fn there_is_silence_off_the_surface_and_at_rest() {
 fn the_gate_opens_and_closes_without_a_click() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("t.csv"), straight(120.0, 2.0, 0.5, 7.5, 8.0)).unwrap();
-    run(dir.path(), &["render", &heravi(), "--input", "t.csv", "--out", "o.wav"]).ok();
+    render(&dir, "--input t.csv --out o.wav").ok();
     let (x, rate) = wav(&dir.path().join("o.wav"));
     let step = |from: f64, to: f64| {
         let part = &x[(from * f64::from(rate)) as usize..(to * f64::from(rate)) as usize];
@@ -233,7 +221,7 @@ fn a_grating_is_felt_at_speed_over_wavelength() {
         &["render", &heravi(), "--input", "t.csv", "--set", &material, "--probe", "synthesis=a.npy"],
     )
     .ok();
-    let a = asperity_accuracy::npy::read(dir.path().join("a.npy")).unwrap().values.into_f32();
+    let a = npy(&dir, "a.npy");
     let steady = &a[2500..7 * 2500];
     let power = |hz: f64| {
         // Mean power of Hann-windowed segments of 0.1 s at one frequency.
@@ -252,35 +240,17 @@ fn a_grating_is_felt_at_speed_over_wavelength() {
     };
     let powers: Vec<f64> = (1..=100).map(|b| power(hz(b))).collect();
     let heard = 1 + (0..100).max_by(|a, b| powers[*a].total_cmp(&powers[*b])).unwrap();
-    assert!(
-        heard.abs_diff(expected) <= 1,
-        "{name}: loudest at {} Hz, expected {} Hz",
-        hz(heard),
-        hz(expected)
-    );
+    let (heard_hz, hz) = (hz(heard), hz(expected));
+    assert!(heard.abs_diff(expected) <= 1, "{name}: loudest at {heard_hz} Hz, expected {hz} Hz");
 }
 
 #[test]
 fn probes_record_every_kind_of_port() {
     let dir = tempfile::tempdir().unwrap();
-    run(
-        dir.path(),
-        &[
-            "render",
-            &heravi(),
-            "--seconds",
-            "1",
-            "--probe",
-            "stylus.position=p.csv",
-            "--probe",
-            "motion.speed=v.npy",
-            "--probe",
-            "texture=m.npy",
-            "--probe",
-            "phase.spectrum=s.npy",
-            "--probe",
-            "limiter=i.csv",
-        ],
+    render(
+        &dir,
+        "--seconds 1 --probe stylus.position=p.csv --probe motion.speed=v.npy --probe texture=m.npy \
+         --probe phase.spectrum=s.npy --probe limiter=i.csv",
     )
     .ok();
     let csv = std::fs::read_to_string(dir.path().join("p.csv")).unwrap();
@@ -304,15 +274,13 @@ fn a_recorded_force_and_speed_are_outputs_of_their_own() {
         csv.push_str(&format!("{t},{},0,-1,{},{}\n", 50.0 * t, 0.5 + t, 50.0));
     }
     std::fs::write(dir.path().join("t.csv"), csv).unwrap();
-    let graph = "Graph(version: 1, nodes: {\"t\": (kind: \"trajectory\", params: (file: \"t.csv\", \
-                 interpolation: linear)), \
-                 \"p\": (kind: \"probe\", params: (file: \"f.npy\")), \
-                 \"q\": (kind: \"probe\", params: (file: \"v.npy\"))}, \
-                 wires: [(\"t.force\", \"p\"), (\"t.speed\", \"q\")])";
+    let graph = r#"Graph(version: 1, nodes: {
+        "t": (kind: "trajectory", params: (file: "t.csv", interpolation: linear)),
+        "p": (kind: "probe", params: (file: "f.npy")), "q": (kind: "probe", params: (file: "v.npy"))},
+        wires: [("t.force", "p"), ("t.speed", "q")])"#;
     std::fs::write(dir.path().join("g.ron"), graph).unwrap();
     run(dir.path(), &["render", "g.ron"]).ok();
-    let read = |n: &str| asperity_accuracy::npy::read(dir.path().join(n)).unwrap().values.into_f32();
-    let (force, speed) = (read("f.npy"), read("v.npy"));
+    let (force, speed) = (npy(&dir, "f.npy"), npy(&dir, "v.npy"));
     assert_eq!(force.len(), 500);
     for (k, f) in force.iter().enumerate() {
         assert!((f64::from(*f) - (0.5 + k as f64 / 500.0)).abs() < 1e-6, "{k}");
@@ -323,11 +291,7 @@ fn a_recorded_force_and_speed_are_outputs_of_their_own() {
 #[test]
 fn voltage_drive_goes_through_to_the_file() {
     let dir = tempfile::tempdir().unwrap();
-    run(
-        dir.path(),
-        &["render", &heravi(), "--set", "inverse.drive=voltage", "--out", "o.wav", "--report", "r.json"],
-    )
-    .ok();
+    render(&dir, "--set inverse.drive=voltage --out o.wav --report r.json").ok();
     let report = json(&dir.path().join("r.json"));
     assert_eq!(report["output"]["unit"], "V");
     assert!(report["output"]["rms"].as_f64().unwrap() > 0.01);
@@ -352,28 +316,16 @@ fn what_reaches_no_sink_is_dropped_and_named() {
 #[test]
 fn a_model_that_tract_runs_says_that_it_allocates() {
     let dir = tempfile::tempdir().unwrap();
-    let args = [
-        "render",
-        &heravi(),
-        "--seconds",
-        "1",
-        "--out",
-        "t.wav",
-        "--report",
-        "r.json",
-        "--set",
-        "texture.executor=tract",
-    ];
-    let ran = run(dir.path(), &args).ok();
+    let ran = render(&dir, "--seconds 1 --out t.wav --report r.json --set texture.executor=tract").ok();
     assert!(ran.err.contains("`texture` allocates in every tick"), "{}", ran.err);
     let report = json(&dir.path().join("r.json"));
     let network = report["nodes"].as_array().unwrap().iter().find(|n| n["id"] == "texture").unwrap().clone();
     assert_eq!(
-        (network["allocation_free"].as_bool(), network["facts"]["executor"].as_str()),
-        (Some(false), Some("tract"))
+        (&network["allocation_free"], &network["facts"]["executor"]),
+        (&false.into(), &"tract".into())
     );
     // Both executors render the same signal, to the tolerance of the kernels.
-    run(dir.path(), &["render", &heravi(), "--seconds", "1", "--out", "p.wav"]).ok();
+    render(&dir, "--seconds 1 --out p.wav").ok();
     let (a, b) = (wav(&dir.path().join("t.wav")).0, wav(&dir.path().join("p.wav")).0);
     let diff: Vec<f32> = a.iter().zip(&b).map(|(x, y)| x - y).collect();
     assert!(rms(&diff) < 0.02 * rms(&a), "{} of {}", rms(&diff), rms(&a));
@@ -382,16 +334,8 @@ fn a_model_that_tract_runs_says_that_it_allocates() {
 #[test]
 fn two_things_may_not_be_written_to_one_file() {
     let dir = tempfile::tempdir().unwrap();
-    for args in [
-        ["--out", "a.npy", "--probe", "motion.speed=a.npy"],
-        ["--probe", "motion.velocity=a.npy", "--probe", "motion.speed=a.npy"],
-    ] {
-        let graph = heravi();
-        let mut all = vec!["render", &graph];
-        all.extend(args);
-        let ran = run(dir.path(), &all);
-        assert_eq!(ran.code, 2, "{}", ran.err);
-        assert!(ran.err.contains("would write the same file as"), "{}", ran.err);
+    for first in ["--out a.npy", "--probe motion.velocity=a.npy"] {
+        render(&dir, &format!("{first} --probe motion.speed=a.npy")).refused("would write the same file as");
         assert!(files(dir.path()).is_empty());
     }
 }
@@ -400,7 +344,7 @@ fn two_things_may_not_be_written_to_one_file() {
 fn an_old_file_stays_when_a_render_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("o.wav"), "precious").unwrap();
-    let ran = run(dir.path(), &["render", &heravi(), "--out", "o.wav", "--set", "motion.cutoff_hz=-1"]);
+    let ran = render(&dir, "--out o.wav --set motion.cutoff_hz=-1");
     assert_eq!(ran.code, 2);
     assert_eq!(std::fs::read_to_string(dir.path().join("o.wav")).unwrap(), "precious");
 }
@@ -439,8 +383,7 @@ fn ctrl_c_leaves_a_valid_wav() {
 fn integer_wav_formats_hold_the_same_signal() {
     let dir = tempfile::tempdir().unwrap();
     for format in ["f32", "i24", "i16"] {
-        let out = format!("{format}.wav");
-        run(dir.path(), &["render", &heravi(), "--seconds", "2", "--out", &out, "--format", format]).ok();
+        render(&dir, &format!("--seconds 2 --out {format}.wav --format {format}")).ok();
     }
     let (float, _) = wav(&dir.path().join("f32.wav"));
     for (name, full) in [("i24.wav", 8_388_607.0), ("i16.wav", 32_767.0)] {

@@ -8,6 +8,8 @@ use asperity_node::{Buffer, FactValue};
 use asperity_texture::Library;
 use harness::{graphs, retrieving, run};
 
+use crate::drive::node;
+
 /// A shipped graph, edited, with some settings.
 fn compiled(graph: &str, edit: impl FnOnce(&mut GraphFile), sets: &[String]) -> Compiled {
     let mut graph = GraphFile::read(graphs(graph)).unwrap_or_else(|e| panic!("{e}"));
@@ -51,10 +53,6 @@ fn frame(engine: &Engine) -> Vec<u32> {
         Some(Buffer::Magnitude { bins, frame: Some(_), .. }) => bins.iter().map(|x| x.to_bits()).collect(),
         other => panic!("no frame: {other:?}"),
     }
-}
-
-fn node(engine: &Engine, id: &str) -> usize {
-    engine.schedule().index_of(id).unwrap_or_else(|| panic!("no node {id}"))
 }
 
 fn count(engine: &mut Engine, id: &str, fact: &str) -> u64 {

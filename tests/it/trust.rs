@@ -186,9 +186,7 @@ fn graph_does_not_write_over_a_file_that_asperity_did_not_make() {
     fs::create_dir(it.path("work")).unwrap();
     let outside = it.path("precious.csv");
     fs::write(&outside, "mine").unwrap();
-    let here = |program: &mut Command| {
-        program.current_dir(it.path("work"));
-    };
+    let here = |args: &[&str]| ran(it.program().current_dir(it.path("work")).args(args));
     std::os::unix::fs::symlink(&outside, it.path("work/link.csv")).unwrap();
     fs::write(it.path("work/own.csv"), "mine").unwrap();
     let outside_name = outside.display().to_string();
@@ -200,11 +198,8 @@ fn graph_does_not_write_over_a_file_that_asperity_did_not_make() {
         ("own.csv", "write over own.csv, which Asperity did not make"),
     ] {
         fs::write(it.path("work/g.ron"), writing(file)).unwrap();
-        let mut live = vec!["run", "g.ron", "--clock", "timer", "--seconds", "0.1"];
-        for args in [RENDER.as_slice(), live.as_mut_slice()] {
-            let mut program = it.program();
-            here(&mut program);
-            let (code, said) = ran(program.args(args));
+        for args in [&RENDER[..], &["run", "g.ron", "--clock", "timer", "--seconds", "0.1"]] {
+            let (code, said) = here(args);
             assert!(code == 2 && said.contains(why) && said.contains("g.ron:"), "{file} {args:?}: {said}");
         }
     }
@@ -212,12 +207,8 @@ fn graph_does_not_write_over_a_file_that_asperity_did_not_make() {
     assert_eq!(fs::read_to_string(it.path("work/own.csv")).unwrap(), "mine");
     assert!(!it.path("new.csv").exists());
     // What the command line says is the person's own word.
-    let mut program = it.program();
-    here(&mut program);
-    assert_eq!(ran(program.args(RENDER).args(["--set", "probe.file=\"../new.csv\""])).0, 0);
-    let mut program = it.program();
-    here(&mut program);
-    assert_eq!(ran(program.args(RENDER).arg("--overwrite")).0, 0);
+    assert_eq!(here(&[&RENDER[..], &["--set", "probe.file=\"../new.csv\""]].concat()).0, 0);
+    assert_eq!(here(&[&RENDER[..], &["--overwrite"]].concat()).0, 0);
     assert_ne!(fs::read_to_string(it.path("work/own.csv")).unwrap(), "mine");
     assert!(it.path("new.csv").exists());
 }

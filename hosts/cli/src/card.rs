@@ -86,7 +86,6 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// The channel that is played.
     pub fn channel(&self) -> u16 {
         self.channel.unwrap_or(1)
     }
@@ -184,7 +183,6 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
     }))
 }
 
-/// A channel of the device for each `audio_out`.
 fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
     let wanted = outs.max(1);
     if args.channel.is_empty() {

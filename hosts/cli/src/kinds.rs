@@ -19,7 +19,6 @@ use crate::phase::OFFLINE;
 #[derive(Debug, Default)]
 pub struct Kinds {
     loader: Loader,
-    /// Values of `--plugin`.
     named: Vec<PathBuf>,
     /// Files of the plugins of the last registry, also of those that did not load.
     files: Vec<PathBuf>,

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 use asperity_audio::simulated::{Response, set_plants};
 use asperity_diagnostics::one_of;
+use asperity_node::random::uniform;
 
 /// Steps of the plant in a sample, with linear interpolation: close enough to a card's converters.
 const OVERSAMPLING: u32 = 8;
@@ -26,7 +27,11 @@ const WORDS: [&str; 8] = [
 /// Registers plants with the simulated sound card.
 pub fn register() {
     set_plants(|words, rate_hz| {
-        let actuator: Actuator = words.try_into()?;
+        let name = words.iter().find(|(word, _)| word == "plant").map(|(_, name)| name);
+        let name = name.ok_or("what a plant is like needs a plant, such as `plant=hapcoil_one`")?;
+        let profile = ActuatorProfile::find(name, "".as_ref()).map_err(|d| d.to_string())?;
+        let mut actuator = Actuator::new(profile);
+        words.iter().try_for_each(|(word, value)| actuator.set(word, value))?;
         actuator.at(rate_hz)
     });
 }
@@ -34,7 +39,6 @@ pub fn register() {
 /// An actuator on a handle with an accelerometer, from the card's output to its input.
 #[derive(Clone, Debug)]
 pub struct Actuator {
-    /// Profile of the actuator.
     pub profile: ActuatorProfile,
     /// Mass of the handle \[g\].
     pub handle_g: f64,
@@ -46,7 +50,6 @@ pub struct Actuator {
     pub full_scale: f64,
     /// White noise of the accelerometer \[m/s^2 rms\].
     pub noise: f64,
-    /// Seed of the noise.
     pub seed: u64,
     /// Whether the accelerometer points the other way.
     pub invert: bool,
@@ -74,7 +77,7 @@ impl Actuator {
         let mut plant = Plant::new(&dynamics, self.drive, rate_hz * f64::from(OVERSAMPLING));
         let sign = if self.invert { -1.0 } else { 1.0 };
         let Self { at_full_scale, full_scale, noise, seed, .. } = *self;
-        let (mut before, mut random) = (0.0, Random(seed));
+        let (mut before, mut samples) = (0.0, 0);
         Ok(Box::new(move |x| {
             let now = f64::from(x) * at_full_scale;
             let mut acceleration = 0.0;
@@ -83,7 +86,10 @@ impl Actuator {
                 acceleration = plant.step(before + (now - before) * part).acceleration;
             }
             before = now;
-            let heard = sign * acceleration + noise * random.normal();
+            // Of variance 1: the sum of twelve uniform ones.
+            let normal: f64 = (0..12).map(|k| uniform(seed, 12 * samples + k) - 0.5).sum();
+            samples += 1;
+            let heard = sign * acceleration + noise * normal;
             (heard / full_scale).clamp(-1.0, 1.0) as f32
         }))
     }
@@ -105,35 +111,5 @@ impl Actuator {
             _ => return Err(format!("a plant has no `{word}`: {}", one_of(word, WORDS))),
         }
         Ok(())
-    }
-}
-
-impl TryFrom<&[(String, String)]> for Actuator {
-    type Error = String;
-
-    fn try_from(words: &[(String, String)]) -> Result<Self, String> {
-        let name = words.iter().find(|(word, _)| word == "plant").map(|(_, name)| name);
-        let name = name.ok_or("what a plant is like needs a plant, such as `plant=hapcoil_one`")?;
-        let mut it = Self::new(ActuatorProfile::find(name, "".as_ref()).map_err(|d| d.to_string())?);
-        for (word, value) in words {
-            it.set(word, value)?;
-        }
-        Ok(it)
-    }
-}
-
-/// Random numbers that are the same every time.
-struct Random(u64);
-
-impl Random {
-    /// From -0.5 to 0.5.
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    }
-
-    /// Of variance 1: the sum of twelve uniform ones.
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum()
     }
 }

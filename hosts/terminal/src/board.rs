@@ -3,16 +3,12 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use asperity_live::view::{Layout, NodeLayout, NodeView, Request, View};
+use asperity_live::view::{Layout, LiveLayout, NodeLayout, NodeView, Request, View};
 
-use crate::held::{Count, Peak};
-use crate::text::{clean, columns};
-use crate::trace::Trace;
+use crate::recent::{Count, HOLD, Peak, Trace};
 
 /// Figures of nodes change this often: as fast as a person reads them.
 const READ: Duration = Duration::from_millis(250);
-/// Most columns of a name.
-const LONGEST: usize = 40;
 /// Most notices that are kept.
 const NOTES: usize = 100;
 
@@ -30,9 +26,8 @@ pub(crate) enum Tab {
 pub(crate) struct Row {
     /// Mean time of a call since the last reading, in microseconds.
     pub(crate) us: f64,
-    /// Share of the time of the tick.
+    /// Share of the time of the tick, and of ticks it slept through since the last reading.
     pub(crate) share: f64,
-    /// Share of ticks it slept through since the last reading.
     pub(crate) asleep: f64,
     /// First value of its first output.
     pub(crate) value: Option<f32>,
@@ -52,8 +47,6 @@ pub(crate) struct Board {
     pub(crate) layout: Layout,
     pub(crate) view: View,
     pub(crate) rows: Vec<Row>,
-    /// Columns of the longest id and kind.
-    pub(crate) names: [usize; 2],
     pub(crate) traces: Vec<Trace>,
     pub(crate) peak: Peak,
     /// Underruns, lost samples, xruns, losses, faults, missed ticks.
@@ -65,9 +58,8 @@ pub(crate) struct Board {
     /// Whether the last frame had room for all panes.
     pub(crate) all_seen: bool,
     pub(crate) help: bool,
-    /// First visible node.
+    /// First visible node, and visible nodes of the last frame.
     pub(crate) scroll: usize,
-    /// Visible nodes of the last frame: the length of a page.
     pub(crate) page: usize,
     /// The chosen parameter, counted over all nodes.
     pub(crate) chosen: usize,
@@ -90,22 +82,18 @@ impl Board {
             self.traces = layout.scopes.iter().map(|scope| Trace::new(scope.rate_hz)).collect();
         }
         // The chosen parameter stays chosen in another graph that has it too.
-        let name = self.parameter(self.chosen).map(|(n, p)| self.parameter_name(n, p));
+        let name = |(node, live): (&NodeLayout, &LiveLayout)| (node.id.clone(), live.name.clone());
+        let chosen = self.parameters().nth(self.chosen).map(name);
         self.layout = layout.clone();
-        let longest = |name: fn(&NodeLayout) -> &str| {
-            layout.nodes.iter().map(|node| columns(&clean(name(node), LONGEST))).max().unwrap_or(0)
-        };
-        self.names = [longest(|node| &node.id), longest(|node| &node.kind)];
-        let all = (0..self.parameters())
-            .find(|&k| self.parameter(k).map(|(n, p)| self.parameter_name(n, p)) == name && name.is_some());
-        self.chosen = all.unwrap_or(0);
+        let again = self.parameters().position(|p| Some(name(p)) == chosen);
+        self.chosen = again.unwrap_or(0);
         self.texture = self.texture.min(layout.materials.len().saturating_sub(1));
     }
 
     /// Takes in a view that arrived at `time`.
     pub(crate) fn take(&mut self, view: &View, time: Duration) {
-        let timing = &view.timing;
-        let counts = [view.underruns, view.lost_samples, view.xruns, view.losses, view.faults, timing.misses];
+        let misses = view.timing.misses;
+        let counts = [view.underruns, view.lost_samples, view.xruns, view.losses, view.faults, misses];
         for (count, now) in self.counts.iter_mut().zip(counts) {
             count.take(now, time);
         }
@@ -117,9 +105,7 @@ impl Board {
         // Until the layout follows, these figures belong to nodes of another graph.
         if view.layout == self.layout.number {
             self.take_nodes(view, time);
-            for (trace, samples) in self.traces.iter_mut().zip(&view.scopes) {
-                trace.take(samples, time);
-            }
+            self.traces.iter_mut().zip(&view.scopes).for_each(|(trace, samples)| trace.take(samples));
         }
         self.view = view.clone();
     }
@@ -128,25 +114,22 @@ impl Board {
         let read = self.read.is_none_or(|(last, _)| time.saturating_sub(last) >= READ);
         let ticks = view.ticks.saturating_sub(self.read.map_or(0, |(_, ticks)| ticks));
         let mut notes = Vec::new();
-        for (index, (row, node)) in self.rows.iter_mut().zip(&view.nodes).enumerate() {
+        for ((layout, row), node) in self.layout.nodes.iter().zip(&mut self.rows).zip(&view.nodes) {
             let quarantined = node.quarantined && !row.last.quarantined;
             row.busy_us += node.us * node.calls.saturating_sub(row.last.calls) as f64;
             let fault = row.faults.take(node.faults, time);
-            let repeated = row.noted.is_some_and(|at| time.saturating_sub(at) < crate::held::HOLD);
+            let repeated = row.noted.is_some_and(|at| time.saturating_sub(at) < HOLD);
             if quarantined || (fault && !(repeated && node.last_fault == row.last.last_fault)) {
                 row.noted = Some(time);
                 let what = if quarantined { "is no longer called" } else { "fault" };
-                notes.push((index, format!("{what}: {}", node.last_fault)));
+                notes.push(format!("{}: {what}: {}", layout.id, node.last_fault));
             }
             if read {
                 row.read(node, ticks as f64 * view.timing.deadline_us);
             }
             row.last.clone_from(node);
         }
-        for (index, what) in notes.into_iter().take(NOTES) {
-            let id = self.layout.nodes.get(index).map_or("", |node| &node.id);
-            self.note_at(view.seconds, format!("{id}: {what}"));
-        }
+        notes.into_iter().take(NOTES).for_each(|text| self.note_at(view.seconds, text));
         if read {
             self.read = Some((time, view.ticks));
         }
@@ -164,35 +147,19 @@ impl Board {
         self.notes.push_back((seconds, text));
     }
 
-    /// Number of live parameters.
-    pub(crate) fn parameters(&self) -> usize {
-        self.layout.nodes.iter().map(|node| node.live.len()).sum()
-    }
-
-    /// Node and index within it of a live parameter, counted over all nodes.
-    pub(crate) fn parameter(&self, mut index: usize) -> Option<(usize, usize)> {
-        for (n, node) in self.layout.nodes.iter().enumerate() {
-            if index < node.live.len() {
-                return Some((n, index));
-            }
-            index -= node.live.len();
-        }
-        None
-    }
-
-    fn parameter_name(&self, node: usize, param: usize) -> String {
-        let node = &self.layout.nodes[node];
-        format!("{}.{}", node.id, node.live[param].name)
+    /// Live parameters of all nodes.
+    pub(crate) fn parameters(&self) -> impl Iterator<Item = (&NodeLayout, &LiveLayout)> {
+        self.layout.nodes.iter().flat_map(|node| node.live.iter().map(move |live| (node, live)))
     }
 }
 
 impl Row {
     fn read(&mut self, node: &NodeView, ticks_us: f64) {
-        let calls = node.calls.saturating_sub(self.calls);
-        let slept = node.slept.saturating_sub(self.slept);
-        self.us = if calls > 0 { self.busy_us / calls as f64 } else { 0.0 };
+        let calls = node.calls.saturating_sub(self.calls) as f64;
+        let slept = node.slept.saturating_sub(self.slept) as f64;
+        self.us = if calls > 0.0 { self.busy_us / calls } else { 0.0 };
         self.share = if ticks_us > 0.0 { self.busy_us / ticks_us } else { 0.0 };
-        self.asleep = if slept > 0 { slept as f64 / (calls as f64 + slept as f64) } else { 0.0 };
+        self.asleep = if slept > 0.0 { slept / (calls + slept) } else { 0.0 };
         self.value = node.values.first().copied();
         (self.busy_us, self.calls, self.slept) = (0.0, node.calls, node.slept);
     }
@@ -200,7 +167,7 @@ impl Row {
 
 #[cfg(test)]
 mod tests {
-    use asperity_live::view::{LiveLayout, ScopeLayout, TimingView};
+    use asperity_live::view::{ScopeLayout, TimingView};
 
     use super::*;
 
@@ -248,37 +215,30 @@ mod tests {
     #[test]
     fn fault_is_noted_once_and_quarantine_again() {
         let mut board = one_node();
-        let node = |faults, quarantined| NodeView {
-            faults,
-            quarantined,
-            last_fault: "not a number".into(),
-            ..NodeView::default()
-        };
-        for faults in 0..=7 {
-            board.take(&view(faults, node(faults, false)), ms(20 * faults));
+        for (k, (faults, quarantined)) in (0..8).map(|k| (k, false)).chain([(8, true), (8, true)]).enumerate()
+        {
+            let last_fault = "not a number".into();
+            let node = NodeView { faults, quarantined, last_fault, ..NodeView::default() };
+            board.take(&view(faults, node), ms(20 * k as u64));
         }
-        board.take(&view(8, node(8, true)), ms(160));
-        board.take(&view(9, node(8, true)), ms(180));
         let notes: Vec<_> = board.notes.iter().map(|(_, text)| text.as_str()).collect();
         assert_eq!(notes, ["texture: fault: not a number", "texture: is no longer called: not a number"]);
     }
 
     #[test]
     fn chosen_parameter_stays_chosen_in_another_graph() {
-        let live = |name: &str| LiveLayout { name: name.into(), ..LiveLayout::default() };
         let node = |id: &str, names: &[&str]| NodeLayout {
             id: id.into(),
-            live: names.iter().map(|n| live(n)).collect(),
+            live: names.iter().map(|n| LiveLayout { name: (*n).into(), ..LiveLayout::default() }).collect(),
             ..NodeLayout::default()
         };
         let mut board = Board::default();
-        board
-            .lay_out(&Layout { nodes: vec![node("a", &["x", "y"]), node("b", &["x"])], ..Layout::default() });
-        board.chosen = 2;
-        let nodes = vec![node("c", &["x", "y", "z"]), node("b", &["w", "x"])];
-        board.lay_out(&Layout { number: 1, nodes, ..Layout::default() });
-        assert_eq!(board.chosen, 4);
-        board.lay_out(&Layout { number: 2, ..Layout::default() });
-        assert_eq!(board.chosen, 0);
+        let first = vec![node("a", &["x", "y"]), node("b", &["x"])];
+        let second = vec![node("c", &["x", "y", "z"]), node("b", &["w", "x"])];
+        for (number, (nodes, chosen)) in (0..).zip([(first, 0), (second, 4), (vec![], 0)]) {
+            board.lay_out(&Layout { number, nodes, ..Layout::default() });
+            assert_eq!(board.chosen, chosen);
+            board.chosen = 2.max(chosen);
+        }
     }
 }

@@ -25,15 +25,6 @@ pub(crate) const HELP: [(&str, &str); 10] = [
     ("?, h", "this help"),
 ];
 
-/// Effect of a key on the terminal itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Answer {
-    /// None.
-    Done,
-    /// Clears and redraws the screen.
-    Redraw,
-}
-
 /// Stops or mutes the run, without waiting for a frame. Returns whether it was such a key.
 pub(crate) fn at_once(key: &KeyEvent, run_control: &RunControl) -> bool {
     if key.kind == KeyEventKind::Release {
@@ -50,16 +41,15 @@ pub(crate) fn at_once(key: &KeyEvent, run_control: &RunControl) -> bool {
 }
 
 impl Board {
-    /// Acts on a key. Requests are left in [`Board::requests`].
-    pub(crate) fn press(&mut self, key: KeyEvent) -> Answer {
+    /// Acts on a key; requests are left in [`Board::requests`]. Answers whether the screen must be redrawn.
+    pub(crate) fn press(&mut self, key: KeyEvent) -> bool {
         if key.kind == KeyEventKind::Release {
-            return Answer::Done;
+            return false;
         }
         if key.modifiers.contains(KeyModifiers::CONTROL) {
-            let redraw = matches!(key.code, KeyCode::Char('l' | 'L'));
-            return if redraw { Answer::Redraw } else { Answer::Done };
+            return matches!(key.code, KeyCode::Char('l' | 'L'));
         }
-        let fine = key.modifiers.contains(KeyModifiers::SHIFT);
+        let step = if key.modifiers.contains(KeyModifiers::SHIFT) { 0.1 } else { 1.0 };
         let last = self.layout.nodes.len().saturating_sub(1);
         match key.code {
             KeyCode::Char('?' | 'h') => self.help = !self.help,
@@ -69,8 +59,8 @@ impl Board {
             KeyCode::Char('t') => self.texture = (self.texture + 1) % self.layout.materials.len().max(1),
             KeyCode::Up => self.choose(-1),
             KeyCode::Down => self.choose(1),
-            KeyCode::Left => self.move_parameter(-1.0, fine),
-            KeyCode::Right => self.move_parameter(1.0, fine),
+            KeyCode::Left => self.move_parameter(-step),
+            KeyCode::Right => self.move_parameter(step),
             KeyCode::Char('1') => self.tab = Tab::Nodes,
             KeyCode::Char('2') => self.tab = Tab::Scopes,
             KeyCode::Char('3') => self.tab = Tab::Parameters,
@@ -87,7 +77,7 @@ impl Board {
             KeyCode::End => self.scroll_to(last),
             _ => {}
         }
-        Answer::Done
+        false
     }
 
     fn scroll_to(&mut self, node: usize) {
@@ -95,39 +85,38 @@ impl Board {
     }
 
     fn choose(&mut self, by: isize) {
-        let last = self.parameters().saturating_sub(1);
         // Where the list is hidden, the first press only shows it.
         if self.tab == Tab::Parameters || self.all_seen {
+            let last = self.parameters().count().saturating_sub(1);
             self.chosen = self.chosen.saturating_add_signed(by).min(last);
         }
         self.tab = Tab::Parameters;
     }
 
-    fn move_parameter(&mut self, by: f64, fine: bool) {
-        let Some((n, p)) = self.parameter(self.chosen) else { return };
+    fn move_parameter(&mut self, by: f64) {
+        let mut live = self.layout.nodes.iter_mut().flat_map(|node| {
+            let id = &node.id;
+            node.live.iter_mut().map(move |live| (id, live))
+        });
+        let Some((id, live)) = live.nth(self.chosen) else { return };
         self.tab = Tab::Parameters;
-        let node = &mut self.layout.nodes[n];
-        let value = moved(&node.live[p], by, fine);
-        if value == node.live[p].value || !value.is_finite() {
-            return;
+        let value = moved(live, by);
+        if value != live.value && value.is_finite() {
+            live.value = value;
+            let request = Request::Set { node: id.clone(), param: live.name.clone(), value };
+            self.ask(request);
         }
-        node.live[p].value = value;
-        let (node, param) = (node.id.clone(), node.live[p].name.clone());
-        self.ask(Request::Set { node, param, value });
     }
 
     fn change_material(&mut self, by: isize) {
         let Some(materials) = self.layout.materials.get_mut(self.texture) else { return };
         let many = materials.names.len();
         let at = materials.names.iter().position(|name| *name == materials.chosen);
-        let next = match at {
-            Some(at) => (at + many).saturating_add_signed(by) % many,
-            None => 0,
-        };
+        let next = at.map_or(0, |at| (at + many).saturating_add_signed(by) % many);
         let Some(name) = materials.names.get(next).filter(|name| **name != materials.chosen) else { return };
         materials.chosen.clone_from(name);
-        let node = materials.node.clone();
-        self.ask(Request::Material { node, name: self.layout.materials[self.texture].chosen.clone() });
+        let request = Request::Material { node: materials.node.clone(), name: name.clone() };
+        self.ask(request);
     }
 
     /// Keeps a request. It replaces an older one for the same parameter: a held key asks often.
@@ -154,9 +143,8 @@ pub(crate) fn place(live: &LiveLayout) -> f64 {
     if place.is_finite() { place.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The value one step up (`by` = 1) or down (-1).
-fn moved(live: &LiveLayout, by: f64, fine: bool) -> f64 {
-    let by = if fine { by / 10.0 } else { by };
+/// The value after `by` steps, from -1 to 1; words and whole numbers move by one at least.
+fn moved(live: &LiveLayout, by: f64) -> f64 {
     let [low, high] = live.slide();
     let range = high - low;
     let value = [live.value, live.least, 0.0].into_iter().find(|x| x.is_finite()).unwrap_or(0.0);

@@ -28,8 +28,7 @@ fn board() -> Board {
 }
 
 fn press(board: &mut Board, code: KeyCode) -> Vec<Request> {
-    board.press(KeyEvent::new(code, KeyModifiers::NONE));
-    std::mem::take(&mut board.requests)
+    press_with(board, code, KeyModifiers::NONE)
 }
 
 fn press_with(board: &mut Board, code: KeyCode, modifiers: KeyModifiers) -> Vec<Request> {
@@ -41,44 +40,29 @@ fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
     vec![Request::Set { node: node.into(), param: param.into(), value }]
 }
 
-/// Whether a key acts at once, and whether the run is stopped and muted afterwards.
-fn does(
-    run_control: &RunControl,
-    code: KeyCode,
-    modifiers: KeyModifiers,
-    kind: KeyEventKind,
-) -> (bool, bool, bool) {
-    let done = at_once(&KeyEvent::new_with_kind(code, modifiers, kind), run_control);
-    (done, run_control.stopping(), run_control.muted())
-}
-
 #[test]
-fn q_and_ctrl_c_stop() {
-    for (key, modifiers, stops) in [
-        ('q', KeyModifiers::NONE, true),
-        ('c', KeyModifiers::CONTROL, true),
-        ('c', KeyModifiers::NONE, false),
-        ('q', KeyModifiers::CONTROL, false),
-    ] {
-        let did = does(&RunControl::default(), KeyCode::Char(key), modifiers, KeyEventKind::Press);
-        assert_eq!(did, (stops, stops, false), "{key}");
-    }
-}
-
-#[test]
-fn mute_toggles_and_a_held_key_counts_once() {
+fn keys_stop_and_mute_at_once() {
+    use KeyEventKind::{Press, Release, Repeat};
     let run_control = RunControl::default();
-    let key = |key, kind| does(&run_control, KeyCode::Char(key), KeyModifiers::NONE, kind);
-    assert_eq!(key(' ', KeyEventKind::Press), (true, false, true));
-    assert_eq!(key(' ', KeyEventKind::Repeat), (true, false, true));
-    assert_eq!(key(' ', KeyEventKind::Release), (false, false, true));
-    assert_eq!(key('m', KeyEventKind::Press), (true, false, false));
+    let (none, control) = (KeyModifiers::NONE, KeyModifiers::CONTROL);
+    // Whether each acts, and whether the run is stopped and muted afterwards. A held key counts once.
+    for (key, modifiers, kind, does) in [
+        (' ', none, Press, (true, false, true)),
+        (' ', none, Repeat, (true, false, true)),
+        (' ', none, Release, (false, false, true)),
+        ('m', none, Press, (true, false, false)),
+        ('c', none, Press, (false, false, false)),
+        ('q', control, Press, (false, false, false)),
+        ('q', none, Press, (true, true, false)),
+    ] {
+        let done = at_once(&KeyEvent::new_with_kind(KeyCode::Char(key), modifiers, kind), &run_control);
+        assert_eq!((done, run_control.stopping(), run_control.muted()), does, "{key:?} {kind:?}");
+    }
+    let run_control = RunControl::default();
     // Muted on the page meanwhile.
     run_control.mute(true);
-    assert_eq!(
-        does(&run_control, KeyCode::Char('m'), KeyModifiers::NONE, KeyEventKind::Press),
-        (true, false, false)
-    );
+    assert!(at_once(&KeyEvent::new(KeyCode::Char('m'), none), &run_control) && !run_control.muted());
+    assert!(at_once(&KeyEvent::new(KeyCode::Char('c'), control), &run_control) && run_control.stopping());
 }
 
 #[test]
@@ -198,7 +182,7 @@ fn key_release_does_nothing() {
 fn arrow_moves_beyond_the_slider() {
     let gain = LiveLayout { reach: Some([0.0, 2.0]), ..live("gain", 2.0, -1e6, 1e6) };
     assert_eq!(place(&gain), 1.0);
-    let next = moved(&gain, 1.0, false);
+    let next = moved(&gain, 1.0);
     assert!(next > 2.0 && next < 2.2, "{next}");
-    assert!(moved(&gain, -1.0, false) < 2.0);
+    assert!(moved(&gain, -1.0) < 2.0);
 }

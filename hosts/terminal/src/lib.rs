@@ -10,11 +10,8 @@
 //! | `keys` | actions of the keys |
 //! | `board` | all figures, ready to draw |
 //! | `draw` | one frame of the board |
-//! | `held`, `trace` | values of the last two seconds |
+//! | `recent` | values of the last two seconds |
 //! | `text` | figures and names as short text |
-//!
-//! To take in and lay out a view of twelve nodes and four scopes takes 0.11 ms at 80 x 24 and 0.41 ms at
-//! 200 x 60 (medians of 500 frames on a shared virtual machine). Only changed cells go to the terminal.
 //!
 //! Colours are the terminal's own sixteen on its own background; nothing depends on colour alone. Peaks,
 //! faults and losses stay for two seconds. Figures of nodes change four times a second. Control characters
@@ -22,12 +19,11 @@
 
 mod board;
 mod draw;
-mod held;
 mod keyboard;
 mod keys;
+mod recent;
 mod screen;
 mod text;
-mod trace;
 
 use std::io;
 use std::sync::mpsc::TryRecvError;
@@ -39,7 +35,6 @@ use ratatui::crossterm::event::Event;
 
 use board::Board;
 use keyboard::{KEYS, Keyboard};
-use keys::Answer;
 use screen::Screen;
 
 /// A terminal that shows a running graph. It is restored on drop, and when a panic ends the program.
@@ -81,11 +76,22 @@ impl Terminal {
     pub fn draw(&mut self, view: &View) -> io::Result<()> {
         let time = self.start.elapsed();
         self.board.take(view, time);
-        self.read_keys()?;
-        self.send();
-        for panic in self.screen.said() {
-            self.note(&panic);
+        for _ in 0..KEYS {
+            match self.keyboard.events.try_recv() {
+                Ok(Event::Key(key)) if self.board.press(key) => self.screen.redraw(),
+                Ok(_) => {}
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return Err(io::ErrorKind::BrokenPipe.into()),
+            }
         }
+        for request in std::mem::take(&mut self.board.requests) {
+            match self.run_control.ask(request) {
+                Ok(()) => {}
+                Err(Unheard::Busy) => self.note("too many requests at once: the last key did nothing"),
+                Err(Unheard::Over) => self.note("the run has ended: the key did nothing"),
+            }
+        }
+        self.screen.said().iter().for_each(|panic| self.note(panic));
         let board = &mut self.board;
         self.screen.frame(|buffer| board.draw(buffer, time))
     }
@@ -93,27 +99,5 @@ impl Terminal {
     /// Shows a notice at the bottom, with the time of the graph: a lost device, a file that was reloaded.
     pub fn note(&mut self, text: &str) {
         self.board.note(text);
-    }
-
-    fn read_keys(&mut self) -> io::Result<()> {
-        for _ in 0..KEYS {
-            match self.keyboard.events.try_recv() {
-                Ok(Event::Key(key)) if self.board.press(key) == Answer::Redraw => self.screen.redraw(),
-                Ok(_) => {}
-                Err(TryRecvError::Empty) => break,
-                Err(TryRecvError::Disconnected) => return Err(io::ErrorKind::BrokenPipe.into()),
-            }
-        }
-        Ok(())
-    }
-
-    fn send(&mut self) {
-        for request in std::mem::take(&mut self.board.requests) {
-            match self.run_control.ask(request) {
-                Ok(()) => {}
-                Err(Unheard::Busy) => self.board.note("too many requests at once: the last key did nothing"),
-                Err(Unheard::Over) => self.board.note("the run has ended: the key did nothing"),
-            }
-        }
     }
 }

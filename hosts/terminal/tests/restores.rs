@@ -14,6 +14,15 @@ const ENTER: &str = "\x1b[?1049h";
 const LEAVE: &str = "\x1b[?1049l";
 const SHOW_CURSOR: &str = "\x1b[?25h";
 
+/// Child, keys that are typed, what is on the screen that stays, and how often the terminal was taken over.
+const CASES: [(&str, &[u8], &str, usize); 5] = [
+    ("child-panics", b"", "drawn and done", 1),
+    ("child-main-panics", b"", "main is done", 1),
+    ("child-worker-panics", b"", "thread worker panicked: worker-is-done", 1),
+    ("child-catches", b"", "", 2),
+    ("child-waits", b"\x03", "asked to stop", 1),
+];
+
 fn main() {
     match std::env::args().nth(1).filter(|arg| arg.starts_with("child-")) {
         Some(child) => run_child(&child),
@@ -21,11 +30,21 @@ fn main() {
             eprintln!("SKIPPED: there is no `script` here to make a pseudo-terminal")
         }
         None => {
-            panic_of_the_drawing_thread();
-            panic_of_the_main_thread_while_another_draws();
-            panic_elsewhere_is_shown_and_the_run_continues();
-            caught_panic_restores_only_for_its_message();
-            ctrl_c_stops_the_run();
+            for (child, keys, said, entered) in CASES {
+                let out = run_in_terminal(child, keys);
+                assert_restored(&out, said, entered);
+                let first = out.find(LEAVE).unwrap_or(0);
+                match child {
+                    // It is shown while the run goes on.
+                    "child-worker-panics" => assert!(out[..first].contains("worker-is-done"), "{out:?}"),
+                    // The message is readable, and then the run goes on.
+                    "child-catches" => {
+                        let said = out[first..].find("only a try");
+                        assert!(said.is_some() && said < out[first..].find(ENTER), "{out:?}");
+                    }
+                    _ => {}
+                }
+            }
             pipe_is_refused_with_a_reason();
             terminal_that_does_not_read_blocks_nobody();
             println!("7 cases hold");
@@ -73,53 +92,12 @@ fn run_in_terminal(child: &str, keys: &[u8]) -> String {
 }
 
 #[track_caller]
-fn assert_restored(out: &str) {
-    let enter = out.find(ENTER).unwrap_or_else(|| panic!("the alternate screen was never entered:\n{out:?}"));
+fn assert_restored(out: &str, said: &str, entered: usize) {
+    assert_eq!(out.matches(ENTER).count(), entered, "{out:?}");
     let leave = out.rfind(LEAVE).unwrap_or_else(|| panic!("the alternate screen was never left:\n{out:?}"));
-    assert!(enter < leave, "{out:?}");
-    assert!(!out[leave..].contains(ENTER) && out[leave..].contains(SHOW_CURSOR), "{out:?}");
+    assert!(out.rfind(ENTER) < Some(leave) && out[leave..].contains(SHOW_CURSOR), "{out:?}");
+    assert!(out[leave..].contains(said), "{said:?} is not on the screen that stays:\n{out:?}");
     assert!(out.contains("SAME"), "the terminal's settings differ:\n{out:?}");
-}
-
-#[track_caller]
-fn assert_after_leaving(out: &str, what: &str) {
-    let leave = out.rfind(LEAVE).unwrap_or(0);
-    assert!(out[leave..].contains(what), "{what:?} is not on the screen that stays:\n{out:?}");
-}
-
-fn panic_of_the_drawing_thread() {
-    let out = run_in_terminal("child-panics", b"");
-    assert_restored(&out);
-    assert_after_leaving(&out, "drawn and done");
-}
-
-fn panic_of_the_main_thread_while_another_draws() {
-    let out = run_in_terminal("child-main-panics", b"");
-    assert_restored(&out);
-    assert_after_leaving(&out, "main is done");
-}
-
-fn panic_elsewhere_is_shown_and_the_run_continues() {
-    let out = run_in_terminal("child-worker-panics", b"");
-    assert_restored(&out);
-    assert_eq!(out.matches(ENTER).count(), 1, "{out:?}");
-    let said = out.find("worker-is-done").expect("what the worker said is shown");
-    assert!(said < out.find(LEAVE).expect("left"), "{out:?}");
-    assert_after_leaving(&out, "thread worker panicked: worker-is-done");
-}
-
-fn caught_panic_restores_only_for_its_message() {
-    let out = run_in_terminal("child-catches", b"");
-    assert_restored(&out);
-    assert_eq!(out.matches(ENTER).count(), 2, "{out:?}");
-    let first = out.find(LEAVE).expect("left");
-    assert!(out[first..].find("only a try") < out[first..].find(ENTER), "{out:?}");
-}
-
-fn ctrl_c_stops_the_run() {
-    let out = run_in_terminal("child-waits", b"\x03");
-    assert_restored(&out);
-    assert_after_leaving(&out, "asked to stop");
 }
 
 fn pipe_is_refused_with_a_reason() {

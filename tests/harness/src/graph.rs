@@ -18,16 +18,18 @@ pub fn of(nodes: &str, wires: &str) -> GraphFile {
     parsed(format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])"))
 }
 
-/// A graph of `id: kind(params)` and `from -> to`, a line each.
+/// A graph of `id: kind(params) every 2` and `from -> to -> on`, each on a line or before a semicolon.
 pub fn of_lines(lines: &str) -> GraphFile {
     let (mut nodes, mut wires) = (String::new(), String::new());
-    for line in lines.lines().map(str::trim).filter(|l| !l.is_empty()) {
-        if let Some((from, to)) = line.split_once(" -> ") {
-            wires += &format!("({from:?}, {to:?}), ");
+    for line in lines.split(['\n', ';']).map(str::trim).filter(|l| !l.is_empty()) {
+        let ends: Vec<&str> = line.split(" -> ").collect();
+        if let [_, _, ..] = ends[..] {
+            wires.extend(ends.windows(2).map(|w| format!("({:?}, {:?}), ", w[0], w[1])));
         } else {
             let (id, rest) = line.split_once(": ").expect("id: kind");
+            let (rest, every) = rest.split_once(" every ").unwrap_or((rest, "1"));
             let (kind, params) = rest.split_once('(').map_or((rest, ""), |(k, p)| (k, &p[..p.len() - 1]));
-            nodes += &format!("{id:?}: (kind: {kind:?}, params: ({params})), ");
+            nodes += &format!("{id:?}: (kind: {kind:?}, params: ({params}), every: {every}), ");
         }
     }
     of(&nodes, &wires)

@@ -7,26 +7,36 @@ use harness::{asperity, graphs, root, shipped_graph};
 
 use super::judge::{Seed, Tally, times, two_at_a_time};
 
-/// A reader: the file's name, what is right, the command that reads it (`{}`), what that writes, and how many
-/// mutants.
+/// A reader of a file.
 pub struct Reader {
     pub name: &'static str,
     pub right: fn() -> Vec<u8>,
-    pub args: fn(&str) -> Vec<String>,
-    pub outputs: &'static [&'static str],
-    pub mutants: u64,
+    mutants: u64,
+    /// The command that reads it: `FILE` is the file; `GRAPH`, `LIBRARY` and `PICTURE` are shipped ones.
+    command: &'static str,
 }
 
-fn words(line: &str) -> Vec<String> {
-    line.split(' ').map(str::to_owned).collect()
+impl Reader {
+    pub fn args(&self) -> Vec<String> {
+        let word = |word: &str| match word {
+            "GRAPH" => graphs("heravi2024.ron").display().to_string(),
+            "LIBRARY" => graphs("models/surfaces/materials.ron").display().to_string(),
+            "PICTURE" => picture(),
+            word => word.replace("FILE", self.name),
+        };
+        self.command.split(' ').map(word).collect()
+    }
+
+    /// Files that the command writes.
+    pub fn outputs(&self) -> Vec<&str> {
+        let out = self.command.split_once("--out ").map(|(_, out)| out);
+        let recovered = self.name.strip_suffix(".recording");
+        out.into_iter().chain(recovered.map(|_| self.name)).chain(recovered).collect()
+    }
 }
 
 fn shipped(path: &str) -> Vec<u8> {
     fs::read(graphs(path)).expect("a shipped file")
-}
-
-fn graph() -> String {
-    graphs("heravi2024.ron").display().to_string()
 }
 
 /// A scene with whole paths, so that it stands anywhere.
@@ -46,6 +56,10 @@ fn recording() -> Vec<u8> {
     text.into_bytes()
 }
 
+fn vector() -> Vec<u8> {
+    fs::read(root().join("tests/data/phase/texture_2500.mag.npy")).expect("a vector")
+}
+
 /// The header and some samples of a recording that a killed run left.
 fn left_recording() -> Vec<u8> {
     let mut to = std::io::Cursor::new(Vec::new());
@@ -61,106 +75,44 @@ fn left_recording() -> Vec<u8> {
     to.into_inner()
 }
 
+const fn reader(name: &'static str, right: fn() -> Vec<u8>, mutants: u64, command: &'static str) -> Reader {
+    Reader { name, right, mutants, command }
+}
+
 pub const READERS: [Reader; 13] = [
-    Reader {
-        name: "g.ron",
-        right: || shipped_graph().into_bytes(),
-        args: |f| words(&format!("check {f}")),
-        outputs: &[],
-        mutants: 400,
-    },
-    Reader {
-        name: "g.ron",
-        right: || shipped_graph().into_bytes(),
-        args: |f| words(&format!("render {f} --seconds 0.05 --out o.wav")),
-        outputs: &["o.wav"],
-        mutants: 150,
-    },
-    Reader {
-        name: "s.ron",
-        right: scene,
-        args: |f| words(&format!("check {f}")),
-        outputs: &[],
-        mutants: 200,
-    },
-    Reader {
-        name: "l.ron",
-        right: || shipped("models/surfaces/materials.ron"),
-        args: |f| words(&format!("materials --library {f}")),
-        outputs: &[],
-        mutants: 100,
-    },
-    Reader {
-        name: "p.ron",
-        right: || shipped("actuators/hapcoil_one.ron"),
-        args: |f| words(&format!("check {} --set limiter.profile={f} --set inverse.profile={f}", graph())),
-        outputs: &[],
-        mutants: 200,
-    },
-    Reader {
-        name: "t.csv",
-        right: || shipped("trajectories/zigzag.csv"),
-        args: |f| words(&format!("render {} --input {f} --seconds 0.05 --out o.wav", graph())),
-        outputs: &["o.wav"],
-        mutants: 100,
-    },
-    Reader {
-        name: "m.npy",
-        right: || fs::read(root().join("tests/data/phase/texture_2500.mag.npy")).expect("a vector"),
-        args: |f| words(&format!("invert --magnitudes {f} --rate 2500 --out o.npy")),
-        outputs: &["o.npy"],
-        mutants: 150,
-    },
-    Reader {
-        name: "n.onnx",
-        right: || shipped("models/surfaces/texture.onnx"),
-        args: |f| words(&format!("check {} --set texture.model={f}", graph())),
-        outputs: &[],
-        mutants: 80,
-    },
-    Reader {
-        name: "e.onnx",
-        right: || shipped("models/surfaces/encoder.onnx"),
-        args: |f| {
-            let library = graphs("models/surfaces/materials.ron");
-            words(&format!("encode --dry-run --library {} --encoder {f} {}", library.display(), picture()))
-        },
-        outputs: &[],
-        mutants: 40,
-    },
-    Reader {
-        name: "i.jpg",
-        right: || fs::read(picture()).expect("a picture"),
-        args: |f| {
-            words(&format!(
-                "encode --dry-run --library {} {f}",
-                graphs("models/surfaces/materials.ron").display()
-            ))
-        },
-        outputs: &[],
-        mutants: 40,
-    },
-    Reader {
-        name: "r.json",
-        right: || fs::read(root().join("graphs/tradeoffs/results.json")).expect("results"),
-        args: |f| words(&format!("choose {f} --budget-us 100")),
-        outputs: &[],
-        mutants: 150,
-    },
-    Reader {
-        name: "r.csv",
-        right: recording,
-        args: |f| words(&format!("fit-ar {f} --out o.ron")),
-        outputs: &["o.ron"],
-        mutants: 60,
-    },
-    Reader {
-        name: "k.wav.recording",
-        right: left_recording,
-        args: |f| words(&format!("recover {f}")),
-        outputs: &["k.wav.recording", "k.wav"],
-        mutants: 150,
-    },
+    reader("g.ron", || shipped_graph().into_bytes(), 400, "check FILE"),
+    reader("g.ron", || shipped_graph().into_bytes(), 150, "render FILE --seconds 0.05 --out o.wav"),
+    reader("s.ron", scene, 200, "check FILE"),
+    reader("l.ron", || shipped("models/surfaces/materials.ron"), 100, "materials --library FILE"),
+    reader(
+        "p.ron",
+        || shipped("actuators/hapcoil_one.ron"),
+        200,
+        "check GRAPH --set limiter.profile=FILE --set inverse.profile=FILE",
+    ),
+    reader(
+        "t.csv",
+        || shipped("trajectories/zigzag.csv"),
+        100,
+        "render GRAPH --input FILE --seconds 0.05 --out o.wav",
+    ),
+    reader("m.npy", vector, 150, "invert --magnitudes FILE --rate 2500 --out o.npy"),
+    reader("n.onnx", || shipped("models/surfaces/texture.onnx"), 80, "check GRAPH --set texture.model=FILE"),
+    reader(
+        "e.onnx",
+        || shipped("models/surfaces/encoder.onnx"),
+        40,
+        "encode --dry-run --library LIBRARY --encoder FILE PICTURE",
+    ),
+    reader(
+        "i.jpg",
+        || fs::read(picture()).expect("a picture"),
+        40,
+        "encode --dry-run --library LIBRARY FILE",
+    ),
+    reader("r.json", || shipped("tradeoffs/results.json"), 150, "choose FILE --budget-us 100"),
+    reader("r.csv", recording, 60, "fit-ar FILE --out o.ron"),
+    reader("k.wav.recording", left_recording, 150, "recover FILE"),
 ];
 
 fn picture() -> String {
@@ -243,8 +195,8 @@ fn damaged_file_is_refused_or_read_and_nothing_else() {
             let bytes = mutated(&right, &mut Seed(number.wrapping_mul(0x1_0001)));
             fs::write(dir.path().join(reader.name), bytes).expect("a file");
             let mut program = asperity(dir.path());
-            program.args((reader.args)(reader.name));
-            tally.case(&format!("{} {number}", reader.name), dir, program, reader.outputs);
+            program.args(reader.args());
+            tally.case(&format!("{} {number}", reader.name), dir, program, &reader.outputs());
         });
     }
     tally.done();
@@ -255,10 +207,10 @@ fn undamaged_file_is_read() {
     for reader in &READERS {
         let dir = tempfile::tempdir().expect("a folder");
         fs::write(dir.path().join(reader.name), (reader.right)()).expect("a file");
-        let out = asperity(dir.path()).args((reader.args)(reader.name)).output().expect("it starts");
+        let out = asperity(dir.path()).args(reader.args()).output().expect("it starts");
         assert!(out.status.success(), "{}: {}", reader.name, String::from_utf8_lossy(&out.stderr));
         assert!(
-            reader.outputs.iter().all(|o| *o == reader.name || dir.path().join(o).exists()),
+            reader.outputs().iter().all(|o| *o == reader.name || dir.path().join(o).exists()),
             "{}",
             reader.name
         );

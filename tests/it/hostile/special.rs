@@ -37,8 +37,8 @@ fn what_is_no_file_is_refused_by_every_reader() {
             let dir = tempfile::tempdir().expect("a folder");
             make(&dir.path().join(reader.name));
             let mut program = asperity(dir.path());
-            program.args((reader.args)(reader.name));
-            tally.case(&format!("{what} as {}", reader.name), dir, program, reader.outputs);
+            program.args(reader.args());
+            tally.case(&format!("{what} as {}", reader.name), dir, program, &reader.outputs());
         }
     }
     tally.done();

@@ -1,9 +1,10 @@
 //! `asperity check`: the schedule that a graph compiles to.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
-use asperity_graph::{BufferEntry, Schedule, Step};
+use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, Step};
 use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
@@ -11,8 +12,7 @@ use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
 use crate::failure::{Failure, print, warn};
 use crate::kinds::Kinds;
-use crate::load;
-use crate::load::GraphArgs;
+use crate::load::{self, GraphArgs};
 
 /// Check a graph: order, buffers, rates, latency per path, what was dropped and why
 #[derive(Debug, clap::Args)]
@@ -24,7 +24,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
@@ -41,23 +40,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 fn text_of(schedule: &Schedule) -> String {
     let mut out = String::new();
-    let _ = writeln!(
-        out,
-        "{} ticks/s, audio at {} Hz, seed {}",
-        schedule.tick_hz, schedule.audio_hz, schedule.seed
-    );
+    let Schedule { tick_hz, audio_hz, seed, .. } = schedule;
+    let _ = writeln!(out, "{tick_hz} ticks/s, audio at {audio_hz} Hz, seed {seed}");
     let _ = writeln!(out, "\norder");
     let id_width = schedule.nodes.iter().map(|n| n.id.chars().count()).max().unwrap_or(0);
     let kind_width = schedule.nodes.iter().map(|n| n.kind.chars().count()).max().unwrap_or(0);
     for (i, node) in schedule.nodes.iter().enumerate() {
-        let _ = writeln!(
-            out,
-            "{:>4}  {:id_width$}  {:kind_width$}  {}",
-            i + 1,
-            node.id,
-            node.kind,
-            remarks(schedule, i)
-        );
+        let (n, id, kind, remarks) = (i + 1, &node.id, &node.kind, remarks(schedule, i));
+        let _ = writeln!(out, "{n:>4}  {id:id_width$}  {kind:kind_width$}  {remarks}");
         for output in node.outputs.iter() {
             let readers = match output.readers {
                 0 => "unread".to_owned(),
@@ -72,7 +62,7 @@ fn text_of(schedule: &Schedule) -> String {
         }
     }
     let (constants, outputs) = buffer_counts(schedule);
-    let counts: Vec<String> = outputs.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    let counts = outputs.map(|(kind, n)| format!("{n} {kind}"));
     let _ = writeln!(out, "\nbuffers   {}; {constants} constant inputs", counts.join(", "));
     let _ = writeln!(out, "\nlatency");
     if schedule.paths.is_empty() {
@@ -138,116 +128,67 @@ fn remarks(schedule: &Schedule, i: usize) -> String {
     out.join("; ")
 }
 
-fn buffer_counts(schedule: &Schedule) -> (usize, Vec<(&'static str, usize)>) {
-    let mut counts = vec![("Control", 0), ("Audio", 0), ("Magnitude", 0), ("Spectrum", 0)];
-    let mut constants = 0;
-    for buffer in &schedule.buffers {
-        match buffer {
-            BufferEntry::Constant { .. } => constants += 1,
-            BufferEntry::HostFed(_) => {}
-            BufferEntry::Output(port) => {
-                if let Some(c) = counts.iter_mut().find(|(kind, _)| *kind == port.shape.kind()) {
-                    c.1 += 1;
-                }
-            }
-        }
-    }
-    (constants, counts)
+/// Constants, and buffers of each kind.
+fn buffer_counts(schedule: &Schedule) -> (usize, [(&'static str, usize); 4]) {
+    let constants = schedule.buffers.iter().filter(|b| matches!(b, BufferEntry::Constant { .. })).count();
+    let kind = |buffer: &BufferEntry| match buffer {
+        BufferEntry::Output(port) => Some(port.shape.kind()),
+        _ => None,
+    };
+    let count = |of| (of, schedule.buffers.iter().filter(|buffer| kind(buffer) == Some(of)).count());
+    (constants, ["Control", "Audio", "Magnitude", "Spectrum"].map(count))
 }
 
 fn as_json(schedule: &Schedule) -> Value {
-    let nodes: Vec<Value> = schedule
-        .nodes
-        .iter()
-        .map(|node| {
-            let params: serde_json::Map<String, Value> =
-                node.params.iter().map(|(name, v)| (name.to_owned(), param_json(v))).collect();
-            let inputs: Vec<Value> = node
-                .inputs
-                .iter()
-                .map(|input| {
-                    let from = input.from.map(|(n, o)| {
-                        format!("{}.{}", schedule.nodes[n].id, schedule.nodes[n].outputs[o].name)
-                    });
-                    json!({
-                        "name": input.name,
-                        "from": from,
-                        "buffer": input.reads.buffer,
-                        "type": input.port.as_ref().map(ToString::to_string),
-                    })
-                })
-                .collect();
-            let outputs: Vec<Value> = node
-                .outputs
-                .iter()
-                .zip(node.buffers.clone())
-                .map(|(o, buffer)| {
-                    json!({
-                        "name": o.name, "buffer": buffer, "type": o.port.to_string(), "readers": o.readers,
-                    })
-                })
-                .collect();
-            json!({
-                "id": node.id,
-                "kind": node.kind,
-                "every": node.every,
-                "params": params,
-                "inputs": inputs,
-                "outputs": outputs,
-                "guards": node
-                    .gate_sets
-                    .iter()
-                    .map(|way| way.iter().map(|&g| schedule.nodes[g].id.as_str()).collect::<Vec<_>>())
-                    .collect::<Vec<_>>(),
-                "resume": node.resume.word(),
-                "sink": node.sink,
-                "closes_cycle": node.closes_cycle,
-                "latency_ms": node.latency.ms(),
-                "tail_ms": node.tail.ms(),
-                "allocation_free": node.allocation_free,
-                "facts": facts_json(&node.facts),
-            })
+    let id = |i: usize| schedule.nodes[i].id.as_str();
+    let ids = |all: &[usize]| all.iter().map(|&i| id(i)).collect::<Vec<_>>();
+    let input = |input: &ScheduledInput| {
+        let from = input.from.map(|(n, o)| format!("{}.{}", id(n), schedule.nodes[n].outputs[o].name));
+        let port = input.port.as_ref().map(ToString::to_string);
+        json!({ "name": input.name, "from": from, "buffer": input.reads.buffer, "type": port })
+    };
+    let output = |(o, buffer): (&ScheduledOutput, _)| {
+        let port = o.port.to_string();
+        json!({ "name": o.name, "buffer": buffer, "type": port, "readers": o.readers })
+    };
+    let nodes = schedule.nodes.iter().map(|node| {
+        json!({
+            "id": node.id,
+            "kind": node.kind,
+            "every": node.every,
+            "params": node.params.iter().map(|(name, v)| (name, param_json(v))).collect::<BTreeMap<_, _>>(),
+            "inputs": node.inputs.iter().map(input).collect::<Vec<_>>(),
+            "outputs": node.outputs.iter().zip(node.buffers.clone()).map(output).collect::<Vec<_>>(),
+            "guards": node.gate_sets.iter().map(|way| ids(way)).collect::<Vec<_>>(),
+            "resume": node.resume.word(),
+            "sink": node.sink,
+            "closes_cycle": node.closes_cycle,
+            "latency_ms": node.latency.ms(),
+            "tail_ms": node.tail.ms(),
+            "allocation_free": node.allocation_free,
+            "facts": facts_json(&node.facts),
         })
-        .collect();
-    let steps: Vec<Value> = schedule
-        .steps
-        .iter()
-        .map(|s| {
-            let (word, i) = match *s {
-                Step::Wants(i) => ("wants", i),
-                Step::Process(i) => ("process", i),
-                Step::Absorb(i) => ("absorb", i),
-            };
-            json!([word, schedule.nodes[i].id])
-        })
-        .collect();
+    });
+    let steps = schedule.steps.iter().map(|step| match *step {
+        Step::Wants(i) => ("wants", id(i)),
+        Step::Process(i) => ("process", id(i)),
+        Step::Absorb(i) => ("absorb", id(i)),
+    });
     let (constants, counts) = buffer_counts(schedule);
-    let outputs = counts.into_iter().map(|(k, n)| (k.to_owned(), json!(n)));
-    let paths: Vec<Value> = schedule
-        .paths
-        .iter()
-        .map(|p| {
-            let id = |i: usize| schedule.nodes[i].id.as_str();
-            json!({
-                "from": id(p.from),
-                "to": id(p.to),
-                "least_ms": p.least.ms(),
-                "most_ms": p.most.ms(),
-                "through": p.through.iter().map(|&i| id(i)).collect::<Vec<_>>(),
-            })
+    let paths = schedule.paths.iter().map(|p| {
+        json!({
+            "from": id(p.from), "to": id(p.to), "least_ms": p.least.ms(), "most_ms": p.most.ms(),
+            "through": ids(&p.through),
         })
-        .collect();
+    });
     json!({
         "tick_hz": schedule.tick_hz,
         "audio_hz": schedule.audio_hz,
         "seed": schedule.seed,
-        "nodes": nodes,
-        "steps": steps,
-        "buffers": {
-            "constants": constants,
-            "outputs": outputs.collect::<serde_json::Map<_, _>>(),
-        },
-        "latency": paths,
+        "nodes": nodes.collect::<Vec<_>>(),
+        "steps": steps.collect::<Vec<_>>(),
+        "buffers": { "constants": constants, "outputs": counts.into_iter().collect::<BTreeMap<_, _>>() },
+        "latency": paths.collect::<Vec<_>>(),
         "latency_ms": schedule.latency().ms(),
         "dropped": dropped_json(schedule),
         "allocation_free": schedule.allocating().is_empty(),

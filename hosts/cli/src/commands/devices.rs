@@ -15,7 +15,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let hosts = asperity_audio::hosts();
     if args.json {

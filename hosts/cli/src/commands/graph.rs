@@ -23,7 +23,6 @@ pub struct Args {
     pub svg: PathBuf,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let Loaded { graph, compiled, .. } = load::load(&args.graph, &mut kinds)?;
@@ -35,24 +34,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 fn picture(graph: &GraphFile, schedule: &Schedule) -> GraphPicture {
+    let node = |id: &str, kind: &str, note: String, dropped| GraphPictureNode {
+        id: id.to_owned(),
+        kind: kind.to_owned(),
+        note,
+        dropped,
+    };
     let mut picture = GraphPicture::default();
-    for node in &schedule.nodes {
-        let note = if node.every > 1 { format!("every {} ticks", node.every) } else { String::new() };
-        picture.nodes.push(GraphPictureNode {
-            id: node.id.clone(),
-            kind: node.kind.clone(),
-            note,
-            dropped: false,
-        });
+    for n in &schedule.nodes {
+        let note = if n.every > 1 { format!("every {} ticks", n.every) } else { String::new() };
+        picture.nodes.push(node(&n.id, &n.kind, note, false));
     }
-    for d in &schedule.dropped {
-        picture.nodes.push(GraphPictureNode {
-            id: d.id.clone(),
-            kind: d.kind.clone(),
-            note: "not built".into(),
-            dropped: true,
-        });
-    }
+    picture.nodes.extend(schedule.dropped.iter().map(|d| node(&d.id, &d.kind, "not built".into(), true)));
     for node in &schedule.nodes {
         for input in &node.inputs {
             let Some((from, output)) = input.from else { continue };

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_texture::Library;
+use asperity_texture::{Library, LibraryMaterial};
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, clean, print};
@@ -21,7 +21,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     if args.json {
@@ -60,19 +59,14 @@ fn text_of(library: &Library) -> String {
 }
 
 fn as_json(library: &Library) -> Value {
-    let file =
-        |path: std::path::PathBuf| json!({ "path": path.display().to_string(), "missing": !path.is_file() });
-    let materials: Vec<Value> = library
-        .materials()
-        .iter()
-        .map(|m| {
-            let images: Vec<Value> = m.images.iter().map(|i| file(library.beside(i))).collect();
-            json!({ "name": m.name, "family": m.family, "description": m.description, "images": images })
-        })
-        .collect();
+    let file = |path: PathBuf| json!({ "path": path.display().to_string(), "missing": !path.is_file() });
+    let material = |m: &LibraryMaterial| {
+        let images: Vec<Value> = m.images.iter().map(|i| file(library.beside(i))).collect();
+        json!({ "name": m.name, "family": m.family, "description": m.description, "images": images })
+    };
     json!({
         "library": library.path().display().to_string(),
         "encoder": library.encoder().map(file),
-        "materials": materials,
+        "materials": library.materials().iter().map(material).collect::<Vec<_>>(),
     })
 }

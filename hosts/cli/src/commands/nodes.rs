@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
-use asperity_node::{Descriptor, Param, ParamKind, ParamValue};
+use asperity_node::{Descriptor, Input, Output, Param, ParamKind, ParamValue};
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, print};
@@ -23,37 +23,28 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let registry = kinds::registry(&args.plugins.plugin)?;
-    match &args.kind {
+    let text = match &args.kind {
         Some(name) => {
-            let Some(kind) = registry.get(name) else {
-                return Err(Diagnostic::new(format!("there is no node kind `{name}`"))
-                    .help(one_of(name, registry.names()))
-                    .into());
-            };
-            if args.json {
-                print(&format!("{:#}\n", as_json(kind.descriptor())))?;
-            } else {
-                print(&text_of(kind.descriptor()))?;
+            let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));
+            let kind = registry.get(name).ok_or_else(|| unknown.help(one_of(name, registry.names())))?;
+            match args.json {
+                true => format!("{:#}\n", as_json(kind.descriptor())),
+                false => text_of(kind.descriptor()),
             }
         }
         None if args.json => {
-            let all: Vec<Value> = registry.iter().map(|k| as_json(k.descriptor())).collect();
-            print(&format!("{:#}\n", Value::Array(all)))?;
+            format!("{:#}\n", Value::from_iter(registry.iter().map(|k| as_json(k.descriptor()))))
         }
         None => {
             let width = registry.names().map(str::len).max().unwrap_or(0);
-            let mut out = String::new();
-            for kind in registry.iter() {
-                let d = kind.descriptor();
-                let _ = writeln!(out, "{:width$}  {}", d.kind, d.summary);
-            }
-            out.push_str("\nasperity nodes KIND describes one.\n");
-            print(&out)?;
+            let line = |d: &Descriptor| format!("{:width$}  {}\n", d.kind, d.summary);
+            let lines: String = registry.iter().map(|kind| line(kind.descriptor())).collect();
+            lines + "\nasperity nodes KIND describes one.\n"
         }
-    }
+    };
+    print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -64,19 +55,14 @@ fn text_of(d: &Descriptor) -> String {
         let _ = writeln!(out, "\ninputs");
     }
     for p in &d.inputs {
-        let mut notes = Vec::new();
-        if p.host_fed {
-            notes.push("from the device, unless wired".into());
-        } else if p.optional {
-            notes.push(if p.default == 0.0 {
-                "optional".into()
-            } else {
-                format!("optional, else {}", p.default)
-            });
-        }
-        if p.limited {
-            notes.push("only behind a limiter".to_owned());
-        }
+        let note = match (p.host_fed, p.optional, p.default) {
+            (true, ..) => Some("from the device, unless wired".into()),
+            (_, true, 0.0) => Some("optional".into()),
+            (_, true, default) => Some(format!("optional, else {default}")),
+            _ => None,
+        };
+        let limited = p.limited.then(|| "only behind a limiter".to_owned());
+        let notes: Vec<String> = note.into_iter().chain(limited).collect();
         let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
         let _ = writeln!(out, "  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
     }
@@ -118,7 +104,6 @@ fn text_of(d: &Descriptor) -> String {
     out
 }
 
-/// A parameter's value as JSON.
 pub fn param_json(value: &ParamValue) -> Value {
     match value {
         ParamValue::Number(x) => json!(x),
@@ -145,56 +130,48 @@ fn parameter(p: &Param, indent: usize) -> String {
 }
 
 fn as_json(d: &Descriptor) -> Value {
-    let inputs: Vec<Value> = d
-        .inputs
-        .iter()
-        .map(|p| {
-            json!({
-                "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
-                "optional": p.optional, "default": p.optional.then_some(p.default), "limited": p.limited,
-                "fed": p.host_fed,
-            })
+    let input = |p: &Input| {
+        json!({
+            "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
+            "optional": p.optional, "default": p.optional.then_some(p.default), "limited": p.limited,
+            "fed": p.host_fed,
         })
-        .collect();
-    let outputs: Vec<Value> = d
-        .outputs
-        .iter()
-        .map(|p| {
-            json!({
-                "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
-                "limited": p.limited,
-            })
+    };
+    let output = |p: &Output| {
+        json!({
+            "name": p.name, "doc": p.doc, "type": p.shape.to_string(), "unit": p.unit.to_string(),
+            "limited": p.limited,
         })
-        .collect();
-    let params: Vec<Value> = d
-        .params
-        .iter()
-        .map(|p| {
-            let (least, most) = match &p.kind {
-                ParamKind::Number(r) | ParamKind::Numbers(r) => (json!(r.start()), json!(r.end())),
-                ParamKind::Integer(r) => (json!(r.start()), json!(r.end())),
-                _ => (Value::Null, Value::Null),
-            };
-            let (kind, choices) = match &p.kind {
-                ParamKind::Number(_) => ("number", Value::Null),
-                ParamKind::Integer(_) => ("integer", Value::Null),
-                ParamKind::Flag => ("flag", Value::Null),
-                ParamKind::Text => ("text", Value::Null),
-                ParamKind::Choice(words) => ("choice", json!(words)),
-                ParamKind::File => ("file", Value::Null),
-                ParamKind::Numbers(_) => ("numbers", Value::Null),
-                ParamKind::Texts => ("texts", Value::Null),
-            };
-            let default = p.default.as_ref().map_or(Value::Null, param_json);
-            json!({
-                "name": p.name, "doc": p.doc, "unit": p.unit, "type": kind, "choices": choices,
-                "min": least, "max": most, "default": default, "required": p.default.is_none() && !p.optional,
-                "live": p.live,
-            })
+    };
+    let param = |p: &Param| {
+        let range = |least: Value, most: Value| [least, most, Value::Null];
+        let [least, most, choices] = match &p.kind {
+            ParamKind::Number(r) | ParamKind::Numbers(r) => range(json!(r.start()), json!(r.end())),
+            ParamKind::Integer(r) => range(json!(r.start()), json!(r.end())),
+            ParamKind::Choice(words) => [Value::Null, Value::Null, json!(words)],
+            _ => Default::default(),
+        };
+        let kind = match &p.kind {
+            ParamKind::Number(_) => "number",
+            ParamKind::Integer(_) => "integer",
+            ParamKind::Flag => "flag",
+            ParamKind::Text => "text",
+            ParamKind::Choice(_) => "choice",
+            ParamKind::File => "file",
+            ParamKind::Numbers(_) => "numbers",
+            ParamKind::Texts => "texts",
+        };
+        json!({
+            "name": p.name, "doc": p.doc, "unit": p.unit, "type": kind, "choices": choices,
+            "min": least, "max": most, "default": p.default.as_ref().map(param_json),
+            "required": p.default.is_none() && !p.optional, "live": p.live,
         })
-        .collect();
+    };
     json!({
-        "kind": d.kind, "summary": d.summary, "inputs": inputs, "outputs": outputs, "params": params,
+        "kind": d.kind, "summary": d.summary,
+        "inputs": d.inputs.iter().map(input).collect::<Vec<_>>(),
+        "outputs": d.outputs.iter().map(output).collect::<Vec<_>>(),
+        "params": d.params.iter().map(param).collect::<Vec<_>>(),
         "resume": d.resume.word(), "gate": d.gate, "closes_cycles": d.feedback.is_some(), "sink": d.sink,
         "timing": d.timing,
     })

@@ -9,10 +9,9 @@ use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, clean, print};
+use crate::failure::{Failure, clean, print, progress};
 use crate::kinds::Kinds;
 use crate::load::{self, GraphArgs, PluginArgs};
 
@@ -62,7 +61,6 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let chosen = chosen(args)?;
     let (graph, registry) = subject(args)?;
@@ -77,10 +75,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     // A case that is named reports itself that it needs a graph.
     let needless = |case: &&Case| graph.is_none() && case.of_graph && args.case.is_empty();
     let (left, run): (Vec<&Case>, Vec<&Case>) = chosen.into_iter().partition(needless);
-    let bar = progress(run.len(), args.quiet);
-    let told = Told::new(&run);
+    let bar = progress(run.len() as u64, "testing {wide_bar} {pos}/{len}  {msg}", args.quiet);
+    let line = table(&run);
     if !args.json && !run.is_empty() {
-        print(&told.line("family", "case", "verdict", "found"))?;
+        print(&line("family", "case", "verdict", "found"))?;
     }
     let mut rows = Vec::new();
     for case in run {
@@ -88,7 +86,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let outcome = contained(case, &subject);
         bar.inc(1);
         if !args.json {
-            bar.suspend(|| print(&told.row(case, &outcome, args.verbose)))?;
+            let found = outcome.found.lines().map(clean).collect::<Vec<_>>().join("; ");
+            let mut row = line(case.family, case.name, word(outcome.verdict), &found);
+            if args.verbose {
+                row += &format!("    hard: {}\n    must: {}\n", case.hard, case.must);
+            }
+            bar.suspend(|| print(&row))?;
         }
         rows.push((case, outcome));
     }
@@ -108,25 +111,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// The wanted cases.
 fn chosen(args: &Args) -> Result<Vec<&'static Case>, Failure> {
     let all = cases();
-    let unknown = |what: &str, name: &str, names: Vec<&'static str>| {
-        let message = format!("there is no {what} `{}`", clean(name));
-        Failure::from(Diagnostic::new(message).help(one_of(name, names.iter().copied())))
+    let known = |what: &str, wanted: &[String], names: fn(&Case) -> &'static str| {
+        let names: Vec<&str> = all.iter().map(|case| names(case)).collect();
+        let wrong = wanted.iter().find(|name| !names.contains(&name.as_str()));
+        wrong.map_or(Ok(()), |name| {
+            let message = format!("there is no {what} `{}`", clean(name));
+            // Families stand one after another.
+            let names = names.chunk_by(|a, b| a == b).map(|same| same[0]);
+            Err(Diagnostic::new(message).help(one_of(name, names)))
+        })
     };
-    for name in &args.case {
-        if all.iter().all(|c| c.name != name) {
-            return Err(unknown("case", name, all.iter().map(|c| c.name).collect()));
-        }
-    }
-    for name in &args.family {
-        if all.iter().all(|c| c.family != name) {
-            let mut names: Vec<&str> = all.iter().map(|c| c.family).collect();
-            names.dedup();
-            return Err(unknown("family", name, names));
-        }
-    }
+    known("case", &args.case, |case| case.name)?;
+    known("family", &args.family, |case| case.family)?;
     let asked = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
     Ok(all.into_iter().filter(|c| asked(&args.case, c.name) && asked(&args.family, c.family)).collect())
 }
@@ -135,15 +133,7 @@ fn chosen(args: &Args) -> Result<Vec<&'static Case>, Failure> {
 fn subject(args: &Args) -> Result<(Option<GraphFile>, Registry), Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let Some(path) = &args.graph else { return Ok((None, kinds.registry(None)?)) };
-    let of = GraphArgs {
-        graph: path.clone(),
-        set: args.set.clone(),
-        input: None,
-        hand: None,
-        no_prune: false,
-        strict: false,
-        plugins: args.plugins.clone(),
-    };
+    let of = GraphArgs { set: args.set.clone(), ..GraphArgs::plain(path, &args.plugins) };
     let loaded = load::load(&of, &mut kinds)?;
     Ok((Some(loaded.graph), loaded.registry))
 }
@@ -154,23 +144,6 @@ fn contained(case: &Case, subject: &Subject<'_>) -> Outcome {
         .unwrap_or_else(|_| Outcome { verdict: Verdict::Fails, found: "it panicked outside a tick".into() })
 }
 
-fn progress(cases: usize, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(cases as u64);
-    if let Ok(style) = ProgressStyle::with_template("testing {wide_bar} {pos}/{len}  {msg}") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// Widths of the columns.
-struct Told {
-    family: usize,
-    case: usize,
-}
-
 fn word(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Holds => "holds",
@@ -179,27 +152,14 @@ fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-impl Told {
-    fn new(cases: &[&Case]) -> Self {
-        let widest = |name: fn(&Case) -> &str, head: &str| {
-            cases.iter().map(|c| name(c).len()).chain([head.len()]).max().unwrap_or(0)
-        };
-        Self { family: widest(|c| c.family, "family"), case: widest(|c| c.name, "case") }
-    }
-
-    fn line(&self, family: &str, case: &str, verdict: &str, found: &str) -> String {
-        let (f, c) = (self.family, self.case);
-        let text = format!("{family:f$}  {case:c$}  {verdict:14}  {found}");
-        format!("{}\n", text.trim_end())
-    }
-
-    fn row(&self, case: &Case, outcome: &Outcome, verbose: bool) -> String {
-        let found = outcome.found.lines().map(clean).collect::<Vec<_>>().join("; ");
-        let mut out = self.line(case.family, case.name, word(outcome.verdict), &found);
-        if verbose {
-            out += &format!("    hard: {}\n    must: {}\n", case.hard, case.must);
-        }
-        out
+/// Writes rows of a table over these cases: family, case, verdict and what was found.
+fn table(cases: &[&Case]) -> impl Fn(&str, &str, &str, &str) -> String + use<> {
+    let widest = |name: fn(&Case) -> &str, head: &str| {
+        cases.iter().map(|c| name(c).len()).max().unwrap_or(0).max(head.len())
+    };
+    let (f, c) = (widest(|c| c.family, "family"), widest(|c| c.name, "case"));
+    move |family, case, verdict, found| {
+        format!("{family:f$}  {case:c$}  {verdict:14}  {found}").trim_end().to_owned() + "\n"
     }
 }
 

@@ -53,7 +53,6 @@ pub struct Args {
     pub overwrite: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let path = args.machine.clone().or_else(default_path);
     let path = path.ok_or_else(|| Failure::Machine("this system has no folder for configuration".into()))?;

@@ -45,7 +45,6 @@ const LAST_S: f64 = 0.2;
 /// A level below this part of the requested one is reported.
 const AS_ASKED: f64 = 0.99;
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     range("--hz", args.hz, 1.0, (0.45 * f64::from(args.rate)).min(20_000.0), "Hz")?;
     let nodes = format!(

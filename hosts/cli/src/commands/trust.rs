@@ -30,7 +30,6 @@ pub struct Args {
 /// More trusted folders, separated as in `PATH`: for machines without a user.
 const VARIABLE: &str = "ASPERITY_TRUST";
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     match &args.folder {
         Some(folder) if args.remove => {

@@ -13,16 +13,13 @@ use crate::commands::render::recorder;
 use crate::failure::{Failure, wrong};
 use crate::output::resolved;
 
-/// A file that a node reads.
 pub struct NodeFile {
     pub path: PathBuf,
-    /// The node's id.
     pub node: String,
     /// The parameter that names the file; empty where another file of the node names it.
     pub param: String,
 }
 
-/// Files that the nodes of a graph read.
 pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
     let mut files = Vec::new();
     for node in &schedule.nodes {
@@ -119,7 +116,6 @@ const LONGEST: Duration = Duration::from_secs(1);
 /// Tells two versions of a file apart without reading it: time and length; `None` for a missing file.
 type Stamp = Option<(SystemTime, u64)>;
 
-/// Files, each with its version.
 pub type Stamps = BTreeMap<PathBuf, Stamp>;
 
 /// Versions of all files that a graph is made of, as they are now.
@@ -172,7 +168,6 @@ impl Watched {
     }
 }
 
-/// Ids of nodes that read one of these files.
 pub fn readers(schedule: &Schedule, changed: &[PathBuf]) -> Vec<String> {
     node_files(schedule).into_iter().filter(|f| changed.contains(&f.path)).map(|f| f.node).collect()
 }

@@ -39,7 +39,21 @@ pub struct GraphArgs {
     pub plugins: PluginArgs,
 }
 
-/// Help of `--hand`.
+impl GraphArgs {
+    /// A graph without changes.
+    pub fn plain(graph: &Path, plugins: &PluginArgs) -> Self {
+        Self {
+            graph: graph.to_owned(),
+            set: Vec::new(),
+            input: None,
+            hand: None,
+            no_prune: false,
+            strict: false,
+            plugins: plugins.clone(),
+        }
+    }
+}
+
 fn hand_help() -> String {
     let registry = asperity_hand::register(Registry::new());
     let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
@@ -54,15 +68,12 @@ pub struct PluginArgs {
     pub plugin: Vec<PathBuf>,
 }
 
-/// A graph that compiled.
 pub struct Loaded {
     /// The graph, with the changes of the command line.
     pub graph: GraphFile,
     /// The scene that was lowered to the graph.
     pub scene: Option<OfScene>,
-    /// Kinds that the graph may use.
     pub registry: Registry,
-    /// Schedule and nodes.
     pub compiled: Compiled,
 }
 
@@ -154,9 +165,7 @@ pub struct Offline {
     pub graph: GraphFile,
     /// The graph as its file has it.
     pub whole: GraphFile,
-    /// The kinds that it may use.
     pub registry: Registry,
-    /// Files of its plugins.
     pub plugins: Vec<PathBuf>,
 }
 
@@ -165,15 +174,7 @@ pub struct Offline {
 /// # Errors
 /// Everything that is wrong with the file.
 pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
-    let args = GraphArgs {
-        graph: path.to_owned(),
-        set: Vec::new(),
-        input: None,
-        hand: None,
-        no_prune: false,
-        strict: false,
-        plugins: plugins.clone(),
-    };
+    let args = GraphArgs::plain(path, plugins);
     let mut kinds = Kinds::new(&plugins.plugin);
     let (whole, _) = read(&args, &mut kinds)?;
     let registry = kinds.registry(Some(&whole))?;
@@ -201,7 +202,6 @@ fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(
     Ok(())
 }
 
-/// A graph with the changes of the command line.
 fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
     if let Some(input) = &args.input {
         stylus::play(&mut graph, &kinds::built_in(), input)?;

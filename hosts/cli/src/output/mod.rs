@@ -44,7 +44,7 @@ impl Pending {
     pub fn create(path: &Path) -> Result<Self, Failure> {
         let (path, there) = free(path)?;
         journal::tidy(&path);
-        let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let dir = folder_of(&path);
         let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
@@ -104,7 +104,6 @@ impl Pending {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
 
-    /// Fills the file.
     pub fn fill(mut self, text: &str) -> Result<Self, Failure> {
         self.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(&self.path, e))?;
         Ok(self)
@@ -172,16 +171,19 @@ fn left_over(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
+/// The folder that a file lies in.
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Writes a folder to the disk, so that a file's name survives a crash of the machine.
 fn sync_folder(file: &Path) {
     if cfg!(unix) {
-        let folder = file.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Not every disk supports it.
-        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        let _ = File::open(folder_of(file)).and_then(|folder| folder.sync_all());
     }
 }
 
-/// Writes a file with this text.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.fill(text)?.keep().map(drop)
 }
@@ -189,7 +191,6 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
 /// Whether a graph may overwrite files that Asperity did not make.
 static OVERWRITE: AtomicBool = AtomicBool::new(false);
 
-/// Lets graphs overwrite files that Asperity did not make.
 pub fn overwrite() {
     OVERWRITE.store(true, Relaxed);
 }
@@ -224,8 +225,7 @@ pub fn resolved(path: &Path) -> PathBuf {
     if let Ok(path) = path.canonicalize() {
         return path;
     }
-    let dir = path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match (dir.canonicalize(), path.file_name()) {
+    match (folder_of(&path).canonicalize(), path.file_name()) {
         (Ok(dir), Some(name)) => dir.join(name),
         _ => path,
     }
@@ -245,21 +245,25 @@ pub struct Rows {
 enum To {
     Wav(hound::WavWriter<BufWriter<File>>, Format),
     Npy(npy::Writer<BufWriter<File>>),
-    Csv(BufWriter<File>, Vec<u8>),
+    Csv(BufWriter<File>),
 }
 
 /// Largest size of a WAV file's samples \[bytes\]: its header counts them in 32 bits.
 const MAX_WAV_BYTES: u64 = u32::MAX as u64 - 1024;
 
+impl Format {
+    fn of_samples(self) -> (u16, hound::SampleFormat) {
+        match self {
+            Format::F32 => (32, hound::SampleFormat::Float),
+            Format::I24 => (24, hound::SampleFormat::Int),
+            Format::I16 => (16, hound::SampleFormat::Int),
+        }
+    }
+}
+
 impl Rows {
-    /// Refuses more samples than a WAV file can hold.
     pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
-        let bytes = samples
-            * match format {
-                Format::F32 => 4,
-                Format::I24 => 3,
-                Format::I16 => 2,
-            };
+        let bytes = samples * u64::from(format.of_samples().0 / 8);
         if bytes <= MAX_WAV_BYTES {
             return Ok(());
         }
@@ -269,32 +273,32 @@ impl Rows {
             .help(format!("render at most {part:.0} % of it, in --format i16, or to a .npy file")))
     }
 
+    fn new(pending: Pending, to: impl FnOnce(BufWriter<File>) -> io::Result<To>) -> Result<Self, Failure> {
+        let to = to(BufWriter::new(pending.file()?)).map_err(|e| Failure::writing(&pending.path, e))?;
+        Ok(Self { pending, to })
+    }
+
     /// A WAV file; a row has a sample of each channel.
     pub fn wav(pending: Pending, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
-        let path = &pending.path;
-        let (bits_per_sample, sample_format) = match format {
-            Format::F32 => (32, hound::SampleFormat::Float),
-            Format::I24 => (24, hound::SampleFormat::Int),
-            Format::I16 => (16, hound::SampleFormat::Int),
-        };
-        let channels = u16::try_from(channels).map_err(|e| Failure::writing(path, e))?;
-        let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
-        let writer = hound::WavWriter::new(BufWriter::new(pending.file()?), spec);
-        Ok(Self { to: To::Wav(writer.map_err(|e| Failure::writing(path, e))?, format), pending })
+        let (bits_per_sample, sample_format) = format.of_samples();
+        Self::new(pending, |file| {
+            let channels = u16::try_from(channels).map_err(io::Error::other)?;
+            let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
+            Ok(To::Wav(hound::WavWriter::new(file, spec).map_err(of_wav)?, format))
+        })
     }
 
     /// A .npy file of float32: one dimension for `None`, else rows of this many columns.
     pub fn npy(pending: Pending, columns: Option<usize>) -> Result<Self, Failure> {
-        let path = &pending.path;
-        let writer = npy::Writer::new(BufWriter::new(pending.file()?), columns);
-        Ok(Self { to: To::Npy(writer.map_err(|e| Failure::writing(path, e))?), pending })
+        Self::new(pending, |file| npy::Writer::new(file, columns).map(To::Npy))
     }
 
     /// A CSV file: a time in seconds, then the columns of this header.
     pub fn csv(pending: Pending, header: &[String]) -> Result<Self, Failure> {
-        let mut file = BufWriter::new(pending.file()?);
-        writeln!(file, "t_s,{}", header.join(",")).map_err(|e| Failure::writing(&pending.path, e))?;
-        Ok(Self { to: To::Csv(file, Vec::new()), pending })
+        Self::new(pending, |mut file| {
+            writeln!(file, "t_s,{}", header.join(","))?;
+            Ok(To::Csv(file))
+        })
     }
 
     /// Appends rows; `time` answers the time of each \[s\].
@@ -302,49 +306,23 @@ impl Rows {
         &mut self,
         values: &[f32],
         columns: usize,
-        mut time: impl FnMut(usize) -> f64,
+        time: impl FnMut(usize) -> f64,
     ) -> Result<(), Failure> {
-        let path = &self.pending.path;
-        match &mut self.to {
-            To::Wav(writer, format) => {
-                for &x in values {
-                    match format {
-                        Format::F32 => writer.write_sample(x),
-                        Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
-                        Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
-                    }
-                    .map_err(|e| Failure::writing(path, e))?;
-                }
-                Ok(())
-            }
-            To::Npy(writer) => writer.append(values).map_err(|e| Failure::writing(path, e)),
-            To::Csv(file, line) => {
-                line.clear();
-                for (i, row) in values.chunks(columns.max(1)).enumerate() {
-                    let _ = write!(line, "{}", time(i));
-                    for x in row {
-                        let _ = write!(line, ",{x}");
-                    }
-                    line.push(b'\n');
-                }
-                file.write_all(line).map_err(|e| Failure::writing(path, e))
-            }
-        }
+        self.to.append(values, columns, time).map_err(|e| Failure::writing(&self.pending.path, e))
     }
 
     /// Brings the file and its header up to date, and keeps it if the run is killed.
     pub fn refresh(&mut self) -> Result<(), Failure> {
-        let path = &self.pending.path;
-        match &mut self.to {
-            To::Wav(writer, _) => writer.flush().map_err(|e| Failure::writing(path, e))?,
-            To::Npy(writer) => writer.flush().map_err(|e| Failure::writing(path, e))?,
-            To::Csv(file, _) => file.flush().map_err(|e| Failure::writing(path, e))?,
-        }
+        let done = match &mut self.to {
+            To::Wav(writer, _) => writer.flush().map_err(of_wav),
+            To::Npy(writer) => writer.flush(),
+            To::Csv(file) => file.flush(),
+        };
+        done.map_err(|e| Failure::writing(&self.pending.path, e))?;
         self.pending.temp.disable_cleanup(true);
         Ok(())
     }
 
-    /// Final path of the file.
     pub fn path(&self) -> &Path {
         &self.pending.path
     }
@@ -356,14 +334,46 @@ impl Rows {
         self.pending
     }
 
-    /// Completes the file.
     pub fn finish(self) -> Result<Pending, Failure> {
-        let path = &self.pending.path;
-        match self.to {
-            To::Wav(writer, _) => writer.finalize().map_err(|e| Failure::writing(path, e))?,
-            To::Npy(writer) => writer.finish().map(drop).map_err(|e| Failure::writing(path, e))?,
-            To::Csv(mut file, _) => file.flush().map_err(|e| Failure::writing(path, e))?,
-        }
+        let done = match self.to {
+            To::Wav(writer, _) => writer.finalize().map_err(of_wav),
+            To::Npy(writer) => writer.finish().map(drop),
+            To::Csv(mut file) => file.flush(),
+        };
+        done.map_err(|e| Failure::writing(&self.pending.path, e))?;
         Ok(self.pending)
+    }
+}
+
+impl To {
+    fn append(
+        &mut self,
+        values: &[f32],
+        columns: usize,
+        mut time: impl FnMut(usize) -> f64,
+    ) -> io::Result<()> {
+        match self {
+            To::Wav(writer, format) => values.iter().try_for_each(|&x| {
+                match format {
+                    Format::F32 => writer.write_sample(x),
+                    Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
+                    Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
+                }
+                .map_err(of_wav)
+            }),
+            To::Npy(writer) => writer.append(values),
+            To::Csv(file) => values.chunks(columns.max(1)).enumerate().try_for_each(|(i, row)| {
+                write!(file, "{}", time(i))?;
+                row.iter().try_for_each(|x| write!(file, ",{x}"))?;
+                writeln!(file)
+            }),
+        }
+    }
+}
+
+fn of_wav(e: hound::Error) -> io::Error {
+    match e {
+        hound::Error::IoError(e) => e,
+        e => io::Error::other(e),
     }
 }

@@ -18,7 +18,6 @@ const LONGEST_LINE: u64 = 1 << 20;
 /// Outcome of [`recover`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Recovered {
-    /// Completed, under this name.
     Kept(PathBuf),
     /// Removed, because it had no rows.
     Empty,
@@ -84,7 +83,6 @@ pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     }
 }
 
-/// The first bytes of a file.
 fn head(file: &mut File) -> io::Result<Vec<u8>> {
     let mut head = Vec::new();
     file.seek(SeekFrom::Start(0))?;

@@ -29,7 +29,7 @@ use crate::output::{Format, Pending, Rows, ending, keep_all};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use report::{Level, Run};
-use watch::{Extras, Sent, Watch};
+use watch::{Extras, Watch};
 
 /// Render a graph to a WAV file, as fast as it goes
 #[derive(Clone, Debug, clap::Args)]
@@ -83,7 +83,6 @@ impl Clock for ClockTime {
     }
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
@@ -100,8 +99,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
     distinct_files(&args.graph, schedule, kinds.files(), &named)?;
     check_lengths(args, schedule, ticks)?;
-    let sent = Sent::default();
-    let mut capture = Capture::new(args, &compiled, scene, sent.clone())?;
+    let mut capture = Capture::new(args, &compiled, scene)?;
     // Opened before the work, so that a missing folder is an error at once.
     let plot_file = args.plot.as_deref().map(Pending::create).transpose()?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
@@ -111,10 +109,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let options = Options { sleep: !args.no_sleep, limit_ns, ..Options::default() };
     let stop = stop_flag();
     let bar = progress(ticks, "rendering {wide_bar} {percent:>3} %  {msg}  {eta} left", args.quiet);
-    let (mut engine, watch) = if args.watch {
+    let (mut engine, mut watch) = if args.watch {
         kinds.plays();
         let (controller, engine) = Engine::controlled(compiled, options);
-        (engine, Some(Watch::start(args, kinds, controller, sent, &bar)))
+        (engine, Some(Watch::new(args, kinds, controller, &bar)))
     } else {
         (Engine::new(compiled, options), None)
     };
@@ -122,7 +120,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let clock = ClockTime(Instant::now());
     let mut done = 0;
     while done < ticks && !stop.load(Ordering::Relaxed) {
-        if args.watch {
+        if let Some(watch) = &mut watch {
+            capture.sent = watch.poll().or(capture.sent.take());
             let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
             std::thread::sleep(due.saturating_sub(clock.0.elapsed()));
         }
@@ -169,7 +168,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// Loads the graph, with a node for each `--probe`.
 fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (mut graph, scene) = load::read(&args.graph, kinds)?;
     for (i, text) in args.probe.iter().enumerate() {
@@ -211,7 +209,6 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
     ))
 }
 
-/// Refuses more samples than a WAV file can hold.
 fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
     let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
     if let Some(path) = args.out.as_ref().filter(|p| ending(p) == "wav") {
@@ -250,8 +247,8 @@ struct Capture {
     times: Times,
     level: Level,
     schedule: Arc<Schedule>,
-    /// Scenes and guards of graphs that the engine will take over.
-    sent: Sent,
+    /// Of the graph that the engine takes over next.
+    sent: Option<Extras>,
     /// With `--watch`: holds the file's channels to their limits while graphs change.
     output_limits: Option<OutputLimits>,
     /// Time of each node in this tick \[ns\].
@@ -262,17 +259,17 @@ struct Capture {
 
 impl Capture {
     /// Opens the files that the command line and the graph's sinks name.
-    fn new(args: &Args, compiled: &Compiled, scene: Option<OfScene>, sent: Sent) -> Result<Self, Failure> {
+    fn new(args: &Args, compiled: &Compiled, scene: Option<OfScene>) -> Result<Self, Failure> {
         let schedule = &compiled.schedule;
         let nodes = schedule.nodes.len();
         Ok(Self {
             recorders: Recorder::for_sinks(schedule)?,
             master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
-            traces: args.plot.as_ref().map(|_| Traces::new(schedule).with(scene, schedule)),
+            traces: args.plot.as_ref().map(|_| Traces::new(schedule, scene)),
             times: Times::new(nodes),
             level: Level::new(schedule),
             schedule: Arc::new(schedule.clone()),
-            sent,
+            sent: None,
             output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
             spent: vec![0; nodes],
             calls: vec![0; nodes],
@@ -320,13 +317,13 @@ impl Capture {
             master.follow(moved);
         }
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
-        let Extras { scene, output_limits } = self.sent.take().unwrap_or_default();
-        if let Some(current) = &mut self.output_limits {
-            let mut before = std::mem::replace(current, output_limits);
+        let (scene, next) = self.sent.take().map(|sent| (sent.scene, sent.output_limits)).unzip();
+        if let (Some(current), Some(next)) = (&mut self.output_limits, next) {
+            let mut before = std::mem::replace(current, next);
             current.go_on(&mut before);
         }
         if let Some(traces) = &mut self.traces {
-            traces.follow(&schedule, scene);
+            traces.follow(&schedule, scene.flatten());
         }
         // The times of this tick are left out: they have the new numbers in a table of the old length.
         let from: Vec<Option<usize>> = schedule.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();

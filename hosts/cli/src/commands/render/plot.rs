@@ -16,80 +16,74 @@ const MAX_S: u64 = 20;
 
 /// Signals for the plot, the first of each meaning.
 pub struct Traces {
-    position: Option<Trace>,
-    speed: Option<Trace>,
-    force: Option<Trace>,
-    acceleration: Option<Trace>,
-    drive: Option<Trace>,
-    active: Option<Trace>,
+    /// Position, speed, force, acceleration, drive, and whether the gate is open.
+    all: [Option<Trace>; 6],
     gate_mm_s: Option<f64>,
     effects: Option<Effects>,
 }
 
 struct Trace {
-    node: usize,
-    output: usize,
+    /// Node and output; none has the number of one that ended.
+    from: (usize, usize),
     hz: f64,
     unit: String,
     data: Vec<f32>,
 }
 
+/// Finds the signals in a graph.
+fn traces(schedule: &Schedule) -> [Option<Trace>; 6] {
+    let port = |(node, output): (usize, usize)| &schedule.nodes[node].outputs[output];
+    let trace = |from| {
+        let port = &port(from).port;
+        let hz = match port.shape {
+            Shape::Audio { rate_hz } => rate_hz,
+            _ => schedule.tick_hz,
+        };
+        Trace { from, hz: hz.into(), unit: port.unit.to_string(), data: Vec::new() }
+    };
+    let outputs = || {
+        let nodes = schedule.nodes.iter().enumerate();
+        nodes.flat_map(|(n, node)| (0..node.outputs.len()).map(move |o| (n, o)))
+    };
+    // The first wired output of this shape, unit and name; else the first.
+    let control = |count: usize, unit: Unit, name: &str| {
+        let fits = |of: &(usize, usize)| {
+            let it = port(*of);
+            it.port.shape == Shape::Control { count } && it.port.unit == unit && it.name == name
+        };
+        let wired = outputs().find(|of| fits(of) && port(*of).readers > 0);
+        wired.or_else(|| outputs().find(fits)).map(trace)
+    };
+    let into = |role| {
+        let (_, node) = schedule.with_role(role).next()?;
+        node.inputs.first()?.from.map(trace)
+    };
+    let sounds = |of: &(usize, usize)| {
+        let port = &port(*of).port;
+        matches!(port.shape, Shape::Audio { .. }) && port.unit == Unit::METRE_PER_SECOND_SQUARED
+    };
+    // The first of the last node.
+    let last = || outputs().filter(sounds).max_by_key(|(node, output)| (*node, usize::MAX - output));
+    [
+        control(3, Unit::MILLIMETRE, "position"),
+        control(1, Unit::MILLIMETRE_PER_SECOND, "speed"),
+        control(1, Unit::NEWTON, "force"),
+        into(Role::ActuatorInverse).or_else(|| last().map(trace)),
+        into(Role::AudioOutput),
+        control(1, Unit::NONE, "active"),
+    ]
+}
+
 impl Traces {
-    /// Finds the signals in a graph.
-    pub fn new(schedule: &Schedule) -> Self {
-        let trace = |(node, output): (usize, usize)| {
-            let port = &schedule.nodes[node].outputs[output].port;
-            let hz = match port.shape {
-                Shape::Audio { rate_hz } => f64::from(rate_hz),
-                _ => f64::from(schedule.tick_hz),
-            };
-            Trace { node, output, hz, unit: port.unit.to_string(), data: Vec::new() }
-        };
-        // The first wired output of this shape, unit and name; else the first.
-        let control = |count: usize, unit: Unit, name: &str| {
-            let fits = |n: usize, o: usize| {
-                let output = &schedule.nodes[n].outputs[o];
-                output.port.shape == Shape::Control { count }
-                    && output.port.unit == unit
-                    && output.name == name
-            };
-            let all = (0..schedule.nodes.len())
-                .flat_map(|n| (0..schedule.nodes[n].outputs.len()).map(move |o| (n, o)))
-                .filter(|&(n, o)| fits(n, o));
-            let wired = all.clone().find(|&(n, o)| schedule.nodes[n].outputs[o].readers > 0);
-            wired.or_else(|| all.clone().next()).map(trace)
-        };
-        let into = |role| {
-            let (_, node) = schedule.with_role(role).next()?;
-            node.inputs.first()?.from.map(trace)
-        };
-        let last_acceleration = || {
-            let fits = |n: usize| {
-                schedule.nodes[n].outputs.iter().position(|o| {
-                    matches!(o.port.shape, Shape::Audio { .. })
-                        && o.port.unit == Unit::METRE_PER_SECOND_SQUARED
-                })
-            };
-            (0..schedule.nodes.len()).rev().find_map(|n| Some((n, fits(n)?))).map(trace)
-        };
+    /// Starts for a graph, and the scene from which it was lowered.
+    pub fn new(schedule: &Schedule, scene: Option<OfScene>) -> Self {
         Self {
-            position: control(3, Unit::MILLIMETRE, "position"),
-            speed: control(1, Unit::MILLIMETRE_PER_SECOND, "speed"),
-            force: control(1, Unit::NEWTON, "force"),
-            acceleration: into(Role::ActuatorInverse).or_else(last_acceleration),
-            drive: into(Role::AudioOutput),
-            active: control(1, Unit::NONE, "active"),
+            all: traces(schedule),
             gate_mm_s: speed_gate(schedule).map(|(_, mm_s)| mm_s),
-            effects: None,
+            effects: scene.map(|scene| Effects::new(scene, schedule)),
         }
     }
 
-    /// Adds the effects of the scene that the graph was lowered from.
-    pub fn with(self, scene: Option<OfScene>, schedule: &Schedule) -> Self {
-        Self { effects: scene.map(|scene| Effects::new(scene, schedule)), ..self }
-    }
-
-    /// Records the tick that has just run.
     pub fn take(&mut self, engine: &Engine, tick: u64) {
         if tick >= MAX_S * u64::from(engine.schedule().tick_hz) {
             return;
@@ -97,16 +91,8 @@ impl Traces {
         if let Some(effects) = &mut self.effects {
             effects.take(engine);
         }
-        let all = [
-            &mut self.position,
-            &mut self.speed,
-            &mut self.force,
-            &mut self.acceleration,
-            &mut self.drive,
-            &mut self.active,
-        ];
-        for trace in all.into_iter().flatten() {
-            match engine.output(trace.node, trace.output) {
+        for trace in self.all.iter_mut().flatten() {
+            match engine.output(trace.from.0, trace.from.1) {
                 Some(Buffer::Control { values, .. }) => trace.data.extend(values.iter().map(|x| *x as f32)),
                 buffer => trace.data.extend_from_slice(samples(buffer)),
             }
@@ -118,61 +104,44 @@ impl Traces {
         if let Some(effects) = &mut self.effects {
             effects.follow(scene, schedule);
         }
-        let found = Self::new(schedule);
-        let pairs = [
-            (&mut self.position, found.position),
-            (&mut self.speed, found.speed),
-            (&mut self.force, found.force),
-            (&mut self.acceleration, found.acceleration),
-            (&mut self.drive, found.drive),
-            (&mut self.active, found.active),
-        ];
-        for (trace, found) in pairs {
+        for (trace, found) in self.all.iter_mut().zip(traces(schedule)) {
             let Some(trace) = trace else { continue };
-            // No node has this number, so nothing more is recorded.
-            (trace.node, trace.output) = match found {
-                Some(f) if f.hz == trace.hz && f.unit == trace.unit => (f.node, f.output),
-                _ => (usize::MAX, 0),
-            };
+            let found = found.filter(|found| found.hz == trace.hz && found.unit == trace.unit);
+            trace.from = found.map_or((usize::MAX, 0), |found| found.from);
         }
     }
 
-    /// The picture.
     pub fn svg(self, graph: &Path, schedule: &Schedule) -> String {
         let series = |t: Option<Trace>, name: &str| t.map(|t| Series::sampled(name, &t.unit, t.hz, t.data));
-        let text = |key: &str| {
-            schedule.nodes.iter().find_map(|n| match n.params.get(key) {
-                Some(ParamValue::Text(t)) if !t.is_empty() => Some(t.clone()),
-                _ => None,
-            })
-        };
-        // A scene has a material for each surface.
-        let material = text("material").filter(|_| self.effects.is_none());
-        let material = material.map(|m| format!("{m}: ")).unwrap_or_default();
+        let material = schedule.nodes.iter().find_map(|n| match n.params.get("material") {
+            // A scene has a material for each surface.
+            Some(ParamValue::Text(t)) if !t.is_empty() && self.effects.is_none() => Some(format!("{t}: ")),
+            _ => None,
+        });
+        let material = material.unwrap_or_default();
         let name = graph.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let drawn =
-            self.position.as_ref().map_or(0, |p| p.data.len() as u64 / 3) / u64::from(schedule.tick_hz);
+        let [position, speed, force, acceleration, drive, active] = self.all;
+        let drawn = position.as_ref().map_or(0, |p| p.data.len() as u64 / 3) / u64::from(schedule.tick_hz);
         let cut = if drawn >= MAX_S { format!(", first {MAX_S} s") } else { String::new() };
-        let drive =
-            if self.drive.as_ref().is_some_and(|t| t.unit == "V") { "coil voltage" } else { "coil current" };
+        let volts = drive.as_ref().is_some_and(|t| t.unit == "V");
         let textures = self.effects.as_ref().map(Effects::textures).unwrap_or_default();
         let above = self.effects.map(|effects| effects.into_scene_map(schedule.tick_hz));
         // The gate of a scene is open over what has no texture too.
         let active = match &above {
             Some(above) => above.times(&textures.iter().map(String::as_str).collect::<Vec<_>>()),
-            None => self.active.map(spans).unwrap_or_default(),
+            None => active.map(spans).unwrap_or_default(),
         };
         Render {
             title: format!("{material}{name}"),
             subtitle: format!("{} Hz ticks, {} Hz audio{cut}", schedule.tick_hz, schedule.audio_hz),
             above,
             active,
-            position: series(self.position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
-            speed: series(self.speed, "speed"),
+            position: series(position, "position").map(|s| s.with_columns(&["x", "y", "z"])),
+            speed: series(speed, "speed"),
             gate_mm_s: self.gate_mm_s,
-            force: series(self.force, "normal force"),
-            acceleration: series(self.acceleration, "acceleration"),
-            drive: series(self.drive, drive),
+            force: series(force, "normal force"),
+            acceleration: series(acceleration, "acceleration"),
+            drive: series(drive, if volts { "coil voltage" } else { "coil current" }),
         }
         .to_svg()
     }
@@ -180,28 +149,18 @@ impl Traces {
 
 /// Intervals of time in which a signal is above one half.
 fn spans(trace: Trace) -> Vec<(f64, f64)> {
-    let mut out: Vec<(f64, f64)> = Vec::new();
-    let mut before = false;
-    for (i, x) in trace.data.iter().enumerate() {
-        let (on, t) = (*x > 0.5, i as f64 / trace.hz);
-        match (before, on) {
-            (false, true) => out.push((t, t)),
-            (true, _) => {
-                if let Some(last) = out.last_mut() {
-                    last.1 = t;
-                }
-            }
-            _ => {}
-        }
-        before = on;
-    }
-    out
+    let on = trace.data.iter().map(|x| *x > 0.5).enumerate().collect::<Vec<_>>();
+    let runs = on.chunk_by(|a, b| a.1 == b.1).filter(|run| run[0].1);
+    // The end is the first sample that is off.
+    let end = |run: &[(usize, bool)]| (run[0].0 + run.len()).min(trace.data.len() - 1);
+    runs.map(|run| (run[0].0 as f64 / trace.hz, end(run) as f64 / trace.hz)).collect()
 }
 
 /// Effects that a surface itself gives. They come before the kinds that nodes render.
 const OF_SURFACES: [&str; 2] = ["stiffness", "damping"];
 
 /// The stroke over a scene, with the effects that were active in each tick.
+#[derive(Default)]
 pub struct Effects {
     rendered: Vec<Rendered>,
     /// Of each surface: whether it is stiff, whether it is damped.
@@ -237,16 +196,7 @@ struct Contact {
 impl Effects {
     /// Starts for a scene and its schedule.
     pub fn new(of: OfScene, schedule: &Schedule) -> Self {
-        let mut effects = Self {
-            walls: Vec::new(),
-            surfaces: Vec::new(),
-            rendered: Vec::new(),
-            watched: Vec::new(),
-            contact: None,
-            gate: None,
-            stroke: 0.0,
-            moments: Vec::new(),
-        };
+        let mut effects = Self::default();
         effects.follow(Some(of), schedule);
         effects.watched.iter_mut().for_each(|watched| watched.calls = 0);
         effects
@@ -302,12 +252,10 @@ impl Effects {
         });
     }
 
-    /// Names of the textures.
     fn textures(&self) -> Vec<String> {
         self.rendered.iter().filter(|of| of.texture).map(|of| of.kind.clone()).collect()
     }
 
-    /// Records the tick that has just run.
     pub fn take(&mut self, engine: &Engine) {
         let mut effects = 0;
         let textures = self.gate.is_none_or(|gate| is_something(engine.output(gate, 0)));
@@ -352,7 +300,6 @@ impl Effects {
         (0..all).map(count).collect()
     }
 
-    /// The picture.
     pub fn into_scene_map(self, tick_hz: u32) -> SceneMap {
         let rendered = self.rendered.iter().map(|of| of.kind.clone());
         let effects = OF_SURFACES.into_iter().map(str::to_owned).chain(rendered).collect();

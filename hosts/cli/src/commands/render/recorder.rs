@@ -8,6 +8,7 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::OutputLimits;
 use asperity_node::{Buffer, ParamValue, Role, Shape, time};
 
+use super::samples;
 use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
 
@@ -17,7 +18,6 @@ pub struct Recorder {
     from: From,
     columns: usize,
     shape: Shape,
-    scratch: Vec<f32>,
     /// Number of the next row; `None` before the first one of a sink that begins late.
     next: Option<u64>,
     /// Rows of ticks that were left out.
@@ -29,15 +29,15 @@ pub struct Recorder {
     stopped: Option<(String, bool)>,
 }
 
-/// A recording that ended.
-#[derive(Debug)]
+/// Recordings that ended.
+#[derive(Debug, Default)]
 pub struct Kept {
-    /// Its file, if anything was kept.
-    pub path: Option<PathBuf>,
+    /// Their files, where anything was kept.
+    pub written: Vec<PathBuf>,
     /// Messages for the user.
     pub said: Vec<String>,
-    /// Why the file is not complete.
-    pub cut: Option<String>,
+    /// Files that are not complete, and why.
+    pub cut: Vec<String>,
 }
 
 /// Opens a recording's file: [`Pending::create`], or [`Pending::recording`] for a run that may be killed.
@@ -134,7 +134,6 @@ impl Recorder {
             from,
             columns,
             shape,
-            scratch: Vec::new(),
             next: Some(0),
             missing: 0,
             rows_written: 0,
@@ -143,37 +142,26 @@ impl Recorder {
         })
     }
 
-    /// Records the tick that has just run.
     pub fn take(&mut self, engine: &Engine, tick: u64) -> Result<(), Failure> {
         let buffer = match self.from {
             From::Input(node) => engine.input(node, 0),
             From::Output(node) => engine.output(node, 0),
         };
         let tick_hz = engine.schedule().tick_hz;
-        let mut scratch = std::mem::take(&mut self.scratch);
-        scratch.clear();
-        let start = match (buffer, self.shape) {
-            (Some(Buffer::Control { values, .. }), _) => {
-                scratch.extend(values.iter().map(|x| *x as f32));
-                Some(tick)
-            }
+        let (start, values) = match (buffer, self.shape) {
+            (Some(Buffer::Control { values, .. }), _) => (tick, values.iter().map(|x| *x as f32).collect()),
             (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
-                scratch.extend_from_slice(&samples[..*len]);
-                Some(time::first_sample(tick, rate_hz, tick_hz))
+                (time::first_sample(tick, rate_hz, tick_hz), samples[..*len].to_vec())
             }
             (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), Shape::Magnitude(_)) => {
-                scratch.extend_from_slice(bins);
-                Some(*start)
+                (*start, bins.to_vec())
             }
             (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), Shape::Spectrum(_)) => {
-                scratch.extend(bins.iter().flat_map(|z| [z.re, z.im]));
-                Some(*start)
+                (*start, bins.iter().flat_map(|z| [z.re, z.im]).collect())
             }
-            _ => None,
+            _ => return Ok(()),
         };
-        let done = start.map_or(Ok(()), |start| self.append(start, &scratch, tick_hz));
-        self.scratch = scratch;
-        done
+        self.append(start, &values, tick_hz)
     }
 
     /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio
@@ -192,10 +180,9 @@ impl Recorder {
         let rows = (values.len() / self.columns.max(1)) as u64;
         self.next = Some(start + rows);
         if self.rows_written + rows > self.most {
-            let path = self.rows.path().display();
-            return Err(Failure::Machine(format!(
-                "{path} is full: a WAV file holds 4 GiB, a .npy file more"
-            )));
+            let full =
+                format!("{} is full: a WAV file holds 4 GiB, a .npy file more", self.rows.path().display());
+            return Err(Failure::Machine(full));
         }
         self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))?;
         self.rows_written += rows;
@@ -204,28 +191,25 @@ impl Recorder {
 
     /// Like [`append`](Self::append), but an error ends only the recording of this file.
     pub fn append_while_possible(&mut self, start: u64, values: &[f32], tick_hz: u32) {
-        if self.stopped.is_some() {
-            return;
-        }
-        if let Err(failure) = self.append(start, values, tick_hz) {
-            self.stop(&failure);
+        if self.stopped.is_none() {
+            let done = self.append(start, values, tick_hz);
+            self.stop_unless(done);
         }
     }
 
     /// Brings the file up to date, so that it is complete if the run is killed.
     pub fn refresh(&mut self) {
-        if self.stopped.is_none()
-            && self.rows_written > 0
-            && let Err(failure) = self.rows.refresh()
-        {
-            self.stop(&failure);
+        if self.stopped.is_none() && self.rows_written > 0 {
+            let done = self.rows.refresh();
+            self.stop_unless(done);
         }
     }
 
-    /// Stops recording.
-    fn stop(&mut self, failure: &Failure) {
-        let said = format!("{}; no more of it is recorded, and all else goes on", failure.reason());
-        self.stopped = Some((said, false));
+    fn stop_unless(&mut self, done: Result<(), Failure>) {
+        if let Err(failure) = done {
+            let said = format!("{}; no more of it is recorded, and all else goes on", failure.reason());
+            self.stopped = Some((said, false));
+        }
     }
 
     /// Why the recording stopped; answered once.
@@ -235,15 +219,14 @@ impl Recorder {
     }
 
     /// Completes the file with the rows that reached the disk, whatever happened.
-    pub fn end(mut self) -> Kept {
+    pub fn end(mut self, kept: &mut Kept) {
         let path = self.rows.path().to_owned();
-        let name = path.display().to_string();
-        let mut said: Vec<String> = self.complaint().into_iter().collect();
-        let mut cut = self.stopped.as_ref().map(|_| format!("{name} is not whole"));
+        let name = path.display();
+        kept.said.extend(self.complaint());
         if self.missing > 0 {
-            let missing = self.missing;
-            said.push(format!(
-                "{name}: {missing} rows of ticks that were left out are missing; a .csv has times"
+            kept.said.push(format!(
+                "{name}: {} rows of ticks that were left out are missing; a .csv has times",
+                self.missing
             ));
         }
         let pending = self.rows.abandon();
@@ -251,17 +234,15 @@ impl Recorder {
             .file()
             .and_then(|mut file| salvage(&mut file, &ending(&path)).map_err(|e| Failure::writing(&path, e)));
         match whole.and_then(|rows| pending.keep().map(|_| rows)) {
+            Err(failure) => return kept.cut.push(format!("{}: nothing of it is kept", failure.reason())),
             Ok(Some(rows)) if rows < self.rows_written => {
-                cut =
-                    Some(format!("{name} is not whole: the disk took {rows} of {} rows", self.rows_written));
+                let of = self.rows_written;
+                kept.cut.push(format!("{name} is not whole: the disk took {rows} of {of} rows"));
             }
+            Ok(_) if self.stopped.is_some() => kept.cut.push(format!("{name} is not whole")),
             Ok(_) => {}
-            Err(failure) => {
-                let cut = Some(format!("{}: nothing of it is kept", failure.reason()));
-                return Kept { path: None, said, cut };
-            }
         }
-        Kept { path: Some(path), said, cut }
+        kept.written.push(path);
     }
 
     /// Continues with the same node in a new graph.
@@ -271,7 +252,6 @@ impl Recorder {
         }
     }
 
-    /// Completes the file.
     pub fn finish(self) -> Result<Pending, Failure> {
         self.rows.finish()
     }
@@ -281,11 +261,9 @@ impl Recorder {
 pub struct Master {
     rows: Rows,
     nodes: Vec<usize>,
-    scratch: Vec<f32>,
 }
 
 impl Master {
-    /// Opens the file.
     pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
         let nodes = Self::channels(schedule);
         if nodes.is_empty() {
@@ -300,10 +278,9 @@ impl Master {
             "npy" => Rows::npy(Pending::create(path)?, (nodes.len() > 1).then_some(nodes.len()))?,
             _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
         };
-        Ok(Self { rows, nodes, scratch: Vec::new() })
+        Ok(Self { rows, nodes })
     }
 
-    /// Indices of the nodes that are its channels.
     pub fn channels(schedule: &Schedule) -> Vec<usize> {
         schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
     }
@@ -316,22 +293,17 @@ impl Master {
     /// Records the tick that has just run, held to its limits.
     pub fn take(&mut self, engine: &Engine, output_limits: Option<&mut OutputLimits>) -> Result<(), Failure> {
         let channels = self.nodes.len();
-        self.scratch.clear();
-        for (c, &node) in self.nodes.iter().enumerate() {
-            if let Some(Buffer::Audio { samples, len, .. }) = engine.output(node, 0) {
-                self.scratch.resize(len * channels, 0.0);
-                for (i, x) in samples[..*len].iter().enumerate() {
-                    self.scratch[i * channels + c] = *x;
-                }
-            }
-        }
+        let all = self.nodes.iter().map(|&node| samples(engine.output(node, 0)));
+        let all: Vec<&[f32]> = all.collect();
+        let len = all.iter().map(|samples| samples.len()).max().unwrap_or(0);
+        let row = |i| all.iter().map(move |samples: &&[f32]| samples.get(i).copied().unwrap_or(0.0));
+        let mut rows: Vec<f32> = (0..len).flat_map(row).collect();
         if let Some(output_limits) = output_limits {
-            output_limits.hold(&mut self.scratch, channels);
+            output_limits.hold(&mut rows, channels);
         }
-        self.rows.append(&self.scratch, channels, |_| 0.0)
+        self.rows.append(&rows, channels, |_| 0.0)
     }
 
-    /// Completes the file.
     pub fn finish(self) -> Result<Pending, Failure> {
         self.rows.finish()
     }
@@ -364,9 +336,10 @@ mod tests {
             said.extend(it.complaint());
         }
         assert!(said.len() == 1 && said[0].contains("4 GiB") && said[0].contains("goes on"), "{said:?}");
-        let Kept { path: kept, said, cut } = it.end();
-        assert!(kept.as_deref() == Some(&*path) && said.is_empty(), "{said:?}");
-        assert!(cut.is_some_and(|cut| cut.contains("x.wav is not whole")));
+        let mut kept = Kept::default();
+        it.end(&mut kept);
+        assert!(kept.written == [path.clone()] && kept.said.is_empty(), "{kept:?}");
+        assert!(kept.cut[0].contains("x.wav is not whole"));
         let samples: Vec<f32> =
             hound::WavReader::open(&path).expect("a WAV file").samples().map(|s| s.expect("one")).collect();
         assert_eq!(samples, [0.25; 200]);

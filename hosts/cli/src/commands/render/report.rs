@@ -13,30 +13,24 @@ use serde_json::{Map, Value, json};
 use super::recorder::Master;
 use super::{Args, samples};
 
-/// A render that is over.
 pub struct Run<'a> {
     pub args: &'a Args,
-    /// Ticks that ran.
     pub ticks: u64,
-    /// Ticks that were asked for.
     pub asked: u64,
     /// Time that they took \[s\].
     pub elapsed_s: f64,
     /// Changes that were taken over while it ran.
     pub swaps: Vec<Swapped>,
     pub engine: &'a Engine,
-    /// Facts of each node at the end.
     pub facts: Vec<Vec<Fact>>,
     pub times: &'a Times,
     pub level: &'a Level,
 }
 
-/// A change that was taken over.
 #[derive(Clone, Debug)]
 pub struct Swapped {
     /// The tick in which it was; `None` for one that was sent too late.
     pub tick: Option<u64>,
-    /// The change in words.
     pub what: String,
 }
 
@@ -78,12 +72,10 @@ impl Level {
     }
 }
 
-/// Facts by name as JSON.
 pub fn facts_json<'f>(facts: impl IntoIterator<Item = &'f Fact>) -> Map<String, Value> {
     facts.into_iter().map(|f| (f.name.to_string(), fact_json(f))).collect()
 }
 
-/// A fact as JSON: a number with a unit is an object.
 fn fact_json(fact: &Fact) -> Value {
     match &fact.value {
         FactValue::Text(t) => json!(t),
@@ -93,7 +85,6 @@ fn fact_json(fact: &Fact) -> Value {
     }
 }
 
-/// Nodes that were not built as JSON.
 pub fn dropped_json(schedule: &Schedule) -> Vec<Value> {
     schedule.dropped.iter().map(|d| json!({ "id": d.id, "kind": d.kind, "why": d.why })).collect()
 }
@@ -131,7 +122,6 @@ pub fn cut_at_full_scale(samples: u64) -> String {
     format!("{samples} samples were cut at the card's full scale: raise its volts or amplify more")
 }
 
-/// Processor and operating system.
 pub fn target() -> String {
     format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)
 }
@@ -149,7 +139,6 @@ impl Run<'_> {
         self.ticks as f64 / f64::from(self.engine.schedule().tick_hz) / self.elapsed_s.max(1e-9)
     }
 
-    /// The report as JSON.
     pub fn json(&self) -> String {
         let Self { args, engine, level, .. } = *self;
         let schedule = engine.schedule();
@@ -222,7 +211,6 @@ impl Run<'_> {
         }
     }
 
-    /// The summary as text.
     pub fn summary(&self, written: &[PathBuf]) -> String {
         let Self { ticks, engine, level, .. } = *self;
         let schedule = engine.schedule();

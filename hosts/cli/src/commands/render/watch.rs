@@ -1,10 +1,7 @@
-//! `--watch`: a thread that compiles what changed and hands it to the running engine.
+//! `--watch`: takes over changes of the graph's files between two ticks of a render.
 
-use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::collections::BTreeMap;
+use std::time::Instant;
 
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
@@ -20,8 +17,7 @@ use crate::kinds::Kinds;
 use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
 use crate::load::{Loaded, OfScene};
 
-/// Scene and guards of a graph.
-#[derive(Default)]
+/// Scene and guards of a graph that the engine takes over in the next tick.
 pub struct Extras {
     /// The scene that the plot shows.
     pub scene: Option<OfScene>,
@@ -29,73 +25,56 @@ pub struct Extras {
     pub output_limits: OutputLimits,
 }
 
-/// Scenes and guards of the graphs that were sent to the engine, in their order.
-#[derive(Clone, Default)]
-pub struct Sent(Arc<Mutex<VecDeque<Extras>>>);
-
-impl Sent {
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Extras>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Those of the graph that the engine takes over next.
-    pub fn take(&self) -> Option<Extras> {
-        self.lock().pop_front()
-    }
-}
-
-/// The thread that watches.
-pub struct Watch {
-    stop: Arc<AtomicBool>,
-    thread: JoinHandle<Vec<Swapped>>,
-}
-
-impl Watch {
-    /// Begins to watch.
-    pub fn start(args: &Args, kinds: Kinds, controller: Controller, sent: Sent, bar: &ProgressBar) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let files = Watched::new(stamps(&args.graph, kinds.files(), controller.schedule()));
-        let outs = outs_of(controller.schedule());
-        let (args, bar, swaps) = (args.clone(), bar.clone(), BTreeMap::new());
-        let watcher = Watcher { args, kinds, controller, sent, bar, files, outs, swaps };
-        let flag = stop.clone();
-        Self { stop, thread: std::thread::spawn(move || watcher.run(&flag)) }
-    }
-
-    /// Stops watching. Answers the changes that were sent.
-    pub fn finish(self) -> Vec<Swapped> {
-        self.stop.store(true, Ordering::Relaxed);
-        self.thread.thread().unpark();
-        self.thread.join().unwrap_or_default()
-    }
-}
-
-struct Watcher {
-    args: Args,
+/// The files of a graph that renders.
+pub struct Watch<'a> {
+    args: &'a Args,
     kinds: Kinds,
     controller: Controller,
-    sent: Sent,
-    bar: ProgressBar,
+    bar: &'a ProgressBar,
     files: Watched,
+    looked: Instant,
     /// Ids of the nodes that are channels of the file, in its order.
     outs: Vec<String>,
     /// Graphs that were sent, by their number.
     swaps: BTreeMap<u64, Swapped>,
 }
 
-impl Watcher {
-    /// Watches until it is told to stop.
-    fn run(mut self, stop: &AtomicBool) -> Vec<Swapped> {
-        while !stop.load(Ordering::Relaxed) {
-            std::thread::park_timeout(POLL);
-            self.collect();
-            let now = self.stamps();
-            if self.controller.ready()
-                && let Some(changed) = self.files.changed(&now)
-            {
-                self.take_over(&changed, &now);
+impl<'a> Watch<'a> {
+    pub fn new(args: &'a Args, kinds: Kinds, controller: Controller, bar: &'a ProgressBar) -> Self {
+        let files = Watched::new(stamps(&args.graph, kinds.files(), controller.schedule()));
+        let outs = outs_of(controller.schedule());
+        Self { args, kinds, controller, bar, files, looked: Instant::now(), outs, swaps: BTreeMap::new() }
+    }
+
+    /// Looks at the files some times a second, and sends what changed to the engine.
+    pub fn poll(&mut self) -> Option<Extras> {
+        if self.looked.elapsed() < POLL {
+            return None;
+        }
+        self.looked = Instant::now();
+        self.collect();
+        let now = self.stamps();
+        let changed = if self.controller.ready() { self.files.changed(&now)? } else { return None };
+        let what = listed(&changed);
+        let sent = self.change(&readers(self.controller.schedule(), &changed));
+        self.files.know(self.stamps(), &now);
+        match sent {
+            Ok((report, extras)) => {
+                self.say(&format!("{what} changed: {report}\n"));
+                Some(extras)
+            }
+            Err(failure) => {
+                let text = failure.text();
+                self.say(&format!(
+                    "{what} changed, and cannot be taken over:\n{text}the running graph goes on\n"
+                ));
+                None
             }
         }
+    }
+
+    /// Ends. Answers the changes that were sent.
+    pub fn finish(mut self) -> Vec<Swapped> {
         self.collect();
         self.swaps.into_values().collect()
     }
@@ -117,44 +96,22 @@ impl Watcher {
         }
     }
 
-    fn take_over(&mut self, changed: &[PathBuf], now: &Stamps) {
-        let nodes = readers(self.controller.schedule(), changed);
-        let what = listed(changed);
-        match self.change(&nodes) {
-            Ok(report) => self.say(&format!("{what} changed: {report}\n")),
-            Err(failure) => {
-                let text = failure.text();
-                self.say(&format!(
-                    "{what} changed, and cannot be taken over:\n{text}the running graph goes on\n"
-                ));
-            }
-        }
-        self.files.know(self.stamps(), now);
-    }
-
     /// Compiles the graph and sends it to the engine. Answers what changed.
-    fn change(&mut self, nodes: &[String]) -> Result<String, Failure> {
-        let Loaded { compiled, scene, .. } = load_with_probes(&self.args, &mut self.kinds)?;
+    fn change(&mut self, nodes: &[String]) -> Result<(String, Extras), Failure> {
+        let Loaded { compiled, scene, .. } = load_with_probes(self.args, &mut self.kinds)?;
         same_sinks(self.controller.schedule(), &compiled.schedule).map_err(Failure::Machine)?;
-        // The engine may take it over before `swap` returns.
         let place = |id: &String| compiled.schedule.index_of(id).unwrap_or(usize::MAX);
         let outs: Vec<usize> = self.outs.iter().map(place).collect();
         let output_limits = OutputLimits::new(&compiled, outs);
-        self.sent.lock().push_back(Extras { scene, output_limits });
-        let swapped = self.controller.swap(compiled, nodes);
-        if swapped.is_err() {
-            self.sent.lock().pop_back();
-        }
-        let report = swapped.map_err(|e| {
+        let report = self.controller.swap(compiled, nodes).map_err(|e| {
             let start_anew = matches!(e, SwapError::TickRate { .. } | SwapError::AudioRate { .. });
             Failure::Machine(if start_anew { format!("the graph {e}") } else { e.to_string() })
         })?;
-        if report.is_nothing() {
-            return Ok("nothing that is heard".into());
+        let what = if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
+        if !report.is_nothing() {
+            self.swaps.insert(report.number, Swapped { tick: None, what: what.clone() });
         }
-        let what = report.to_string();
-        self.swaps.insert(report.number, Swapped { tick: None, what: what.clone() });
-        Ok(what)
+        Ok((what, Extras { scene, output_limits }))
     }
 
     /// Prints a message above the progress bar.

@@ -19,7 +19,7 @@ use asperity_node::ParamKind;
 use super::Args;
 use super::hands::{Hands, close_elsewhere};
 use super::recordings::Recordings;
-use super::reloader::{self, Answer, Changes, Exchange, Made, Order, Ready, on_thread};
+use super::reloader::{self, Answer, Changes, Made, Order, Ready, on_thread};
 use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
@@ -29,7 +29,6 @@ use crate::machine::Ceiling;
 pub struct Editor {
     args: Args,
     kinds: Arc<Mutex<Kinds>>,
-    /// Files of the graph's plugins.
     plugins: Vec<PathBuf>,
     /// Refuses edits that contradict the machine's file.
     ceiling: Option<Ceiling>,
@@ -143,7 +142,6 @@ impl Editor {
         self.ceiling = ceiling;
     }
 
-    /// Files of the graph's plugins.
     pub fn plugins(&self) -> &[PathBuf] {
         &self.plugins
     }
@@ -301,19 +299,18 @@ impl Editor {
     fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         let mut job = self.job.take()?;
         if let Stage::Making(from) | Stage::Exchanging(from) = &job.stage {
-            let answer = match from.try_recv() {
+            let (plugins, result) = match from.try_recv() {
                 Ok(answer) => answer,
                 Err(TryRecvError::Empty) => {
                     self.job = Some(job);
                     return None;
                 }
-                Err(TryRecvError::Disconnected) => Answer {
-                    plugins: None,
-                    result: Err(Failure::Machine("the thread that makes it ready broke off".into())),
-                },
+                Err(TryRecvError::Disconnected) => {
+                    (None, Err(Failure::Machine("the thread that makes it ready broke off".into())))
+                }
             };
-            self.plugins = answer.plugins.unwrap_or(std::mem::take(&mut self.plugins));
-            match answer.result {
+            self.plugins = plugins.unwrap_or(std::mem::take(&mut self.plugins));
+            match result {
                 Ok(ready) => {
                     if let Err(d) = self.allowed(&ready, playing) {
                         close_elsewhere(move || drop(ready));
@@ -331,8 +328,7 @@ impl Editor {
                 }
                 let old = playing.hands.let_go(&ready.opened.in_the_way);
                 let back = Order { over: job.over.0.clone(), ..self.order(playing) };
-                let exchange = Exchange { ready: *ready, old, back };
-                job.stage = Stage::Exchanging(on_thread(move || exchange.carry_out()));
+                job.stage = Stage::Exchanging(on_thread(move || back.exchange(*ready, old)));
                 self.job = Some(job);
             }
             _ => self.job = Some(job),

@@ -2,9 +2,8 @@
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
+use std::time::{Duration, Instant};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
@@ -42,7 +41,6 @@ pub struct Holding {
 }
 
 impl Hands {
-    /// All open devices.
     pub fn holding(&self) -> Vec<Holding> {
         let of = |held: &Held| Holding { node: held.node.clone(), address: held.handle.address() };
         self.open.values().map(of).collect()
@@ -56,13 +54,10 @@ impl Hands {
     /// Holds devices that were opened for a new graph, and closes those that it does not need, without
     /// waiting.
     pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
-        let mut over: Vec<Held> = self
-            .open
-            .extract_if(|id, held| {
-                schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
-            })
-            .map(|(_, held)| held)
-            .collect();
+        let goes = |id: &String, held: &mut Held| {
+            schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
+        };
+        let mut over: Vec<Held> = self.open.extract_if(goes).map(|(_, held)| held).collect();
         for held in opened.held {
             over.extend(self.open.insert(held.node.id.clone(), held));
         }
@@ -130,7 +125,6 @@ fn max_force_n(schedule: &Schedule, input: &ScheduledNode) -> f64 {
     forces.find(|force| with(force)).map_or(f64::INFINITY, |force| force.params.number("max_force_n"))
 }
 
-/// An error at the place of a node in its file.
 fn at(node: &ScheduledNode, d: Diagnostic) -> Diagnostic {
     match node.params.node_place() {
         Some(place) => d.at(&place.source, place.span),
@@ -177,8 +171,13 @@ pub fn open(
         if over.load(Relaxed) {
             break;
         }
-        let before = going.iter().filter(|held| source.excludes(held)).map(|held| held.node.id.clone());
-        let before: Vec<String> = before.collect();
+        // The same device or port must be closed first.
+        let excludes = |held: &&&Holding| {
+            let (node, before) = (&source.node, &held.node);
+            let same = || source.device.excludes(&node.params, &before.params, held.address);
+            node.kind == before.kind && same()
+        };
+        let before: Vec<String> = going.iter().filter(excludes).map(|held| held.node.id.clone()).collect();
         if before.is_empty() {
             opened.held.push(source.start()?);
         } else {
@@ -248,7 +247,6 @@ pub fn missing(schedule: &Schedule, held: &[Holding]) -> Vec<String> {
     hands.filter(device).filter(nobody).map(|n| n.id.clone()).collect()
 }
 
-/// A device to be opened.
 struct Source {
     node: ScheduledNode,
     device: &'static dyn HandDevice,
@@ -258,13 +256,6 @@ struct Source {
 }
 
 impl Source {
-    /// Whether an open device must be closed first: it is the same device or port.
-    fn excludes(&self, held: &Holding) -> bool {
-        self.node.kind == held.node.kind
-            && self.device.excludes(&self.node.params, &held.node.params, held.address)
-    }
-
-    /// Opens it.
     fn start(self) -> Result<Held, Failure> {
         let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, &e))?;
         Ok(Held { handle, node: self.node })
@@ -294,46 +285,28 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         None => DeviceDamping::Unknown,
     };
     let bound = passivity(stiffness, damping, servo_hz, device);
-    let known = match device {
-        DeviceDamping::Unknown => {
-            format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id)
-        }
-        _ => String::new(),
-    };
+    let unknown = matches!(device, DeviceDamping::Unknown);
+    let known = format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id);
+    let known = if unknown { &known } else { "" };
     (!bound.holds()).then(|| format!("`{}`: {}{known}", node.id, bound.sentence))
 }
 
 /// Closings under way. A device takes a while to close: it ramps its force down first. Only the opening of
 /// other devices and the end of the run wait for it.
-static UNDER_WAY: Mutex<usize> = Mutex::new(0);
-/// Notified when that number changes.
-static CHANGED: Condvar = Condvar::new();
+static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
 
-/// A closing under way.
 struct Closing;
-
-impl Closing {
-    fn begin() -> Self {
-        *count() += 1;
-        CHANGED.notify_all();
-        Self
-    }
-}
 
 impl Drop for Closing {
     fn drop(&mut self) {
-        *count() -= 1;
-        CHANGED.notify_all();
+        UNDER_WAY.fetch_sub(1, SeqCst);
     }
-}
-
-fn count() -> MutexGuard<'static, usize> {
-    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Closes something on a thread of its own.
 pub fn close_elsewhere(close: impl FnOnce() + Send + 'static) {
-    let closing = Closing::begin();
+    UNDER_WAY.fetch_add(1, SeqCst);
+    let closing = Closing;
     // If no thread starts, `close` is dropped here, with what it would close.
     let _ = std::thread::Builder::new().name("asperity-close".into()).spawn(move || {
         close();
@@ -341,19 +314,18 @@ pub fn close_elsewhere(close: impl FnOnce() + Send + 'static) {
     });
 }
 
-/// Waits until nothing is being closed, or `over` is set. Answers whether `over` is not set.
-///
-/// Set `over` before a call of [`close_elsewhere`], which wakes all waits.
-pub fn wait(over: &AtomicBool) -> bool {
-    let _count = CHANGED
-        .wait_while(count(), |count| *count > 0 && !over.load(Relaxed))
-        .unwrap_or_else(PoisonError::into_inner);
-    !over.load(Relaxed)
+/// Waits until nothing is being closed, or `over`. Answers whether it is not over.
+pub fn wait(over: impl Fn() -> bool) -> bool {
+    while UNDER_WAY.load(SeqCst) > 0 && !over() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    !over()
 }
 
 /// Waits until nothing is being closed, at most this long.
 pub fn wait_for(most: Duration) {
-    let _ = CHANGED.wait_timeout_while(count(), most, |count| *count > 0);
+    let began = Instant::now();
+    wait(|| began.elapsed() >= most);
 }
 
 #[cfg(test)]
@@ -372,10 +344,10 @@ mod tests {
             std::thread::sleep(Duration::from_millis(20));
             done.store(true, Relaxed);
         });
-        assert!(!wait(&AtomicBool::new(true)));
+        assert!(!wait(|| true));
         wait_for(Duration::from_millis(1));
         assert!(!closed.load(Relaxed));
         go.send(()).expect("it waits");
-        assert!(wait(&AtomicBool::new(false)) && closed.load(Relaxed));
+        assert!(wait(|| false) && closed.load(Relaxed));
     }
 }

@@ -18,6 +18,7 @@ use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
 use asperity_node::{Fault, Role};
 
 use crate::card::{self, DeviceArgs, Player};
+use crate::commands::render::recorder::Kept;
 use crate::failure::{Failure, print, warn};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
@@ -25,7 +26,7 @@ use crate::number;
 use crate::output::Pending;
 use editor::{Editor, Playing};
 use hands::Hands;
-use recordings::{AllKept, Recordings};
+use recordings::Recordings;
 use reloader::Made;
 use shows::{Shows, Speaker};
 
@@ -81,7 +82,6 @@ const LATE_S: f64 = 1.0;
 /// How long the end of a run waits for devices to close: they ramp their force down within 100 ms.
 const LET_GO: Duration = Duration::from_millis(200);
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut editor = Editor::new(args);
     let Made { graph, compiled, materials, .. } = editor.make()?;
@@ -133,7 +133,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     recordings.drain(&mut ended.graph_controller);
     shows.close();
     // Recordings are kept, whatever ended the run and whatever else cannot be written.
-    let AllKept { mut written, said, cut } = recordings.keep();
+    let Kept { mut written, said, cut } = recordings.keep();
     // The end of a run does not wait for a reader of its messages.
     let last = Speaker::new(false);
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
@@ -165,9 +165,7 @@ struct Stage {
     editor: Editor,
     hands: Hands,
     recordings: Recordings,
-    /// The node that was reported not to come back.
     hangs: Option<String>,
-    /// Nodes that were reported to be cut out.
     stuck: Vec<String>,
 }
 

@@ -17,7 +17,6 @@ const REFRESH: Duration = Duration::from_secs(1);
 /// A sink that writes a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
-    /// Id of its node.
     pub id: String,
     pub file: PathBuf,
     kind: String,
@@ -42,17 +41,6 @@ pub struct Recordings {
     refreshed: Option<Instant>,
 }
 
-/// All recordings, ended.
-#[derive(Default)]
-pub struct AllKept {
-    /// Their files.
-    pub written: Vec<PathBuf>,
-    /// Messages for the user.
-    pub said: Vec<String>,
-    /// Files that are not complete, and why.
-    pub cut: Vec<String>,
-}
-
 impl Sink {
     fn of(node: &ScheduledNode) -> Option<Self> {
         let file = file_of(node)?.to_owned();
@@ -69,10 +57,7 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     let mut new = Vec::new();
     for (i, node) in schedule.nodes.iter().enumerate() {
         let Some(sink) = Sink::of(node).filter(|sink| !goes_on(begun, sink)) else { continue };
-        new.extend(
-            Recorder::for_sink(i, node, Pending::recording)?
-                .map(|recorder| (sink, recorder.beginning_late())),
-        );
+        new.extend(Recorder::for_sink(i, node, Pending::recording)?.map(|recorder| (sink, recorder)));
     }
     Ok(new)
 }
@@ -95,27 +80,20 @@ fn goes_on(begun: &[Sink], sink: &Sink) -> bool {
 }
 
 impl Recordings {
-    /// Begins the files of the first graph, before it plays.
     pub fn start(schedule: &Schedule) -> Result<Self, Failure> {
-        let mut it = Self::default();
-        for (i, node) in schedule.nodes.iter().enumerate() {
-            if let (Some(sink), Some(recorder)) =
-                (Sink::of(node), Recorder::for_sink(i, node, Pending::recording)?)
-            {
-                it.all.push(Recording { sink, since: 0, recorder });
-            }
-        }
-        Ok(it)
+        let of = |(sink, recorder)| Recording { sink, since: 0, recorder };
+        Ok(Self { all: recorders(schedule, &[])?.into_iter().map(of).collect(), ..Self::default() })
     }
 
-    /// Sinks whose files were begun.
     pub fn begun(&self) -> Vec<Sink> {
         self.all.iter().map(|r| r.sink.clone()).collect()
     }
 
     /// Adds recorders, from the graph of this number on.
     pub fn add(&mut self, since: u64, recorders: Vec<(Sink, Recorder)>) {
-        self.all.extend(recorders.into_iter().map(|(sink, recorder)| Recording { sink, since, recorder }));
+        let late = |(sink, recorder): (Sink, Recorder)| (sink, recorder.beginning_late());
+        let all = recorders.into_iter().map(late);
+        self.all.extend(all.map(|(sink, recorder)| Recording { sink, since, recorder }));
     }
 
     /// Writes the rows that sinks recorded since the last call. An error ends only its own file.
@@ -140,18 +118,12 @@ impl Recordings {
         self.all.iter_mut().filter_map(|r| r.recorder.complaint()).collect()
     }
 
-    /// Completes the files.
-    pub fn keep(self) -> AllKept {
-        let mut all = AllKept::default();
-        for Recording { recorder, .. } in self.all {
-            let Kept { path, said, cut } = recorder.end();
-            all.said.extend(said);
-            all.written.extend(path);
-            all.cut.extend(cut);
-        }
+    pub fn keep(self) -> Kept {
+        let mut kept = Kept::default();
+        self.all.into_iter().for_each(|recording| recording.recorder.end(&mut kept));
         if self.lost > 0 {
-            all.said.push(format!("{} ticks were not recorded: the disk was too slow", self.lost));
+            kept.said.push(format!("{} ticks were not recorded: the disk was too slow", self.lost));
         }
-        all
+        kept
     }
 }

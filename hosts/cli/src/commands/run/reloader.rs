@@ -38,7 +38,6 @@ pub struct Made {
     /// The same, with the changes of the user.
     pub graph: GraphFile,
     pub compiled: Compiled,
-    /// Materials that may be chosen.
     pub materials: Vec<Materials>,
 }
 
@@ -49,13 +48,10 @@ pub struct Order {
     /// The graph to start from; `None` to read its file.
     pub base: Option<GraphFile>,
     pub changes: Changes,
-    /// The graph that runs.
     pub running: Arc<Schedule>,
-    /// Devices that are open.
     pub held: Vec<Holding>,
     /// Whether devices that could not be opened are tried again.
     pub again: bool,
-    /// Sinks whose files were begun.
     pub begun: Vec<Sink>,
     /// Files that the run writes at its end, by option.
     pub named: Vec<(String, Option<PathBuf>)>,
@@ -63,13 +59,8 @@ pub struct Order {
     pub over: Arc<AtomicBool>,
 }
 
-/// The answer to an order.
-pub struct Answer {
-    /// Files of the graph's plugins, if known.
-    pub plugins: Option<Vec<PathBuf>>,
-    /// The graph, or why it cannot be prepared.
-    pub result: Result<Ready, Failure>,
-}
+/// Files of the graph's plugins, if known, and the graph or why it cannot be prepared.
+pub type Answer = (Option<Vec<PathBuf>>, Result<Ready, Failure>);
 
 /// A graph that may take the place of the running one.
 pub struct Ready {
@@ -79,15 +70,6 @@ pub struct Ready {
     pub recorders: Vec<(Sink, Recorder)>,
     /// Set if this is the old graph with its devices opened again: why the new one was refused.
     pub refused: Option<Failure>,
-}
-
-/// A graph that waits until devices of the old one are closed.
-pub struct Exchange {
-    pub ready: Ready,
-    /// Devices to close.
-    pub old: Vec<Held>,
-    /// Order for the old graph, in case its devices must be opened again.
-    pub back: Order,
 }
 
 /// Compiles a graph with the changes of the user.
@@ -133,7 +115,7 @@ impl Order {
     pub fn carry_out(self) -> Answer {
         let (plugins, made) = self.made();
         let result = made.and_then(|made| self.ready(made, &plugins));
-        Answer { plugins: Some(plugins), result }
+        (Some(plugins), result)
     }
 
     fn made(&self) -> (Vec<PathBuf>, Result<Made, Failure>) {
@@ -169,7 +151,7 @@ impl Order {
             return Ok(Opened::default());
         }
         // Devices of abandoned graphs must be closed before these are opened.
-        hands::wait(&self.over);
+        hands::wait(|| self.over.load(Relaxed));
         self.wanted()?;
         let opened = hands::open(schedule, ids, &self.held, &self.over)?;
         self.wanted()?;
@@ -181,73 +163,66 @@ impl Order {
         let over = self.over.load(Relaxed);
         if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }
     }
-}
 
-impl Exchange {
-    /// Closes the old devices and opens the new ones. If that fails, opens the old ones again.
-    pub fn carry_out(self) -> Answer {
-        let Self { mut ready, old, back } = self;
+    /// Closes old devices and opens the new ones that waited for it. If that fails, opens the old ones again;
+    /// this is the order for the old graph.
+    pub fn exchange(self, mut ready: Ready, old: Vec<Held>) -> Answer {
         let ids: Vec<String> = old.iter().map(|held: &Held| held.node.id.clone()).collect();
-        hands::wait(&back.over);
-        let opened = ready.opened.open_the_rest(old, &back.over).and_then(|()| {
-            back.wanted()?;
-            recorders(&ready.made.compiled.schedule, &back.begun)
+        hands::wait(|| self.over.load(Relaxed));
+        let opened = ready.opened.open_the_rest(old, &self.over).and_then(|()| {
+            self.wanted()?;
+            recorders(&ready.made.compiled.schedule, &self.begun)
         });
-        let failure = match opened {
-            Ok(recorders) => {
-                ready.recorders = recorders;
-                return Answer { plugins: None, result: Ok(ready) };
+        let result = match opened {
+            Ok(recorders) => Ok(Ready { recorders, ..ready }),
+            Err(failure) => {
+                drop(ready);
+                let again = self.made().1.and_then(|made| {
+                    let opened = self.opened(&made.compiled.schedule, &ids)?;
+                    Ok((made, opened))
+                });
+                match again {
+                    Ok((made, opened)) => {
+                        Ok(Ready { made, opened, recorders: Vec::new(), refused: Some(failure) })
+                    }
+                    Err(second) => Err(Failure::Machine(format!(
+                        "{}\nand what it was to replace cannot be had again: {}",
+                        failure.reason(),
+                        second.reason()
+                    ))),
+                }
             }
-            Err(failure) => failure,
         };
-        drop(ready);
-        let (_, made) = back.made();
-        let again = made.and_then(|made| {
-            let opened = back.opened(&made.compiled.schedule, &ids)?;
-            Ok(Ready { made, opened, recorders: Vec::new(), refused: None })
-        });
-        let result = match again {
-            Ok(again) => Ok(Ready { refused: Some(failure), ..again }),
-            Err(second) => Err(Failure::Machine(format!(
-                "{}\nand what it was to replace cannot be had again: {}",
-                failure.reason(),
-                second.reason()
-            ))),
-        };
-        Answer { plugins: None, result }
+        (None, result)
     }
 }
 
 /// Refuses a graph that cannot replace the running one while it plays.
 fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     let (tick, audio) = (running.tick_hz, running.audio_hz);
-    let rates = if tick != next.tick_hz {
-        Err(SwapError::TickRate { running: tick, asked: next.tick_hz })
-    } else if audio != next.audio_hz {
-        Err(SwapError::AudioRate { running: audio, asked: next.audio_hz })
-    } else {
-        Ok(())
-    };
-    rates.map_err(|e| Failure::Machine(format!("the graph {e}")))?;
-    same_channels(running, next).map_err(Failure::Machine)
-}
-
-/// Refuses other channels of the device, which stay as it was opened.
-fn same_channels(old: &Schedule, new: &Schedule) -> Result<(), String> {
+    let refused = |e: SwapError| Err(Failure::Machine(format!("the graph {e}")));
+    if tick != next.tick_hz {
+        return refused(SwapError::TickRate { running: tick, asked: next.tick_hz });
+    }
+    if audio != next.audio_hz {
+        return refused(SwapError::AudioRate { running: audio, asked: next.audio_hz });
+    }
+    // The channels of the device stay as it was opened.
     let of = |s: &Schedule, role| -> BTreeMap<String, Option<i64>> {
         s.with_role(role).map(|(_, n)| (n.id.clone(), n.params.get_integer("channel"))).collect()
     };
-    let (outs, were) = (of(new, Role::AudioOutput), of(old, Role::AudioOutput));
+    let (outs, were) = (of(next, Role::AudioOutput), of(running, Role::AudioOutput));
     // One renamed node keeps its channel. With several, it is not known which is which.
     let gone = were.keys().filter(|id| !outs.contains_key(*id)).count();
     let kind = if outs.len() != were.len() || gone > 1 {
         "audio_out"
-    } else if of(new, Role::AudioInput) != of(old, Role::AudioInput) {
+    } else if of(next, Role::AudioInput) != of(running, Role::AudioInput) {
         "audio_in"
     } else {
         return Ok(());
     };
-    Err(format!("the channels of the device would change (`{kind}`): stop the run and start it again"))
+    let what = format!("the channels of the device would change (`{kind}`): stop the run and start it again");
+    Err(Failure::Machine(what))
 }
 
 /// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are

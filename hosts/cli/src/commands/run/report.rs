@@ -12,7 +12,6 @@ use serde_json::{Map, Value, json};
 use super::Args;
 use crate::commands::render::report::{clipped, cut_at_full_scale, facts_json, faulty, out_of_range, target};
 
-/// A run that is over.
 pub struct Run<'a> {
     pub args: &'a Args,
     pub ended: &'a Ended,
@@ -28,12 +27,10 @@ fn figures_text(f: &[f64; 4]) -> String {
 }
 
 impl Run<'_> {
-    /// Samples that were cut at the card's full scale.
     fn clipped(&self) -> u64 {
         clipped(&self.ended.facts)
     }
 
-    /// The report as JSON.
     pub fn json(&self) -> String {
         let (view, layout) = (&self.ended.view, self.ended.graph_controller.layout());
         let facts =
@@ -87,7 +84,6 @@ impl Run<'_> {
         format!("{report:#}\n")
     }
 
-    /// The summary as text.
     pub fn summary(&self, written: &[PathBuf]) -> String {
         let (view, layout, t) =
             (&self.ended.view, self.ended.graph_controller.layout(), &self.ended.view.timing);

@@ -55,7 +55,6 @@ impl Shows {
         Ok(it)
     }
 
-    /// Says a message in the terminal, or as a line of text.
     pub fn say(&mut self, text: &str) {
         match &mut self.terminal {
             Some(terminal) => terminal.note(text),
@@ -135,7 +134,6 @@ impl Speaker {
         Self(thread.and_then(Result::ok).map(|thread| (to, thread)))
     }
 
-    /// Says a line.
     pub fn say(&self, text: &str) {
         if let Some((to, _)) = &self.0 {
             let _ = to.try_send(format!("{text}\n"));
