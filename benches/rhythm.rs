@@ -22,6 +22,7 @@ use asperity_motion::{Shape, Stroke, StrokeParams};
 use asperity_nodes::registry;
 use asperity_plot::{Pulses, PulsesRow, Pulsing};
 use asperity_tradeoff::{Chain, Path3};
+use clap::Parser;
 
 /// Two of each family.
 const MATERIALS: [&str; 16] = [
@@ -42,7 +43,6 @@ const MATERIALS: [&str; 16] = [
     "float glass",
     "printer paper",
 ];
-const SPEEDS_MM_S: [f64; 4] = [40.0, 80.0, 160.0, 280.0];
 const GRATINGS: [&str; 4] =
     ["sine grating 1 mm", "narrow ridges 1 mm", "sine grating 2.5 mm", "square grating 3 mm"];
 /// Beginning that is left out \[s\]: filters settle.
@@ -60,59 +60,33 @@ const STEADY: f64 = 0.1;
 /// Depth in mm at which the floor of the shipped graphs pushes with 1 N.
 const MM_PER_N: f64 = 2.0;
 
-#[derive(Clone)]
+#[derive(Clone, Parser)]
 struct Asked {
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron"))]
     graph: String,
+    #[arg(long)]
     all: bool,
+    #[arg(long, default_value_t = 5)]
     seeds: u64,
+    #[arg(long, default_value_t = 20.0)]
     seconds: f64,
+    #[arg(long = "force", default_value_t = 1.0)]
     force_n: f64,
+    #[arg(long = "speeds", value_delimiter = ',', default_values_t = [40.0, 80.0, 160.0, 280.0])]
     speeds_mm_s: Vec<f64>,
+    #[arg(long = "radius", default_value_t = 10.0)]
     radius_mm: f64,
+    #[arg(long)]
     circles: bool,
+    #[arg(long)]
     only: Option<String>,
+    #[arg(long)]
     keep: Option<String>,
+    #[arg(long)]
     svg: Option<String>,
-}
-
-fn asked() -> Asked {
-    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron").to_owned();
-    let mut asked = Asked {
-        graph,
-        all: false,
-        seeds: 5,
-        seconds: 20.0,
-        force_n: 1.0,
-        speeds_mm_s: SPEEDS_MM_S.to_vec(),
-        radius_mm: 10.0,
-        circles: false,
-        only: None,
-        keep: None,
-        svg: None,
-    };
-    let mut args = std::env::args().skip(1);
-    while let Some(arg) = args.next() {
-        let mut value = || args.next().expect("a value");
-        match arg.as_str() {
-            "--graph" => asked.graph = value(),
-            "--all" => asked.all = true,
-            "--seeds" => asked.seeds = value().parse().expect("a number"),
-            "--seconds" => asked.seconds = value().parse().expect("a number"),
-            "--force" => asked.force_n = value().parse().expect("a number"),
-            "--speeds" => {
-                asked.speeds_mm_s = value().split(',').map(|s| s.parse().expect("numbers")).collect();
-            }
-            "--circles" => asked.circles = true,
-            "--radius" => asked.radius_mm = value().parse().expect("a number"),
-            "--only" => asked.only = Some(value()),
-            "--keep" => asked.keep = Some(value()),
-            "--svg" => asked.svg = Some(value()),
-            // What cargo adds.
-            "--bench" => {}
-            other => panic!("unknown argument {other}"),
-        }
-    }
-    asked
+    /// Added by cargo.
+    #[arg(long, hide = true)]
+    bench: bool,
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -471,7 +445,7 @@ fn picture(asked: &Asked) -> String {
 }
 
 fn main() {
-    let asked = asked();
+    let asked = Asked::parse();
     if let Some(file) = &asked.svg {
         std::fs::write(file, picture(&asked)).expect("written");
         return;

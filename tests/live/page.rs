@@ -61,13 +61,18 @@ impl Kept {
     }
 }
 
-#[test]
-fn pen_on_the_page_is_heard_and_louder_when_faster() {
+/// Runs a trial with a browser, if there is one, until it counts.
+fn with_browser(mut trial: impl FnMut(&mut Kept) -> Result<(), String>) {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
     browser.times_pictures();
     let mut kept = Kept(Some(browser));
-    told(|| is_heard_while_it_moves(&mut kept));
+    told(|| trial(&mut kept));
+}
+
+#[test]
+fn pen_on_the_page_is_heard_and_louder_when_faster() {
+    with_browser(is_heard_while_it_moves);
 }
 
 fn is_heard_while_it_moves(kept: &mut Kept) -> Result<(), String> {
@@ -164,10 +169,7 @@ fn typed(slider: &str) -> String {
 
 #[test]
 fn mute_gain_and_material_of_the_page_act_within_a_stroke() {
-    let _alone = real_time();
-    let Some(browser) = Chromium::start() else { return };
-    let mut kept = Kept(Some(browser));
-    told(|| what_is_done_takes_effect(&mut kept));
+    with_browser(what_is_done_takes_effect);
 }
 
 fn what_is_done_takes_effect(kept: &mut Kept) -> Result<(), String> {
@@ -295,10 +297,7 @@ fn stops(places: &[Vec<f64>]) -> Vec<usize> {
 
 #[test]
 fn a_page_that_is_closed_or_hangs_in_a_stroke_leaves_no_sound() {
-    let _alone = real_time();
-    let Some(browser) = Chromium::start() else { return };
-    let mut kept = Kept(Some(browser));
-    told(|| a_page_that_is_gone_is_silent(&mut kept));
+    with_browser(a_page_that_is_gone_is_silent);
 }
 
 fn a_page_that_is_gone_is_silent(kept: &mut Kept) -> Result<(), String> {

@@ -1,11 +1,10 @@
 //! Made strokes: line, zigzag and circle.
 
-use asperity_numbers::Elementary as _;
+use asperity_numbers::{Elementary as _, Random};
 use std::f64::consts::TAU;
 
 use asperity_diagnostics::Diagnostic;
 
-use super::tremor::unit_from;
 use super::{Sample, Tremor, minimum_jerk, minimum_jerk_ramp_integral, quantise};
 
 /// Path of a stroke on the surface.
@@ -158,7 +157,7 @@ impl Stroke {
             }
         };
         let tremor = Tremor::new(p.tremor_mm, p.seed);
-        let force_phase = TAU * unit_from(!p.seed, 1);
+        let force_phase = TAU * Random::new(!p.seed).unit();
         Ok(Self { tremor, force_phase, leg_s, path_s, last_leg, legs, params })
     }
 

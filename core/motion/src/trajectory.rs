@@ -136,9 +136,10 @@ impl Trajectory {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{TrajectoryOptions, minimum_jerk, minimum_jerk_speed, tremor::unit_from};
+    use super::super::{TrajectoryOptions, minimum_jerk, minimum_jerk_speed};
     use super::*;
     use asperity_diagnostics::Source;
+    use asperity_numbers::random::uniform;
 
     fn made(text: &str, interpolation: Interpolation) -> Trajectory {
         let options = TrajectoryOptions { interpolation, max_gap_s: Some(10.0), ..Default::default() };
@@ -170,14 +171,14 @@ mod tests {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
         let mut clock = 0.0;
         for i in 0..500 {
-            clock += 0.001 + 0.05 * unit_from(9, i);
-            text += &format!("{clock},{},{},{}\n", unit_from(1, i), unit_from(2, i), unit_from(3, i));
+            clock += 0.001 + 0.05 * uniform(9, i);
+            text += &format!("{clock},{},{},{}\n", uniform(1, i), uniform(2, i), uniform(3, i));
         }
         let t = made(&text, Interpolation::Cubic);
         let mut cursor = Cursor::default();
         for i in 0..20_000 {
             // Forward at 1 kHz, and now and then a jump anywhere.
-            let at = if i % 97 == 0 { t.duration_s() * unit_from(4, i) } else { i as f64 * 1e-3 };
+            let at = if i % 97 == 0 { t.duration_s() * uniform(4, i) } else { i as f64 * 1e-3 };
             assert_eq!(t.sample_from(&mut cursor, at), t.sample(at));
         }
         assert_eq!(t.sample_from(&mut Cursor(usize::MAX), 0.3), t.sample(0.3));
@@ -188,7 +189,7 @@ mod tests {
     fn the_cubic_stays_between_its_rows() {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
         for i in 0..200 {
-            text += &format!("{},{},0,0\n", i as f64 * 0.02, (unit_from(7, i) * 40.0).round() * 0.055);
+            text += &format!("{},{},0,0\n", i as f64 * 0.02, (uniform(7, i) * 40.0).round() * 0.055);
         }
         let t = made(&text, Interpolation::Cubic);
         for i in 0..199 {
@@ -210,7 +211,7 @@ mod tests {
         while clock < 1.2 {
             text += &format!("{clock},{},0,0\n", truth(clock));
             n += 1;
-            clock += 0.020 + 0.027 * unit_from(5, n);
+            clock += 0.020 + 0.027 * uniform(5, n);
         }
         let t = made(&text, kind);
         let (mut recorded, mut true_, mut sum) = (LowPass::default(), LowPass::default(), 0.0);

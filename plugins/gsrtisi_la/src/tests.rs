@@ -52,30 +52,15 @@ fn a_coarse_grid_finds_what_the_signals_own_finds() {
     assert!(coarse < own + 1.5, "{coarse} dB, {own} dB");
 }
 
-const SETTINGS: [[(&str, f64); 2]; 3] = [
-    [("look_ahead", 0.0), ("iterations", 1.0)],
-    [("look_ahead", 1.0), ("iterations", 2.0)],
-    [("look_ahead", 4.0), ("iterations", 4.0)],
+const SETTINGS: [&[(&str, f64)]; 3] = [
+    &[("look_ahead", 0.0), ("iterations", 1.0)],
+    &[("look_ahead", 1.0), ("iterations", 2.0)],
+    &[("look_ahead", 4.0), ("iterations", 4.0)],
 ];
 
 #[test]
-fn gsrtisi_la_keeps_every_magnitude_of_odd_frames() {
-    SETTINGS.iter().for_each(|p| survival::odd_frames_come_out::<GsrtisiLa>(p));
-}
-
-#[test]
-fn gsrtisi_la_puts_out_each_frame_beside_missing_ones() {
-    SETTINGS.iter().for_each(|p| survival::frames_beside_gaps_come_out::<GsrtisiLa>(p));
-}
-
-#[test]
-fn gsrtisi_la_counts_what_is_no_magnitude() {
-    SETTINGS.iter().for_each(|p| survival::bad_magnitudes_are_counted::<GsrtisiLa>(p));
-}
-
-#[test]
-fn gsrtisi_la_lets_a_tone_run_on_by_the_true_number_of_samples() {
-    SETTINGS.iter().for_each(|p| survival::a_tone_runs_on::<GsrtisiLa>(p, 2e-3));
+fn gsrtisi_la_survives_odd_missing_and_bad_frames() {
+    survival::survives::<GsrtisiLa>(&SETTINGS);
 }
 
 #[test]
@@ -84,14 +69,9 @@ fn gsrtisi_la_does_not_wear_in_a_million_frames() {
 }
 
 #[test]
-fn a_reset_gsrtisi_la_is_a_fresh_one() {
-    SETTINGS.iter().for_each(|p| survival::a_reset_node_is_a_fresh_one::<GsrtisiLa>(p));
-}
-
-#[test]
 fn gsrtisi_la_goes_on_from_what_another_remembers() {
-    survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[2], &SETTINGS[1]);
-    survival::what_is_remembered_goes_on::<GsrtisiLa>(&SETTINGS[0], &SETTINGS[2]);
+    survival::what_is_remembered_goes_on::<GsrtisiLa>(SETTINGS[2], SETTINGS[1]);
+    survival::what_is_remembered_goes_on::<GsrtisiLa>(SETTINGS[0], SETTINGS[2]);
 }
 
 /// Counts allocations.

@@ -1,6 +1,5 @@
 //! Effects of a plugin: its extension `asperity.effect/1`.
 
-use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
@@ -104,12 +103,7 @@ unsafe fn form(abi: &AsperityForm) -> Result<Form, Lie> {
 /// The law for some settings. An effect that cannot tell it counts as one that no device bears.
 fn law(at: At, forms: &[Form], settings: &Settings, normal_force_n: f64) -> Law {
     let unbearable = Law { stiffness_n_per_mm: f64::INFINITY, damping_ns_per_m: 0.0 };
-    let mut told = AsperityLaw {
-        size: size_of::<AsperityLaw>() as u32,
-        reserved: 0,
-        stiffness_n_per_mm: 0.0,
-        damping_ns_per_m: 0.0,
-    };
+    let mut told: AsperityLaw = blank();
     let (Some(law), Ok(lent)) = (at.abi.law, LentSettings::new(settings, forms)) else { return unbearable };
     // SAFETY: all live through the call.
     let answer = foreign(|| unsafe { law(at.kind, &lent.abi, normal_force_n, &mut told) });

@@ -1,7 +1,6 @@
 //! Kinds of a plugin, for the registry.
 
 use std::ffi::c_void;
-use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
@@ -65,11 +64,10 @@ impl PluginKind {
         let lent = Lent::config(config, d)?;
         let mut told = Told::default();
         let sink = AsperityPortSink {
-            size: size_of::<AsperityPortSink>() as u32,
-            reserved: 0,
             context: (&raw mut told).cast(),
             input: Some(add_input),
             output: Some(add_output),
+            ..blank()
         };
         let mut said = Said::new();
         // SAFETY: all three live through the call.

@@ -1,7 +1,6 @@
 //! Converts a setup into the interface's form.
 
 use std::ffi::{CString, c_char};
-use std::mem::size_of;
 use std::path::Path;
 use std::ptr;
 
@@ -59,22 +58,17 @@ impl Memory {
         let found = forms.iter().enumerate().find(|(_, form)| form.name == settings.form());
         let (index, form) = found.ok_or_else(|| format!("there is no form `{}`", settings.form()))?;
         Ok(AsperitySettings {
-            size: size_of::<AsperitySettings>() as u32,
             form: index as u32,
             values: self.values(settings, &form.fields).map_err(|(_, message)| message)?,
             value_count: form.fields.len() as u32,
-            reserved: 0,
+            ..blank()
         })
     }
 
     fn slot(&mut self, slot: &[Settings], forms: &[Form]) -> Result<(), String> {
         let all =
             slot.iter().map(|settings| self.settings(settings, forms)).collect::<Result<Vec<_>, _>>()?;
-        self.slots.push(AsperitySlot {
-            size: size_of::<AsperitySlot>() as u32,
-            count: all.len() as u32,
-            settings: all.as_ptr(),
-        });
+        self.slots.push(AsperitySlot { count: all.len() as u32, settings: all.as_ptr(), ..blank() });
         self.settings.push(all);
         Ok(())
     }
@@ -130,7 +124,6 @@ impl Lent {
         };
         let (inputs, outputs) = (wires(inputs)?, wires(outputs)?);
         let abi = AsperitySetup {
-            size: size_of::<AsperitySetup>() as u32,
             tick_hz: config.tick_hz,
             every: config.every,
             audio_hz: config.audio_hz,
@@ -145,7 +138,7 @@ impl Lent {
             closes_cycle: u32::from(closes_cycle),
             slots: memory.slots.as_ptr(),
             slot_count: memory.slots.len() as u32,
-            reserved: 0,
+            ..blank()
         };
         Ok(Self { abi, _memory: memory, _inputs: inputs, _outputs: outputs })
     }
@@ -153,18 +146,7 @@ impl Lent {
 
 fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> Result<AsperityValue, String> {
     let empty = c"".as_ptr();
-    let mut v = AsperityValue {
-        size: size_of::<AsperityValue>() as u32,
-        set: 0,
-        number: 0.0,
-        integer: 0,
-        text: empty,
-        base: empty,
-        numbers: ptr::null(),
-        texts: ptr::null(),
-        count: 0,
-        reserved: 0,
-    };
+    let mut v = AsperityValue { text: empty, base: empty, ..blank() };
     let Some(value) = params.get(name) else { return Ok(v) };
     v.set = 1 + u32::from(params.is_set(name));
     let place = params.place(name).or(params.node_place());
@@ -194,17 +176,9 @@ fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> R
 
 fn wire(w: &Wiring, texts: &mut Memory) -> Result<AsperityWire, String> {
     let mut abi = AsperityWire {
-        size: size_of::<AsperityWire>() as u32,
         connected: u32::from(w.connected),
-        carries: 0,
-        flags: 0,
-        count: 0,
-        rate_hz: 0,
-        length: 0,
-        bins: 0,
-        frame_num: 0,
-        frame_den: 0,
         unit: texts.text(w.port.as_ref().map_or("1", |p| p.unit.symbol()))?,
+        ..blank()
     };
     let Some(port) = &w.port else { return Ok(abi) };
     abi.flags = u32::from(port.limited) * ASPERITY_LIMITED;

@@ -1,6 +1,5 @@
 //! Effects in the interface's form: the extension `asperity.effect/1`.
 
-use std::mem::size_of;
 use std::ptr;
 
 use asperity_abi::*;
@@ -17,23 +16,21 @@ pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const Asper
     let form = |form: &Form, texts: &mut Texts| {
         assert!(form.nested.is_empty(), "the plugin interface has no nested fields");
         AsperityForm {
-            size: size_of::<AsperityForm>() as u32,
             field_count: form.fields.len() as u32,
             name: texts.text(&form.name),
             fields: leak(form.fields.iter().map(|field| param(field, texts)).collect()),
             example: texts.text(&form.example),
+            ..blank()
         }
     };
     let forms = effect.forms.iter().map(|it| form(it, texts)).collect();
     let needs = effect.needs.iter().map(|(input, quantity)| AsperityNeed {
-        size: size_of::<AsperityNeed>() as u32,
-        reserved: 0,
         input: texts.text(input),
         quantity: texts.text(quantity),
+        ..blank()
     });
     let needs = leak(needs.collect());
     leak(vec![AsperityEffect {
-        size: size_of::<AsperityEffect>() as u32,
         acts: match effect.acts {
             Acts::Touching => ASPERITY_TOUCHING,
             Acts::Inside => ASPERITY_INSIDE,
@@ -51,9 +48,9 @@ pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const Asper
             Some(Direction::Surface) => ASPERITY_SURFACE,
             Some(Direction::Any) => ASPERITY_ANY,
         },
-        reserved: 0,
         law: effect.direction().map(|_| law::<N> as _),
         check: Some(check::<N>),
+        ..blank()
     }])
 }
 

@@ -292,30 +292,16 @@ impl Chromium {
         assert!(done.is_ok_and(|status| status.success()), "kill -{name}");
     }
 
-    /// A picture of the whole page, as PNG.
-    pub fn picture(&mut self, file: &Path) {
-        let height = self.eval("document.documentElement.scrollHeight").as_f64().expect("a height");
-        let width = self.eval("innerWidth").as_f64().expect("a width");
-        let clip = json!({ "x": 0, "y": 0, "width": width, "height": height, "scale": 1 });
-        let shot =
-            self.call("Page.captureScreenshot", json!({ "clip": clip, "captureBeyondViewport": true }));
-        save(&shot, file);
-    }
-
     /// A picture of the window as it stands, while something is done on the page that waits for no answer:
     /// nothing is laid out anew for it, so that what moves goes on.
     pub fn picture_while(&mut self, file: &Path, doing: impl FnOnce(&mut Self)) {
         let id = self.send("Page.captureScreenshot", json!({}));
         doing(self);
-        let mut answer = self.wait_for("a picture", id);
-        save(&answer["result"].take(), file);
+        let answer = self.wait_for("a picture", id);
+        let data = answer["result"]["data"].as_str().expect("a picture");
+        let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
+        std::fs::write(file, png).expect("a file");
     }
-}
-
-fn save(shot: &Value, file: &Path) {
-    let data = shot["data"].as_str().expect("a picture");
-    let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
-    std::fs::write(file, png).expect("a file");
 }
 
 impl Drop for Chromium {

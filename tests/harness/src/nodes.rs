@@ -1,90 +1,97 @@
 //! Nodes that sleep, fail and panic as a test wants.
 
+use std::sync::Arc;
+
 use asperity_node::{
-    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, Prepared,
-    Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind, Output, Param, Params,
+    Prepared, Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
 };
 
-/// Emits its sample numbers, as audio, and its tick as a control.
-struct Counter {
-    calls: u64,
+/// A node that is a function of what it remembers and of the tick.
+struct Made<M> {
+    fresh: M,
+    now: M,
+    process: fn(&mut M, &mut Tick<'_>) -> Status,
 }
 
-impl Node for Counter {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("counter", "Counts.")
-            .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("tick", ShapeSpec::Control(1), Unit::NONE))
-            .output(Output::new("calls", ShapeSpec::Control(1), Unit::NONE))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self { calls: 0 }))
-    }
-}
-
-impl Processor for Counter {
+impl<M: Clone + Send> Processor for Made<M> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.calls += 1;
-        let span = tick.samples(48_000);
-        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = n as f32;
-        }
-        tick.outputs.set(1, tick.index as f64);
-        tick.outputs.set(2, self.calls as f64);
-        Status::Continue
+        (self.process)(&mut self.now, tick)
     }
 
     fn reset(&mut self) {
-        self.calls = 0;
+        self.now = self.fresh.clone();
     }
+}
+
+/// A kind of node from its memory at the start and its function.
+fn kind<M: Clone + Send + 'static>(
+    descriptor: Descriptor,
+    fresh: fn(&Params) -> M,
+    process: fn(&mut M, &mut Tick<'_>) -> Status,
+) -> Arc<NodeKind> {
+    Arc::new(NodeKind::new(descriptor, move |setup| {
+        let fresh = fresh(setup.params);
+        Ok(Prepared::new(Made { now: fresh.clone(), fresh, process }))
+    }))
+}
+
+fn audio_in() -> Input {
+    Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
+}
+
+fn audio(name: &'static str) -> Output {
+    Output::new(name, ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
+}
+
+fn control(name: &'static str, values: usize) -> Output {
+    Output::new(name, ShapeSpec::Control(values), Unit::NONE)
+}
+
+/// Emits its sample numbers, as audio, its tick and its calls.
+fn counter() -> Arc<NodeKind> {
+    let it = Descriptor::new("counter", "Counts.")
+        .output(audio("samples"))
+        .output(control("tick", 1))
+        .output(control("calls", 1));
+    kind(
+        it,
+        |_| 0,
+        |calls: &mut u64, tick| {
+            *calls += 1;
+            let span = tick.samples(48_000);
+            for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+                *y = n as f32;
+            }
+            tick.outputs.set(1, tick.index as f64);
+            tick.outputs.set(2, *calls as f64);
+            Status::Continue
+        },
+    )
 }
 
 /// Puts out ones on every kind of port, and goes wrong from tick `from` to tick `to`.
-struct Faulty {
-    from: u64,
-    to: u64,
-    how: String,
-}
-
-const LAYOUT_RATE: u32 = 2500;
-
-impl Node for Faulty {
-    fn descriptor() -> Descriptor {
-        let frame_rate = FrameRate::new(500, 1).expect("a rate");
-        let layout = FrameLayout { rate_hz: LAYOUT_RATE, length: 250, bins: 4, frame_rate };
-        Descriptor::new("faulty", "Fails when told to.")
-            .output(Output::new("audio", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("control", ShapeSpec::Control(2), Unit::NONE))
-            .output(Output::new("frame", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE))
-            .param(Param::integer("from", 0, 0..=1_000_000, "First bad tick."))
-            .param(Param::integer("to", 0, 0..=1_000_000, "First good tick after that."))
-            .param(Param::choice(
-                "how",
-                &["nan", "panic", "error", "nan control", "inf frame"],
-                "How it fails.",
-            ))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let p = setup.params;
-        Ok(Prepared::new(Self {
-            from: p.integer("from") as u64,
-            to: p.integer("to") as u64,
-            how: p.text("how").to_owned(),
-        }))
-    }
-}
-
-impl Processor for Faulty {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+fn faulty() -> Arc<NodeKind> {
+    const RATE_HZ: u32 = 2500;
+    let frame_rate = FrameRate::new(500, 1).expect("a rate");
+    let layout = FrameLayout { rate_hz: RATE_HZ, length: 250, bins: 4, frame_rate };
+    let ways = &["nan", "panic", "error", "nan control", "inf frame"];
+    let it = Descriptor::new("faulty", "Fails when told to.")
+        .output(audio("audio"))
+        .output(control("control", 2))
+        .output(Output::new("frame", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE))
+        .param(Param::integer("from", 0, 0..=1_000_000, "First bad tick."))
+        .param(Param::integer("to", 0, 0..=1_000_000, "First good tick after that."))
+        .param(Param::choice("how", ways, "How it fails."));
+    let told = |p: &Params| (p.integer("from") as u64..p.integer("to") as u64, p.text("how").to_owned());
+    kind(it, told, |(bad, how), tick| {
         tick.outputs.audio(0).fill(1.0);
         let k = tick.index as f64;
         tick.outputs.control(1).copy_from_slice(&[k, -k]);
-        let start = tick.samples(LAYOUT_RATE).start;
+        let start = tick.samples(RATE_HZ).start;
         tick.outputs.magnitude(2, tick.index, start).fill(1.0);
-        if (self.from..self.to).contains(&tick.index) {
-            match self.how.as_str() {
+        if bad.contains(&tick.index) {
+            match how.as_str() {
                 "nan" => tick.outputs.audio(0)[7] = f32::NAN,
                 "nan control" => tick.outputs.control(1)[1] = f64::NAN,
                 "inf frame" => tick.outputs.magnitude(2, tick.index, start)[3] = f32::INFINITY,
@@ -93,9 +100,94 @@ impl Processor for Faulty {
             }
         }
         Status::Continue
-    }
+    })
+}
 
-    fn reset(&mut self) {}
+/// Sleeps while its input is silent; doubles what comes in.
+fn dozer() -> Arc<NodeKind> {
+    let it =
+        Descriptor::new("dozer", "Sleeps while its input is silent.").input(audio_in()).output(audio("out"));
+    kind(
+        it,
+        |_| (),
+        |_, tick| {
+            let input = tick.inputs.audio(0);
+            if input.iter().all(|x| *x == 0.0) {
+                return Status::Asleep;
+            }
+            for (y, x) in tick.outputs.audio(0).iter_mut().zip(input) {
+                *y = 2.0 * x;
+            }
+            Status::Continue
+        },
+    )
+}
+
+/// Loud, then failing for three ticks, then asleep.
+fn sleeper() -> Arc<NodeKind> {
+    let it = Descriptor::new("sleeper", "Loud, failing, asleep.").output(audio("out"));
+    kind(
+        it,
+        |_| (),
+        |_, tick| match tick.index {
+            0..5 => {
+                tick.outputs.audio(0).fill(1.0);
+                Status::Continue
+            }
+            5..8 => Status::Error(1),
+            _ => Status::Asleep,
+        },
+    )
+}
+
+/// Rings for three ticks after its input.
+fn tail3() -> Arc<NodeKind> {
+    let it = Descriptor::new("tail3", "Rings.").input(audio_in()).output(audio("out"));
+    kind(
+        it,
+        |_| (),
+        |_, tick| {
+            tick.outputs.audio(0).fill(1.0);
+            Status::Tail(3)
+        },
+    )
+}
+
+/// A slow wave in A whose trust rests on a control.
+fn marked() -> Arc<NodeKind> {
+    let it = Descriptor::new("marked", "A wave.")
+        .input(audio_in())
+        .input(Input::new("control", ShapeSpec::Control(2), Unit::NONE))
+        // As if a limiter stood behind it, so that a sink can be looked at alone.
+        .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE).limited());
+    kind(
+        it,
+        |_| (),
+        |_, tick| {
+            let span = tick.samples(48_000);
+            for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+                *y = 0.05 * (n as f32 * 0.02).sin();
+            }
+            Status::Continue
+        },
+    )
+}
+
+/// Passes a control on and sleeps until it changes, if it says that this wakes it.
+fn copier(name: &'static str, wakes: bool) -> Arc<NodeKind> {
+    let input = Input::new("in", ShapeSpec::Control(1), Unit::NEWTON);
+    let it = Descriptor::new(name, "Passes a control on.")
+        .input(if wakes { input.wakes() } else { input })
+        .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON));
+    kind(
+        it,
+        |_| (),
+        |_, tick| {
+            let x = tick.inputs.value(0);
+            tick.outputs.set(0, x);
+            Status::Asleep
+        },
+    )
 }
 
 /// A one-pole smoother, so that what it remembers can be seen.
@@ -113,8 +205,8 @@ impl<const RESUME: u8> Node for Memory<RESUME> {
             _ => ("memory_never", Resume::Never),
         };
         Descriptor::new(kind, "Counts its calls into an audio level.")
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .input(audio_in())
+            .output(audio("out"))
             .resumes(resume)
     }
 
@@ -149,8 +241,8 @@ struct TestGate {
 impl Node for TestGate {
     fn descriptor() -> Descriptor {
         Descriptor::new("test_gate", "Closed from tick `close` to tick `open`.")
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
+            .input(audio_in())
+            .output(audio("out"))
             .param(Param::integer("close", 3, 0..=100, "First closed tick."))
             .param(Param::integer("open", 6, 0..=100, "First open tick after that."))
             .gates("in")
@@ -183,147 +275,6 @@ impl Processor for TestGate {
     fn reset(&mut self) {}
 }
 
-/// Emits three ticks of ones, then says it sleeps; wakes to double what comes in.
-struct Dozer;
-
-impl Node for Dozer {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("dozer", "Sleeps while its input is silent.")
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Dozer {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let input = tick.inputs.audio(0);
-        if input.iter().all(|x| *x == 0.0) {
-            return Status::Asleep;
-        }
-        for (y, x) in tick.outputs.audio(0).iter_mut().zip(input) {
-            *y = 2.0 * x;
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
-/// Loud, then failing for three ticks, then asleep.
-struct Sleeper;
-
-impl Node for Sleeper {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("sleeper", "Loud, failing, asleep.").output(Output::new(
-            "out",
-            ShapeSpec::Audio(RateSpec::Graph),
-            Unit::NONE,
-        ))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Sleeper {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        match tick.index {
-            0..5 => {
-                tick.outputs.audio(0).fill(1.0);
-                Status::Continue
-            }
-            5..8 => Status::Error(1),
-            _ => Status::Asleep,
-        }
-    }
-
-    fn reset(&mut self) {}
-}
-
-/// Rings for three ticks after its input.
-struct Tail3;
-
-impl Node for Tail3 {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("tail3", "Rings.")
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Tail3 {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        tick.outputs.audio(0).fill(1.0);
-        Status::Tail(3)
-    }
-
-    fn reset(&mut self) {}
-}
-
-/// A slow wave in A whose trust rests on a control.
-struct Marked;
-
-impl Node for Marked {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("marked", "A wave.")
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .input(Input::new("control", ShapeSpec::Control(2), Unit::NONE))
-            // As if a limiter stood behind it, so that a sink can be looked at alone.
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE).limited())
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Marked {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let span = tick.samples(48_000);
-        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-            *y = 0.05 * (n as f32 * 0.02).sin();
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-}
-
-/// Passes a control on and sleeps until it changes, if it says that this wakes it.
-pub struct Copier<const WAKES: bool>;
-
-impl<const WAKES: bool> Node for Copier<WAKES> {
-    fn descriptor() -> Descriptor {
-        let input = Input::new("in", ShapeSpec::Control(1), Unit::NEWTON);
-        Descriptor::new(if WAKES { "waker" } else { "deaf" }, "Passes a control on.")
-            .input(if WAKES { input.wakes() } else { input })
-            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl<const WAKES: bool> Processor for Copier<WAKES> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let x = tick.inputs.value(0);
-        tick.outputs.set(0, x);
-        Status::Asleep
-    }
-
-    fn reset(&mut self) {}
-}
-
 thread_local! {
     /// Time that [`TestClock`] reads; [`Slow`] moves it on.
     static NOW_NS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
@@ -347,8 +298,8 @@ struct Slow {
 impl Node for Slow {
     fn descriptor() -> Descriptor {
         Descriptor::new("slow", "Takes its time.")
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE))
-            .output(Output::new("control", ShapeSpec::Control(1), Unit::NONE))
+            .output(audio("out"))
+            .output(control("control", 1))
             .param(Param::integer("from", 0, 0..=1_000_000, "First slow tick."))
             .param(Param::integer("to", 0, 0..=1_000_000, "First quick tick after that."))
     }
@@ -378,19 +329,25 @@ impl Processor for Slow {
 
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
-    crate::registry()
-        .with::<Counter>()
-        .with::<Faulty>()
+    let registry = crate::registry()
         .with::<Memory<0>>()
         .with::<Memory<1>>()
         .with::<Memory<2>>()
         .with::<Memory<3>>()
         .with::<TestGate>()
-        .with::<Dozer>()
-        .with::<Copier<true>>()
-        .with::<Copier<false>>()
-        .with::<Sleeper>()
-        .with::<Tail3>()
-        .with::<Marked>()
-        .with::<Slow>()
+        .with::<Slow>();
+    let made = [
+        counter(),
+        faulty(),
+        dozer(),
+        sleeper(),
+        tail3(),
+        marked(),
+        copier("waker", true),
+        copier("deaf", false),
+    ];
+    made.into_iter().fold(registry, |mut registry, kind| {
+        registry.add(kind);
+        registry
+    })
 }

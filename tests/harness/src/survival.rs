@@ -8,6 +8,24 @@ use crate::retrieval::{Rig, apart, layout, noise, tone, turns};
 /// Parameters of a node under test.
 pub type Settings<'a> = &'a [(&'a str, f64)];
 
+/// Runs a node through every case that lasts no longer than a few seconds, with each of its settings. What is
+/// printed last before a panic names the case.
+pub fn survives<N: Node>(all: &[Settings<'_>]) {
+    let cases: [(&str, fn(Settings<'_>)); 5] = [
+        ("every magnitude of odd frames comes out", odd_frames_come_out::<N>),
+        ("each frame beside missing ones comes out", frames_beside_gaps_come_out::<N>),
+        ("no magnitude is counted", bad_magnitudes_are_counted::<N>),
+        ("a tone runs on by the true number of samples", a_tone_runs_on::<N>),
+        ("a reset node is a fresh one", a_reset_node_is_a_fresh_one::<N>),
+    ];
+    for (case, check) in cases {
+        for settings in all {
+            println!("{case}: {settings:?}");
+            check(settings);
+        }
+    }
+}
+
 /// Frames of latency at 500 frames a second.
 fn frames_late(rig: &Rig) -> u64 {
     let (num, den) = rig.latency().as_ratio();
@@ -44,7 +62,7 @@ fn all_come_out<N: Node>(layout: FrameLayout, params: Settings<'_>, frames: &[Op
 }
 
 /// Flat spectra, ties, lone bins, silence, extremes of the unit, and what is no magnitude.
-pub fn odd_frames_come_out<N: Node>(params: Settings<'_>) {
+fn odd_frames_come_out<N: Node>(params: Settings<'_>) {
     let bins = 101;
     let mut frames = Vec::new();
     for n in 0..240_u64 {
@@ -74,7 +92,7 @@ pub fn odd_frames_come_out<N: Node>(params: Settings<'_>) {
 }
 
 /// Frames that are missing, alone and in long rows, take nothing else with them.
-pub fn frames_beside_gaps_come_out<N: Node>(params: Settings<'_>) {
+fn frames_beside_gaps_come_out<N: Node>(params: Settings<'_>) {
     let there = |n: u64| noise(1, n) < 0.7 && !(150..250).contains(&n) && !(300..305).contains(&n);
     let frames: Vec<_> =
         (0..400).map(|n| there(n).then(|| (0..101).map(|k| noise(n + 2, k)).collect::<Vec<_>>())).collect();
@@ -83,7 +101,7 @@ pub fn frames_beside_gaps_come_out<N: Node>(params: Settings<'_>) {
 }
 
 /// Bins that are no magnitudes are counted.
-pub fn bad_magnitudes_are_counted<N: Node>(params: Settings<'_>) {
+fn bad_magnitudes_are_counted<N: Node>(params: Settings<'_>) {
     let mut rig = Rig::new::<N>(layout(2500, 101), params);
     let mut frame = tone(30.3, 101);
     rig.frame(Some(&frame));
@@ -112,7 +130,8 @@ fn runs_on(rig: &mut Rig, freq: f64, length: f64, frame: &[f32], count: usize, t
 
 /// A tone runs on at its frequency: at a hop of 88 and 89 samples, over a floor, after silence, and with lost
 /// frames.
-pub fn a_tone_runs_on<N: Node>(params: Settings<'_>, tolerance: f64) {
+fn a_tone_runs_on<N: Node>(params: Settings<'_>) {
+    let tolerance = 2e-3;
     for (rate_hz, freq) in [(2500, 15.37), (44_100, 33.4), (48_000, 60.5)] {
         let length = f64::from(rate_hz / 10);
         let frame = tone(freq, 101);
@@ -140,7 +159,7 @@ pub fn hours_do_not_wear_the_phase<N: Node>(params: Settings<'_>, tolerance: f64
 }
 
 /// After a reset, and in another run, all is as it was.
-pub fn a_reset_node_is_a_fresh_one<N: Node>(params: Settings<'_>) {
+fn a_reset_node_is_a_fresh_one<N: Node>(params: Settings<'_>) {
     let layout = layout(2500, 101);
     let frame = |n: u64| (0..101).map(|k| noise(n / 3, k)).collect::<Vec<_>>();
     let run = |rig: &mut Rig| {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_hand::servo::passivity::{DeviceDamping, passivity};
-use asperity_hand::{HandDevice, HandError, Handle, Open, device_of};
+use asperity_hand::{HandDevice, Handle, Open, device_of};
 use asperity_live::view::Layout;
 use asperity_live::{DeviceQueues, ForceReader, SampleWriter, force_model, samples};
 use asperity_node::Role;
@@ -138,9 +138,9 @@ fn at(node: &ScheduledNode, d: Diagnostic) -> Diagnostic {
     }
 }
 
-fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
+fn refused(node: &ScheduledNode, error: Diagnostic) -> Failure {
     let message = format!("`{}` ({}): {}", node.id, node.kind, error.message);
-    at(node, Diagnostic::new(message).help(error.help.clone())).into()
+    at(node, Diagnostic { message, ..error }).into()
 }
 
 /// Devices that were opened for a graph that does not play yet.
@@ -213,7 +213,7 @@ fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Fa
         };
         // Wrong parameters are found before any device is closed.
         let open = device.configure(&node.params, max_force_n(schedule, node));
-        let open = open.map_err(|e| refused(node, &e))?;
+        let open = open.map_err(|e| refused(node, e))?;
         sources.push(Source { node: node.clone(), device, open, writer, model: models.remove(&node.id) });
     }
     Ok((opened, sources))
@@ -266,7 +266,7 @@ impl Source {
 
     /// Opens it.
     fn start(self) -> Result<Held, Failure> {
-        let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, &e))?;
+        let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, e))?;
         Ok(Held { handle, node: self.node })
     }
 }

@@ -8,12 +8,11 @@ use std::sync::atomic::{
     Ordering::Release,
 };
 
-use asperity_live::{ForceReader, Sample, SampleWriter, now_ns};
+use asperity_live::now_ns;
 
 use super::library::{CONTINUE, CURRENT_FORCE, CURRENT_POSITION, DONE, Hd, fatal, force_off};
-use crate::Frame;
+use crate::arm::ArmLoop;
 use crate::handle::Shared;
-use crate::servo::Servo;
 
 /// Longest valid distance of the device \[mm\].
 const FAR_MM: f64 = 1e4;
@@ -42,13 +41,7 @@ pub(super) struct Signals {
 pub(super) struct Tick {
     pub(super) hd: Hd,
     pub(super) device: c_uint,
-    pub(super) frame: Frame,
-    pub(super) servo: Servo,
-    pub(super) models: Option<ForceReader>,
-    pub(super) writer: SampleWriter,
-    pub(super) every: u32,
-    pub(super) stroke: u32,
-    pub(super) count: u32,
+    pub(super) arm: ArmLoop,
     /// Time of the last call.
     pub(super) last_ns: Option<u64>,
     pub(super) shared: Arc<Shared>,
@@ -121,14 +114,20 @@ impl Tick {
         }
         let now = now_ns();
         if self.last_ns.is_some_and(|then| now.saturating_sub(then) > GAP_NS) {
-            self.stroke = self.stroke.wrapping_add(1);
+            self.arm.stroke = self.arm.stroke.wrapping_add(1);
         }
         self.last_ns = Some(now);
         let there = read.iter().all(|x| x.abs() < FAR_MM);
-        let position = self.frame.position(read);
-        let pressing = self.push(now, if there { position } else { [f64::NAN; 3] });
-        // SAFETY: closes the frame that was begun above.
-        unsafe { (self.hd.end_frame)(self.device) };
+        let closing = self.signals.closing.load(Relaxed);
+        let force = self.arm.step(now, (there && !closing).then_some(read));
+        // SAFETY: inside a frame, which is closed here; the force has three values.
+        unsafe {
+            if self.arm.pushes() {
+                (self.hd.set_doubles)(CURRENT_FORCE, force.as_ptr());
+            }
+            (self.hd.end_frame)(self.device);
+        }
+        self.signals.quiet.store(closing && force == [0.0; 3], Relaxed);
         if let Some(code) = self.hd.errors() {
             if fatal(code) {
                 self.shared.set_force(0.0);
@@ -136,43 +135,15 @@ impl Tick {
                 return DONE;
             }
             if force_off(code) {
-                self.servo.restart();
+                self.arm.servo.restart();
             }
             self.signals.minor.store(code, Relaxed);
         }
-        if there {
-            self.send(now, position, pressing);
-        } else {
+        self.arm.send();
+        if !there {
             self.shared.bad.fetch_add(1, Relaxed);
         }
         CONTINUE
-    }
-
-    /// Commands the force; returns its part along the surface's normal.
-    fn push(&mut self, now: u64, position: [f64; 3]) -> f64 {
-        let Some(models) = &mut self.models else {
-            self.signals.quiet.store(self.signals.closing.load(Relaxed), Relaxed);
-            return 0.0;
-        };
-        let closing = self.signals.closing.load(Relaxed);
-        let force =
-            if closing { self.servo.let_go(now) } else { self.servo.step(now, position, models.read()) };
-        let out = self.frame.force(force);
-        // SAFETY: inside a frame; the force has three values.
-        unsafe { (self.hd.set_doubles)(CURRENT_FORCE, out.as_ptr()) };
-        let size = force.iter().map(|x| x * x).sum::<f64>().sqrt();
-        self.shared.set_force(size);
-        self.signals.quiet.store(closing && size == 0.0, Relaxed);
-        self.servo.normal_force()
-    }
-
-    fn send(&mut self, now: u64, position: [f64; 3], force: f64) {
-        self.count += 1;
-        if self.count >= self.every {
-            self.count = 0;
-            let sample = Sample { time_ns: now, arrived_ns: now, position, force, stroke: self.stroke };
-            self.shared.send(&mut self.writer, sample);
-        }
     }
 }
 

@@ -1,0 +1,189 @@
+//! A stylus on an arm that pushes back: its two nodes, its options, and the loop from position to force.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+use std::time::Duration;
+
+use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter};
+use asperity_motion::AxisMap;
+use asperity_node::{
+    Descriptor, Diagnostic, Input, Node, Param, Params, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
+    Status, Tick, Unit,
+};
+
+use crate::handle::{Device, Shared};
+use crate::node::{hand, pass_on};
+use crate::servo::{Servo, size};
+
+/// Time between two attempts to reach a lost device.
+pub(crate) const AGAIN: Duration = Duration::from_millis(500);
+/// Longest time to release the force at the end; the law takes 20 ms.
+pub(crate) const LET_GO: Duration = Duration::from_millis(50);
+
+/// Options of a device.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArmOptions {
+    /// Name of the device; `None` for the default one, or the only one.
+    pub device: Option<String>,
+    /// Address of the Haply service, or path of OpenHaptics' library; `None` for the usual one.
+    pub by: Option<String>,
+    /// The device's axis for each of the graph's x, y, z (z up).
+    pub axes: AxisMap,
+    /// Largest force \[N\]; the device's own limit also applies.
+    pub max_force_n: f64,
+}
+
+impl ArmOptions {
+    /// Reads an input node's parameters. `by`: the parameter for the service or library.
+    pub(crate) fn read(params: &Params, by: &str, max_force_n: f64) -> Result<Self, Diagnostic> {
+        let axes = AxisMap::parse(params.text("axes"))?;
+        Ok(Self { device: text(params, "device"), by: text(params, by), axes, max_force_n })
+    }
+}
+
+/// A text parameter, trimmed; `None` if it is empty.
+pub(crate) fn text(params: &Params, name: &str) -> Option<String> {
+    Some(params.text(name).trim().to_owned()).filter(|text| !text.is_empty())
+}
+
+/// The servo between a device and the graph. It neither allocates nor waits.
+pub(crate) struct ArmLoop {
+    axes: AxisMap,
+    pub(crate) servo: Servo,
+    models: Option<ForceReader>,
+    writer: SampleWriter,
+    shared: Arc<Shared>,
+    pub(crate) stroke: u32,
+    /// The last place of the hand, if it has one.
+    sample: Option<Sample>,
+}
+
+impl ArmLoop {
+    pub(crate) fn new(
+        axes: AxisMap,
+        writer: SampleWriter,
+        models: Option<ForceReader>,
+        shared: Arc<Shared>,
+    ) -> Self {
+        Self { axes, servo: Servo::new(0.0), models, writer, shared, stroke: 0, sample: None }
+    }
+
+    /// Whether the graph pushes back.
+    pub(crate) fn pushes(&self) -> bool {
+        self.models.is_some()
+    }
+
+    /// Starts over with a device that was opened; without models its force is 0.
+    pub(crate) fn begin(&mut self, device: Device) {
+        self.servo = Servo::new(device.max_force_n);
+        self.shared.set_device(device);
+    }
+
+    /// The force for a hand at a place \[mm\], both in the device's axes. Without a place the force goes to 0.
+    pub(crate) fn step(&mut self, now_ns: u64, place: Option<[f64; 3]>) -> [f64; 3] {
+        let position = place.map_or([f64::NAN; 3], |mm| self.axes.apply(mm));
+        let model = self.models.as_mut().map_or_else(ForceModel::default, |models| *models.read());
+        let force = self.servo.step(now_ns, position, &model);
+        self.shared.set_force(size(force));
+        self.sample = place.map(|_| Sample {
+            time_ns: now_ns,
+            arrived_ns: now_ns,
+            position,
+            // For a hand at rest this is how hard it presses.
+            force: self.servo.normal_force(),
+            stroke: self.stroke,
+        });
+        self.force()
+    }
+
+    /// The last force, in the device's axes.
+    pub(crate) fn force(&self) -> [f64; 3] {
+        self.axes.back(self.servo.force())
+    }
+
+    /// Sends where the hand was in the last step.
+    pub(crate) fn send(&mut self) {
+        if let Some(sample) = self.sample.take() {
+            self.shared.send(&mut self.writer, sample);
+        }
+    }
+}
+
+/// The two nodes of an arm differ from those of other arms in this only.
+pub(crate) trait Arm: Send + 'static {
+    /// Kind, summary and own parameters of the input node.
+    fn input() -> Descriptor;
+    /// Kind and summary of the force node, and its default largest force \[N\].
+    fn force() -> (Descriptor, f64);
+    /// Doc of the parameter `device`: the name of the device, and the meaning of an empty one.
+    const NAME: &str;
+    /// Default axes.
+    const AXES: &str;
+}
+
+/// Position of the stylus on an arm.
+pub(crate) struct ArmInput<A>(PhantomData<A>);
+
+impl<A: Arm> Node for ArmInput<A> {
+    fn descriptor() -> Descriptor {
+        let axes = "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".";
+        let it =
+            A::input().param(Param::text("device", "", A::NAME)).param(Param::text("axes", A::AXES, axes));
+        hand(it, (Unit::NEWTON, "the force that the device renders"))
+    }
+
+    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(PhantomData)))
+    }
+}
+
+impl<A: Arm> Processor for ArmInput<A> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        pass_on(tick)
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// Surface that an arm pushes back with. The input node with the same `device` names the device. The host
+/// gives the surface to the device's servo loop, which evaluates it at its own rate.
+pub(crate) struct ArmForce<A>(PhantomData<A>);
+
+impl<A: Arm> Node for ArmForce<A> {
+    fn descriptor() -> Descriptor {
+        let (it, max_force_n) = A::force();
+        let damping = Unit::NEWTON_SECOND_PER_METRE;
+        let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
+        let beside = "what there is beside the plane: friction, drag, pull; smoothed over 3 ms";
+        let most = "The most it pushes; the device's own limit counts too.";
+        let own = "Damping of the device itself, for the warning of a wall that it cannot render without \
+                   trembling; 0 for not known.";
+        it.param(Param::text("device", "", A::NAME))
+            .role(Role::Force)
+            .input(input("plane", 3, Unit::MILLIMETRE, "a point of the plane, such as `virtual_floor.plane`"))
+            .input(input("normal", 3, Unit::NONE, "the plane's outward normal; all 0 for no surface"))
+            .input(input("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the plane"))
+            .input(input("damping", 1, damping, "damping along the normal while in the plane").or(0.0))
+            .input(input("force", 3, Unit::NEWTON, beside).or(0.0))
+            .param(Param::number("max_force_n", max_force_n, 0.0..=100.0, most).unit("N"))
+            .param(Param::number("device_damping_ns_per_m", 0.0, 0.0..=100.0, own).unit("N s/m"))
+            .timing(
+                "the wall's own loop holds no tick of the graph: the device evaluates the plane at its own \
+                 rate",
+            )
+            .resumes(Resume::Never)
+            .sink()
+    }
+
+    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        Ok(Prepared::new(Self(PhantomData)))
+    }
+}
+
+impl<A: Arm> Processor for ArmForce<A> {
+    fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
