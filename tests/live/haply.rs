@@ -6,15 +6,14 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tungstenite::{Error, Message, WebSocket};
+use harness::live::Background;
+use tungstenite::{Error, Message};
 
 /// Behaviour of the stand-in, and the forces it received.
 #[derive(Default)]
 pub struct State {
-    stop: AtomicBool,
     /// Devices by id.
     pub devices: Mutex<Vec<&'static str>>,
     /// Where each is, in m; without it the hand goes round in the wall.
@@ -40,7 +39,7 @@ pub struct State {
 pub struct Service {
     state: Arc<State>,
     pub address: SocketAddr,
-    thread: Option<JoinHandle<()>>,
+    _thread: Background,
 }
 
 impl Deref for Service {
@@ -63,27 +62,20 @@ impl Service {
         let address = listener.local_addr().expect("a port");
         listener.set_nonblocking(true).expect("a socket");
         let own = state.clone();
-        let thread = std::thread::spawn(move || {
+        let thread = Background::new(move |stop| {
             let mut held = Vec::new();
-            while !own.stop.load(Relaxed) {
+            while !stop.load(Relaxed) {
                 match listener.accept() {
                     Ok((stream, _)) if own.mute.load(Relaxed) => {
                         held.push(stream);
                         own.unheard.fetch_add(1, Relaxed);
                     }
-                    Ok((stream, _)) => own.talk(stream),
+                    Ok((stream, _)) => own.talk(stream, stop),
                     Err(_) => std::thread::sleep(Duration::from_millis(2)),
                 }
             }
         });
-        Self { state, address, thread: Some(thread) }
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
+        Self { state, address, _thread: thread }
     }
 }
 
@@ -112,15 +104,17 @@ impl State {
         format!(r#"{{"session_id":7,"inverse3":[{}]}}"#, list.join(","))
     }
 
-    fn talk(&self, stream: TcpStream) {
+    fn talk(&self, stream: TcpStream, stop: &AtomicBool) {
         let set = stream.set_nonblocking(false).and(stream.set_nodelay(true));
         set.and(stream.set_read_timeout(Some(Duration::from_millis(20)))).expect("a socket");
         let Ok(mut socket) = tungstenite::accept(stream) else { return };
         let began = Instant::now();
         let mut sent = socket.send(Message::text(self.report(began)));
-        while sent.is_ok() && !self.stop.load(Relaxed) {
+        while sent.is_ok() && !stop.load(Relaxed) {
             if self.flood.load(Relaxed) {
-                return self.pour(&mut socket);
+                let many = [0x81, 2, b'{', b'}'].repeat(16_384);
+                while !stop.load(Relaxed) && socket.get_mut().write_all(&many).is_ok() {}
+                return;
             }
             let text = match socket.read() {
                 Ok(Message::Text(text)) => text,
@@ -148,10 +142,5 @@ impl State {
                 sent = socket.send(Message::text(answer));
             }
         }
-    }
-
-    fn pour(&self, socket: &mut WebSocket<TcpStream>) {
-        let many = [0x81, 2, b'{', b'}'].repeat(16_384);
-        while !self.stop.load(Relaxed) && socket.get_mut().write_all(&many).is_ok() {}
     }
 }

@@ -1,7 +1,7 @@
 //! A recorded stroke, at any rate and also irregular.
 
-use super::interpolate::{hermite, pchip_slopes};
-use super::{AxisMap, Sample};
+use super::Sample;
+use super::interpolate::hermite;
 
 /// Interpolation of positions between rows. Force and speed are always interpolated linearly.
 ///
@@ -29,44 +29,17 @@ pub struct Cursor(usize);
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     /// Seconds after the first row.
-    time: Vec<f64>,
-    position: Vec<[f64; 3]>,
-    /// Slopes in mm/s at the rows. Empty for linear interpolation.
-    slope: Vec<[f64; 3]>,
-    force: Option<Vec<f64>>,
-    speed: Option<Vec<f64>>,
-    start_s: f64,
-    median_step_s: f64,
-}
-
-/// Checked columns of one length, two or more.
-pub(super) struct Columns {
     pub(super) time: Vec<f64>,
     pub(super) position: Vec<[f64; 3]>,
+    /// Slopes in mm/s at the rows. Empty for linear interpolation.
+    pub(super) slope: Vec<[f64; 3]>,
     pub(super) force: Option<Vec<f64>>,
     pub(super) speed: Option<Vec<f64>>,
+    pub(super) start_s: f64,
     pub(super) median_step_s: f64,
 }
 
 impl Trajectory {
-    pub(super) fn from_columns(columns: Columns, axes: AxisMap, interpolation: Interpolation) -> Self {
-        let Columns { mut time, mut position, force, speed, median_step_s } = columns;
-        let start_s = time.first().copied().unwrap_or(0.0);
-        time.iter_mut().for_each(|t| *t -= start_s);
-        position.iter_mut().for_each(|p| *p = axes.apply(*p));
-        let slope = match interpolation {
-            Interpolation::Linear => Vec::new(),
-            Interpolation::Cubic => {
-                let [x, y, z] = [0, 1, 2].map(|axis| {
-                    let values: Vec<f64> = position.iter().map(|p| p[axis]).collect();
-                    pchip_slopes(&time, &values)
-                });
-                x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
-            }
-        };
-        Self { time, position, slope, force, speed, start_s, median_step_s }
-    }
-
     /// The file's clock at its first row, in seconds.
     pub fn start_s(&self) -> f64 {
         self.start_s

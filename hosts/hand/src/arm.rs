@@ -1,14 +1,13 @@
 //! A stylus on an arm that pushes back: its two nodes, its options, and the loop from position to force.
 
-use std::marker::PhantomData;
 use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter};
 use asperity_motion::AxisMap;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Param, Params, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, NodeKind, Param, Params, Prepared, Processor, Registry, Resume, Role,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 use crate::handle::{Device, Shared};
@@ -109,35 +108,64 @@ impl ArmLoop {
     }
 }
 
-/// The two nodes of an arm differ from those of other arms in this only.
-pub(crate) trait Arm: Send + 'static {
+/// The nodes of an arm differ from those of other arms in this only.
+pub(crate) struct Kinds {
     /// Kind, summary and own parameters of the input node.
-    fn input() -> Descriptor;
-    /// Kind and summary of the force node, and its default largest force \[N\].
-    fn force() -> (Descriptor, f64);
+    pub(crate) input: Descriptor,
+    /// Kind and summary of the force node.
+    pub(crate) force: Descriptor,
+    /// Default largest force \[N\].
+    pub(crate) max_force_n: f64,
     /// Doc of the parameter `device`: the name of the device, and the meaning of an empty one.
-    const NAME: &str;
+    pub(crate) device: &'static str,
     /// Default axes.
-    const AXES: &str;
+    pub(crate) axes: &'static str,
 }
 
-/// Position of the stylus on an arm.
-pub(crate) struct ArmInput<A>(PhantomData<A>);
-
-impl<A: Arm> Node for ArmInput<A> {
-    fn descriptor() -> Descriptor {
+impl Kinds {
+    /// Adds the node with the position of the stylus, and the one with the surface that the arm pushes back
+    /// with. The parameter `device` joins them. The host gives the surface to the device's servo loop, which
+    /// evaluates it at its own rate.
+    pub(crate) fn register(self, mut registry: Registry) -> Registry {
         let axes = "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".";
-        let it =
-            A::input().param(Param::text("device", "", A::NAME)).param(Param::text("axes", A::AXES, axes));
-        hand(it, (Unit::NEWTON, "the force that the device renders"))
-    }
-
-    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(PhantomData)))
+        let device = || Param::text("device", "", self.device);
+        let input = self.input.param(device()).param(Param::text("axes", self.axes, axes));
+        let input = hand(input, (Unit::NEWTON, "the force that the device renders"));
+        let force = wall(self.force.param(device()), self.max_force_n);
+        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn)))));
+        registry.add(Arc::new(NodeKind::new(force, |_| Ok(Prepared::new(Wall)))));
+        registry
     }
 }
 
-impl<A: Arm> Processor for ArmInput<A> {
+/// Descriptor of a force node.
+fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
+    let damping = Unit::NEWTON_SECOND_PER_METRE;
+    let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
+    let beside = "what there is beside the plane: friction, drag, pull; smoothed over 3 ms";
+    let most = "The most it pushes; the device's own limit counts too.";
+    let own = "Damping of the device itself, for the warning of a wall that it cannot render without \
+               trembling; 0 for not known.";
+    descriptor
+        .role(Role::Force)
+        .input(input("plane", 3, Unit::MILLIMETRE, "a point of the plane, such as `virtual_floor.plane`"))
+        .input(input("normal", 3, Unit::NONE, "the plane's outward normal; all 0 for no surface"))
+        .input(input("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the plane"))
+        .input(input("damping", 1, damping, "damping along the normal while in the plane").or(0.0))
+        .input(input("force", 3, Unit::NEWTON, beside).or(0.0))
+        .param(Param::number("max_force_n", max_force_n, 0.0..=100.0, most).unit("N"))
+        .param(Param::number("device_damping_ns_per_m", 0.0, 0.0..=100.0, own).unit("N s/m"))
+        .timing(
+            "the wall's own loop holds no tick of the graph: the device evaluates the plane at its own rate",
+        )
+        .resumes(Resume::Never)
+        .sink()
+}
+
+/// The processor of an input node.
+struct PassOn;
+
+impl Processor for PassOn {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         pass_on(tick)
     }
@@ -145,42 +173,10 @@ impl<A: Arm> Processor for ArmInput<A> {
     fn reset(&mut self) {}
 }
 
-/// Surface that an arm pushes back with. The input node with the same `device` names the device. The host
-/// gives the surface to the device's servo loop, which evaluates it at its own rate.
-pub(crate) struct ArmForce<A>(PhantomData<A>);
+/// The processor of a force node: the host reads its inputs.
+struct Wall;
 
-impl<A: Arm> Node for ArmForce<A> {
-    fn descriptor() -> Descriptor {
-        let (it, max_force_n) = A::force();
-        let damping = Unit::NEWTON_SECOND_PER_METRE;
-        let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
-        let beside = "what there is beside the plane: friction, drag, pull; smoothed over 3 ms";
-        let most = "The most it pushes; the device's own limit counts too.";
-        let own = "Damping of the device itself, for the warning of a wall that it cannot render without \
-                   trembling; 0 for not known.";
-        it.param(Param::text("device", "", A::NAME))
-            .role(Role::Force)
-            .input(input("plane", 3, Unit::MILLIMETRE, "a point of the plane, such as `virtual_floor.plane`"))
-            .input(input("normal", 3, Unit::NONE, "the plane's outward normal; all 0 for no surface"))
-            .input(input("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the plane"))
-            .input(input("damping", 1, damping, "damping along the normal while in the plane").or(0.0))
-            .input(input("force", 3, Unit::NEWTON, beside).or(0.0))
-            .param(Param::number("max_force_n", max_force_n, 0.0..=100.0, most).unit("N"))
-            .param(Param::number("device_damping_ns_per_m", 0.0, 0.0..=100.0, own).unit("N s/m"))
-            .timing(
-                "the wall's own loop holds no tick of the graph: the device evaluates the plane at its own \
-                 rate",
-            )
-            .resumes(Resume::Never)
-            .sink()
-    }
-
-    fn prepare(_setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(PhantomData)))
-    }
-}
-
-impl<A: Arm> Processor for ArmForce<A> {
+impl Processor for Wall {
     fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
         Status::Continue
     }

@@ -51,10 +51,9 @@ pub trait HandDevice: Sync {
     /// `address`: where `open` listens.
     fn excludes(&self, params: &Params, open: &Params, address: Option<SocketAddr>) -> bool;
 
-    /// Effective servo rate \[Hz\] for [`passivity`](crate::servo::passivity::passivity): 1 / (T + 2 d) with
-    /// the period T and the delay d of its loop. For a device that pushes back.
-    fn servo_hz(&self) -> f64 {
-        0.0
+    /// Rate \[Hz\] and delay \[s\] of the loop that pushes back.
+    fn servo(&self) -> [f64; 2] {
+        [0.0; 2]
     }
 
     /// Message for the start of a run: what the user does next.
@@ -85,12 +84,6 @@ fn error(message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
 mod tests {
     use super::*;
     use asperity_node::Role;
-
-    #[test]
-    fn delay_of_half_a_period_halves_the_servo_rate() {
-        assert_eq!(openhaptics::OpenHaptics.servo_hz(), 1000.0);
-        assert!((haply::Haply.servo_hz() - 500.0).abs() < 1e-9);
-    }
 
     #[test]
     fn every_device_registers_its_kinds_with_their_roles() {

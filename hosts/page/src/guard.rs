@@ -26,7 +26,7 @@ pub(crate) async fn guard(
     let mut response = match refused {
         None => next.run(request).await,
         Some(refused) => {
-            shared.counts.refused();
+            shared.refused();
             refused.into_response()
         }
     };

@@ -1,12 +1,10 @@
 //! The hand on the pages: which page has it, and its strokes as samples.
 
-use std::sync::atomic::Ordering::Relaxed;
-
 use asperity_live::{RemoteClock, Sample, SampleWriter, now_ns};
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
-use crate::server::Counters;
+use crate::server::Counts;
 use crate::wire::Stroke;
 
 /// The one hand. The page that touched last has it. It exists while the graph has a pointer.
@@ -66,7 +64,7 @@ impl Hand {
         pen: &mut Pen,
         sent_ms: f64,
         strokes: &[Stroke],
-        counts: &Counters,
+        counts: &Mutex<Counts>,
     ) {
         let arrived_ns = now_ns();
         // A sample is older than its message: the clocks are compared by the message.
@@ -97,7 +95,7 @@ impl Hand {
     }
 
     /// Lifts the hand of a page that lets it go, or that has gone.
-    pub(crate) fn free(&self, page: u64, counts: &Counters) {
+    pub(crate) fn free(&self, page: u64, counts: &Mutex<Counts>) {
         if *self.holder.borrow() != Some(page) {
             return;
         }
@@ -111,12 +109,12 @@ impl Hand {
 
 impl State {
     /// Writes a sample. Times are made to increase and not to lie in the future.
-    fn put(&mut self, mut sample: Sample, counts: &Counters) {
+    fn put(&mut self, mut sample: Sample, counts: &Mutex<Counts>) {
         sample.time_ns = sample.time_ns.min(sample.arrived_ns).max(self.last.time_ns + 1);
         self.last = sample;
         let Some(to) = &mut self.to else { return };
-        let count = if to.send(sample) { &counts.samples } else { &counts.lost };
-        count.fetch_add(1, Relaxed);
+        let mut counts = counts.lock();
+        *(if to.send(sample) { &mut counts.samples } else { &mut counts.lost_samples }) += 1;
     }
 }
 
@@ -132,7 +130,7 @@ mod tests {
     #[test]
     fn newest_touch_takes_the_hand() {
         let (to, mut from) = samples();
-        let (hand, counts) = (Hand::new(Some(to)), Counters::default());
+        let (hand, counts) = (Hand::new(Some(to)), Mutex::default());
         let (mut a, mut b) = (Pen::default(), Pen::default());
         hand.moved(1, &mut a, 10.0, &[at(9.0, 1.0, 0.5, 1), at(10.0, 2.0, 0.5, 1)], &counts);
         hand.moved(2, &mut b, 500.0, &[at(500.0, 30.0, 0.0, 1)], &counts);

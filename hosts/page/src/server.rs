@@ -17,6 +17,7 @@ use axum::{Router, middleware};
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use parking_lot::Mutex;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -69,23 +70,6 @@ pub struct Counts {
     pub kept_bytes: usize,
 }
 
-#[derive(Debug, Default)]
-pub(crate) struct Counters {
-    /// Pages since the start.
-    pages: AtomicU64,
-    refused: AtomicU64,
-    pub(crate) samples: AtomicU64,
-    pub(crate) lost: AtomicU64,
-    pub(crate) views: AtomicU64,
-    pub(crate) skipped: AtomicU64,
-}
-
-impl Counters {
-    pub(crate) fn refused(&self) {
-        self.refused.fetch_add(1, Relaxed);
-    }
-}
-
 /// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
@@ -93,7 +77,9 @@ pub(crate) struct Shared {
     pub(crate) feed: Arc<Feed>,
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
-    pub(crate) counts: Counters,
+    pub(crate) counts: Mutex<Counts>,
+    /// Pages since the start.
+    came: AtomicU64,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
 }
@@ -139,7 +125,8 @@ pub fn serve(
         feed,
         run_control,
         hand: Hand::new(pointer),
-        counts: Counters::default(),
+        counts: Mutex::default(),
+        came: AtomicU64::new(0),
         stop: watch::Sender::new(false),
         places: Arc::new(Semaphore::new(PAGES)),
     });
@@ -173,16 +160,8 @@ impl Page {
     /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> Counts {
-        let Counters { samples, lost, views, skipped, refused, .. } = &self.shared.counts;
-        Counts {
-            pages: self.shared.watching() as u64,
-            refused: refused.load(Relaxed),
-            samples: samples.load(Relaxed),
-            lost_samples: lost.load(Relaxed),
-            views: views.load(Relaxed),
-            skipped_views: skipped.load(Relaxed),
-            kept_bytes: self.shared.feed.kept_bytes(),
-        }
+        let kept_bytes = self.shared.feed.kept_bytes();
+        Counts { pages: self.shared.watching() as u64, kept_bytes, ..*self.shared.counts.lock() }
     }
 }
 
@@ -204,6 +183,10 @@ impl std::fmt::Debug for Page {
 impl Shared {
     fn watching(&self) -> usize {
         PAGES - self.places.available_permits()
+    }
+
+    pub(crate) fn refused(&self) {
+        self.counts.lock().refused += 1;
     }
 }
 
@@ -228,7 +211,7 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
             Ok((stream, _)) => {
                 let router = router.clone();
                 if door.enter(|visitor| answer(stream, router, visitor)) {
-                    shared.counts.refused();
+                    shared.refused();
                 }
                 // Lets a request that has arrived be read before the next connection.
                 tokio::task::yield_now().await;
@@ -277,11 +260,11 @@ async fn places(State(shared): State<Arc<Shared>>) -> Response {
 
 async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
-        shared.counts.refused();
+        shared.refused();
         let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let page = shared.counts.pages.fetch_add(1, Relaxed);
+    let page = shared.came.fetch_add(1, Relaxed);
     socket
         .max_message_size(wire::MESSAGE)
         .max_frame_size(wire::MESSAGE)

@@ -75,20 +75,20 @@ impl PluginProcessor {
             // SAFETY: the instance is prepared, and the struct lives through the call.
             unsafe { tell(instance.as_ptr(), &mut info) };
         }
-        if info.latency_den < 0 || info.tail_den < 0 || info.duration_den < 0 {
-            return Err("it says a latency, tail or duration with a negative denominator".into());
-        }
-        let beyond = |num: i64, den: i64, least: i64| {
-            den > 0 && (num < least.saturating_mul(den) || num > HOUR_S.saturating_mul(den))
-        };
         let AsperityInfo { latency_num, latency_den, tail_num, tail_den, duration_num, duration_den, .. } =
             info;
-        if beyond(latency_num, latency_den, -HOUR_S) || beyond(tail_num, tail_den, 0) {
+        if latency_den.min(tail_den).min(duration_den) < 0 {
+            return Err("it says a latency, tail or duration with a negative denominator".into());
+        }
+        let hour = |den: i64| HOUR_S.saturating_mul(den);
+        let beyond = |num: i64, den: i64, least: i64| den > 0 && (num < least || num > hour(den));
+        if beyond(latency_num, latency_den, -hour(latency_den)) || beyond(tail_num, tail_den, 0) {
             return Err("it says a latency or tail of more than an hour, or a negative tail".into());
         }
         if duration_den > 0 && duration_num < 0 {
             return Err("it says a negative duration".into());
         }
+        let time = |num: i64, den: i64| (den > 0).then(|| Latency::ratio(num, den));
         Ok(Prepared {
             latency: time(latency_num, latency_den).unwrap_or(Latency::ZERO),
             tail: time(tail_num, tail_den).unwrap_or(Latency::ZERO),
@@ -331,10 +331,6 @@ impl Drop for PluginProcessor {
             unsafe { destroy(self.instance.as_ptr()) };
         }
     }
-}
-
-fn time(num: i64, den: i64) -> Option<Latency> {
-    (den > 0).then(|| Latency::ratio(num, den))
 }
 
 /// Adds a fact whose name and text are readable.

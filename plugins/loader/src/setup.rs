@@ -10,26 +10,16 @@ use asperity_node::{
     Wiring,
 };
 
-/// A setup and everything that it points to.
-pub(crate) struct Lent {
-    pub(crate) abi: AsperitySetup,
-    _memory: Memory,
-    _inputs: Vec<AsperityWire>,
-    _outputs: Vec<AsperityWire>,
-}
-
-/// Settings of an effect and everything that they point to.
-pub(crate) struct LentSettings {
-    pub(crate) abi: AsperitySettings,
+/// A struct for a plugin, and everything that it points to.
+pub(crate) struct Lent<T> {
+    pub(crate) abi: T,
     _memory: Memory,
 }
 
-impl LentSettings {
-    /// Settings of one of the forms.
-    pub(crate) fn new(settings: &Settings, forms: &[Form]) -> Result<Self, String> {
-        let mut memory = Memory::default();
-        Ok(Self { abi: memory.settings(settings, forms)?, _memory: memory })
-    }
+/// Settings of one of the forms of an effect.
+pub(crate) fn settings(settings: &Settings, forms: &[Form]) -> Result<Lent<AsperitySettings>, String> {
+    let mut memory = Memory::default();
+    Ok(Lent { abi: memory.settings(settings, forms)?, _memory: memory })
 }
 
 /// Lists that pointers lead to. Their items stay in place when more lists come.
@@ -40,6 +30,7 @@ struct Memory {
     values: Vec<Vec<AsperityValue>>,
     settings: Vec<Vec<AsperitySettings>>,
     slots: Vec<AsperitySlot>,
+    wires: [Vec<AsperityWire>; 2],
 }
 
 impl Memory {
@@ -90,58 +81,47 @@ impl Memory {
     }
 }
 
-impl Lent {
-    /// Setup before the port types are known.
-    pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
-        Self::new(config, d, &[], &[], false)
-    }
+/// Setup before the port types are known.
+pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Lent<AsperitySetup>, Diagnostic> {
+    setup(&Setup { config: *config, inputs: &[], outputs: &[], closes_cycle: false }, d)
+}
 
-    /// Complete setup.
-    pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
-        Self::new(&setup.config, d, setup.inputs, setup.outputs, setup.closes_cycle)
-    }
-
-    fn new(
-        config: &Config<'_>,
-        d: &Descriptor,
-        inputs: &[Wiring],
-        outputs: &[Wiring],
-        closes_cycle: bool,
-    ) -> Result<Self, Diagnostic> {
-        let mut memory = Memory::default();
-        let node = |message| config.params.node_error(message);
-        let id = memory.text(config.id).map_err(node)?;
-        let params = memory
-            .values(config.params, &d.params)
-            .map_err(|(name, message)| config.params.error(&name, message))?;
-        if let Some(effect) = &d.effect {
-            for slot in config.params.slots() {
-                memory.slot(slot, &effect.forms).map_err(|e| config.params.error(&effect.list, e))?;
-            }
+/// Complete setup.
+pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Lent<AsperitySetup>, Diagnostic> {
+    let mut memory = Memory::default();
+    let node = |message| setup.params.node_error(message);
+    let id = memory.text(setup.id).map_err(node)?;
+    let params = memory
+        .values(setup.params, &d.params)
+        .map_err(|(name, message)| setup.params.error(&name, message))?;
+    if let Some(effect) = &d.effect {
+        for slot in setup.params.slots() {
+            memory.slot(slot, &effect.forms).map_err(|e| setup.params.error(&effect.list, e))?;
         }
-        let mut wires = |ports: &[Wiring]| -> Result<Vec<AsperityWire>, Diagnostic> {
-            ports.iter().map(|w| wire(w, &mut memory).map_err(node)).collect()
-        };
-        let (inputs, outputs) = (wires(inputs)?, wires(outputs)?);
-        let abi = AsperitySetup {
-            tick_hz: config.tick_hz,
-            every: config.every,
-            audio_hz: config.audio_hz,
-            seed: config.seed,
-            id,
-            params,
-            inputs: inputs.as_ptr(),
-            outputs: outputs.as_ptr(),
-            param_count: d.params.len() as u32,
-            input_count: inputs.len() as u32,
-            output_count: outputs.len() as u32,
-            closes_cycle: u32::from(closes_cycle),
-            slots: memory.slots.as_ptr(),
-            slot_count: memory.slots.len() as u32,
-            ..blank()
-        };
-        Ok(Self { abi, _memory: memory, _inputs: inputs, _outputs: outputs })
     }
+    for (i, ports) in [setup.inputs, setup.outputs].into_iter().enumerate() {
+        let wires = ports.iter().map(|w| wire(w, &mut memory)).collect::<Result<_, _>>();
+        memory.wires[i] = wires.map_err(node)?;
+    }
+    let [inputs, outputs] = &memory.wires;
+    let abi = AsperitySetup {
+        tick_hz: setup.tick_hz,
+        every: setup.every,
+        audio_hz: setup.audio_hz,
+        seed: setup.seed,
+        id,
+        params,
+        inputs: inputs.as_ptr(),
+        outputs: outputs.as_ptr(),
+        param_count: d.params.len() as u32,
+        input_count: inputs.len() as u32,
+        output_count: outputs.len() as u32,
+        closes_cycle: u32::from(setup.closes_cycle),
+        slots: memory.slots.as_ptr(),
+        slot_count: memory.slots.len() as u32,
+        ..blank()
+    };
+    Ok(Lent { abi, _memory: memory })
 }
 
 fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> Result<AsperityValue, String> {

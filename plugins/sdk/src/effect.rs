@@ -7,8 +7,8 @@ use asperity_node::{Acts, Descriptor, Direction, Form, Node};
 
 use crate::describe::{Record, leak, param};
 use crate::panics::guarded;
-use crate::setup::{SlotSettings, write};
-use crate::text::Texts;
+use crate::setup::{SlotSettings, tell};
+use crate::text::{Texts, Theirs};
 
 /// The effect of a node type, never freed; NULL for a type that is none.
 pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const AsperityEffect {
@@ -67,14 +67,18 @@ unsafe extern "C" fn law<N: Node>(
     normal_force_n: f64,
     law: *mut AsperityLaw,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
         let effect = N::descriptor().effect;
         let (Some(effect), false) = (effect, law.is_null()) else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(settings, &effect.forms) else { return ASPERITY_FAILED };
+        let Some(read) = SlotSettings::read(theirs, settings, &effect.forms) else { return ASPERITY_FAILED };
         let Some((_, told)) = effect.law_of(&read.settings, normal_force_n) else { return ASPERITY_FAILED };
-        (&raw mut (*law).stiffness_n_per_mm).write(told.stiffness_n_per_mm);
-        (&raw mut (*law).damping_ns_per_m).write(told.damping_ns_per_m);
+        // SAFETY: as above, and not NULL.
+        unsafe {
+            (&raw mut (*law).stiffness_n_per_mm).write(told.stiffness_n_per_mm);
+            (&raw mut (*law).damping_ns_per_m).write(told.damping_ns_per_m);
+        }
         ASPERITY_OK
     })
 }
@@ -85,14 +89,15 @@ unsafe extern "C" fn check<N: Node>(
     settings: *const AsperitySettings,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
         let Some(effect) = N::descriptor().effect else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(settings, &effect.forms) else { return ASPERITY_FAILED };
+        let Some(read) = SlotSettings::read(theirs, settings, &effect.forms) else { return ASPERITY_FAILED };
         match effect.checked(&read.settings) {
             Ok(()) => ASPERITY_OK,
             Err(d) => {
-                write(&d, &read.sources, error);
+                tell(theirs, &d, &read.sources, error);
                 ASPERITY_FAILED
             }
         }

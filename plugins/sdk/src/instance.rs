@@ -9,10 +9,11 @@ use asperity_node::{
     Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, Prepared, Processor, Status, Tick, Wiring,
 };
 
+use crate::buffers::Hosts;
+use crate::describe;
 use crate::panics::{caught, guarded, heard};
-use crate::setup::{HostSetup, tell};
-use crate::text::Texts;
-use crate::{buffers, describe};
+use crate::setup::HostSetup;
+use crate::text::{Texts, Theirs};
 
 /// A node and its view of the host's buffers.
 pub(crate) struct Instance {
@@ -54,11 +55,15 @@ impl Instance {
         }
         let (ins, outs) = self.buffers.split_at_mut(self.map.len());
         // SAFETY: the host's buffers are as many and as long as it says.
-        unsafe {
-            buffers::read(tick.inputs, tick.input_count, tick.buffer_size, ins, &mut self.map);
-            if outputs {
-                buffers::clear(tick.outputs, tick.output_count, tick.buffer_size, outs);
-            }
+        let (theirs, results) = unsafe {
+            (
+                Hosts::new(tick.inputs.cast_mut(), tick.input_count, tick.buffer_size),
+                Hosts::new(tick.outputs, tick.output_count, tick.buffer_size),
+            )
+        };
+        theirs.read(ins, &mut self.map);
+        if outputs {
+            results.clear(outs);
         }
         let mut view = Tick {
             index: tick.index,
@@ -68,8 +73,7 @@ impl Instance {
         };
         let answer = f(&mut *node.processor, &mut view);
         if outputs {
-            // SAFETY: as above.
-            unsafe { buffers::write(outs, tick.outputs, tick.output_count, tick.buffer_size) };
+            results.write(outs);
         }
         answer
     }
@@ -94,26 +98,27 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
     sink: *const AsperityPortSink,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
         let d = N::descriptor();
-        let (Some(prepared), Some(sink)) = (HostSetup::read(setup, &d), read_grown(sink)) else {
+        let (Some(prepared), Some(sink)) = (HostSetup::read(theirs, setup, &d), theirs.read(sink)) else {
             return ASPERITY_FAILED;
         };
-        let Ports { inputs, outputs } =
-            match N::ports(&prepared.config(), Ports { inputs: d.inputs, outputs: d.outputs }) {
-                Ok(ports) => ports,
-                Err(d) => {
-                    prepared.tell(&d, error);
-                    return ASPERITY_FAILED;
-                }
-            };
+        let declared = Ports { inputs: d.inputs, outputs: d.outputs };
+        let Ports { inputs, outputs } = match N::ports(&prepared.config(), declared) {
+            Ok(ports) => ports,
+            Err(d) => {
+                prepared.tell(theirs, &d, error);
+                return ASPERITY_FAILED;
+            }
+        };
         let mut texts = Texts::default();
-        if let Some(add) = sink.input {
-            inputs.iter().for_each(|i| add(sink.context, &describe::input(i, &mut texts)));
-        }
-        if let Some(add) = sink.output {
-            outputs.iter().for_each(|o| add(sink.context, &describe::output(o, &mut texts)));
+        let inputs: Vec<_> = inputs.iter().map(|i| describe::input(i, &mut texts)).collect();
+        let outputs: Vec<_> = outputs.iter().map(|o| describe::output(o, &mut texts)).collect();
+        for (add, ports) in [(sink.input, &inputs), (sink.output, &outputs)] {
+            // SAFETY: the sink's functions take its context and a port.
+            add.iter().for_each(|add| ports.iter().for_each(|port| unsafe { add(sink.context, port) }));
         }
         ASPERITY_OK
     })
@@ -125,16 +130,17 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
     setup: *const AsperitySetup,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    let answer = heard(|| unsafe {
+    // SAFETY: the host's structs and instance, valid during this call.
+    let (theirs, it) = unsafe { (Theirs::trusted(), Instance::of(instance)) };
+    let answer = heard(|| {
         let d = N::descriptor();
-        let (Some(it), Some(prepared)) = (Instance::of(instance), HostSetup::read(setup, &d)) else {
+        let (Some(it), Some(prepared)) = (it, HostSetup::read(theirs, setup, &d)) else {
             return ASPERITY_FAILED;
         };
         match N::prepare(&prepared.setup()) {
             Ok(node) => it.node = Some(node),
             Err(d) => {
-                prepared.tell(&d, error);
+                prepared.tell(theirs, &d, error);
                 return ASPERITY_FAILED;
             }
         }
@@ -148,8 +154,7 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
         ASPERITY_OK
     });
     answer.unwrap_or_else(|text| {
-        // SAFETY: the host's.
-        unsafe { tell(&format!("the node panicked while it was prepared: {text}"), "", None, error) };
+        theirs.tell(&format!("the node panicked while it was prepared: {text}"), "", None, error);
         ASPERITY_PANICKED
     })
 }

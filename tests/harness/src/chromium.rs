@@ -52,25 +52,11 @@ impl Chromium {
         };
         let profile = tempfile::tempdir().expect("a folder for the browser");
         let mut command = Command::new(program);
-        command
-            .args([
-                "--headless=new",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--disable-dev-shm-usage",
-                "--no-first-run",
-            ])
-            .args([
-                "--disable-extensions",
-                "--disable-background-networking",
-                "--mute-audio",
-                "--hide-scrollbars",
-            ])
-            .args(["--remote-debugging-port=0", "about:blank"])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
+        command.args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]);
+        command.args(["--no-first-run", "--disable-extensions", "--disable-background-networking"]);
+        command.args(["--mute-audio", "--hide-scrollbars", "--remote-debugging-port=0", "about:blank"]);
+        command.arg(format!("--user-data-dir={}", profile.path().display()));
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         // The program may be a script that starts others: all of them are one group, and end together.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -198,28 +184,6 @@ impl Chromium {
     /// Waits until an expression is true.
     pub fn until(&mut self, script: &str) {
         wait(script, || (self.eval(script) == true).then_some(()));
-    }
-
-    /// Times pictures of the pages that are opened from now on; see [`pictures`](Self::pictures).
-    pub fn times_pictures(&mut self) {
-        const SOURCE: &str = "(() => { const ask = requestAnimationFrame.bind(window); window.drawn = new \
-                              Map(); \
-            window.requestAnimationFrame = (draw) => ask((now) => { const began = performance.now(); \
-            draw(now); \
-            drawn.set(now, (drawn.get(now) ?? 0) + performance.now() - began); }); })()";
-        self.call("Page.addScriptToEvaluateOnNewDocument", json!({ "source": SOURCE }));
-    }
-
-    /// Pictures a second since the last time it was asked, and milliseconds that scripts took for one: median
-    /// and 95 of 100.
-    pub fn pictures(&mut self) -> [f64; 3] {
-        let drawn = self.eval(
-            "(() => { const [at, took] = [[...drawn.keys()], \
-             [...drawn.values()].sort((a, b) => a - b)]; drawn.clear(); \
-             const part = (p) => took[Math.min(took.length - 1, Math.floor(took.length * p))] ?? 0; \
-             return [1000 * (at.length - 1) / (at.at(-1) - at[0]), part(0.5), part(0.95)]; })()",
-        );
-        [0, 1, 2].map(|i| drawn[i].as_f64().unwrap_or(0.0))
     }
 
     /// Says how the page is looked at.

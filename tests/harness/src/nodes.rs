@@ -1,39 +1,68 @@
 //! Nodes that sleep, fail and panic as a test wants.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use asperity_node::{
-    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, NodeKind, Output, Param, Params,
-    Prepared, Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit,
+    Descriptor, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Output, Param, Params, Prepared,
+    Processor, RateSpec, Registry, Resume, ShapeSpec, Status, Tick, Unit,
 };
 
-/// A node that is a function of what it remembers and of the tick.
-struct Made<M> {
-    fresh: M,
-    now: M,
+/// A kind of node as functions of what a node remembers.
+struct Kind<M> {
+    descriptor: Descriptor,
+    fresh: fn(&Params) -> M,
     process: fn(&mut M, &mut Tick<'_>) -> Status,
+    wants: fn(&mut M, &mut Tick<'_>) -> bool,
+    elapsed: fn(&mut M, u64),
+    /// From what it remembered at the start.
+    reset: fn(&M) -> M,
 }
 
-impl<M: Clone + Send> Processor for Made<M> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        (self.process)(&mut self.now, tick)
-    }
-
-    fn reset(&mut self) {
-        self.now = self.fresh.clone();
-    }
-}
-
-/// A kind of node from its memory at the start and its function.
+/// A kind that does nothing more than `process`.
 fn kind<M: Clone + Send + 'static>(
     descriptor: Descriptor,
     fresh: fn(&Params) -> M,
     process: fn(&mut M, &mut Tick<'_>) -> Status,
-) -> Arc<NodeKind> {
-    Arc::new(NodeKind::new(descriptor, move |setup| {
-        let fresh = fresh(setup.params);
-        Ok(Prepared::new(Made { now: fresh.clone(), fresh, process }))
-    }))
+) -> Kind<M> {
+    Kind { descriptor, fresh, process, wants: |_, _| true, elapsed: |_, _| {}, reset: M::clone }
+}
+
+impl<M: Clone + Send + 'static> Kind<M> {
+    fn made(self) -> Arc<NodeKind> {
+        let Self { descriptor, fresh, process, wants, elapsed, reset } = self;
+        Arc::new(NodeKind::new(descriptor, move |setup| {
+            let fresh = fresh(setup.params);
+            Ok(Prepared::new(Made { now: fresh.clone(), fresh, process, wants, elapsed, reset }))
+        }))
+    }
+}
+
+struct Made<M> {
+    fresh: M,
+    now: M,
+    process: fn(&mut M, &mut Tick<'_>) -> Status,
+    wants: fn(&mut M, &mut Tick<'_>) -> bool,
+    elapsed: fn(&mut M, u64),
+    reset: fn(&M) -> M,
+}
+
+impl<M: Send> Processor for Made<M> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        (self.process)(&mut self.now, tick)
+    }
+
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        (self.wants)(&mut self.now, tick)
+    }
+
+    fn elapsed(&mut self, ticks: u64) {
+        (self.elapsed)(&mut self.now, ticks);
+    }
+
+    fn reset(&mut self) {
+        self.now = (self.reset)(&self.fresh);
+    }
 }
 
 fn audio_in() -> Input {
@@ -68,6 +97,7 @@ fn counter() -> Arc<NodeKind> {
             Status::Continue
         },
     )
+    .made()
 }
 
 /// Puts out ones on every kind of port, and goes wrong from tick `from` to tick `to`.
@@ -101,6 +131,7 @@ fn faulty() -> Arc<NodeKind> {
         }
         Status::Continue
     })
+    .made()
 }
 
 /// Sleeps while its input is silent; doubles what comes in.
@@ -121,6 +152,7 @@ fn dozer() -> Arc<NodeKind> {
             Status::Continue
         },
     )
+    .made()
 }
 
 /// Loud, then failing for three ticks, then asleep.
@@ -138,6 +170,7 @@ fn sleeper() -> Arc<NodeKind> {
             _ => Status::Asleep,
         },
     )
+    .made()
 }
 
 /// Rings for three ticks after its input.
@@ -151,6 +184,7 @@ fn tail3() -> Arc<NodeKind> {
             Status::Tail(3)
         },
     )
+    .made()
 }
 
 /// A slow wave in A whose trust rests on a control.
@@ -171,6 +205,7 @@ fn marked() -> Arc<NodeKind> {
             Status::Continue
         },
     )
+    .made()
 }
 
 /// Passes a control on and sleeps until it changes, if it says that this wakes it.
@@ -188,91 +223,44 @@ fn copier(name: &'static str, wakes: bool) -> Arc<NodeKind> {
             Status::Asleep
         },
     )
+    .made()
 }
 
-/// A one-pole smoother, so that what it remembers can be seen.
-struct Memory<const RESUME: u8> {
-    value: f64,
-    elapsed: u64,
-}
-
-impl<const RESUME: u8> Node for Memory<RESUME> {
-    fn descriptor() -> Descriptor {
-        let (kind, resume) = match RESUME {
-            0 => ("memory_restart", Resume::Restart),
-            1 => ("memory_elapsed", Resume::Elapsed),
-            2 => ("memory_resume", Resume::Continue),
-            _ => ("memory_never", Resume::Never),
-        };
-        Descriptor::new(kind, "Counts its calls into an audio level.")
-            .input(audio_in())
-            .output(audio("out"))
-            .resumes(resume)
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self { value: 0.0, elapsed: 0 }))
-    }
-}
-
-impl<const RESUME: u8> Processor for Memory<RESUME> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.value += 1.0;
-        tick.outputs.audio(0).fill(self.value as f32 + 1000.0 * self.elapsed as f32);
+/// Counts its calls, and the ticks that it slept, so that what it remembers can be seen.
+fn memory(name: &'static str, resume: Resume) -> Arc<NodeKind> {
+    let it = Descriptor::new(name, "Counts its calls into an audio level.")
+        .input(audio_in())
+        .output(audio("out"))
+        .resumes(resume);
+    let count = |(calls, elapsed): &mut (f32, u64), tick: &mut Tick<'_>| {
+        *calls += 1.0;
+        tick.outputs.audio(0).fill(*calls + 1000.0 * *elapsed as f32);
         Status::Continue
-    }
-
-    fn elapsed(&mut self, ticks: u64) {
-        self.elapsed = ticks;
-    }
-
-    fn reset(&mut self) {
-        (self.value, self.elapsed) = (0.0, 0);
-    }
+    };
+    Kind { elapsed: |(_, elapsed), ticks| *elapsed = ticks, ..kind(it, |_| (0.0, 0), count) }.made()
 }
 
-/// Open in the ticks that `open_to` says.
-struct TestGate {
-    close: u64,
-    open: u64,
-    wanted: bool,
-}
-
-impl Node for TestGate {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("test_gate", "Closed from tick `close` to tick `open`.")
-            .input(audio_in())
-            .output(audio("out"))
-            .param(Param::integer("close", 3, 0..=100, "First closed tick."))
-            .param(Param::integer("open", 6, 0..=100, "First open tick after that."))
-            .gates("in")
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let p = setup.params;
-        Ok(Prepared::new(Self {
-            close: p.integer("close") as u64,
-            open: p.integer("open") as u64,
-            wanted: true,
-        }))
-    }
-}
-
-impl Processor for TestGate {
-    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
-        self.wanted = !(self.close..self.open).contains(&tick.index);
-        self.wanted
-    }
-
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        if !self.wanted {
+/// Closed from tick `close` to tick `open`.
+fn test_gate() -> Arc<NodeKind> {
+    let it = Descriptor::new("test_gate", "Closed from tick `close` to tick `open`.")
+        .input(audio_in())
+        .output(audio("out"))
+        .param(Param::integer("close", 3, 0..=100, "First closed tick."))
+        .param(Param::integer("open", 6, 0..=100, "First open tick after that."))
+        .gates("in");
+    let pass = |(_, wanted): &mut (Range<u64>, bool), tick: &mut Tick<'_>| {
+        if !*wanted {
             return Status::Quiet;
         }
         tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
         Status::Continue
-    }
-
-    fn reset(&mut self) {}
+    };
+    let wants = |(closed, wanted): &mut (Range<u64>, bool), tick: &mut Tick<'_>| {
+        *wanted = !closed.contains(&tick.index);
+        *wanted
+    };
+    let fresh = |p: &Params| (p.integer("close") as u64..p.integer("open") as u64, true);
+    Kind { wants, ..kind(it, fresh, pass) }.made()
 }
 
 thread_local! {
@@ -290,63 +278,42 @@ impl asperity_engine::Clock for TestClock {
 }
 
 /// Puts out ones and takes a microsecond, but a millisecond from tick `from` to tick `to`.
-struct Slow {
-    from: u64,
-    to: u64,
-}
-
-impl Node for Slow {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("slow", "Takes its time.")
-            .output(audio("out"))
-            .output(control("control", 1))
-            .param(Param::integer("from", 0, 0..=1_000_000, "First slow tick."))
-            .param(Param::integer("to", 0, 0..=1_000_000, "First quick tick after that."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self {
-            from: setup.params.integer("from") as u64,
-            to: setup.params.integer("to") as u64,
-        }))
-    }
-}
-
-impl Processor for Slow {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let slow = (self.from..self.to).contains(&tick.index);
-        NOW_NS.set(NOW_NS.get() + if slow { 1_000_000 } else { 1_000 });
+fn slow() -> Arc<NodeKind> {
+    let it = Descriptor::new("slow", "Takes its time.")
+        .output(audio("out"))
+        .output(control("control", 1))
+        .param(Param::integer("from", 0, 0..=1_000_000, "First slow tick."))
+        .param(Param::integer("to", 0, 0..=1_000_000, "First quick tick after that."));
+    let fresh = |p: &Params| p.integer("from") as u64..p.integer("to") as u64;
+    let take = |slow: &mut Range<u64>, tick: &mut Tick<'_>| {
+        NOW_NS.set(NOW_NS.get() + if slow.contains(&tick.index) { 1_000_000 } else { 1_000 });
         tick.outputs.audio(0).fill(1.0);
         tick.outputs.set(1, tick.index as f64);
         Status::Continue
-    }
-
-    /// A slow call is no reason to start over: this would show.
-    fn reset(&mut self) {
-        self.to = 0;
-    }
+    };
+    // A slow call is no reason to start over: this would show.
+    Kind { reset: |_| 0..0, ..kind(it, fresh, take) }.made()
 }
 
 /// The built-in kinds and these.
 pub fn registry() -> Registry {
-    let registry = crate::registry()
-        .with::<Memory<0>>()
-        .with::<Memory<1>>()
-        .with::<Memory<2>>()
-        .with::<Memory<3>>()
-        .with::<TestGate>()
-        .with::<Slow>();
     let made = [
         counter(),
         faulty(),
+        memory("memory_restart", Resume::Restart),
+        memory("memory_elapsed", Resume::Elapsed),
+        memory("memory_resume", Resume::Continue),
+        memory("memory_never", Resume::Never),
+        test_gate(),
         dozer(),
         sleeper(),
         tail3(),
         marked(),
         copier("waker", true),
         copier("deaf", false),
+        slow(),
     ];
-    made.into_iter().fold(registry, |mut registry, kind| {
+    made.into_iter().fold(crate::registry(), |mut registry, kind| {
         registry.add(kind);
         registry
     })

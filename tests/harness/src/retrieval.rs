@@ -6,8 +6,8 @@ use asperity_accuracy::npy;
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::{Framing, OverlapAdd};
 use asperity_sdk::{
-    Buffer, Complex, Config, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Latency, Node,
-    Outputs, ParamValue, Params, PortType, Processor, Setup, Shape, Status, Tick, Unit, Wiring,
+    Buffer, Complex, Config, FrameLayout, FrameRate, InputRef, Inputs, Latency, Node, Outputs, ParamValue,
+    Params, PortType, Processor, Setup, Shape, Status, Tick, Unit, Wiring,
 };
 
 /// Frames of 0.1 s, 500 a second, one a tick.
@@ -17,20 +17,18 @@ pub fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
 }
 
 /// A frame that came out.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Out {
-    pub index: u64,
     pub start: u64,
     pub bins: Vec<Complex<f32>>,
 }
 
 /// A node between two buffers.
 pub struct Rig {
-    pub node: Box<dyn Processor>,
+    node: Box<dyn Processor>,
     latency: Latency,
     layout: FrameLayout,
     buffers: [Buffer; 2],
-    pub tick: u64,
+    tick: u64,
 }
 
 impl Rig {
@@ -58,15 +56,14 @@ impl Rig {
         Self { node: node.processor, latency: node.latency, layout, buffers, tick: 0 }
     }
 
-    /// One tick, with the frame that belongs to it or without. Answers whether a frame came out.
-    pub fn step(&mut self, bins: Option<&[f32]>) -> bool {
-        let start = self.layout.frame_rate.first_sample(self.tick, self.layout.rate_hz);
+    /// One tick, with the frame that belongs to it or without; what came out, checked to be finite and in its
+    /// place.
+    pub fn frame(&mut self, bins: Option<&[f32]>) -> Option<Out> {
+        let place = (self.tick, self.layout.frame_rate.first_sample(self.tick, self.layout.rate_hz));
         let [input, output] = &mut self.buffers;
         if let Buffer::Magnitude { bins: to, frame, .. } = input {
-            *frame = bins.map(|_| (self.tick, start));
-            if let Some(from) = bins {
-                to.copy_from_slice(from);
-            }
+            *frame = bins.map(|_| place);
+            bins.iter().for_each(|bins| to.copy_from_slice(bins));
         }
         if let Buffer::Spectrum { frame, .. } = output {
             *frame = None;
@@ -80,58 +77,16 @@ impl Rig {
         };
         let status = self.node.run(&mut tick).expect("no fault");
         self.tick += 1;
-        let came = self.out().is_some();
-        assert!(!came || status == Status::Continue, "a frame came, and the node said {status:?}");
-        came
-    }
-
-    /// Number, start and bins of what came out.
-    pub fn out(&self) -> Option<(u64, u64, &[Complex<f32>])> {
-        match &self.buffers[1] {
-            Buffer::Spectrum { bins, frame: Some((index, start)), .. } => Some((*index, *start, bins)),
-            _ => None,
-        }
-    }
-
-    /// One tick; what came out, checked to be finite and in its place.
-    pub fn frame(&mut self, bins: Option<&[f32]>) -> Option<Out> {
-        self.step(bins).then(|| {
-            let (index, start, bins) = self.out().expect("a frame");
-            assert_eq!(
-                (index, start),
-                (self.tick - 1, self.start(self.tick - 1)),
-                "frames stand in their slots"
-            );
-            assert!(bins.iter().all(|c| c.re.is_finite() && c.im.is_finite()), "frame {index} is finite");
-            Out { index, start, bins: bins.to_vec() }
-        })
-    }
-
-    pub fn start(&self, index: u64) -> u64 {
-        self.layout.frame_rate.first_sample(index, self.layout.rate_hz)
+        let Buffer::Spectrum { bins, frame: Some(frame), .. } = output else { return None };
+        assert_eq!(status, Status::Continue, "a frame came");
+        assert_eq!(*frame, place, "frames stand in their slots");
+        assert!(bins.iter().all(|c| c.re.is_finite() && c.im.is_finite()), "{place:?} is finite");
+        Some(Out { start: place.1, bins: bins.to_vec() })
     }
 
     pub fn latency(&self) -> Latency {
         self.latency
     }
-
-    pub fn count(&mut self, fact: &str) -> u64 {
-        let is = |f: &Fact| f.name == fact;
-        match self.node.facts().into_iter().find(is).map(|f| f.value) {
-            Some(FactValue::Count(n)) => n,
-            other => panic!("{fact} is {other:?}"),
-        }
-    }
-}
-
-/// Phase difference in turns, in [0, 0.5].
-pub fn apart(a: f64, b: f64) -> f64 {
-    ((a - b) - (a - b).round()).abs()
-}
-
-/// Phase of a bin in turns.
-pub fn turns(c: Complex<f32>) -> f64 {
-    f64::from(c.im).atan2(f64::from(c.re)) / std::f64::consts::TAU
 }
 
 /// Magnitudes of a unit sinusoid at `freq` bins: the lobe of a Hann window.
@@ -200,9 +155,8 @@ pub fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
     phase::score(magnitudes, &phase::framing(rate_hz, 101), signal).expect("a score")
 }
 
-/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT times `scale`, without its
-/// latency.
-pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
+/// The signal that a node and overlap-add make of magnitudes of an unscaled DFT, without its latency.
+fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> Vec<f64> {
     let framing: Framing = phase::framing(rate_hz, 101);
     let mut rig = Rig::new::<N>(layout(rate_hz, 101), params);
     let mut ola = OverlapAdd::<f32>::new(framing).expect("a framing");
@@ -210,16 +164,14 @@ pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)],
     let mut emit = |ola: &mut OverlapAdd<f32>, len: usize| {
         let mut out = vec![0.0; len];
         ola.emit(signal.len() as u64, &mut out);
-        signal.extend(out.iter().map(|&y| y / scale));
+        signal.extend(out);
     };
     let (late, per_second) = rig.latency().as_ratio();
     let late = late as usize * rate_hz as usize / per_second as usize;
     let silent_ticks = late.div_ceil(rate_hz as usize / 500);
     let frames = magnitudes.chunks_exact(101).map(Some).chain(std::iter::repeat_n(None, silent_ticks));
     for (n, frame) in frames.enumerate() {
-        let amplitudes = frame.map(|f| {
-            f.iter().map(|&m| (f64::from(m) * scale / framing.bin_scale()) as f32).collect::<Vec<_>>()
-        });
+        let amplitudes = frame.map(|f| amplitudes(f, rate_hz));
         if let Some(out) = rig.frame(amplitudes.as_deref()) {
             ola.add_frame(out.start, &out.bins).expect("in reach");
         }
@@ -230,8 +182,8 @@ pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)],
 }
 
 /// Spectral convergence in dB of what a node makes of a vector.
-pub fn convergence<N: Node>(vector: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> f64 {
-    let y = invert::<N>(vector, rate_hz, params, scale);
+pub fn convergence<N: Node>(vector: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> f64 {
+    let y = invert::<N>(vector, rate_hz, params);
     let score = score(vector, rate_hz, &y);
     assert_eq!(score.nonfinite, 0);
     score.convergence_db

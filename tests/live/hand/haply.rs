@@ -11,9 +11,9 @@ use asperity_live::{SampleReader, force_model, samples};
 use asperity_motion::AxisMap;
 use asperity_node::Diagnostic;
 use harness::alone::real_time;
-use harness::live::until;
+use harness::live::{Background, until};
 
-use super::held::{Floor, newest, problem};
+use super::held::{floor, newest, problem};
 use crate::haply::Service;
 
 fn options(service: &Service) -> ArmOptions {
@@ -36,15 +36,15 @@ fn listening() -> (Service, Handle, SampleReader) {
 }
 
 /// A hand that presses 4 mm into a floor of 0.5 N/mm.
-fn pressing() -> (Service, Handle, SampleReader, Floor) {
+fn pressing() -> (Service, Handle, SampleReader, Background) {
     let service = service(&["049D"]);
     service.put([0.0, 0.0, -0.004]);
     let (to, from) = samples();
     let (models, reader) = force_model();
-    let floor = Floor::tell(models, 0.5);
+    let held = floor(models);
     let handle = start(options(&service), to, Some(reader)).unwrap();
     until("the force", || service.last()[2] > 1.9);
-    (service, handle, from, floor)
+    (service, handle, from, held)
 }
 
 fn refused(options: ArmOptions) -> Diagnostic {
@@ -58,7 +58,7 @@ fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
     service.put([0.01, 0.02, -0.004]);
     let (to, mut from) = samples();
     let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
+    let _floor = floor(models);
     let axes = AxisMap::parse("y,-x,z").unwrap();
     let handle = start(ArmOptions { axes, ..options(&service) }, to, Some(reader)).unwrap();
     assert_eq!((handle.device().name.as_str(), handle.device().max_force_n), ("049D", 3.0));

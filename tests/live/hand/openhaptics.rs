@@ -1,7 +1,7 @@
 //! An OpenHaptics device, played by a stand-in library that is built here.
 #![cfg(unix)]
 
-use std::ffi::{c_int, c_uint, c_ulong, c_void};
+use std::ffi::{c_uint, c_void};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::RwLockWriteGuard;
@@ -14,10 +14,10 @@ use asperity_live::{ForceReader, SampleReader, force_model, now_ns, samples};
 use asperity_motion::AxisMap;
 use harness::alone::real_time;
 use harness::counting::allocations;
-use harness::live::until;
+use harness::live::{Background, until};
 use libloading::{Library, Symbol};
 
-use super::held::{Floor, newest, problem};
+use super::held::{floor, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.
@@ -62,14 +62,9 @@ impl Standin {
         unsafe { self.get::<unsafe extern "C" fn(c_uint)>(name)(value) }
     }
 
-    fn int(&self, name: &str) -> c_int {
-        // SAFETY: these functions take nothing and answer an int.
-        unsafe { self.get::<unsafe extern "C" fn() -> c_int>(name)() }
-    }
-
-    fn long(&self, name: &str) -> c_ulong {
-        // SAFETY: these functions take nothing and answer an unsigned long.
-        unsafe { self.get::<unsafe extern "C" fn() -> c_ulong>(name)() }
+    fn number(&self, name: &str) -> f64 {
+        // SAFETY: these functions take nothing and answer a double.
+        unsafe { self.get::<unsafe extern "C" fn() -> f64>(name)() }
     }
 
     fn hand(&self, at: [f64; 3]) {
@@ -82,11 +77,6 @@ impl Standin {
         // SAFETY: writes three doubles.
         unsafe { self.get::<unsafe extern "C" fn(*mut f64)>("standin_force")(force.as_mut_ptr()) };
         force
-    }
-
-    fn worst_step(&self) -> f64 {
-        // SAFETY: takes nothing and answers a double.
-        unsafe { self.get::<unsafe extern "C" fn() -> f64>("standin_worst_step")() }
     }
 
     fn options(&self) -> ArmOptions {
@@ -104,13 +94,13 @@ impl Standin {
     }
 
     /// A hand that presses 4 mm into a floor of 0.5 N/mm.
-    fn pressing(&self) -> (Handle, SampleReader, Floor) {
+    fn pressing(&self) -> (Handle, SampleReader, Background) {
         self.hand([0.0, -4.0, 0.0]);
         let (models, reader) = force_model();
-        let floor = Floor::tell(models, 0.5);
+        let held = floor(models);
         let (handle, from) = self.start(Some(reader));
         until("the force", || (self.force()[1] - 2.0).abs() < 1e-6);
-        (handle, from, floor)
+        (handle, from, held)
     }
 }
 
@@ -136,12 +126,14 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     let (models, reader) = force_model();
     // SAFETY: takes a function of this type.
     unsafe { standin.get::<unsafe extern "C" fn(*const c_void)>("standin_wrap")(forbid as *const c_void) };
-    let floor = Floor::tell(models, 0.5);
+    let held = floor(models);
     let (handle, mut from) = standin.start(Some(reader));
     assert_eq!(handle.device().max_force_n, 3.3);
     assert_eq!(handle.device().max_stiffness_n_per_mm, Some(0.5));
     // The scheduler is started once the device is known to be there.
-    until("the servo", || (standin.long("standin_rate"), standin.int("standin_output")) == (1000, 1));
+    until("the servo", || {
+        ["standin_rate", "standin_output"].map(|name| standin.number(name)) == [1000.0, 1.0]
+    });
     // 4 mm in a floor of 0.5 N/mm.
     until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
     assert!(standin.force()[0] == 0.0 && standin.force()[2] == 0.0, "{:?}", standin.force());
@@ -166,32 +158,33 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
         ALLOCATIONS.load(Relaxed)
     );
     assert_eq!((handle.problem(), handle.bad()), (None, 0));
-    drop(floor);
+    drop(held);
 }
 
 #[test]
 fn stalled_graph_or_dropped_source_lets_go_without_a_step() {
     let standin = Standin::new();
-    let (handle, _from, floor) = standin.pressing();
+    let (handle, _from, held) = standin.pressing();
     // The graph stops telling: 100 ms, then 20 ms.
-    drop(floor);
+    drop(held);
     until("no force", || standin.force() == [0.0; 3]);
     assert!(handle.connected() && handle.losses() == 0);
     drop(handle);
     let (handle, _from, _floor) = standin.pressing();
     standin.set("standin_forget", 0);
     drop(handle);
-    assert_eq!((standin.force(), standin.int("standin_open")), ([0.0; 3], 0));
-    assert_eq!(standin.int("standin_scheduled"), 0);
+    assert_eq!(standin.force(), [0.0; 3]);
+    assert_eq!(["standin_open", "standin_scheduled"].map(|name| standin.number(name)), [0.0; 2]);
     // 2 N in 20 ms are 0.1 N a tick; a late tick of this machine makes up to a few at once.
-    assert!(standin.worst_step() < 1.9, "{} N at once", standin.worst_step());
+    let worst = standin.number("standin_worst_step");
+    assert!(worst < 1.9, "{worst} N at once");
 }
 
 #[test]
 fn unplugged_device_is_told_once_and_goes_on_when_back() {
     let standin = Standin::new();
     let (handle, mut from) = standin.start(None);
-    assert_eq!(standin.int("standin_output"), 0, "nobody asked for force");
+    assert_eq!(standin.number("standin_output"), 0.0, "nobody asked for force");
     until("samples", || newest(&mut from).is_some_and(|s| s.stroke == 0));
     standin.set("standin_plug", 0);
     let said = problem(&handle);
@@ -248,7 +241,7 @@ fn device_without_a_force_limit_is_held_to_1_n() {
     standin.set("standin_untold", 1);
     standin.hand([0.0, -40.0, 0.0]);
     let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
+    let _floor = floor(models);
     let (handle, _from) = standin.start(Some(reader));
     assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);

@@ -2,9 +2,8 @@
 //! gone.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use asperity_live::view::Request;
@@ -12,7 +11,7 @@ use asperity_live::{RunControl, Sample, SampleReader, SampleWriter, samples};
 use asperity_page::{Feed, Options, Page, serve};
 use harness::alone::real_time;
 use harness::chromium::{Chromium, Look};
-use harness::live::until;
+use harness::live::{Background, until};
 
 use super::made_up;
 
@@ -21,8 +20,7 @@ struct Stage {
     page: Option<Page>,
     asked: Receiver<Request>,
     run_control: RunControl,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _run: Background,
 }
 
 impl Stage {
@@ -32,9 +30,7 @@ impl Stage {
         let held = run_control.clone();
         let (tell, asked) = sync_channel(4096);
         let page = serve(options, feed.clone(), run_control.clone(), pen).expect("it serves");
-        let stop = Arc::new(AtomicBool::new(false));
-        let until = stop.clone();
-        let thread = std::thread::spawn(move || {
+        let run = Background::new(move |stop| {
             let mut run = made_up::Run::new();
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
@@ -47,12 +43,12 @@ impl Stage {
                 }
                 feed.publish(run.view());
                 std::thread::sleep((Duration::from_secs(1) * n / 60).saturating_sub(began.elapsed()));
-                if until.load(Ordering::Relaxed) {
+                if stop.load(Relaxed) {
                     return;
                 }
             }
         });
-        Self { page: Some(page), asked, run_control, stop, thread: Some(thread) }
+        Self { page: Some(page), asked, run_control, _run: run }
     }
 
     fn page(&self) -> &Page {
@@ -70,15 +66,6 @@ impl Stage {
 
     fn asked(&self) -> Request {
         self.asked.recv_timeout(Duration::from_secs(30)).expect("something was asked for")
-    }
-}
-
-impl Drop for Stage {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 

@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 use asperity_live::{ForceReader, SampleWriter, now_ns};
 use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
 
-use crate::arm::{AGAIN, Arm, ArmForce, ArmInput, ArmLoop, LET_GO, text};
+use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO, text};
 use crate::handle::Shared;
 use crate::{ArmOptions, Device, HandDevice, Handle, Open, error};
 use link::Link;
@@ -56,25 +56,6 @@ const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
 /// The kind of devices.
 pub struct Haply;
 
-impl Arm for Haply {
-    fn input() -> Descriptor {
-        Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.").param(Param::text(
-            "service",
-            "ws://localhost:10001",
-            "Address of the Haply service.",
-        ))
-    }
-
-    fn force() -> (Descriptor, f64) {
-        let summary = "Renders a plane on an Inverse3, in the loop that talks to it.";
-        // Our choice, for a hand that does not expect it.
-        (Descriptor::new("haply_force", summary), 3.0)
-    }
-
-    const NAME: &str = "Id of the device; empty where there is one.";
-    const AXES: &str = "x,y,z";
-}
-
 impl HandDevice for Haply {
     fn input(&self) -> &'static str {
         "haply_input"
@@ -85,7 +66,18 @@ impl HandDevice for Haply {
     }
 
     fn register(&self, registry: Registry) -> Registry {
-        registry.with::<ArmInput<Self>>().with::<ArmForce<Self>>()
+        let service = Param::text("service", "ws://localhost:10001", "Address of the Haply service.");
+        let input = Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.");
+        let summary = "Renders a plane on an Inverse3, in the loop that talks to it.";
+        let kinds = Kinds {
+            input: input.param(service),
+            force: Descriptor::new("haply_force", summary),
+            // Our choice, for a hand that does not expect it.
+            max_force_n: 3.0,
+            device: "Id of the device; empty where there is one.",
+            axes: "x,y,z",
+        };
+        kinds.register(registry)
     }
 
     fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic> {
@@ -100,8 +92,8 @@ impl HandDevice for Haply {
             && (one.is_none() || other.is_none() || one == other)
     }
 
-    fn servo_hz(&self) -> f64 {
-        1.0 / (1.0 / f64::from(USUAL_HZ) + 2.0 * DELAY_S)
+    fn servo(&self) -> [f64; 2] {
+        [f64::from(USUAL_HZ), DELAY_S]
     }
 }
 

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use asperity_live::{ForceReader, SampleWriter};
 use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
 
-use crate::arm::{AGAIN, Arm, ArmForce, ArmInput, ArmLoop, LET_GO};
+use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO};
 use crate::handle::Shared;
 use crate::{ArmOptions, Device, HandDevice, Handle, Open, error};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
@@ -47,26 +47,6 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 /// The kind of devices.
 pub struct OpenHaptics;
 
-impl Arm for OpenHaptics {
-    fn input() -> Descriptor {
-        Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.").param(
-            Param::text(
-                "library",
-                "",
-                "The vendor's library libHD; empty to look where systems keep theirs.",
-            ),
-        )
-    }
-
-    fn force() -> (Descriptor, f64) {
-        let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
-        (Descriptor::new("openhaptics_force", summary), 3.3)
-    }
-
-    const NAME: &str = "Name of the device as its set-up tool knows it; empty for the default.";
-    const AXES: &str = "x,-z,y";
-}
-
 impl HandDevice for OpenHaptics {
     fn input(&self) -> &'static str {
         "openhaptics_input"
@@ -77,7 +57,17 @@ impl HandDevice for OpenHaptics {
     }
 
     fn register(&self, registry: Registry) -> Registry {
-        registry.with::<ArmInput<Self>>().with::<ArmForce<Self>>()
+        let library = "The vendor's library libHD; empty to look where systems keep theirs.";
+        let input = Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.");
+        let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
+        let kinds = Kinds {
+            input: input.param(Param::text("library", "", library)),
+            force: Descriptor::new("openhaptics_force", summary),
+            max_force_n: 3.3,
+            device: "Name of the device as its set-up tool knows it; empty for the default.",
+            axes: "x,-z,y",
+        };
+        kinds.register(registry)
     }
 
     fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic> {
@@ -90,8 +80,8 @@ impl HandDevice for OpenHaptics {
         true
     }
 
-    fn servo_hz(&self) -> f64 {
-        f64::from(SERVO_HZ)
+    fn servo(&self) -> [f64; 2] {
+        [f64::from(SERVO_HZ), 0.0]
     }
 }
 
@@ -125,7 +115,7 @@ pub fn start(
         hd,
         name,
         max_force_n: options.max_force_n,
-        tick: Parked::new(tick, signals.clone()),
+        tick: Parked::new(tick),
         device: INVALID_HANDLE,
         shared: shared.clone(),
         signals,

@@ -4,8 +4,7 @@ use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
 use std::sync::Arc;
 use std::sync::atomic::{
-    AtomicBool, AtomicU32, AtomicU64, Ordering::AcqRel, Ordering::Acquire, Ordering::Relaxed,
-    Ordering::Release,
+    AtomicBool, AtomicU32, AtomicU64, Ordering::AcqRel, Ordering::Relaxed, Ordering::Release,
 };
 
 use asperity_live::now_ns;
@@ -49,44 +48,32 @@ pub(super) struct Tick {
 }
 
 /// A [`Tick`] whose address the library holds. It is lent to the library's thread between [`Parked::lend`]
-/// and the end of its schedule, and not touched here meanwhile.
-pub(super) struct Parked<T = Tick> {
-    tick: NonNull<T>,
-    signals: Arc<Signals>,
-}
+/// and the end of its schedule, and not touched here meanwhile. It is never freed: a library may go on using
+/// it.
+pub(super) struct Parked(NonNull<Tick>);
 
-// SAFETY: a tick may be sent (its parts may), and this owns it.
-unsafe impl<T: Send> Send for Parked<T> {}
+// SAFETY: this owns its tick, which may be sent.
+unsafe impl Send for Parked {}
+const _: () = sent::<Tick>();
+const fn sent<T: Send>() {}
 
-impl<T> Parked<T> {
-    pub(super) fn new(tick: T, signals: Arc<Signals>) -> Self {
-        Self { tick: NonNull::from(Box::leak(Box::new(tick))), signals }
+impl Parked {
+    pub(super) fn new(tick: Tick) -> Self {
+        Self(NonNull::from(Box::leak(Box::new(tick))))
     }
 
     /// Argument of the scheduled callback.
     pub(super) fn lend(&mut self) -> *mut c_void {
-        self.tick.as_ptr().cast()
+        self.0.as_ptr().cast()
     }
 
     /// The tick.
     ///
     /// # Safety
     /// The callback is not scheduled, and was seen not to be inside.
-    pub(super) unsafe fn mine(&mut self) -> &mut T {
+    pub(super) unsafe fn mine(&mut self) -> &mut Tick {
         // SAFETY: made from a box; nobody else has it, by the caller's promise.
-        unsafe { self.tick.as_mut() }
-    }
-}
-
-impl<T> Drop for Parked<T> {
-    fn drop(&mut self) {
-        // A library still inside the callback goes on using the tick: then it is never freed.
-        if self.signals.inside.load(Acquire) {
-            return;
-        }
-        // SAFETY: made from a box, and dropped by the source's thread, which has taken the callback back
-        // before; what the callback did last is seen here.
-        drop(unsafe { Box::from_raw(self.tick.as_ptr()) });
+        unsafe { self.0.as_mut() }
     }
 }
 
@@ -144,22 +131,5 @@ impl Tick {
             self.shared.bad.fetch_add(1, Relaxed);
         }
         CONTINUE
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tick_in_use_by_the_library_is_never_freed() {
-        for inside in [false, true] {
-            let signals = Arc::new(Signals::default());
-            let tick = Arc::new(());
-            let parked = Parked::new(tick.clone(), signals.clone());
-            signals.inside.store(inside, Release);
-            drop(parked);
-            assert_eq!(Arc::strong_count(&tick), 1 + usize::from(inside));
-        }
     }
 }

@@ -23,8 +23,6 @@
 //! 0.5 N s/m, an undamped wall at 1 kHz rings on from 1.001 N/mm (eigenvalues of the loop); Colgate's bound
 //! is 1.000 N/mm.
 
-pub mod passivity;
-
 use std::time::Duration;
 
 use asperity_live::ForceModel;

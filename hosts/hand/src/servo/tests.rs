@@ -1,6 +1,5 @@
 //! The law on its own, and a simulated device in its loop.
 
-use super::passivity::{DeviceDamping, passivity};
 use super::*;
 
 const MS: u64 = 1_000_000;
@@ -272,7 +271,8 @@ fn growth(mass_kg: f64, device: f64, stiffness: f64) -> f64 {
 #[test]
 fn knock_decays_below_colgate_bound_and_rings_above() {
     for (mass, device) in [(0.1, 0.5), (0.05, 0.3), (0.3, 1.0)] {
-        let limit = passivity(1.0, 0.0, 1000.0, DeviceDamping::Known(device)).stiffest_n_per_mm;
+        // Colgate's bound at 1 kHz, 2 b / T, in N/mm.
+        let limit = 2.0 * device;
         let (below, above) = (0.6 * limit, 1.6 * limit);
         assert!(growth(mass, device, below) < 1.0 && growth(mass, device, above) > 1.0, "the check itself");
         let (quiet, loud) = (ring(mass, device, below, 0.0), ring(mass, device, above, 0.0));
@@ -283,13 +283,11 @@ fn knock_decays_below_colgate_bound_and_rings_above() {
 
 #[test]
 fn damped_wall_within_the_bound_comes_to_rest() {
-    let device = DeviceDamping::Known(1.0);
-    assert!(passivity(1.0, 0.4, 1000.0, device).holds());
+    // K T / 2 + B is 0.9 N s/m, and the device has 1.
     for mass in [0.005, 0.02, 0.1, 0.5] {
         let left = ring(mass, 1.0, 1.0, 0.4);
         assert!(left < 2e-2, "{mass} kg: still {left} mm");
     }
     // Far beyond it a light device on a strong damper rings: the damper's own delay drives it.
-    assert!(!passivity(1.0, 15.0, 1000.0, device).holds());
     assert!(ring(0.005, 1.0, 1.0, 15.0) > 1e-2);
 }
