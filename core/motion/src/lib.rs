@@ -16,7 +16,7 @@ mod trajectory;
 mod tremor;
 
 pub use axes::AxisMap;
-pub use minimum_jerk::{minimum_jerk, minimum_jerk_ramp_integral, minimum_jerk_speed};
+pub use minimum_jerk::minimum_jerk;
 pub use read::{
     DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S,
     TrajectoryOptions,

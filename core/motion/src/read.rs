@@ -117,7 +117,7 @@ impl Trajectory {
             Interpolation::Linear => Vec::new(),
             Interpolation::Cubic => slopes(&time, &position),
         };
-        Ok(Self { time, position, slope, force, speed, start_s, median_step_s })
+        Ok(Self { time, position, slope, force, speed })
     }
 }
 

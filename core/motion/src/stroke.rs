@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 
 use asperity_diagnostics::Diagnostic;
 
-use super::{Sample, Tremor, minimum_jerk, minimum_jerk_ramp_integral, quantise};
+use super::minimum_jerk::minimum_jerk_ramp_integral;
+use super::{Sample, Tremor, minimum_jerk, quantise};
 
 /// Path of a stroke on the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,9 +10,9 @@ use asperity_node::{
     ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::handle::{Device, Shared};
+use crate::handle::Shared;
 use crate::node::{hand, pass_on};
-use crate::servo::{Servo, size};
+use crate::servo::Servo;
 
 /// Time between two attempts to reach a lost device.
 pub(crate) const AGAIN: Duration = Duration::from_millis(500);
@@ -72,18 +72,16 @@ impl ArmLoop {
         self.models.is_some()
     }
 
-    /// Starts over with a device that was opened; without models its force is 0.
-    pub(crate) fn begin(&mut self, device: Device) {
-        self.servo = Servo::new(device.max_force_n);
-        self.shared.set_device(device);
+    /// Starts over with a device that was opened, and its largest force \[N\]; without models that is 0.
+    pub(crate) fn begin(&mut self, max_force_n: f64) {
+        self.servo = Servo::new(if self.pushes() { max_force_n } else { 0.0 });
     }
 
     /// The force for a hand at a place \[mm\], both in the device's axes. Without a place the force goes to 0.
     pub(crate) fn step(&mut self, now_ns: u64, place: Option<[f64; 3]>) -> [f64; 3] {
         let position = place.map_or([f64::NAN; 3], |mm| self.axes.apply(mm));
         let model = self.models.as_mut().map_or_else(ForceModel::default, |models| *models.read());
-        let force = self.servo.step(now_ns, position, &model);
-        self.shared.set_force(size(force));
+        self.servo.step(now_ns, position, &model);
         self.sample = place.map(|_| Sample {
             time_ns: now_ns,
             arrived_ns: now_ns,

@@ -16,17 +16,6 @@ const PROBLEMS: usize = 16;
 /// After this time without a usable message, unusable ones are reported.
 const DEAF: Duration = Duration::from_secs(1);
 
-/// The device of a source.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Device {
-    /// Name or number of the device; empty for none.
-    pub name: String,
-    /// Largest force \[N\]; 0 if it cannot push.
-    pub max_force_n: f64,
-    /// Largest stiffness that its maker recommends \[N/mm\], if any.
-    pub max_stiffness_n_per_mm: Option<f64>,
-}
-
 /// A running source. Dropping it stops the source within about 100 ms; a device's force ramps down first.
 #[derive(Debug)]
 pub struct Handle {
@@ -70,22 +59,6 @@ impl Handle {
         Some(self.shared.text.lock().bad.clone()).filter(|why| !why.is_empty())
     }
 
-    /// Whether the device is connected. For a network source, which has no peer: whether the socket is
-    /// open.
-    pub fn connected(&self) -> bool {
-        self.shared.connected.load(Relaxed)
-    }
-
-    /// How often the device was lost.
-    pub fn losses(&self) -> u64 {
-        self.shared.losses.load(Relaxed)
-    }
-
-    /// Size of the last commanded force \[N\].
-    pub fn force_n(&self) -> f64 {
-        f64::from_bits(self.shared.force.load(Relaxed))
-    }
-
     /// Oldest unread problem, or the notice of its end. Each is reported once, and again only after the
     /// source has worked in between. Unusable messages are reported at the first one, and later after a
     /// second without a usable one.
@@ -100,9 +73,9 @@ impl Handle {
         self.address
     }
 
-    /// The device.
-    pub fn device(&self) -> Device {
-        self.shared.text.lock().device.clone()
+    /// Largest stiffness that the device's maker recommends \[N/mm\], if any.
+    pub fn max_stiffness_n_per_mm(&self) -> Option<f64> {
+        self.shared.text.lock().max_stiffness_n_per_mm
     }
 }
 
@@ -124,9 +97,6 @@ pub(crate) struct Shared {
     pub(crate) samples: AtomicU64,
     lost: AtomicU64,
     pub(crate) bad: AtomicU64,
-    losses: AtomicU64,
-    connected: AtomicBool,
-    force: AtomicU64,
     text: Mutex<Text>,
 }
 
@@ -137,7 +107,7 @@ struct Text {
     problems: VecDeque<String>,
     /// Current problem.
     now: Option<String>,
-    device: Device,
+    max_stiffness_n_per_mm: Option<f64>,
     /// Usable and unusable messages as of the last [`Handle::problem`].
     heard: [u64; 2],
     /// Time of the last usable one.
@@ -176,16 +146,12 @@ impl Shared {
         counter.fetch_add(1, Relaxed);
     }
 
-    pub(crate) fn set_force(&self, force_n: f64) {
-        self.force.store(force_n.to_bits(), Relaxed);
-    }
-
     pub(crate) fn stopped(&self) -> bool {
         self.stop.load(Relaxed)
     }
 
-    pub(crate) fn set_device(&self, device: Device) {
-        self.text.lock().device = device;
+    pub(crate) fn recommends(&self, n_per_mm: Option<f64>) {
+        self.text.lock().max_stiffness_n_per_mm = n_per_mm;
     }
 
     /// Counts an unusable message.
@@ -208,20 +174,6 @@ impl Shared {
         let mut text = self.text.lock();
         if text.now.take().is_some() {
             text.push(what.to_owned());
-        }
-    }
-
-    /// Reports a problem that means that the device is away; counts the loss.
-    pub(crate) fn away(&self, what: String) {
-        self.set_connected(false);
-        self.set_force(0.0);
-        self.trouble(what);
-    }
-
-    /// Notes whether the device is connected; counts losses.
-    pub(crate) fn set_connected(&self, there: bool) {
-        if self.connected.swap(there, Relaxed) && !there {
-            self.losses.fetch_add(1, Relaxed);
         }
     }
 

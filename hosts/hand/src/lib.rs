@@ -22,7 +22,7 @@ use asperity_live::{ForceReader, SampleWriter};
 use asperity_node::{Diagnostic, Params, Registry};
 
 pub use arm::ArmOptions;
-pub use handle::{Device, Handle};
+pub use handle::Handle;
 
 /// Opens a device that was configured. Without the reader of force models its motors stay off.
 pub type Open = Box<dyn FnOnce(SampleWriter, Option<ForceReader>) -> Result<Handle, Diagnostic> + Send>;

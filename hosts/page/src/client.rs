@@ -44,7 +44,7 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
         leave = show.run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
-    shared.hand.free(page, &shared.counts);
+    shared.hand.free(page);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
     // A socket that closes with unread data also loses its last message: the reason.
     let farewell = async {
@@ -90,9 +90,9 @@ async fn listen(
                     got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
                 }
                 Some(Told::Hand(sent, strokes)) => {
-                    shared.hand.moved(page, &mut pen, sent, &strokes, &shared.counts);
+                    shared.hand.moved(page, &mut pen, sent, &strokes);
                 }
-                Some(Told::Free) => shared.hand.free(page, &shared.counts),
+                Some(Told::Free) => shared.hand.free(page),
             },
             Message::Ping(_) | Message::Pong(_) => {}
             Message::Close(_) => return GONE,
@@ -211,14 +211,12 @@ impl Show<'_> {
             return Ok(());
         }
         let views = &news.views[news.views.len().saturating_sub(room)..];
-        self.shared.counts.lock().skipped_views += news.newest - self.seen - views.len() as u64;
         self.seen = news.newest;
         for view in views {
             if self.sent == *self.got.borrow() {
                 self.since = Instant::now();
             }
             self.sent += 1;
-            self.shared.counts.lock().views += 1;
             self.send(Message::Binary(view.clone())).await?;
         }
         Ok(())

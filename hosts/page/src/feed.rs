@@ -95,11 +95,6 @@ impl Feed {
         let views = state.views.iter().skip(state.views.len() - take).cloned().collect();
         News { layout, views, newest: state.newest }
     }
-
-    /// Bytes of the kept views.
-    pub(crate) fn kept_bytes(&self) -> usize {
-        self.state.borrow().views.iter().map(Bytes::len).sum()
-    }
 }
 
 #[cfg(test)]

@@ -17,7 +17,6 @@ use axum::{Router, middleware};
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use parking_lot::Mutex;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -51,25 +50,6 @@ pub struct Options {
     pub token: Option<String>,
 }
 
-/// Counts since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Pages that are connected now.
-    pub pages: u64,
-    /// Requests refused for their host, origin or token, or for too many pages or connections.
-    pub refused: u64,
-    /// Samples of the hand that were passed to the graph.
-    pub samples: u64,
-    /// Samples that were lost because the graph did not take them.
-    pub lost_samples: u64,
-    /// Views sent, to all pages together.
-    pub views: u64,
-    /// Views that slow pages missed, all together.
-    pub skipped_views: u64,
-    /// Bytes of the kept views, which all pages share.
-    pub kept_bytes: usize,
-}
-
 /// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
@@ -77,7 +57,6 @@ pub(crate) struct Shared {
     pub(crate) feed: Arc<Feed>,
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
-    pub(crate) counts: Mutex<Counts>,
     /// Pages since the start.
     came: AtomicU64,
     pub(crate) stop: watch::Sender<bool>,
@@ -125,7 +104,6 @@ pub fn serve(
         feed,
         run_control,
         hand: Hand::new(pointer),
-        counts: Mutex::default(),
         came: AtomicU64::new(0),
         stop: watch::Sender::new(false),
         places: Arc::new(Semaphore::new(PAGES)),
@@ -156,13 +134,6 @@ impl Page {
     pub fn set_pointer(&self, to: Option<SampleWriter>) {
         self.shared.hand.set_writer(to);
     }
-
-    /// Counts since the start.
-    #[must_use]
-    pub fn counts(&self) -> Counts {
-        let kept_bytes = self.shared.feed.kept_bytes();
-        Counts { pages: self.shared.watching() as u64, kept_bytes, ..*self.shared.counts.lock() }
-    }
 }
 
 impl Drop for Page {
@@ -183,10 +154,6 @@ impl std::fmt::Debug for Page {
 impl Shared {
     fn watching(&self) -> usize {
         PAGES - self.places.available_permits()
-    }
-
-    pub(crate) fn refused(&self) {
-        self.counts.lock().refused += 1;
     }
 }
 
@@ -210,9 +177,7 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
         match accepted {
             Ok((stream, _)) => {
                 let router = router.clone();
-                if door.enter(|visitor| answer(stream, router, visitor)) {
-                    shared.refused();
-                }
+                door.enter(|visitor| answer(stream, router, visitor));
                 // Lets a request that has arrived be read before the next connection.
                 tokio::task::yield_now().await;
             }
@@ -260,7 +225,6 @@ async fn places(State(shared): State<Arc<Shared>>) -> Response {
 
 async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
-        shared.refused();
         let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };

@@ -61,7 +61,6 @@ fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
     let _floor = floor(models);
     let axes = AxisMap::parse("y,-x,z").unwrap();
     let handle = start(ArmOptions { axes, ..options(&service) }, to, Some(reader)).unwrap();
-    assert_eq!((handle.device().name.as_str(), handle.device().max_force_n), ("049D", 3.0));
     let near = |f: f64, g: f64| (f - g).abs() < 1e-5;
     until("the force", || near(service.last()[2], 2.0));
     assert_eq!(service.last()[..2], [0.0, 0.0]);
@@ -106,13 +105,12 @@ fn killed_service_is_told_once_and_resumed_in_a_new_stroke() {
     until("samples", || newest(&mut from).is_some_and(|s| s.stroke == 0));
     drop(service);
     assert!(problem(&handle).contains("is lost"));
-    assert!(!handle.connected() && handle.losses() == 1);
     std::thread::sleep(Duration::from_millis(600));
     assert_eq!(handle.problem(), None);
     newest(&mut from);
     let service = Service::at(address, &["049D", "AAAA"]);
     until("samples of a new stroke", || newest(&mut from).is_some_and(|s| s.stroke == 1));
-    assert!(problem(&handle).contains("works again") && handle.connected());
+    assert!(problem(&handle).contains("works again"));
     assert!(service.asked.load(Relaxed) > 0);
 }
 
@@ -123,11 +121,10 @@ fn unplugged_device_lets_go_and_goes_on_when_back() {
     service.devices.lock().unwrap().clear();
     assert!(problem(&handle).contains("`049D` is no longer there"));
     until("no force", || service.last() == [0.0; 3]);
-    assert!(!handle.connected());
     newest(&mut from);
     service.devices.lock().unwrap().push("049D");
     until("samples of a new stroke", || newest(&mut from).is_some_and(|s| s.stroke == 1));
-    assert!(handle.connected() && problem(&handle).contains("works again"));
+    assert!(problem(&handle).contains("works again"));
 }
 
 #[test]
@@ -141,7 +138,7 @@ fn garbage_is_counted_and_lets_go() {
     newest(&mut from);
     *service.instead.lock().unwrap() = None;
     until("the force again", || service.last()[2] > 1.9);
-    assert!(newest(&mut from).is_some() && handle.connected() && handle.losses() == 0);
+    assert!(newest(&mut from).is_some());
 }
 
 #[test]
@@ -215,5 +212,5 @@ fn what_is_missing_or_ambiguous_is_told_with_what_to_do() {
     let of = |id: &str| ArmOptions { device: Some(id.to_owned()), ..options(&two) };
     let e = refused(of("FFFF"));
     assert!(e.message.contains("`FFFF`") && e.help.as_ref().unwrap().contains("`049D`, `12AB`"), "{e}");
-    assert_eq!(start(of("12AB"), samples().0, None).unwrap().device().name, "12AB");
+    start(of("12AB"), samples().0, None).unwrap();
 }

@@ -128,8 +128,7 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     unsafe { standin.get::<unsafe extern "C" fn(*const c_void)>("standin_wrap")(forbid as *const c_void) };
     let held = floor(models);
     let (handle, mut from) = standin.start(Some(reader));
-    assert_eq!(handle.device().max_force_n, 3.3);
-    assert_eq!(handle.device().max_stiffness_n_per_mm, Some(0.5));
+    assert_eq!(handle.max_stiffness_n_per_mm(), Some(0.5));
     // The scheduler is started once the device is known to be there.
     until("the servo", || {
         ["standin_rate", "standin_output"].map(|name| standin.number(name)) == [1000.0, 1.0]
@@ -145,7 +144,6 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
             true
         })
     });
-    assert!((handle.force_n() - 2.0).abs() < 1e-6);
     // Deeper than the device can push.
     standin.hand([0.0, -40.0, 0.0]);
     until("the greatest force", || (standin.force()[1] - 3.3).abs() < 1e-6);
@@ -168,7 +166,6 @@ fn stalled_graph_or_dropped_source_lets_go_without_a_step() {
     // The graph stops telling: 100 ms, then 20 ms.
     drop(held);
     until("no force", || standin.force() == [0.0; 3]);
-    assert!(handle.connected() && handle.losses() == 0);
     drop(handle);
     let (handle, _from, _floor) = standin.pressing();
     standin.set("standin_forget", 0);
@@ -189,14 +186,12 @@ fn unplugged_device_is_told_once_and_goes_on_when_back() {
     standin.set("standin_plug", 0);
     let said = problem(&handle);
     assert!(said.contains("the default device is lost: HD_COMM_ERROR: communication error"), "{said}");
-    assert!(!handle.connected() && handle.losses() == 1);
     std::thread::sleep(Duration::from_millis(700));
     assert_eq!(handle.problem(), None);
     newest(&mut from);
     standin.set("standin_plug", 1);
     assert!(problem(&handle).contains("is back"));
     until("samples of a new stroke", || newest(&mut from).is_some_and(|s| s.stroke == 1));
-    assert!(handle.connected());
 }
 
 #[test]
@@ -209,7 +204,6 @@ fn motors_that_switch_off_begin_again_from_no_force() {
     standin.set("standin_error_always", 0);
     assert!(problem(&handle).contains("works again"));
     until("the force again", || (standin.force()[1] - 2.0).abs() < 1e-6);
-    assert!(handle.connected() && handle.losses() == 0);
 }
 
 #[test]
@@ -243,7 +237,7 @@ fn device_without_a_force_limit_is_held_to_1_n() {
     let (models, reader) = force_model();
     let _floor = floor(models);
     let (handle, _from) = standin.start(Some(reader));
-    assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
+    assert_eq!(handle.max_stiffness_n_per_mm(), None);
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
 }
 

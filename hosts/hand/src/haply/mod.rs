@@ -32,7 +32,7 @@ use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
 
 use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO, text};
 use crate::handle::Shared;
-use crate::{ArmOptions, Device, HandDevice, Handle, Open, error};
+use crate::{ArmOptions, HandDevice, Handle, Open, error};
 use link::Link;
 
 /// Address of the service.
@@ -116,10 +116,8 @@ pub fn start(
     let shared = Arc::new(Shared::default());
     let service = options.by.unwrap_or_else(|| SERVICE.to_owned());
     let (link, id) = open(&service, options.device.as_deref(), PATIENCE, || false)?;
-    let max_force_n = if models.is_some() { options.max_force_n } else { 0.0 };
     let mut arm = ArmLoop::new(options.axes, writer, models, shared.clone());
-    arm.begin(Device { name: id.clone(), max_force_n, max_stiffness_n_per_mm: None });
-    shared.set_connected(true);
+    arm.begin(options.max_force_n);
     let now = Instant::now();
     let mut run = Run { service, id, arm, shared: shared.clone(), sent: [0.0; 3], there: true, heard: now };
     Handle::start("haply", shared, None, move || run.run(link))
@@ -176,7 +174,7 @@ impl Run {
         loop {
             match self.serve(&mut link) {
                 Ok(()) => return self.end(link),
-                Err(why) => self.shared.away(format!("the service at {} is lost: {why}", self.service)),
+                Err(why) => self.shared.trouble(format!("the service at {} is lost: {why}", self.service)),
             }
             // The service must see the old connection end before a new one begins.
             drop(link);
@@ -253,9 +251,8 @@ impl Run {
         };
         if there && !self.there {
             self.arm.stroke = self.arm.stroke.wrapping_add(1);
-            self.shared.set_connected(true);
         } else if !there {
-            self.shared.away(format!("the Inverse3 `{}` is no longer there", self.id));
+            self.shared.trouble(format!("the Inverse3 `{}` is no longer there", self.id));
         }
         self.there = there;
         self.arm.step(now, place);
@@ -279,7 +276,6 @@ impl Run {
             }
             thread::sleep(PERIOD);
         }
-        self.shared.set_force(0.0);
         link.close();
     }
 }

@@ -26,7 +26,7 @@ use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
 
 use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO};
 use crate::handle::Shared;
-use crate::{ArmOptions, Device, HandDevice, Handle, Open, error};
+use crate::{ArmOptions, HandDevice, Handle, Open, error};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
 use tick::{Parked, Signals, Tick};
 
@@ -222,15 +222,11 @@ impl DeviceThread {
         // SAFETY: a device is opened while nothing is scheduled, and after `stop` has waited for the
         // callback.
         let tick = unsafe { self.tick.mine() };
-        let pushes = tick.arm.pushes();
         let most = says(NOMINAL_MAX_FORCE).unwrap_or(UNTOLD_N).min(self.max_force_n);
         tick.device = device;
-        tick.arm.begin(Device {
-            name: self.name.as_ref().map_or("default".to_owned(), |n| n.to_string_lossy().into_owned()),
-            max_force_n: if pushes { most } else { 0.0 },
-            max_stiffness_n_per_mm: says(NOMINAL_MAX_STIFFNESS),
-        });
-        if pushes {
+        tick.arm.begin(most);
+        self.shared.recommends(says(NOMINAL_MAX_STIFFNESS));
+        if tick.arm.pushes() {
             // SAFETY: the device was initialised above.
             unsafe { (self.hd.enable)(FORCE_OUTPUT) };
         }
@@ -250,7 +246,6 @@ impl DeviceThread {
             (self.hd.start_scheduler)();
             handle
         };
-        self.shared.set_connected(true);
         handle
     }
 
@@ -264,7 +259,7 @@ impl DeviceThread {
             }
             let lost = self.signals.lost.load(Relaxed);
             if lost != 0 {
-                return self.shared.away(format!("{} is lost: {}", self.called(), self.hd.name(lost)));
+                return self.shared.trouble(format!("{} is lost: {}", self.called(), self.hd.name(lost)));
             }
             let code = self.signals.minor.swap(0, Relaxed);
             if code != 0 {
@@ -278,10 +273,9 @@ impl DeviceThread {
                 (ticks, moved) = (now, Instant::now());
                 if minor.is_none_or(|then: Instant| then.elapsed() > Duration::from_secs(1)) {
                     self.shared.well(&format!("{} works again", self.called()));
-                    self.shared.set_connected(true);
                 }
             } else if moved.elapsed() > STALL {
-                self.shared.away(format!("the servo of {} stands still", self.called()));
+                self.shared.trouble(format!("the servo of {} stands still", self.called()));
             }
         }
     }
@@ -303,14 +297,12 @@ impl DeviceThread {
         // tick is used again. A source that ends waits less, and leaves the tick to the library.
         while self.signals.inside.load(Acquire) {
             if self.shared.stopped() && begin.elapsed() > 2 * LET_GO {
-                self.shared.set_force(0.0);
                 return;
             }
             thread::sleep(Duration::from_millis(1));
         }
         self.signals.closing.store(false, Relaxed);
         self.signals.quiet.store(false, Relaxed);
-        self.shared.set_force(0.0);
     }
 
     fn close(&mut self) {

@@ -117,7 +117,6 @@ impl Tick {
         self.signals.quiet.store(closing && force == [0.0; 3], Relaxed);
         if let Some(code) = self.hd.errors() {
             if fatal(code) {
-                self.shared.set_force(0.0);
                 self.signals.lost.store(code, Relaxed);
                 return DONE;
             }

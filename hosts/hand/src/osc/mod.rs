@@ -30,7 +30,7 @@ use rosc::OscMessage;
 use crate::arm::AGAIN;
 use crate::handle::Shared;
 use crate::node::{hand, pass_on};
-use crate::{Device, HandDevice, Handle, Open, error};
+use crate::{HandDevice, Handle, Open, error};
 use arguments::{Arguments, Reading};
 
 /// Longest wait for a packet before the thread looks for a stop.
@@ -182,8 +182,6 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, Diagno
     let socket = open(options.listen)?;
     let address = socket.local_addr().unwrap_or(options.listen);
     let shared = Arc::new(Shared::default());
-    shared.set_device(Device { name: format!("OSC at {address}"), ..Device::default() });
-    shared.set_connected(true);
     let mut ear = Ear {
         shared: shared.clone(),
         writer,
@@ -238,10 +236,9 @@ impl Ear {
                         ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
                     ) => {}
                 Err(e) => {
-                    self.shared.away(format!("the socket at {address} failed: {e}; it is opened again"));
+                    self.shared.trouble(format!("the socket at {address} failed: {e}; it is opened again"));
                     let Some(again) = self.shared.reopen(AGAIN, || open(address).ok()) else { return };
                     socket = again;
-                    self.shared.set_connected(true);
                     self.shared.well(&format!("listening at {address} again"));
                 }
             }

@@ -290,7 +290,7 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
     let stiffness_n_per_mm = number("stiffness", "stiffness_n_per_mm")?;
     let damping_ns_per_m = number("damping", "damping_ns_per_m").unwrap_or(0.0);
     let own = node.params.number("device_damping_ns_per_m");
-    let recommended = hands.open.get(&input.id).and_then(|h| h.handle.device().max_stiffness_n_per_mm);
+    let recommended = hands.open.get(&input.id).and_then(|h| h.handle.max_stiffness_n_per_mm());
     let (device, known) = match recommended {
         _ if own > 0.0 => (own, String::new()),
         Some(most) => {
