@@ -2,14 +2,12 @@
 //! kurtosis, level.
 //!
 //!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--only NAME] [--speeds
-//!     40,80,160,280] [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--keep FOLDER]
-//!     [--svg FILE]
+//!     40,80,160,280] [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--svg FILE]
 //!
 //! Three parts: straight strokes (or circles) at constant speed and force over two materials of each
-//! family (or all), gratings straight across their ridges, and a hand's motion. `--keep` writes the signals
-//! of the first seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of
-//! the graph, and of the physics. Each figure is the median over seeds; a seed is another piece of the
-//! surface, another place on it, and another draw of the graph.
+//! family (or all), gratings straight across their ridges, and a hand's motion. `--svg` draws envelopes
+//! instead, of phase retrieval alone, of the graph, and of the physics. Each figure is the median over seeds;
+//! a seed is another piece of the surface, another place on it, and another draw of the graph.
 
 use std::sync::Arc;
 
@@ -81,8 +79,6 @@ struct Asked {
     #[arg(long)]
     only: Option<String>,
     #[arg(long)]
-    keep: Option<String>,
-    #[arg(long)]
     svg: Option<String>,
     /// Added by cargo.
     #[arg(long, hide = true)]
@@ -153,10 +149,6 @@ fn both(
         let (signal, rate) = rendered(&asked.graph, material, drawn(about, seed), way, seconds);
         let (axes, truth_rate) = felt(&grounds[seed as usize], seed, way, seconds);
         let axes = turned(axes, truth_rate, turns_per_s);
-        if seed == 0 {
-            keep(asked, &format!("{about}_{rate}_ours"), std::slice::from_ref(&signal));
-            keep(asked, &format!("{about}_{truth_rate}_true"), &axes);
-        }
         (rhythm(&[signal], rate), rhythm(&axes, truth_rate))
     };
     let all: Vec<(Rhythm, Rhythm)> = each(asked.seeds, of);
@@ -174,15 +166,6 @@ fn each<T: Send>(seeds: u64, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
     });
     all.sort_by_key(|(seed, _)| *seed);
     all.into_iter().map(|(_, found)| found).collect()
-}
-
-fn keep(asked: &Asked, name: &str, axes: &[Vec<f64>]) {
-    let Some(folder) = &asked.keep else { return };
-    for (axis, samples) in axes.iter().enumerate() {
-        let bytes: Vec<u8> = samples.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let file = format!("{folder}/{}_{axis}.f64", name.replace(' ', "_"));
-        std::fs::write(file, bytes).expect("written");
-    }
 }
 
 /// A circle at constant speed and force. Its centre drifts, so that no place comes twice: a made piece
@@ -308,15 +291,7 @@ fn gratings(asked: &Asked) {
                 let ours = rendered(&asked.graph, name, drawn(name, seed), &way, seconds);
                 (ours, felt(&grounds[seed as usize], seed, &way, seconds))
             };
-            for (seed, (ours, (axes, rate))) in each(asked.seeds, strokes).into_iter().enumerate() {
-                if seed == 0 {
-                    keep(
-                        asked,
-                        &format!("{name}_{speed}_straight_{}_ours", ours.1),
-                        std::slice::from_ref(&ours.0),
-                    );
-                    keep(asked, &format!("{name}_{speed}_straight_{rate}_true"), &axes);
-                }
+            for (ours, (axes, rate)) in each(asked.seeds, strokes) {
                 let of = [rhythm(std::slice::from_ref(&ours.0), ours.1), rhythm(&axes, rate)];
                 let repeat =
                     [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];

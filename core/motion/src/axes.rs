@@ -20,11 +20,8 @@ impl Default for AxisMap {
 }
 
 impl AxisMap {
-    /// Parses a text such as `x,-z,y`. Spaces and capitals do not matter.
-    ///
-    /// # Errors
-    /// Anything but `x`, `y`, `z`, each once and with at most one sign. The error has no place; the
-    /// caller knows it.
+    /// Parses a text such as `x,-z,y`. Spaces and capitals do not matter. Error: anything but `x`, `y`, `z`,
+    /// each once and with at most one sign. The error has no place; the caller knows it.
     pub fn parse(text: &str) -> Result<Self, Diagnostic> {
         let fail = |message: String| {
             Err(Diagnostic::new(message).help(

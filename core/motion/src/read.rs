@@ -48,10 +48,7 @@ const HEADER_HELP: &str =
     "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded `force_n`, `speed_mm_s`";
 
 impl Trajectory {
-    /// Reads a CSV file; see [`parse`](Self::parse).
-    ///
-    /// # Errors
-    /// As [`Source::read`] and [`parse`](Self::parse).
+    /// Reads a CSV file; see [`parse`](Self::parse). Error: as [`Source::read`] and [`parse`](Self::parse).
     pub fn read(path: impl AsRef<Path>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?, options)
     }
@@ -106,8 +103,8 @@ impl Trajectory {
                 .at(source, clock[i + 1])
                 .label(format!("later than {:.4} s", before + max_gap_s))
                 .help(format!(
-                    "rows may lie {max_gap_s:.4} s apart here (the median step is {median_step_s:.4} s); if the \
-                     recording is right, allow a longer gap"
+                    "rows may lie {max_gap_s:.4} s apart here (the median step is {median_step_s:.4} s); \
+                     if the recording is right, allow a longer gap"
                 ))
                 .related(source, clock[i], "the row before"));
         }

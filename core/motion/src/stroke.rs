@@ -111,11 +111,8 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// A stroke with these parameters.
-    ///
-    /// # Errors
-    /// A parameter out of its documented range. The error has no place; the caller knows it. The
-    /// message begins with the parameter's name in back quotes.
+    /// A stroke with these parameters. Error: a parameter out of its documented range. The error has no
+    /// place; the caller knows it. The message begins with the parameter's name in back quotes.
     pub fn new(params: StrokeParams) -> Result<Self, Diagnostic> {
         let p = &params;
         for (name, value, least, greatest) in [

@@ -77,7 +77,7 @@ impl ArmLoop {
         self.servo = Servo::new(if self.pushes() { max_force_n } else { 0.0 });
     }
 
-    /// The force for a hand at a place \[mm\], both in the device's axes. Without a place the force goes to 0.
+    /// The force for a hand at a place \[mm\], both in the device's axes. Without a place it goes to 0.
     pub(crate) fn step(&mut self, now_ns: u64, place: Option<[f64; 3]>) -> [f64; 3] {
         let position = place.map_or([f64::NAN; 3], |mm| self.axes.apply(mm));
         let model = self.models.as_mut().map_or_else(ForceModel::default, |models| *models.read());

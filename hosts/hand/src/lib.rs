@@ -41,10 +41,7 @@ pub trait HandDevice: Sync {
     fn register(&self, registry: Registry) -> Registry;
 
     /// Checks the parameters of its input node, without touching the device. `max_force_n`: largest force of
-    /// its force node \[N\].
-    ///
-    /// # Errors
-    /// An invalid parameter.
+    /// its force node \[N\]. Error: an invalid parameter.
     fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic>;
 
     /// Whether `open`, a source of this kind, must be closed before a source with `params` is opened.

@@ -47,11 +47,8 @@ fn here() -> Option<Architecture> {
 /// Help for a file that is no plugin.
 const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
 
-/// Reads a file and checks that it can be loaded.
-///
-/// # Errors
-/// A missing or unreadable file, or one that is no complete shared library for this machine with the
-/// entry symbol.
+/// Reads a file and checks that it can be loaded. Error: a missing or unreadable file, or one that is no
+/// complete shared library for this machine with the entry symbol.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
     let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
     check(&bytes).map_err(|e| e.in_file(path))?;

@@ -63,10 +63,7 @@ impl Plugin {
             .map_err(|lie| refuse(lie).help("build the plugin again with the SDK of this version"))
     }
 
-    /// A plugin that is part of this program, for tests.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load).
+    /// A plugin that is part of this program, for tests. Error: as for [`load`](Self::load).
     pub fn built_in(entry: &'static AsperityEntry) -> Result<Self, Diagnostic> {
         // SAFETY: a reference is a valid pointer, and what is static stays.
         unsafe { Self::from_entry(entry, Path::new("built in"), 1) }.map_err(Diagnostic::new)

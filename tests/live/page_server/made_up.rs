@@ -1,4 +1,5 @@
-//! A run that is made up, for the page to show: the graph of a texture under a stylus, with figures that move.
+//! A run that is made up, for the page to show: the graph of a texture under a stylus, with figures that
+//! move.
 
 use asperity_live::view::{
     Condition, Layout, LiveLayout, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,

@@ -16,7 +16,7 @@ use tungstenite::{Message, WebSocket};
 use super::made_up;
 use crate::socket::{self, connect, got, numbers};
 
-/// What the server answers, and something that it does not have.
+/// All files and places of the server, and one that it does not have.
 fn files() -> impl Iterator<Item = &'static str> {
     "/ /page.css /icon.svg /main.js /link.js /hand.js /graph.js /layers.js /scope.js /spectrum.js /timing.js \
      /health.js /controls.js /draw.js /places /nothing"

@@ -12,18 +12,13 @@ use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use super::{Key, Kind, Value};
 use crate::{Diagnostic, Source, Span, budget};
 
-/// Reads a whole text.
-///
-/// # Errors
-/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
+/// Reads a whole text. Error: a text that `ron` cannot parse, a duplicate key, a number that is not finite.
 pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Reader { source }.whole()
 }
 
-/// Reads a value from a command line; a text that is not RON becomes a text value.
-///
-/// # Errors
-/// A value that parses but is refused: duplicate keys, numbers that are not finite.
+/// Reads a value from a command line; a text that is not RON becomes a text value. Error: a value that
+/// parses but is refused: duplicate keys, numbers that are not finite.
 pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     let text = source.text();
     let whole = Span { start: 0, end: text.len() };

@@ -103,11 +103,8 @@ fn same_service(one: &str, other: &str) -> bool {
     link::place(one) == link::place(other)
 }
 
-/// Connects to the service and starts the servo. Without `models` the force is always 0.
-///
-/// # Errors
-/// No service; something else listens there; no device, several without a choice, or not the
-/// chosen one.
+/// Connects to the service and starts the servo. Without `models` the force is always 0. Error: no service;
+/// something else listens there; no device, several without a choice, or not the chosen one.
 pub fn start(
     options: ArmOptions,
     writer: SampleWriter,

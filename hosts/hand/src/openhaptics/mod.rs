@@ -2,8 +2,9 @@
 //!
 //! The maker's libHD is loaded only when a graph asks for the device; nothing of it is linked or shipped.
 //! The library's scheduler calls us at 1 kHz. Each call reads the position, computes the force by the
-//! law in [`servo`](crate::servo), and sends a sample. The time of a sample is that of the reading. Its force is the commanded force along the
-//! surface's normal, which for a hand at rest is how hard it presses; these devices measure no force.
+//! law in [`servo`](crate::servo), and sends a sample. The time of a sample is that of the reading. Its
+//! force is the commanded force along the surface's normal, which for a hand at rest is how hard it presses;
+//! these devices measure no force.
 //!
 //! The device's x points right, y up and z at the user, so the default axes are `x,-z,y`. The maker's tools
 //! calibrate the device. When it switches its motors off itself (too warm, too much force), the force
@@ -85,10 +86,8 @@ impl HandDevice for OpenHaptics {
     }
 }
 
-/// Opens the device and starts its servo. Without `models` the motors stay off.
-///
-/// # Errors
-/// The library is missing or incomplete; the device does not answer; another source uses it.
+/// Opens the device and starts its servo. Without `models` the motors stay off. Error: the library is
+/// missing or incomplete; the device does not answer; another source uses it.
 pub fn start(
     options: ArmOptions,
     writer: SampleWriter,

@@ -174,10 +174,7 @@ fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     one.port() != 0 && one.port() == other.port() && (all || a == b)
 }
 
-/// Opens the socket and starts to listen.
-///
-/// # Errors
-/// A port that is in use or not allowed.
+/// Opens the socket and starts to listen. Error: a port that is in use or not allowed.
 pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, Diagnostic> {
     let socket = open(options.listen)?;
     let address = socket.local_addr().unwrap_or(options.listen);

@@ -271,8 +271,8 @@ impl Source {
     }
 }
 
-/// Assumed damping of an unknown device \[N s/m\]: a guess on the safe side for one built without friction. We
-/// found no reliable figure for a Touch or an Inverse3.
+/// Assumed damping of an unknown device \[N s/m\]: a guess on the safe side for one built without friction.
+/// We found no reliable figure for a Touch or an Inverse3.
 const ASSUMED_NS_PER_M: f64 = 0.1;
 
 /// A warning where a wall breaks Colgate's bound.
