@@ -155,11 +155,6 @@ impl Stroke {
         Ok(Self { tremor, force_phase, leg_s, path_s, last_leg, legs, params })
     }
 
-    /// Its parameters.
-    pub fn params(&self) -> &StrokeParams {
-        &self.params
-    }
-
     /// Seconds from the start of the approach to the end of the lift-off.
     pub fn duration_s(&self) -> f64 {
         self.params.duration_s

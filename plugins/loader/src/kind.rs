@@ -30,20 +30,11 @@ unsafe impl Sync for Functions {}
 
 /// A kind of nodes from a plugin.
 pub(crate) struct PluginKind {
-    functions: Functions,
-    descriptor: Descriptor,
+    pub(crate) functions: Functions,
+    pub(crate) descriptor: Descriptor,
 }
 
 impl PluginKind {
-    pub(crate) fn new(
-        at: *const AsperityKind,
-        abi: AsperityKind,
-        descriptor: Descriptor,
-        facts: Option<FactsFn>,
-    ) -> Self {
-        Self { functions: Functions { at, abi, facts }, descriptor }
-    }
-
     fn error(&self, config: &Config<'_>, said: &Said) -> Diagnostic {
         let otherwise = format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind);
         said.diagnostic(config.params, &self.descriptor.params, &otherwise)

@@ -13,7 +13,7 @@ use asperity_node::{NodeKind, random};
 
 use crate::checked::{Lie, Theirs};
 use crate::foreign::foreign;
-use crate::kind::PluginKind;
+use crate::kind::{Functions, PluginKind};
 use crate::{describe, file};
 
 /// A plugin in this process. Dropping it unloads nothing.
@@ -131,7 +131,8 @@ impl Plugin {
             if !names.insert(descriptor.kind.to_string()) {
                 return Err(format!("it offers the kind `{}` twice", descriptor.kind));
             }
-            kinds.push(Arc::new(PluginKind::new(at, kind, descriptor, facts).kind(origin.clone(), build)));
+            let kind = PluginKind { functions: Functions { at, abi: kind, facts }, descriptor };
+            kinds.push(Arc::new(kind.kind(origin.clone(), build)));
         }
         Ok(Self { path: path.to_owned(), name, version, build, kinds })
     }

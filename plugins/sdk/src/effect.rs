@@ -70,16 +70,15 @@ unsafe extern "C" fn law<N: Node>(
     guarded(|| {
         // SAFETY: the host's structs, valid during this call.
         let theirs = unsafe { Theirs::trusted() };
-        let effect = N::descriptor().effect;
-        let (Some(effect), false) = (effect, law.is_null()) else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(theirs, settings, &effect.forms) else { return ASPERITY_FAILED };
-        let Some((_, told)) = effect.law_of(&read.settings, normal_force_n) else { return ASPERITY_FAILED };
-        // SAFETY: as above, and not NULL.
-        unsafe {
+        let effect = N::descriptor().effect?;
+        let read = SlotSettings::read(theirs, settings, &effect.forms)?;
+        let (_, told) = effect.law_of(&read.settings, normal_force_n)?;
+        // SAFETY: as above. The host's struct may be shorter than ours.
+        (!law.is_null()).then(|| unsafe {
             (&raw mut (*law).stiffness_n_per_mm).write(told.stiffness_n_per_mm);
             (&raw mut (*law).damping_ns_per_m).write(told.damping_ns_per_m);
-        }
-        ASPERITY_OK
+            ASPERITY_OK
+        })
     })
 }
 
@@ -92,14 +91,9 @@ unsafe extern "C" fn check<N: Node>(
     guarded(|| {
         // SAFETY: the host's structs, valid during this call.
         let theirs = unsafe { Theirs::trusted() };
-        let Some(effect) = N::descriptor().effect else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(theirs, settings, &effect.forms) else { return ASPERITY_FAILED };
-        match effect.checked(&read.settings) {
-            Ok(()) => ASPERITY_OK,
-            Err(d) => {
-                tell(theirs, &d, &read.sources, error);
-                ASPERITY_FAILED
-            }
-        }
+        let effect = N::descriptor().effect?;
+        let read = SlotSettings::read(theirs, settings, &effect.forms)?;
+        effect.checked(&read.settings).map_err(|d| tell(theirs, &d, &read.sources, error)).ok()?;
+        Some(ASPERITY_OK)
     })
 }

@@ -102,17 +102,9 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
         // SAFETY: the host's structs, valid during this call.
         let theirs = unsafe { Theirs::trusted() };
         let d = N::descriptor();
-        let (Some(prepared), Some(sink)) = (HostSetup::read(theirs, setup, &d), theirs.read(sink)) else {
-            return ASPERITY_FAILED;
-        };
-        let declared = Ports { inputs: d.inputs, outputs: d.outputs };
-        let Ports { inputs, outputs } = match N::ports(&prepared.config(), declared) {
-            Ok(ports) => ports,
-            Err(d) => {
-                prepared.tell(theirs, &d, error);
-                return ASPERITY_FAILED;
-            }
-        };
+        let (prepared, sink) = (HostSetup::read(theirs, setup, &d)?, theirs.read(sink)?);
+        let ports = N::ports(&prepared.config(), Ports { inputs: d.inputs, outputs: d.outputs });
+        let Ports { inputs, outputs } = ports.map_err(|d| prepared.tell(theirs, &d, error)).ok()?;
         let mut texts = Texts::default();
         let inputs: Vec<_> = inputs.iter().map(|i| describe::input(i, &mut texts)).collect();
         let outputs: Vec<_> = outputs.iter().map(|o| describe::output(o, &mut texts)).collect();
@@ -120,7 +112,7 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
             // SAFETY: the sink's functions take its context and a port.
             add.iter().for_each(|add| ports.iter().for_each(|port| unsafe { add(sink.context, port) }));
         }
-        ASPERITY_OK
+        Some(ASPERITY_OK)
     })
 }
 
@@ -134,16 +126,9 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
     let (theirs, it) = unsafe { (Theirs::trusted(), Instance::of(instance)) };
     let answer = heard(|| {
         let d = N::descriptor();
-        let (Some(it), Some(prepared)) = (it, HostSetup::read(theirs, setup, &d)) else {
-            return ASPERITY_FAILED;
-        };
-        match N::prepare(&prepared.setup()) {
-            Ok(node) => it.node = Some(node),
-            Err(d) => {
-                prepared.tell(theirs, &d, error);
-                return ASPERITY_FAILED;
-            }
-        }
+        let (it, prepared) = (it?, HostSetup::read(theirs, setup, &d)?);
+        let node = N::prepare(&prepared.setup()).map_err(|d| prepared.tell(theirs, &d, error)).ok()?;
+        it.node = Some(node);
         let buffer = |w: &Wiring| match &w.port {
             Some(port) => Buffer::new(port, prepared.tick_hz()),
             None => Buffer::constant(0, 0.0),
@@ -151,8 +136,9 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
         it.buffers = prepared.inputs.iter().chain(&prepared.outputs).map(buffer).collect();
         let wires = prepared.inputs.iter().enumerate();
         it.map = wires.map(|(i, w)| InputRef { buffer: i as u32, connected: w.connected }).collect();
-        ASPERITY_OK
+        Some(ASPERITY_OK)
     });
+    let answer = answer.map(|answer| answer.unwrap_or(ASPERITY_FAILED));
     answer.unwrap_or_else(|text| {
         theirs.tell(&format!("the node panicked while it was prepared: {text}"), "", None, error);
         ASPERITY_PANICKED
@@ -226,11 +212,9 @@ unsafe fn call(
     f: impl FnOnce(&mut dyn Processor, &mut Tick<'_>) -> i32,
 ) -> i32 {
     // SAFETY: the caller's promise.
-    let (Some(it), Some(tick)) = (unsafe { (Instance::of(instance), read_grown(tick)) }) else {
-        return ASPERITY_FAILED;
-    };
+    let (it, tick) = unsafe { (Instance::of(instance), read_grown(tick)) };
     // SAFETY: as above.
-    guarded(|| unsafe { it.with_tick(&tick, outputs, f) })
+    guarded(|| Some(unsafe { it?.with_tick(&tick?, outputs, f) }))
 }
 
 /// Calls a prepared node.
@@ -239,12 +223,10 @@ unsafe fn call(
 /// `instance` is the host's.
 unsafe fn with_node(instance: *mut c_void, f: impl FnOnce(&mut dyn Processor)) -> i32 {
     // SAFETY: the caller's promise.
-    let Some(node) = (unsafe { Instance::of(instance) }).and_then(Instance::node) else {
-        return ASPERITY_FAILED;
-    };
+    let node = unsafe { Instance::of(instance) }.and_then(Instance::node);
     guarded(|| {
-        f(node);
-        ASPERITY_OK
+        f(node?);
+        Some(ASPERITY_OK)
     })
 }
 

@@ -30,38 +30,35 @@ fn kind<M: Clone + Send + 'static>(
 
 impl<M: Clone + Send + 'static> Kind<M> {
     fn made(self) -> Arc<NodeKind> {
-        let Self { descriptor, fresh, process, wants, elapsed, reset } = self;
+        let (descriptor, kind) = (self.descriptor.clone(), Arc::new(self));
         Arc::new(NodeKind::new(descriptor, move |setup| {
-            let fresh = fresh(setup.params);
-            Ok(Prepared::new(Made { now: fresh.clone(), fresh, process, wants, elapsed, reset }))
+            let fresh = (kind.fresh)(setup.params);
+            Ok(Prepared::new(Made { kind: kind.clone(), now: fresh.clone(), fresh }))
         }))
     }
 }
 
 struct Made<M> {
+    kind: Arc<Kind<M>>,
     fresh: M,
     now: M,
-    process: fn(&mut M, &mut Tick<'_>) -> Status,
-    wants: fn(&mut M, &mut Tick<'_>) -> bool,
-    elapsed: fn(&mut M, u64),
-    reset: fn(&M) -> M,
 }
 
 impl<M: Send> Processor for Made<M> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        (self.process)(&mut self.now, tick)
+        (self.kind.process)(&mut self.now, tick)
     }
 
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
-        (self.wants)(&mut self.now, tick)
+        (self.kind.wants)(&mut self.now, tick)
     }
 
     fn elapsed(&mut self, ticks: u64) {
-        (self.elapsed)(&mut self.now, ticks);
+        (self.kind.elapsed)(&mut self.now, ticks);
     }
 
     fn reset(&mut self) {
-        self.now = (self.reset)(&self.fresh);
+        self.now = (self.kind.reset)(&self.fresh);
     }
 }
 

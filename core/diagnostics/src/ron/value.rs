@@ -92,9 +92,7 @@ impl Value {
     /// A number within a range, in a unit that is named in the error. Error: anything but a number in the
     /// range.
     pub fn f64_in(&self, range: RangeInclusive<f64>, unit: &str) -> Result<f64, Diagnostic> {
-        let x = self.f64()?;
-        self.check_range(x, &range, unit)?;
-        Ok(x)
+        self.within(self.f64()?, range, unit)
     }
 
     /// A whole number. Error: anything but a whole number.
@@ -108,26 +106,21 @@ impl Value {
 
     /// A whole number within a range. Error: anything but a whole number in the range.
     pub fn i64_in(&self, range: RangeInclusive<i64>, unit: &str) -> Result<i64, Diagnostic> {
-        let i = self.i64()?;
-        self.check_range(i, &range, unit)?;
-        Ok(i)
+        self.within(self.i64()?, range, unit)
     }
 
-    fn check_range<T: PartialOrd + Display>(
+    fn within<T: PartialOrd + Display>(
         &self,
         x: T,
-        range: &RangeInclusive<T>,
+        range: RangeInclusive<T>,
         unit: &str,
-    ) -> Result<(), Diagnostic> {
+    ) -> Result<T, Diagnostic> {
         if range.contains(&x) {
-            return Ok(());
+            return Ok(x);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        Err(self.error(format!("{x}{unit} is out of range")).label("out of range").help(format!(
-            "from {} to {}{unit}",
-            range.start(),
-            range.end()
-        )))
+        let help = format!("from {} to {}{unit}", range.start(), range.end());
+        Err(self.error(format!("{x}{unit} is out of range")).label("out of range").help(help))
     }
 
     /// `true` or `false`. Error: anything else.
