@@ -2,14 +2,12 @@
 //! kurtosis, level.
 //!
 //!     cargo bench -p asperity --bench rhythm -- [--graph FILE] [--all] [--only NAME] [--speeds
-//!     40,80,160,280] [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--keep FOLDER]
-//!     [--svg FILE]
+//!     40,80,160,280] [--force 1.0] [--seeds 5] [--seconds 20] [--circles] [--radius 10] [--svg FILE]
 //!
 //! Three parts: straight strokes (or circles) at constant speed and force over two materials of each
-//! family (or all), gratings straight across their ridges, and a hand's motion. `--keep` writes the signals
-//! of the first seed, as f64 of little endian; `--svg` draws envelopes instead, of phase retrieval alone, of
-//! the graph, and of the physics. Each figure is the median over seeds; a seed is another piece of the
-//! surface, another place on it, and another draw of the graph.
+//! family (or all), gratings straight across their ridges, and a hand's motion. `--svg` draws envelopes
+//! instead, of phase retrieval alone, of the graph, and of the physics. Each figure is the median over seeds;
+//! a seed is another piece of the surface, another place on it, and another draw of the graph.
 
 use std::sync::Arc;
 
@@ -22,6 +20,7 @@ use asperity_motion::{Shape, Stroke, StrokeParams};
 use asperity_nodes::registry;
 use asperity_plot::{Pulses, PulsesRow, Pulsing};
 use asperity_tradeoff::{Chain, Path3};
+use clap::Parser;
 
 /// Two of each family.
 const MATERIALS: [&str; 16] = [
@@ -42,7 +41,6 @@ const MATERIALS: [&str; 16] = [
     "float glass",
     "printer paper",
 ];
-const SPEEDS_MM_S: [f64; 4] = [40.0, 80.0, 160.0, 280.0];
 const GRATINGS: [&str; 4] =
     ["sine grating 1 mm", "narrow ridges 1 mm", "sine grating 2.5 mm", "square grating 3 mm"];
 /// Beginning that is left out \[s\]: filters settle.
@@ -60,59 +58,31 @@ const STEADY: f64 = 0.1;
 /// Depth in mm at which the floor of the shipped graphs pushes with 1 N.
 const MM_PER_N: f64 = 2.0;
 
-#[derive(Clone)]
+#[derive(Clone, Parser)]
 struct Asked {
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron"))]
     graph: String,
+    #[arg(long)]
     all: bool,
+    #[arg(long, default_value_t = 5)]
     seeds: u64,
+    #[arg(long, default_value_t = 20.0)]
     seconds: f64,
+    #[arg(long = "force", default_value_t = 1.0)]
     force_n: f64,
+    #[arg(long = "speeds", value_delimiter = ',', default_values_t = [40.0, 80.0, 160.0, 280.0])]
     speeds_mm_s: Vec<f64>,
+    #[arg(long = "radius", default_value_t = 10.0)]
     radius_mm: f64,
+    #[arg(long)]
     circles: bool,
+    #[arg(long)]
     only: Option<String>,
-    keep: Option<String>,
+    #[arg(long)]
     svg: Option<String>,
-}
-
-fn asked() -> Asked {
-    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/texture.ron").to_owned();
-    let mut asked = Asked {
-        graph,
-        all: false,
-        seeds: 5,
-        seconds: 20.0,
-        force_n: 1.0,
-        speeds_mm_s: SPEEDS_MM_S.to_vec(),
-        radius_mm: 10.0,
-        circles: false,
-        only: None,
-        keep: None,
-        svg: None,
-    };
-    let mut args = std::env::args().skip(1);
-    while let Some(arg) = args.next() {
-        let mut value = || args.next().expect("a value");
-        match arg.as_str() {
-            "--graph" => asked.graph = value(),
-            "--all" => asked.all = true,
-            "--seeds" => asked.seeds = value().parse().expect("a number"),
-            "--seconds" => asked.seconds = value().parse().expect("a number"),
-            "--force" => asked.force_n = value().parse().expect("a number"),
-            "--speeds" => {
-                asked.speeds_mm_s = value().split(',').map(|s| s.parse().expect("numbers")).collect();
-            }
-            "--circles" => asked.circles = true,
-            "--radius" => asked.radius_mm = value().parse().expect("a number"),
-            "--only" => asked.only = Some(value()),
-            "--keep" => asked.keep = Some(value()),
-            "--svg" => asked.svg = Some(value()),
-            // What cargo adds.
-            "--bench" => {}
-            other => panic!("unknown argument {other}"),
-        }
-    }
-    asked
+    /// Added by cargo.
+    #[arg(long, hide = true)]
+    bench: bool,
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -180,10 +150,6 @@ fn both(
         let (signal, rate) = rendered(&asked.graph, material, drawn(about, seed), way, seconds);
         let (axes, truth_rate) = felt(&grounds[seed as usize], seed, way, seconds);
         let axes = turned(axes, truth_rate, turns_per_s);
-        if seed == 0 {
-            keep(asked, &format!("{about}_{rate}_ours"), std::slice::from_ref(&signal));
-            keep(asked, &format!("{about}_{truth_rate}_true"), &axes);
-        }
         (rhythm(&[signal], rate), rhythm(&axes, truth_rate))
     };
     let all: Vec<(Rhythm, Rhythm)> = each(asked.seeds, of);
@@ -201,15 +167,6 @@ fn each<T: Send>(seeds: u64, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
     });
     all.sort_by_key(|(seed, _)| *seed);
     all.into_iter().map(|(_, found)| found).collect()
-}
-
-fn keep(asked: &Asked, name: &str, axes: &[Vec<f64>]) {
-    let Some(folder) = &asked.keep else { return };
-    for (axis, samples) in axes.iter().enumerate() {
-        let bytes: Vec<u8> = samples.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let file = format!("{folder}/{}_{axis}.f64", name.replace(' ', "_"));
-        std::fs::write(file, bytes).expect("written");
-    }
 }
 
 /// A circle at constant speed and force. Its centre drifts, so that no place comes twice: a made piece
@@ -335,15 +292,7 @@ fn gratings(asked: &Asked) {
                 let ours = rendered(&asked.graph, name, drawn(name, seed), &way, seconds);
                 (ours, felt(&grounds[seed as usize], seed, &way, seconds))
             };
-            for (seed, (ours, (axes, rate))) in each(asked.seeds, strokes).into_iter().enumerate() {
-                if seed == 0 {
-                    keep(
-                        asked,
-                        &format!("{name}_{speed}_straight_{}_ours", ours.1),
-                        std::slice::from_ref(&ours.0),
-                    );
-                    keep(asked, &format!("{name}_{speed}_straight_{rate}_true"), &axes);
-                }
+            for (ours, (axes, rate)) in each(asked.seeds, strokes) {
                 let of = [rhythm(std::slice::from_ref(&ours.0), ours.1), rhythm(&axes, rate)];
                 let repeat =
                     [repeats_at(&ours.0, ours.1, pitch / speed), repeats_at(&axes[0], rate, pitch / speed)];
@@ -472,7 +421,7 @@ fn picture(asked: &Asked) -> String {
 }
 
 fn main() {
-    let asked = asked();
+    let asked = Asked::parse();
     if let Some(file) = &asked.svg {
         std::fs::write(file, picture(&asked)).expect("written");
         return;

@@ -7,27 +7,22 @@
 //! `crowd`: boxes and balls of 2 mm, turned any way, 7 to 60 mm around the stylus, above, below and through
 //! each other. The goals are printed beside what was measured, and nothing fails on them: machines differ.
 
+mod shared;
+
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
 use asperity_accuracy::timing::Timing;
-use asperity_engine::{Clock, Engine, NoClock, Options};
+use asperity_engine::{Clock as _, Engine, NoClock, Options};
 use asperity_graph::compile;
 use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
+use shared::Wall;
 
 const COUNTS: [usize; 5] = [1, 10, 100, 1000, 10_000];
 const ROUNDS: usize = 6000;
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models");
-
-struct Wall(Instant);
-
-impl Clock for Wall {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
-    }
-}
 
 /// Motion of the stylus.
 #[derive(Clone, Copy)]

@@ -1,25 +1,13 @@
 //! Cost of a hot swap of the shipped graph, in one run: plain ticks, the tick of the takeover, ticks while
 //! it fades; and what it costs the control thread.
 
+mod shared;
+
 use std::time::Instant;
 
 use asperity_accuracy::timing::Timing;
 use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
-
-const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/heravi2024.ron");
-
-/// The shipped graph under a stroke that never stops, with something set.
-fn graph(set: &str) -> GraphFile {
-    let mut graph = GraphFile::read(GRAPH).unwrap_or_else(|e| panic!("{e}"));
-    let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
-    stylus.kind = "stroke".into();
-    stylus.params.clear();
-    for set in ["stylus.shape=circle", "stylus.duration_s=100000", set] {
-        graph.set(set, "bench").unwrap_or_else(|e| panic!("{e}"));
-    }
-    graph
-}
+use shared::{only_starts, shipped};
 
 fn row(name: &str, timing: &Timing) {
     let s = timing.summary();
@@ -29,11 +17,7 @@ fn row(name: &str, timing: &Timing) {
 
 /// Goes back and forth between two graphs.
 fn measure(title: &str, sets: [&str; 2], swaps: usize) {
-    let registry = asperity_nodes::registry();
-    let compiled = |k: usize| {
-        compile(&graph(sets[k % 2]), &registry, asperity_graph::Options::default())
-            .unwrap_or_else(|e| panic!("{}", e[0]))
-    };
+    let compiled = |k: usize| shipped(&[sets[k % 2]]);
     let (mut controller, mut engine) = Engine::controlled(compiled(0), Options::default());
     (0..1000).for_each(|_| engine.tick());
     let new = || Timing::new(3);
@@ -66,8 +50,7 @@ fn measure(title: &str, sets: [&str; 2], swaps: usize) {
 }
 
 fn main() {
-    // `cargo test --benches` and `--list` only want to know that it starts.
-    if std::env::args().any(|a| a == "--test" || a == "--list") {
+    if only_starts() {
         return;
     }
     measure("phase retrieval and synthesis are rebuilt", ["phase.seed=1", "phase.seed=2"], 300);

@@ -5,12 +5,14 @@
 //! between ticks, as live, and the caches are what the rest of the machine left. The goals are those of the
 //! design; they are printed beside what was measured and nothing fails on them: machines differ.
 
+mod shared;
+
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use asperity_accuracy::timing::Timing;
 use asperity_diagnostics::Source;
-use asperity_engine::{Clock, Engine, NoClock, Options};
+use asperity_engine::{Clock as _, Engine, NoClock, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
     Descriptor, Diagnostic, Input, Node, Output, Prepared, Processor, Registry, Role, Setup, ShapeSpec,
@@ -18,19 +20,11 @@ use asperity_node::{
 };
 use asperity_texture::Library;
 use asperity_texture::{Choice, Model, Precision, Runner};
+use shared::{Wall, only_starts, shipped};
 
-const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/heravi2024.ron");
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/texture.onnx");
 const LIBRARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/models/surfaces/materials.ron");
 const PERIOD: Duration = Duration::from_millis(2);
-
-struct Wall(Instant);
-
-impl Clock for Wall {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
-    }
-}
 
 /// Pace of the ticks.
 #[derive(Clone, Copy, PartialEq)]
@@ -55,23 +49,9 @@ impl Pace {
     }
 }
 
-/// The shipped graph under a stroke that never stops, so that no gate closes.
 fn engine(synthesis_hz: u32, precision: &str) -> Engine {
-    let mut graph = GraphFile::read(GRAPH).unwrap_or_else(|e| panic!("{e}"));
-    let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
-    stylus.kind = "stroke".into();
-    stylus.params.clear();
-    for set in [
-        "stylus.shape=circle".to_owned(),
-        "stylus.duration_s=100000".to_owned(),
-        format!("texture.synthesis_hz={synthesis_hz}"),
-        format!("texture.precision={precision}"),
-    ] {
-        graph.set(&set, "bench").unwrap_or_else(|e| panic!("{e}"));
-    }
-    let compiled = compile(&graph, &asperity_nodes::registry(), asperity_graph::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e[0]));
-    Engine::new(compiled, Options::default())
+    let sets = [format!("texture.synthesis_hz={synthesis_hz}"), format!("texture.precision={precision}")];
+    Engine::new(shipped(&sets.each_ref().map(String::as_str)), Options::default())
 }
 
 fn weights(precision: Precision) -> Runner {
@@ -231,8 +211,7 @@ fn cpu() -> String {
 }
 
 fn main() {
-    // `cargo test --benches` and `--list` only want to know that it starts.
-    if std::env::args().any(|a| a == "--test" || a == "--list") {
+    if only_starts() {
         return;
     }
     println!("{}", cpu());

@@ -47,6 +47,11 @@ impl Tracker {
         let _ = self.socket.send_to(bytes, self.to);
     }
 
+    fn message(&self, addr: &str, args: Vec<OscType>) {
+        let packet = OscPacket::Message(OscMessage { addr: addr.into(), args });
+        self.packet(&rosc::encoder::encode(&packet).expect("a packet"));
+    }
+
     /// Goes round for so long, 500 packets a second.
     fn strokes(&self, seconds: f64) {
         let began = Instant::now();
@@ -62,29 +67,19 @@ impl Tracker {
             self.held_s.set(self.held_s.get().max(now - before));
             before = now;
             let turn = 100.0 / 16.0 * now;
-            let args = [self.around_mm + 16.0 * turn.cos(), 16.0 * turn.sin(), -3.0]
-                .map(|x| OscType::Float(x as f32))
-                .to_vec();
-            let message = OscPacket::Message(OscMessage { addr: "/stylus".into(), args });
-            self.packet(&rosc::encoder::encode(&message).expect("a packet"));
+            let place = [self.around_mm + 16.0 * turn.cos(), 16.0 * turn.sin(), -3.0];
+            self.message("/stylus", place.map(|x| OscType::Float(x as f32)).to_vec());
         }
     }
 
     /// Sends what is no place of a stylus.
     fn rubbish(&self) {
-        let message = |addr: &str, args: Vec<OscType>| {
-            let packet = OscPacket::Message(OscMessage { addr: addr.into(), args });
-            rosc::encoder::encode(&packet).expect("a packet")
-        };
         self.packet(b"");
         self.packet(b"/stylus");
         self.packet(&[0xff; 1000]);
-        self.packet(&message(
-            "/stylus",
-            vec![OscType::Float(f32::NAN), OscType::Float(0.0), OscType::Float(0.0)],
-        ));
-        self.packet(&message("/stylus", vec![OscType::String("far".into())]));
-        self.packet(&message("/other", vec![OscType::Float(1.0)]));
+        self.message("/stylus", [f32::NAN, 0.0, 0.0].map(OscType::Float).to_vec());
+        self.message("/stylus", vec![OscType::String("far".into())]);
+        self.message("/other", vec![OscType::Float(1.0)]);
     }
 }
 
@@ -275,6 +270,11 @@ fn standin(dir: &Path) -> PathBuf {
     library
 }
 
+/// The forces that a probe saw.
+fn forces(dir: &Path) -> Vec<f64> {
+    rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect()
+}
+
 #[test]
 fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
     let _alone = real_time();
@@ -284,41 +284,29 @@ fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
     let wires = format!(r#"{}("stylus.force", "pushes"),"#, EARS[1]);
     std::fs::write(dir.join("g.ron"), graph("openhaptics.ron", &nodes, &wires)).expect("a graph");
     let library = format!("stylus.library={}", standin(dir).display());
-    let args =
-        ["run", "g.ron", "--device", CARD, "--set", &library, "--seconds", "2.6", "--report", "r.json"];
-    let ran = harness::run(dir, &args).ok();
+    let run = |more: &[&str]| harness::run(dir, &[&["run", "g.ron", "--device", CARD], more].concat());
+    let ran = run(&["--set", &library, "--seconds", "2.6", "--report", "r.json"]).ok();
     assert!(!ran.err.contains("`wall`"), "{}", ran.err);
     let report = json(&dir.join("r.json"));
     println!("{}", report["sources"]);
     assert!(report["sources"][0]["samples"].as_u64() > Some(1000), "{}", report["sources"]);
     // 3 mm deep at 0.5 N/mm.
-    let mut forces: Vec<f64> = rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect();
+    let mut forces = forces(dir);
     forces.sort_by(f64::total_cmp);
     let median = forces[forces.len() / 2];
     assert!((median - 1.5).abs() < 0.05, "it pushes with {median} N");
     let heard = npy(&dir.join("heard.npy"));
     assert!(rms(&heard[heard.len() - 24_000..]) > 0.01, "the texture is not heard");
 
-    let stiff = [
-        "run",
-        "g.ron",
-        "--device",
-        CARD,
-        "--set",
-        &library,
-        "--set",
-        "floor.stiffness_n_per_mm=5",
-        "--seconds",
-        "0.3",
-    ];
-    let ran = harness::run(dir, &stiff).ok();
+    let stiff = ["--set", &library, "--set", "floor.stiffness_n_per_mm=5", "--seconds", "0.3"];
+    let ran = run(&stiff).ok();
     println!("{}", ran.err);
     let warned = ran.err.lines().find(|line| line.contains("`wall`")).expect("a warning");
     assert!(warned.contains("warning") && warned.contains("N/mm"), "{warned}");
 
     for (set, says) in [("stylus.library=nowhere/libHD.so", "nowhere/libHD.so"), ("stylus.library=", "libHD")]
     {
-        let ran = harness::run(dir, &["run", "g.ron", "--device", CARD, "--set", set, "--seconds", "1"]);
+        let ran = run(&["--set", set, "--seconds", "1"]);
         println!("{}", ran.err);
         assert!(ran.code == 2 && ran.err.contains(says) && ran.err.contains("help"), "{}", ran.err);
     }
@@ -345,14 +333,11 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
         assert!(ran.err.contains("without audio"), "{}", ran.err);
         let report = json(&dir.join("r.json"));
         assert_eq!((report["clock"].as_str(), report["device"].as_str()), (Some("timer"), Some("")));
-        let forces: Vec<f64> = rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect();
+        let forces = forces(dir);
         assert!(forces.iter().all(|force| *force < 1.55), "{forces:?}");
-        let pushed = forces.iter().filter(|force| (*force - 1.5).abs() < 0.05).count();
-        let last = forces.last();
-        if pushed > 400 {
-            Ok(())
-        } else {
-            Err(format!("it pushed in {pushed} ticks, with {last:?} N at the end; {report}"))
+        match forces.iter().filter(|force| (*force - 1.5).abs() < 0.05).count() {
+            401.. => Ok(()),
+            pushed => Err(format!("it pushed in {pushed} ticks, with {:?} N at the end", forces.last())),
         }
     });
 }
@@ -368,7 +353,7 @@ fn inverse3_pushes_back_and_a_missing_service_is_an_error() {
     let set = ["--device", CARD, "--set", &stylus];
     let args = [&["run", "g.ron", "--seconds", "2.6", "--report", "r.json"], &set[..]].concat();
     harness::run(dir, &args).ok();
-    let pushed = *service.pushed.lock().expect("nobody panicked");
+    let pushed = service.pushed();
     assert!((pushed - 1.5).abs() < 0.05, "it pushed with {pushed} N");
     let report = json(&dir.join("r.json"));
     assert!(report["sources"][0]["samples"].as_u64() > Some(500), "{}", report["sources"]);

@@ -1,86 +1,146 @@
 //! A stand-in of the Haply service.
 
 use std::f64::consts::TAU;
+use std::io::{ErrorKind, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tungstenite::Message;
+use harness::live::Background;
+use tungstenite::{Error, Message};
 
-/// A stand-in of the Haply service with one device, whose hand goes round in the wall.
-pub struct Service {
-    pub address: SocketAddr,
-    stop: Arc<AtomicBool>,
-    /// The greatest upward force that was asked for.
-    pub pushed: Arc<Mutex<f64>>,
+/// Behaviour of the stand-in, and the forces it received.
+#[derive(Default)]
+pub struct State {
+    /// Devices by id.
+    pub devices: Mutex<Vec<&'static str>>,
+    /// Where each is, in m; without it the hand goes round in the wall.
+    pub at: Mutex<Option<[f64; 3]>>,
+    /// Answer instead of a report.
+    pub instead: Mutex<Option<String>>,
+    /// Whether it answers nothing.
+    pub silent: AtomicBool,
+    /// Whether it sends reports that nobody asked for.
+    pub chatty: AtomicBool,
+    /// Whether it sends as fast as it can, and hears nothing.
+    pub flood: AtomicBool,
+    pub forces: Mutex<Vec<[f64; 3]>>,
+    pub asked: AtomicU64,
+    pub closed: AtomicBool,
     /// Whether who connects from now on never hears a word.
-    pub mute: Arc<AtomicBool>,
+    pub mute: AtomicBool,
     /// Connections of that kind.
-    pub unheard: Arc<AtomicUsize>,
-    thread: Option<JoinHandle<()>>,
+    pub unheard: AtomicUsize,
+}
+
+/// A running stand-in; dropping it kills it, connections and all.
+pub struct Service {
+    state: Arc<State>,
+    pub address: SocketAddr,
+    _thread: Background,
+}
+
+impl Deref for Service {
+    type Target = State;
+
+    fn deref(&self) -> &State {
+        &self.state
+    }
 }
 
 impl Service {
+    /// A service with one device.
     pub fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        listener.set_nonblocking(true).expect("a socket");
+        Self::at("127.0.0.1:0".parse().expect("an address"), &["049D"])
+    }
+
+    pub fn at(address: SocketAddr, devices: &[&'static str]) -> Self {
+        let state = Arc::new(State { devices: Mutex::new(devices.to_vec()), ..State::default() });
+        let listener = TcpListener::bind(address).expect("a port");
         let address = listener.local_addr().expect("a port");
-        let (stop, pushed) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(0.0)));
-        let (ends, most) = (stop.clone(), pushed.clone());
-        let (mute, unheard) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
-        let (says_nothing, count) = (mute.clone(), unheard.clone());
-        let thread = std::thread::spawn(move || {
+        listener.set_nonblocking(true).expect("a socket");
+        let own = state.clone();
+        let thread = Background::new(move |stop| {
             let mut held = Vec::new();
-            while !ends.load(Relaxed) {
+            while !stop.load(Relaxed) {
                 match listener.accept() {
-                    Ok((stream, _)) if says_nothing.load(Relaxed) => {
+                    Ok((stream, _)) if own.mute.load(Relaxed) => {
                         held.push(stream);
-                        count.fetch_add(1, Relaxed);
+                        own.unheard.fetch_add(1, Relaxed);
                     }
-                    Ok((stream, _)) => serve(stream, &ends, &most),
+                    Ok((stream, _)) => own.talk(stream, stop),
                     Err(_) => std::thread::sleep(Duration::from_millis(2)),
                 }
             }
         });
-        Self { address, stop, pushed, mute, unheard, thread: Some(thread) }
+        Self { state, address, _thread: thread }
     }
 }
 
-impl Drop for Service {
-    fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
+impl State {
+    pub fn put(&self, at: [f64; 3]) {
+        *self.at.lock().expect("nobody panicked") = Some(at);
     }
-}
 
-fn serve(stream: TcpStream, stop: &AtomicBool, pushed: &Mutex<f64>) {
-    let set = stream.set_nonblocking(false).and(stream.set_nodelay(true));
-    set.and(stream.set_read_timeout(Some(Duration::from_millis(100)))).expect("a socket");
-    let Ok(mut socket) = tungstenite::accept(stream) else { return };
-    let began = Instant::now();
-    let report = || {
-        let turn = began.elapsed().as_secs_f64() * 1.0 * TAU;
-        let (x, y) = (0.016 * turn.cos(), 0.016 * turn.sin());
-        let state = format!(r#"{{"cursor_position":{{"x":{x},"y":{y},"z":-0.003}}}}"#);
-        format!(r#"{{"inverse3":[{{"device_id":"049D","state":{state},"status":{{}}}}]}}"#)
-    };
-    let mut sent = socket.send(Message::text(report()));
-    while sent.is_ok() && !stop.load(Relaxed) {
-        match socket.read() {
-            Ok(Message::Text(text)) => {
-                let told: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-                let up = &told["inverse3"][0]["commands"]["set_cursor_force"]["values"]["z"];
-                let mut most = pushed.lock().expect("nobody panicked");
-                *most = most.max(up.as_f64().expect("a force"));
-                drop(most);
-                sent = socket.send(Message::text(report()));
+    /// The last force that it was told.
+    pub fn last(&self) -> [f64; 3] {
+        self.forces.lock().expect("nobody panicked").last().copied().unwrap_or_default()
+    }
+
+    /// The greatest upward force that was asked for.
+    pub fn pushed(&self) -> f64 {
+        self.forces.lock().expect("nobody panicked").iter().map(|force| force[2]).fold(0.0, f64::max)
+    }
+
+    fn report(&self, began: Instant) -> String {
+        let turn = began.elapsed().as_secs_f64() * TAU;
+        let round = [0.016 * turn.cos(), 0.016 * turn.sin(), -0.003];
+        let [x, y, z] = self.at.lock().expect("nobody panicked").unwrap_or(round);
+        let state = format!(r#"{{"cursor_position":{{"x":{x},"y":{y},"z":{z}}},"control_mode":"force"}}"#);
+        let device = |id: &&str| format!(r#"{{"device_id":"{id}","state":{state},"status":{{}}}}"#);
+        let list: Vec<_> = self.devices.lock().expect("nobody panicked").iter().map(device).collect();
+        format!(r#"{{"session_id":7,"inverse3":[{}]}}"#, list.join(","))
+    }
+
+    fn talk(&self, stream: TcpStream, stop: &AtomicBool) {
+        let set = stream.set_nonblocking(false).and(stream.set_nodelay(true));
+        set.and(stream.set_read_timeout(Some(Duration::from_millis(20)))).expect("a socket");
+        let Ok(mut socket) = tungstenite::accept(stream) else { return };
+        let began = Instant::now();
+        let mut sent = socket.send(Message::text(self.report(began)));
+        while sent.is_ok() && !stop.load(Relaxed) {
+            if self.flood.load(Relaxed) {
+                let many = [0x81, 2, b'{', b'}'].repeat(16_384);
+                while !stop.load(Relaxed) && socket.get_mut().write_all(&many).is_ok() {}
+                return;
             }
-            Ok(Message::Close(_)) => return,
-            Err(tungstenite::Error::Io(e)) if e.kind() == std::io::ErrorKind::WouldBlock => {}
-            Ok(_) => {}
-            Err(_) => return,
+            let text = match socket.read() {
+                Ok(Message::Text(text)) => text,
+                Ok(Message::Close(_)) => return self.closed.store(true, Relaxed),
+                Ok(_) => continue,
+                Err(Error::Io(e)) if e.kind() == ErrorKind::WouldBlock => continue,
+                Err(_) => return,
+            };
+            let told: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            let device = &told["inverse3"][0];
+            assert!(device["device_id"].is_string());
+            let values = &device["commands"]["set_cursor_force"]["values"];
+            let force = ["x", "y", "z"].map(|axis| values[axis].as_f64().expect("a force"));
+            self.forces.lock().expect("nobody panicked").push(force);
+            self.asked.fetch_add(1, Relaxed);
+            if self.silent.load(Relaxed) {
+                continue;
+            }
+            let instead = self.instead.lock().expect("nobody panicked").clone();
+            let answer = instead.unwrap_or_else(|| self.report(began));
+            if self.chatty.load(Relaxed) {
+                let _ = socket.send(Message::text(answer.clone()));
+                let _ = socket.send(Message::text(answer.replace(r#""z":"#, r#""z":1000"#)));
+            } else {
+                sent = socket.send(Message::text(answer));
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use harness::live::PATIENCE;
 use serde_json::Value;
 use tungstenite::{Message, WebSocket};
 
-use crate::socket::connect;
+use crate::socket::{connect, got, head, numbers};
 
 /// The last view and layout.
 #[derive(Debug, Default)]
@@ -38,8 +38,8 @@ impl Onlooker {
 
     /// Strokes: a place in mm with a pressure, a time in ms and the number of the touch.
     pub fn touches(&mut self, at_ms: f64, x_mm: f64, pressure: f64, number: f64) {
-        let told = [1.0, at_ms, at_ms, x_mm, 0.0, pressure, number].map(f64::to_le_bytes).concat();
-        self.socket.send(Message::binary(told)).expect("it hears");
+        let told = numbers(&[1.0, at_ms, at_ms, x_mm, 0.0, pressure, number]);
+        self.socket.send(told).expect("it hears");
     }
 
     /// Looks until something is seen.
@@ -63,12 +63,9 @@ impl Onlooker {
     fn look(&mut self) {
         match self.socket.read().expect("it is not shown out") {
             Message::Binary(view) => {
-                let end = 4 + u32::from_le_bytes(view[..4].try_into().expect("four bytes")) as usize;
-                let head: Value = serde_json::from_slice(&view[4..end]).expect("JSON");
-                self.shown.view = head["view"].clone();
+                self.shown.view = head(&view)["view"].take();
                 self.got += 1;
-                let told = [0.0, self.got as f64].map(f64::to_le_bytes).concat();
-                self.socket.send(Message::binary(told)).expect("it hears");
+                self.socket.send(got(self.got)).expect("it hears");
             }
             Message::Text(text) => {
                 let said: Value = serde_json::from_str(&text).expect("JSON");

@@ -1,8 +1,6 @@
 //! The picture of the page in the README: `make live-pictures`.
 
-use std::collections::HashMap;
 use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
 
@@ -57,40 +55,15 @@ fn painted(width: u32, dark: bool) -> Option<(Live, Pen)> {
     Some((live, pen))
 }
 
-/// Counts of colours.
-type Counts = HashMap<[u8; 3], u32>;
-
-/// Writes a picture anew with the 256 colours that it has most of: a page has few, and edges between them.
+/// Writes a picture anew with 256 colours: a page has few, and edges between them.
 fn few_colours(file: &Path) {
-    let mut reader = png::Decoder::new(BufReader::new(File::open(file).expect("a picture")))
-        .read_info()
-        .expect("a picture");
-    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
-    let info = reader.next_frame(&mut pixels).expect("a picture");
-    let step = info.color_type.samples();
-    // Edges in 32 steps of each colour look like edges.
-    let near = |p: &[u8]| [0, 1, 2].map(|i| p[i] >> 3);
-    let mut counts: HashMap<[u8; 3], (u32, Counts)> = HashMap::new();
-    for p in pixels.chunks_exact(step) {
-        let (count, exact) = counts.entry(near(p)).or_default();
-        *count += 1;
-        *exact.entry([p[0], p[1], p[2]]).or_default() += 1;
-    }
-    let mut all: Vec<_> = counts.into_iter().collect();
-    all.sort_by_key(|(near, (count, _))| (std::cmp::Reverse(*count), *near));
-    let exact = |of: &Counts| *of.iter().max_by_key(|(c, n)| (**n, **c)).expect("a colour").0;
-    let palette: Vec<[u8; 3]> = all.iter().take(256).map(|(_, (_, of))| exact(of)).collect();
-    let far =
-        |a: [u8; 3], b: [u8; 3]| (0..3).map(|i| (i32::from(a[i]) - i32::from(b[i])).pow(2)).sum::<i32>();
-    let place = |(near, (_, of)): &([u8; 3], (u32, Counts))| {
-        let colour = exact(of);
-        (*near, (0..palette.len()).min_by_key(|&k| far(palette[k], colour)).unwrap_or(0) as u8)
-    };
-    let places: HashMap<[u8; 3], u8> = all.iter().map(place).collect();
-    let indices: Vec<u8> = pixels.chunks_exact(step).map(|p| places[&near(p)]).collect();
-    let mut encoder = png::Encoder::new(File::create(file).expect("a file"), info.width, info.height);
+    let picture = image::open(file).expect("a picture").to_rgba8();
+    let quant = color_quant::NeuQuant::new(1, 256, &picture);
+    let indices: Vec<u8> = picture.pixels().map(|pixel| quant.index_of(&pixel.0) as u8).collect();
+    let file = File::create(file).expect("a file");
+    let mut encoder = png::Encoder::new(file, picture.width(), picture.height());
     encoder.set_color(png::ColorType::Indexed);
-    encoder.set_palette(palette.concat());
+    encoder.set_palette(quant.color_map_rgb());
     encoder.set_compression(png::Compression::High);
     encoder.set_filter(png::Filter::NoFilter);
     encoder.write_header().and_then(|mut w| w.write_image_data(&indices)).expect("a picture");

@@ -51,45 +51,52 @@ pub unsafe trait Grows: Copy {
 }
 
 macro_rules! grows {
-    ($($t:ty: $members:expr),* $(,)?) => {$(
+    ($($t:ident)*) => {$(
         // SAFETY: all are repr(C), begin with `size`, and hold numbers, pointers and optional functions.
         unsafe impl Grows for $t {
-            const SIZE_1_0: usize = $members;
+            const SIZE_1_0: usize = size_of::<$t>();
         }
     )*};
 }
 
-const PTR: usize = size_of::<usize>();
-
-/// The size in the first version that had the struct, with pointers of 64 bits. With other pointers, the
-/// size in this build.
-const fn size_1_0<T>(bytes: usize) -> usize {
-    if PTR == 8 { bytes } else { size_of::<T>() }
+// A struct that grows after its first version leaves this list, as `AsperitySetup` did.
+grows! {
+    AsperityHost
+    AsperityPlugin
+    AsperityRandom
+    AsperityFacts
+    AsperityFactSink
+    AsperityPort
+    AsperityParam
+    AsperityPortSink
+    AsperityKind
+    AsperityValue
+    AsperityWire
+    AsperityError
+    AsperityInfo
+    AsperityTick
+    AsperityEffects
+    AsperityEffect
+    AsperityForm
+    AsperityNeed
+    AsperitySettings
+    AsperitySlot
+    AsperityLaw
 }
 
-grows! {
-    AsperityHost: size_1_0::<AsperityHost>(32),
-    AsperityPlugin: size_1_0::<AsperityPlugin>(40),
-    AsperityRandom: size_1_0::<AsperityRandom>(16),
-    AsperityFacts: size_1_0::<AsperityFacts>(16),
-    AsperityFactSink: size_1_0::<AsperityFactSink>(40),
-    AsperityPort: size_1_0::<AsperityPort>(88),
-    AsperityParam: size_1_0::<AsperityParam>(112),
-    AsperityPortSink: size_1_0::<AsperityPortSink>(32),
-    AsperityKind: size_1_0::<AsperityKind>(200),
-    AsperityValue: size_1_0::<AsperityValue>(64),
-    AsperityWire: size_1_0::<AsperityWire>(48),
-    AsperitySetup: size_1_0::<AsperitySetup>(72),
-    AsperityError: size_1_0::<AsperityError>(32),
-    AsperityInfo: size_1_0::<AsperityInfo>(56),
-    AsperityTick: size_1_0::<AsperityTick>(56),
-    AsperityEffects: size_1_0::<AsperityEffects>(16),
-    AsperityEffect: size_1_0::<AsperityEffect>(64),
-    AsperityForm: size_1_0::<AsperityForm>(32),
-    AsperityNeed: size_1_0::<AsperityNeed>(24),
-    AsperitySettings: size_1_0::<AsperitySettings>(24),
-    AsperitySlot: size_1_0::<AsperitySlot>(16),
-    AsperityLaw: size_1_0::<AsperityLaw>(24),
+// SAFETY: as those above.
+unsafe impl Grows for AsperitySetup {
+    const SIZE_1_0: usize = std::mem::offset_of!(AsperitySetup, slots);
+}
+
+/// A struct whose members are all zero, but for its size.
+pub fn blank<T: Grows>() -> T {
+    let mut out = core::mem::MaybeUninit::<T>::zeroed();
+    // SAFETY: zeroed bytes are a T, which begins with its size.
+    unsafe {
+        out.as_mut_ptr().cast::<u32>().write(size_of::<T>() as u32);
+        out.assume_init()
+    }
 }
 
 /// Reads a struct from the other side, which may be of an older or a newer minor version. Members

@@ -21,10 +21,8 @@ pub fn set(most: u64, held: fn() -> u64) {
     let _ = BUDGET.set(Budget { most, held });
 }
 
-/// Checks whether `bytes` more are allowed.
-///
-/// # Errors
-/// The program would exceed its limit. The caller adds the position.
+/// Checks whether `bytes` more are allowed. Error: the program would exceed its limit. The caller adds the
+/// position.
 pub fn needs(bytes: u64) -> Result<(), Diagnostic> {
     BUDGET.get().map_or(Ok(()), |budget| budget.needs(bytes))
 }

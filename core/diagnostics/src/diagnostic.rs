@@ -23,10 +23,8 @@ impl Source {
         Arc::new(Self { path: path.into(), text: text.into() })
     }
 
-    /// Reads a UTF-8 text file.
-    ///
-    /// # Errors
-    /// A missing, unreadable, too large or not UTF-8 file, named by its path.
+    /// Reads a UTF-8 text file. Error: a missing, unreadable, too large or not UTF-8 file, named by its
+    /// path.
     pub fn read(path: impl AsRef<Path>) -> Result<Arc<Self>, Diagnostic> {
         let path = path.as_ref();
         match String::from_utf8(file::read(path, MAX_TEXT_BYTES)?) {

@@ -24,10 +24,8 @@ pub fn open(path: &Path, most: u64) -> Result<Take<File>, Diagnostic> {
     Ok(file.take(most))
 }
 
-/// Reads a whole regular file of at most `most` bytes.
-///
-/// # Errors
-/// As [`open`]; a file that cannot be read to its end, or that grows beyond `most` meanwhile.
+/// Reads a whole regular file of at most `most` bytes. Error: as [`open`]; a file that cannot be read to its
+/// end, or that grows beyond `most` meanwhile.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, Diagnostic> {
     let mut file = open(path, most)?;
     let mut bytes = Vec::new();

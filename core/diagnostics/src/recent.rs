@@ -17,11 +17,8 @@ impl<K: PartialEq, V: Clone> Recent<K, V> {
         Self { most, entries: Mutex::new(Vec::new()) }
     }
 
-    /// Returns the value of a key, and makes it if it is missing. Two threads that ask at once may both
-    /// make it. Failures are not kept.
-    ///
-    /// # Errors
-    /// The errors of `make`.
+    /// Returns the value of a key, and makes it if it is missing. Two threads that ask at once may both make
+    /// it. Failures are not kept. Error: the errors of `make`.
     pub fn of<E>(&self, key: K, make: impl FnOnce(&K) -> Result<V, E>) -> Result<V, E> {
         let known = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let mut entries = known();

@@ -20,11 +20,8 @@ impl Default for AxisMap {
 }
 
 impl AxisMap {
-    /// Parses a text such as `x,-z,y`. Spaces and capitals do not matter.
-    ///
-    /// # Errors
-    /// Anything but `x`, `y`, `z`, each once and with at most one sign. The error has no place; the
-    /// caller knows it.
+    /// Parses a text such as `x,-z,y`. Spaces and capitals do not matter. Error: anything but `x`, `y`, `z`,
+    /// each once and with at most one sign. The error has no place; the caller knows it.
     pub fn parse(text: &str) -> Result<Self, Diagnostic> {
         let fail = |message: String| {
             Err(Diagnostic::new(message).help(
@@ -63,6 +60,15 @@ impl AxisMap {
         // + 0.0 turns -0 into 0.
         [0, 1, 2].map(|out| self.sign[out] * p[self.source[out]] + 0.0)
     }
+
+    /// The world's vector in the file's axes: the inverse of [`apply`](Self::apply).
+    pub fn back(&self, world: [f64; 3]) -> [f64; 3] {
+        let mut p = [0.0; 3];
+        for out in 0..3 {
+            p[self.source[out]] = self.sign[out] * world[out] + 0.0;
+        }
+        p
+    }
 }
 
 #[cfg(test)]
@@ -74,6 +80,16 @@ mod tests {
         assert_eq!(AxisMap::parse("x,y,z").unwrap(), AxisMap::default());
         assert_eq!(AxisMap::parse("x,-z,y").unwrap().apply([1.0, 2.0, 3.0]), [1.0, -3.0, 2.0]);
         assert_eq!(AxisMap::parse(" Z , +x,- y").unwrap().apply([1.0, 2.0, 3.0]), [3.0, 1.0, -2.0]);
+    }
+
+    #[test]
+    fn back_undoes_every_map() {
+        for axes in ["x,y,z", "z,x,y", "-y,x,z", "x,-z,y", "-z,-y,-x"] {
+            let map = AxisMap::parse(axes).unwrap();
+            assert_eq!(map.back(map.apply([0.3, -1.2, 2.5])), [0.3, -1.2, 2.5], "{axes}");
+        }
+        // A force up is along the y of a device whose y is up.
+        assert_eq!(AxisMap::parse("x,-z,y").unwrap().back([0.0, 0.0, 2.0]), [0.0, 2.0, 0.0]);
     }
 
     #[test]

@@ -1,14 +1,13 @@
-//! Motion of the stylus: recorded ([`Trajectory`]), made ([`Stroke`]), or scripted ([`Itinerary`]).
+//! Motion of the stylus: recorded ([`Trajectory`]) or made ([`Stroke`]).
 //! [`Table`] reads the CSV files of recordings.
 //!
-//! All three give a [`Sample`] for a time. Positions are in mm with z up. A surface lies in the plane z
+//! Both give a [`Sample`] for a time. Positions are in mm with z up. A surface lies in the plane z
 //! = 0, its inside at negative z.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod axes;
 mod interpolate;
-mod itinerary;
 mod minimum_jerk;
 mod read;
 mod stroke;
@@ -17,8 +16,7 @@ mod trajectory;
 mod tremor;
 
 pub use axes::AxisMap;
-pub use itinerary::{Itinerary, Move};
-pub use minimum_jerk::{minimum_jerk, minimum_jerk_ramp_integral, minimum_jerk_speed};
+pub use minimum_jerk::minimum_jerk;
 pub use read::{
     DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S,
     TrajectoryOptions,

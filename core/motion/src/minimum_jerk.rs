@@ -10,15 +10,8 @@ pub fn minimum_jerk(s: f64) -> f64 {
     s * s * s * (10.0 + s * (6.0 * s - 15.0))
 }
 
-/// Speed over mean speed at the part `s` of the time: 30 s^2 (1 - s)^2. The most is 1.875, in the
-/// middle.
-pub fn minimum_jerk_speed(s: f64) -> f64 {
-    let s = s.clamp(0.0, 1.0);
-    30.0 * (s * (1.0 - s)).powi(2)
-}
-
 /// Integral of [`minimum_jerk`] from 0 to `s`: the way if the *speed* rises so. It is 1/2 at `s` = 1.
-pub fn minimum_jerk_ramp_integral(s: f64) -> f64 {
+pub(super) fn minimum_jerk_ramp_integral(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     s.powi(4) * (2.5 + s * (s - 3.0))
 }
@@ -40,16 +33,13 @@ mod tests {
     }
 
     #[test]
-    fn speed_is_the_slope_and_integral_the_antiderivative() {
+    fn integral_is_the_antiderivative() {
         let h = 1e-5;
         for i in 1..100 {
             let s = f64::from(i) / 100.0;
-            let slope = (minimum_jerk(s + h) - minimum_jerk(s - h)) / (2.0 * h);
-            assert!((slope - minimum_jerk_speed(s)).abs() < 1e-7);
             let slope = (minimum_jerk_ramp_integral(s + h) - minimum_jerk_ramp_integral(s - h)) / (2.0 * h);
             assert!((slope - minimum_jerk(s)).abs() < 1e-7);
         }
-        assert_eq!(minimum_jerk_speed(0.5), 1.875);
         assert_eq!(minimum_jerk_ramp_integral(1.0), 0.5);
     }
 

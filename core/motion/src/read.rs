@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source};
 
-use super::trajectory::Columns;
+use super::interpolate::slopes;
 use super::{AxisMap, Column, Interpolation, Table, Trajectory};
 
 /// Largest time in a file, in seconds: room for a Unix time, none for one in milliseconds.
@@ -48,10 +48,7 @@ const HEADER_HELP: &str =
     "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded `force_n`, `speed_mm_s`";
 
 impl Trajectory {
-    /// Reads a CSV file; see [`parse`](Self::parse).
-    ///
-    /// # Errors
-    /// As [`Source::read`] and [`parse`](Self::parse).
+    /// Reads a CSV file; see [`parse`](Self::parse). Error: as [`Source::read`] and [`parse`](Self::parse).
     pub fn read(path: impl AsRef<Path>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?, options)
     }
@@ -66,58 +63,59 @@ impl Trajectory {
     /// [`MAX_SPEED_MM_S`]); a clock that stands still or goes back; a gap longer than
     /// `options.max_gap_s`; fewer than two rows.
     pub fn parse(source: &Arc<Source>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
-        let columns = read_columns(source, options.max_gap_s)?;
-        Ok(Self::from_columns(columns, options.axes, options.interpolation))
-    }
-}
-
-fn read_columns(source: &Arc<Source>, max_gap_s: Option<f64>) -> Result<Columns, Diagnostic> {
-    let mut table = Table::open(source, &COLUMNS, HEADER_HELP)?;
-    if let Some(missing) = (0..FORCE).find(|column| !table.has(*column)) {
-        let what = format!("the column `{}` is missing", COLUMNS[missing].name);
-        return Err(Diagnostic::new(what).at(source, table.header_end()).help(HEADER_HELP));
-    }
-    let [mut force, mut speed] = [FORCE, SPEED].map(|column| table.has(column).then(Vec::new));
-    let (mut time, mut position, mut clock) = (Vec::<f64>::new(), Vec::new(), Vec::new());
-    let mut row = [0.0; COLUMNS.len()];
-    while let Some(span) = table.next_row(&mut row)? {
-        let [t, x, y, z, f, v] = row;
-        if let (Some(&before), Some(&span_before)) = (time.last(), clock.last())
-            && t <= before
-        {
-            let what = if t < before { "goes back" } else { "stands still" };
-            return Err(Diagnostic::new(format!("the clock {what}: {t} s after {before} s"))
-                .at(source, span)
-                .label("not later than the row before")
-                .help("`t_s` rises from row to row")
-                .related(source, span_before, "the row before"));
+        let mut table = Table::open(source, &COLUMNS, HEADER_HELP)?;
+        if let Some(missing) = (0..FORCE).find(|column| !table.has(*column)) {
+            let what = format!("the column `{}` is missing", COLUMNS[missing].name);
+            return Err(Diagnostic::new(what).at(source, table.header_end()).help(HEADER_HELP));
         }
-        time.push(t);
-        clock.push(span);
-        position.push([x, y, z]);
-        force.iter_mut().for_each(|column| column.push(f));
-        speed.iter_mut().for_each(|column| column.push(v));
+        let [mut force, mut speed] = [FORCE, SPEED].map(|column| table.has(column).then(Vec::new));
+        let (mut time, mut position, mut clock) = (Vec::<f64>::new(), Vec::new(), Vec::new());
+        let mut row = [0.0; COLUMNS.len()];
+        while let Some(span) = table.next_row(&mut row)? {
+            let [t, x, y, z, f, v] = row;
+            if let (Some(&before), Some(&span_before)) = (time.last(), clock.last())
+                && t <= before
+            {
+                let what = if t < before { "goes back" } else { "stands still" };
+                return Err(Diagnostic::new(format!("the clock {what}: {t} s after {before} s"))
+                    .at(source, span)
+                    .label("not later than the row before")
+                    .help("`t_s` rises from row to row")
+                    .related(source, span_before, "the row before"));
+            }
+            time.push(t);
+            clock.push(span);
+            position.push(options.axes.apply([x, y, z]));
+            force.iter_mut().for_each(|column| column.push(f));
+            speed.iter_mut().for_each(|column| column.push(v));
+        }
+        if time.len() < 2 {
+            let found = if time.is_empty() { "no rows" } else { "only one row" };
+            return Err(Diagnostic::new(format!("a trajectory with {found}"))
+                .at(source, table.end())
+                .help("a stroke has two rows at least"));
+        }
+        let median_step_s = median_step(&time);
+        let max_gap_s = options.max_gap_s.unwrap_or(DEFAULT_MAX_GAP_S.max(MAX_GAP_STEPS * median_step_s));
+        if let Some(i) = time.windows(2).position(|w| w[1] - w[0] > max_gap_s) {
+            let (before, gap) = (time[i], time[i + 1] - time[i]);
+            return Err(Diagnostic::new(format!("a gap of {gap:.4} s after {before} s"))
+                .at(source, clock[i + 1])
+                .label(format!("later than {:.4} s", before + max_gap_s))
+                .help(format!(
+                    "rows may lie {max_gap_s:.4} s apart here (the median step is {median_step_s:.4} s); \
+                     if the recording is right, allow a longer gap"
+                ))
+                .related(source, clock[i], "the row before"));
+        }
+        let start_s = time[0];
+        time.iter_mut().for_each(|t| *t -= start_s);
+        let slope = match options.interpolation {
+            Interpolation::Linear => Vec::new(),
+            Interpolation::Cubic => slopes(&time, &position),
+        };
+        Ok(Self { time, position, slope, force, speed })
     }
-    if time.len() < 2 {
-        let found = if time.is_empty() { "no rows" } else { "only one row" };
-        return Err(Diagnostic::new(format!("a trajectory with {found}"))
-            .at(source, table.end())
-            .help("a stroke has two rows at least"));
-    }
-    let median_step_s = median_step(&time);
-    let max_gap_s = max_gap_s.unwrap_or(DEFAULT_MAX_GAP_S.max(MAX_GAP_STEPS * median_step_s));
-    if let Some(i) = time.windows(2).position(|w| w[1] - w[0] > max_gap_s) {
-        let (before, gap) = (time[i], time[i + 1] - time[i]);
-        return Err(Diagnostic::new(format!("a gap of {gap:.4} s after {before} s"))
-            .at(source, clock[i + 1])
-            .label(format!("later than {:.4} s", before + max_gap_s))
-            .help(format!(
-                "rows may lie {max_gap_s:.4} s apart here (the median step is {median_step_s:.4} s); if the \
-                 recording is right, allow a longer gap"
-            ))
-            .related(source, clock[i], "the row before"));
-    }
-    Ok(Columns { time, position, force, speed, median_step_s })
 }
 
 /// The lower median of the steps of a rising clock with at least two entries.

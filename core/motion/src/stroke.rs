@@ -1,12 +1,12 @@
 //! Made strokes: line, zigzag and circle.
 
-use asperity_numbers::Elementary as _;
+use asperity_numbers::{Elementary as _, Random};
 use std::f64::consts::TAU;
 
 use asperity_diagnostics::Diagnostic;
 
-use super::tremor::unit_from;
-use super::{Sample, Tremor, minimum_jerk, minimum_jerk_ramp_integral, quantise};
+use super::minimum_jerk::minimum_jerk_ramp_integral;
+use super::{Sample, Tremor, minimum_jerk, quantise};
 
 /// Path of a stroke on the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,12 +26,8 @@ impl Shape {
 
     /// The shape with a name.
     pub fn from_name(name: &str) -> Option<Self> {
-        match name {
-            "line" => Some(Self::Line),
-            "zigzag" => Some(Self::Zigzag),
-            "circle" => Some(Self::Circle),
-            _ => None,
-        }
+        let place = Self::NAMES.iter().position(|known| *known == name)?;
+        Some([Self::Line, Self::Zigzag, Self::Circle][place])
     }
 }
 
@@ -115,11 +111,8 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// A stroke with these parameters.
-    ///
-    /// # Errors
-    /// A parameter out of its documented range. The error has no place; the caller knows it. The
-    /// message begins with the parameter's name in back quotes.
+    /// A stroke with these parameters. Error: a parameter out of its documented range. The error has no
+    /// place; the caller knows it. The message begins with the parameter's name in back quotes.
     pub fn new(params: StrokeParams) -> Result<Self, Diagnostic> {
         let p = &params;
         for (name, value, least, greatest) in [
@@ -158,13 +151,8 @@ impl Stroke {
             }
         };
         let tremor = Tremor::new(p.tremor_mm, p.seed);
-        let force_phase = TAU * unit_from(!p.seed, 1);
+        let force_phase = TAU * Random::new(!p.seed).unit();
         Ok(Self { tremor, force_phase, leg_s, path_s, last_leg, legs, params })
-    }
-
-    /// Its parameters.
-    pub fn params(&self) -> &StrokeParams {
-        &self.params
     }
 
     /// Seconds from the start of the approach to the end of the lift-off.

@@ -54,10 +54,8 @@ pub struct Table<'s> {
 }
 
 impl<'s> Table<'s> {
-    /// Reads the header. `header_help` says how it should look.
-    ///
-    /// # Errors
-    /// Each at its cell: no header; a column that is unknown or there twice; more than 10000 cells.
+    /// Reads the header. `header_help` says how it should look. Error: each at its cell: no header; a column
+    /// that is unknown or there twice; more than 10000 cells.
     pub fn open(
         source: &'s Arc<Source>,
         columns: &'static [Column],

@@ -1,7 +1,7 @@
 //! A recorded stroke, at any rate and also irregular.
 
-use super::interpolate::{hermite, pchip_slopes};
-use super::{AxisMap, Sample};
+use super::Sample;
+use super::interpolate::hermite;
 
 /// Interpolation of positions between rows. Force and speed are always interpolated linearly.
 ///
@@ -29,49 +29,15 @@ pub struct Cursor(usize);
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     /// Seconds after the first row.
-    time: Vec<f64>,
-    position: Vec<[f64; 3]>,
-    /// Slopes in mm/s at the rows. Empty for linear interpolation.
-    slope: Vec<[f64; 3]>,
-    force: Option<Vec<f64>>,
-    speed: Option<Vec<f64>>,
-    start_s: f64,
-    median_step_s: f64,
-}
-
-/// Checked columns of one length, two or more.
-pub(super) struct Columns {
     pub(super) time: Vec<f64>,
     pub(super) position: Vec<[f64; 3]>,
+    /// Slopes in mm/s at the rows. Empty for linear interpolation.
+    pub(super) slope: Vec<[f64; 3]>,
     pub(super) force: Option<Vec<f64>>,
     pub(super) speed: Option<Vec<f64>>,
-    pub(super) median_step_s: f64,
 }
 
 impl Trajectory {
-    pub(super) fn from_columns(columns: Columns, axes: AxisMap, interpolation: Interpolation) -> Self {
-        let Columns { mut time, mut position, force, speed, median_step_s } = columns;
-        let start_s = time.first().copied().unwrap_or(0.0);
-        time.iter_mut().for_each(|t| *t -= start_s);
-        position.iter_mut().for_each(|p| *p = axes.apply(*p));
-        let slope = match interpolation {
-            Interpolation::Linear => Vec::new(),
-            Interpolation::Cubic => {
-                let [x, y, z] = [0, 1, 2].map(|axis| {
-                    let values: Vec<f64> = position.iter().map(|p| p[axis]).collect();
-                    pchip_slopes(&time, &values)
-                });
-                x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
-            }
-        };
-        Self { time, position, slope, force, speed, start_s, median_step_s }
-    }
-
-    /// The file's clock at its first row, in seconds.
-    pub fn start_s(&self) -> f64 {
-        self.start_s
-    }
-
     /// Seconds from the first row to the last, above 0.
     pub fn duration_s(&self) -> f64 {
         self.time.last().copied().unwrap_or(0.0)
@@ -80,11 +46,6 @@ impl Trajectory {
     /// Number of rows, 2 or more.
     pub fn rows(&self) -> usize {
         self.time.len()
-    }
-
-    /// Median time between rows, in seconds.
-    pub fn median_step_s(&self) -> f64 {
-        self.median_step_s
     }
 
     /// Whether a normal force was recorded. Then every sample has one.
@@ -136,9 +97,10 @@ impl Trajectory {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{TrajectoryOptions, minimum_jerk, minimum_jerk_speed, tremor::unit_from};
+    use super::super::{TrajectoryOptions, minimum_jerk};
     use super::*;
     use asperity_diagnostics::Source;
+    use asperity_numbers::random::uniform;
 
     fn made(text: &str, interpolation: Interpolation) -> Trajectory {
         let options = TrajectoryOptions { interpolation, max_gap_s: Some(10.0), ..Default::default() };
@@ -150,7 +112,7 @@ mod tests {
         let text = "t_s,x_mm,y_mm,z_mm,force_n,speed_mm_s\n5,1,2,3,0,10\n6,2,0,-1,1,20\n8,4,5,-1,3,0\n";
         for kind in [Interpolation::Cubic, Interpolation::Linear] {
             let t = made(text, kind);
-            assert_eq!((t.start_s(), t.duration_s(), t.rows(), t.median_step_s()), (5.0, 3.0, 3, 1.0));
+            assert_eq!((t.duration_s(), t.rows()), (3.0, 3));
             for early in [-1.0, 0.0, f64::NAN, f64::NEG_INFINITY] {
                 assert_eq!(t.sample(early).position, [1.0, 2.0, 3.0]);
             }
@@ -170,14 +132,14 @@ mod tests {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
         let mut clock = 0.0;
         for i in 0..500 {
-            clock += 0.001 + 0.05 * unit_from(9, i);
-            text += &format!("{clock},{},{},{}\n", unit_from(1, i), unit_from(2, i), unit_from(3, i));
+            clock += 0.001 + 0.05 * uniform(9, i);
+            text += &format!("{clock},{},{},{}\n", uniform(1, i), uniform(2, i), uniform(3, i));
         }
         let t = made(&text, Interpolation::Cubic);
         let mut cursor = Cursor::default();
         for i in 0..20_000 {
             // Forward at 1 kHz, and now and then a jump anywhere.
-            let at = if i % 97 == 0 { t.duration_s() * unit_from(4, i) } else { i as f64 * 1e-3 };
+            let at = if i % 97 == 0 { t.duration_s() * uniform(4, i) } else { i as f64 * 1e-3 };
             assert_eq!(t.sample_from(&mut cursor, at), t.sample(at));
         }
         assert_eq!(t.sample_from(&mut Cursor(usize::MAX), 0.3), t.sample(0.3));
@@ -188,7 +150,7 @@ mod tests {
     fn the_cubic_stays_between_its_rows() {
         let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
         for i in 0..200 {
-            text += &format!("{},{},0,0\n", i as f64 * 0.02, (unit_from(7, i) * 40.0).round() * 0.055);
+            text += &format!("{},{},0,0\n", i as f64 * 0.02, (uniform(7, i) * 40.0).round() * 0.055);
         }
         let t = made(&text, Interpolation::Cubic);
         for i in 0..199 {
@@ -210,7 +172,7 @@ mod tests {
         while clock < 1.2 {
             text += &format!("{clock},{},0,0\n", truth(clock));
             n += 1;
-            clock += 0.020 + 0.027 * unit_from(5, n);
+            clock += 0.020 + 0.027 * uniform(5, n);
         }
         let t = made(&text, kind);
         let (mut recorded, mut true_, mut sum) = (LowPass::default(), LowPass::default(), 0.0);
@@ -219,7 +181,7 @@ mod tests {
             let at = f64::from(i) * 0.002;
             let x = t.sample(at).position[0];
             let a = recorded.step((x - before) / 0.002);
-            let b = true_.step(way / time * minimum_jerk_speed((at - 0.001 - start) / time));
+            let b = true_.step((truth(at) - truth(at - 0.002)) / 0.002);
             before = x;
             sum += (a - b).powi(2);
         }

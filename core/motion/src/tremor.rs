@@ -1,7 +1,6 @@
 //! Physiological tremor of a held tool.
 
-use asperity_numbers::Elementary as _;
-use asperity_numbers::random::{STEP, mix};
+use asperity_numbers::{Elementary as _, Random};
 use std::f64::consts::TAU;
 
 /// Waves of a tremor.
@@ -19,11 +18,8 @@ pub struct Tremor {
 impl Tremor {
     /// A tremor within +-`peak_mm` on each axis (mm, absolute value; 0 is none).
     pub fn new(peak_mm: f64, seed: u64) -> Self {
-        let mut n = 0;
-        let mut unit = || {
-            n += 1;
-            unit_from(seed, n)
-        };
+        let mut random = Random::new(seed);
+        let mut unit = || random.unit();
         let waves = [(); 3].map(|()| {
             let raw = [(); WAVES].map(|()| (0.5 + unit(), TAU * (8.0 + 4.0 * unit()), TAU * unit()));
             let sum: f64 = raw.iter().map(|w| w.0).sum();
@@ -36,13 +32,6 @@ impl Tremor {
     pub fn at(&self, t: f64) -> [f64; 3] {
         self.waves.map(|axis| axis.iter().map(|(a, w, p)| a * (w * t + p).sine()).sum())
     }
-}
-
-/// The `n`-th uniform number of a seed, in 0..1, from 1. It is output `n` of SplitMix64 from the state
-/// `seed`.
-pub(crate) fn unit_from(seed: u64, n: u64) -> f64 {
-    let state = seed.wrapping_add(n.wrapping_sub(1).wrapping_mul(STEP));
-    (mix(state) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]
@@ -88,15 +77,6 @@ mod tests {
                 }
             }
             assert!(inside / all > 0.999, "axis {axis}: {}", inside / all);
-        }
-    }
-
-    /// First outputs of SplitMix64 from state 1234567: 6457827717110365317, 3203168211198807973
-    /// (Rosetta Code).
-    #[test]
-    fn numbers_are_those_of_splitmix64() {
-        for (n, want) in [(1, 6_457_827_717_110_365_317u64), (2, 3_203_168_211_198_807_973)] {
-            assert_eq!(unit_from(1_234_567, n), (want >> 11) as f64 / (1u64 << 53) as f64);
         }
     }
 

@@ -1,45 +1,36 @@
 //! Rounding of a thread, and flushing of denormal numbers to zero: a decaying tail must not cost a
 //! hundred times as much as a loud signal.
 
+use arch::PARTS;
+
 /// Rounding, denormal handling and exception traps of a thread. On an unknown CPU it never changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FloatControl(u64);
 
-/// Names and bits of its parts.
-#[cfg(target_arch = "x86_64")]
-const PARTS: [(&str, u64); 4] = [
-    ("the rounding mode", 3 << 13),
-    ("flush-to-zero", 1 << 15),
-    ("denormals-are-zero", 1 << 6),
-    ("the traps of floating-point exceptions", 0x3f << 7),
-];
-#[cfg(target_arch = "aarch64")]
-const PARTS: [(&str, u64); 3] = [
-    ("the rounding mode", 3 << 22),
-    ("flush-to-zero", 1 << 24),
-    ("the traps of floating-point exceptions", 0x9f00),
-];
-#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-const PARTS: [(&str, u64); 0] = [];
+/// Bits of all parts.
+const ALL: u64 = {
+    let (mut all, mut part) = (0, 0);
+    while part < PARTS.len() {
+        all |= PARTS[part].1;
+        part += 1;
+    }
+    all
+};
 
 impl FloatControl {
     /// Reads this thread's control.
     #[inline]
     pub fn now() -> Self {
-        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-        return Self(u64::from(arch::read()) & PARTS.iter().fold(0, |all, part| all | part.1));
-        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-        Self(0)
+        Self(arch::read() & ALL)
     }
 
     /// Sets this thread's control, and returns whether it differed.
     #[inline]
     pub fn restore(self) -> bool {
-        let changed = Self::now() != self;
-        #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+        let now = arch::read();
+        let changed = now & ALL != self.0;
         if changed {
-            let parts = PARTS.iter().fold(0, |all, part| all | part.1);
-            arch::write((u64::from(arch::read()) & !parts | self.0) as _);
+            arch::write(now & !ALL | self.0);
         }
         changed
     }
@@ -64,30 +55,48 @@ impl FloatControl {
 /// While this lives, denormal results and operands count as zero on this thread.
 #[derive(Debug)]
 pub struct Flushed {
-    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-    before: Control,
+    before: FloatControl,
 }
 
-#[cfg(target_arch = "x86_64")]
-type Control = u32;
-#[cfg(target_arch = "aarch64")]
-type Control = u64;
+impl Flushed {
+    /// Starts flushing.
+    #[allow(clippy::new_without_default)]
+    pub fn new() -> Self {
+        let before = FloatControl::now();
+        FloatControl(before.0 | arch::FLUSH).restore();
+        Self { before }
+    }
+}
 
+impl Drop for Flushed {
+    fn drop(&mut self) {
+        self.before.restore();
+    }
+}
+
+/// MXCSR.
 #[cfg(target_arch = "x86_64")]
 mod arch {
     use std::arch::asm;
 
-    /// Flush-to-zero (bit 15) and denormals-are-zero (bit 6) of MXCSR.
-    pub(super) const FLUSH: u32 = (1 << 15) | (1 << 6);
+    /// Names and bits of its parts.
+    pub(super) const PARTS: [(&str, u64); 4] = [
+        ("the rounding mode", 3 << 13),
+        ("flush-to-zero", 1 << 15),
+        ("denormals-are-zero", 1 << 6),
+        ("the traps of floating-point exceptions", 0x3f << 7),
+    ];
+    pub(super) const FLUSH: u64 = (1 << 15) | (1 << 6);
 
-    pub(super) fn read() -> u32 {
+    pub(super) fn read() -> u64 {
         let mut value = 0_u32;
         // SAFETY: stores MXCSR to a local of its size; SSE is part of x86-64.
         unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
-        value
+        value.into()
     }
 
-    pub(super) fn write(value: u32) {
+    pub(super) fn write(value: u64) {
+        let value = value as u32;
         // SAFETY: `value` came from `read` with bits of its fields changed, so no reserved bit is set.
         // They change how numbers are rounded, and which exceptions are trapped: as a thread had them
         // before.
@@ -97,11 +106,17 @@ mod arch {
     }
 }
 
+/// FPCR.
 #[cfg(target_arch = "aarch64")]
 mod arch {
     use std::arch::asm;
 
-    /// Flush-to-zero (bit 24) of FPCR.
+    /// Names and bits of its parts.
+    pub(super) const PARTS: [(&str, u64); 3] = [
+        ("the rounding mode", 3 << 22),
+        ("flush-to-zero", 1 << 24),
+        ("the traps of floating-point exceptions", 0x9f00),
+    ];
     pub(super) const FLUSH: u64 = 1 << 24;
 
     pub(super) fn read() -> u64 {
@@ -117,35 +132,16 @@ mod arch {
     }
 }
 
-#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-impl Flushed {
-    /// Starts flushing.
-    #[allow(clippy::new_without_default)]
-    pub fn new() -> Self {
-        let before = arch::read();
-        if before & arch::FLUSH != arch::FLUSH {
-            arch::write(before | arch::FLUSH);
-        }
-        Self { before }
-    }
-}
-
-#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-impl Drop for Flushed {
-    fn drop(&mut self) {
-        if self.before & arch::FLUSH != arch::FLUSH {
-            arch::write(self.before);
-        }
-    }
-}
-
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-impl Flushed {
-    /// From here on.
-    #[allow(clippy::new_without_default)]
-    pub fn new() -> Self {
-        Self {}
+mod arch {
+    pub(super) const PARTS: [(&str, u64); 0] = [];
+    pub(super) const FLUSH: u64 = 0;
+
+    pub(super) fn read() -> u64 {
+        0
     }
+
+    pub(super) fn write(_: u64) {}
 }
 
 #[cfg(all(test, any(target_arch = "x86_64", target_arch = "aarch64")))]

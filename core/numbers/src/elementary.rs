@@ -20,118 +20,70 @@ pub fn size<T: Elementary>(z: Complex<T>) -> T {
     z.re.hypotenuse(z.im)
 }
 
-/// Elementary functions of a real number, each to about one unit in the last place.
-pub trait Elementary: Copy {
-    /// Sine of an angle in rad.
-    #[must_use]
-    fn sine(self) -> Self;
-    /// Cosine of an angle in rad.
-    #[must_use]
-    fn cosine(self) -> Self;
-    /// Sine and cosine of an angle in rad.
-    #[must_use]
-    fn sine_cosine(self) -> (Self, Self);
-    /// Tangent of an angle in rad.
-    #[must_use]
-    fn tangent(self) -> Self;
-    /// Angle in rad whose sine this is.
-    #[must_use]
-    fn arc_sine(self) -> Self;
-    /// Angle in rad whose cosine this is.
-    #[must_use]
-    fn arc_cosine(self) -> Self;
-    /// Angle in rad of the point with this ordinate and the abscissa `x`.
-    #[must_use]
-    fn arc_tangent(self, x: Self) -> Self;
-    /// Hyperbolic tangent.
-    #[must_use]
-    fn hyperbolic_tangent(self) -> Self;
-    /// `e` to the power of this.
-    #[must_use]
-    fn exp_e(self) -> Self;
-    /// 2 to the power of this.
-    #[must_use]
-    fn exp_2(self) -> Self;
-    /// `e` to the power of this, less 1; exact near 0.
-    #[must_use]
-    fn exp_less_1(self) -> Self;
-    /// Natural logarithm.
-    #[must_use]
-    fn log_e(self) -> Self;
-    /// Natural logarithm of 1 and this; exact near 0.
-    #[must_use]
-    fn log_1_plus(self) -> Self;
-    /// Logarithm to the base 2.
-    #[must_use]
-    fn log_2(self) -> Self;
-    /// Logarithm to the base 10.
-    #[must_use]
-    fn log_10(self) -> Self;
-    /// This to the power of `y`.
-    #[must_use]
-    fn power(self, y: Self) -> Self;
-    /// Length of the hypotenuse over two legs.
-    #[must_use]
-    fn hypotenuse(self, leg: Self) -> Self;
-    /// Cube root.
-    #[must_use]
-    fn cube_root(self) -> Self;
-}
-
 macro_rules! elementary {
-    ($t:ty { $($name:ident $(($arg:ident))? = $f:path),* $(,)? } $both:path) => {
-        impl Elementary for $t {
-            $(#[inline]
-            fn $name(self $(, $arg: Self)?) -> Self {
-                $f(self $(, $arg)?)
-            })*
+    ($($(#[$doc:meta])* $name:ident $(($arg:ident))? = $double:path, $single:path;)*) => {
+        /// Elementary functions of a real number, each to about one unit in the last place.
+        pub trait Elementary: Copy {
+            /// Sine and cosine of an angle in rad.
+            #[must_use]
+            fn sine_cosine(self) -> (Self, Self);
+            $($(#[$doc])* #[must_use] fn $name(self $(, $arg: Self)?) -> Self;)*
+        }
+
+        impl Elementary for f64 {
             #[inline]
             fn sine_cosine(self) -> (Self, Self) {
-                $both(self)
+                libm::sincos(self)
             }
+            $(#[inline] fn $name(self $(, $arg: Self)?) -> Self { $double(self $(, $arg)?) })*
+        }
+
+        impl Elementary for f32 {
+            #[inline]
+            fn sine_cosine(self) -> (Self, Self) {
+                libm::sincosf(self)
+            }
+            $(#[inline] fn $name(self $(, $arg: Self)?) -> Self { $single(self $(, $arg)?) })*
         }
     };
 }
 
-elementary!(f64 {
-    sine = libm::sin,
-    cosine = libm::cos,
-    tangent = libm::tan,
-    arc_sine = libm::asin,
-    arc_cosine = libm::acos,
-    arc_tangent(x) = libm::atan2,
-    hyperbolic_tangent = libm::tanh,
-    exp_e = libm::exp,
-    exp_2 = libm::exp2,
-    exp_less_1 = libm::expm1,
-    log_e = libm::log,
-    log_1_plus = libm::log1p,
-    log_2 = libm::log2,
-    log_10 = libm::log10,
-    power(y) = libm::pow,
-    hypotenuse(leg) = libm::hypot,
-    cube_root = libm::cbrt,
-} libm::sincos);
-
-elementary!(f32 {
-    sine = libm::sinf,
-    cosine = libm::cosf,
-    tangent = libm::tanf,
-    arc_sine = libm::asinf,
-    arc_cosine = libm::acosf,
-    arc_tangent(x) = libm::atan2f,
-    hyperbolic_tangent = libm::tanhf,
-    exp_e = libm::expf,
-    exp_2 = libm::exp2f,
-    exp_less_1 = libm::expm1f,
-    log_e = libm::logf,
-    log_1_plus = libm::log1pf,
-    log_2 = libm::log2f,
-    log_10 = libm::log10f,
-    power(y) = libm::powf,
-    hypotenuse(leg) = libm::hypotf,
-    cube_root = libm::cbrtf,
-} libm::sincosf);
+elementary! {
+    /// Sine of an angle in rad.
+    sine = libm::sin, libm::sinf;
+    /// Cosine of an angle in rad.
+    cosine = libm::cos, libm::cosf;
+    /// Tangent of an angle in rad.
+    tangent = libm::tan, libm::tanf;
+    /// Angle in rad whose sine this is.
+    arc_sine = libm::asin, libm::asinf;
+    /// Angle in rad whose cosine this is.
+    arc_cosine = libm::acos, libm::acosf;
+    /// Angle in rad of the point with this ordinate and the abscissa `x`.
+    arc_tangent(x) = libm::atan2, libm::atan2f;
+    /// Hyperbolic tangent.
+    hyperbolic_tangent = libm::tanh, libm::tanhf;
+    /// `e` to the power of this.
+    exp_e = libm::exp, libm::expf;
+    /// 2 to the power of this.
+    exp_2 = libm::exp2, libm::exp2f;
+    /// `e` to the power of this, less 1; exact near 0.
+    exp_less_1 = libm::expm1, libm::expm1f;
+    /// Natural logarithm.
+    log_e = libm::log, libm::logf;
+    /// Natural logarithm of 1 and this; exact near 0.
+    log_1_plus = libm::log1p, libm::log1pf;
+    /// Logarithm to the base 2.
+    log_2 = libm::log2, libm::log2f;
+    /// Logarithm to the base 10.
+    log_10 = libm::log10, libm::log10f;
+    /// This to the power of `y`.
+    power(y) = libm::pow, libm::powf;
+    /// Length of the hypotenuse over two legs.
+    hypotenuse(leg) = libm::hypot, libm::hypotf;
+    /// Cube root.
+    cube_root = libm::cbrt, libm::cbrtf;
+}
 
 #[cfg(test)]
 mod tests {

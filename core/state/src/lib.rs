@@ -141,27 +141,6 @@ impl<'a> State<'a> {
     pub fn failed(&self) -> bool {
         self.failed
     }
-
-    /// Passes `N` bytes: saves `out`, or returns the saved bytes when restoring.
-    fn bytes<const N: usize>(&mut self, out: [u8; N]) -> Option<[u8; N]> {
-        let (start, end) = (self.at, self.at + N);
-        self.at = end;
-        match &mut self.pass {
-            Pass::Measure => None,
-            Pass::Save(bytes) => {
-                match bytes.get_mut(start..end) {
-                    Some(to) => to.copy_from_slice(&out),
-                    None => self.failed = true,
-                }
-                None
-            }
-            Pass::Restore(bytes) => {
-                let found = bytes.get(start..end).and_then(|b| b.try_into().ok());
-                self.failed |= found.is_none();
-                found.filter(|_| !self.failed)
-            }
-        }
-    }
 }
 
 /// Types that [`State::keep`] takes.
@@ -182,9 +161,7 @@ macro_rules! keep_number {
     ($($t:ty),*) => {$(
         impl Keep for $t {
             fn keep(&mut self, state: &mut State<'_>) {
-                if let Some(bytes) = state.bytes(self.to_le_bytes()) {
-                    *self = Self::from_le_bytes(bytes);
-                }
+                Self::keep_each(std::slice::from_mut(self), state);
             }
 
             // A delay of seconds has hundreds of thousands of values, so bounds are checked once for
@@ -269,23 +246,17 @@ impl<T: Keep> Keep for [T] {
     }
 }
 
-impl<T: Keep, const N: usize> Keep for [T; N] {
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.as_mut_slice().keep(state);
-    }
+macro_rules! keep_as_slice {
+    ($($t:ty $(, $n:ident)?;)*) => {$(
+        impl<T: Keep $(, const $n: usize)?> Keep for $t {
+            fn keep(&mut self, state: &mut State<'_>) {
+                self[..].keep(state);
+            }
+        }
+    )*};
 }
 
-impl<T: Keep> Keep for Vec<T> {
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.as_mut_slice().keep(state);
-    }
-}
-
-impl<T: Keep> Keep for Box<[T]> {
-    fn keep(&mut self, state: &mut State<'_>) {
-        self.as_mut().keep(state);
-    }
-}
+keep_as_slice!([T; N], N; Vec<T>; Box<[T]>;);
 
 impl<A: Keep, B: Keep> Keep for (A, B) {
     fn keep(&mut self, state: &mut State<'_>) {

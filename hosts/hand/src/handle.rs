@@ -8,52 +8,35 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use asperity_live::{Sample, SampleWriter};
+use asperity_node::Diagnostic;
 use parking_lot::Mutex;
-
-use crate::HandError;
-use crate::servo::passivity::DeviceDamping;
 
 /// Most unread problems; newer ones are dropped.
 const PROBLEMS: usize = 16;
 /// After this time without a usable message, unusable ones are reported.
 const DEAF: Duration = Duration::from_secs(1);
 
-/// The device of a source.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Device {
-    /// Name or number of the device; empty for none.
-    pub name: String,
-    /// Largest force \[N\]; 0 if it cannot push.
-    pub max_force_n: f64,
-    /// Largest stiffness that its maker recommends \[N/mm\], if any.
-    pub max_stiffness_n_per_mm: Option<f64>,
-}
-
-impl Device {
-    /// Its damping, for [`passivity`](crate::servo::passivity::passivity).
-    pub fn damping(&self) -> DeviceDamping {
-        self.max_stiffness_n_per_mm.map_or(DeviceDamping::Unknown, DeviceDamping::Recommended)
-    }
-}
-
 /// A running source. Dropping it stops the source within about 100 ms; a device's force ramps down first.
 #[derive(Debug)]
 pub struct Handle {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
+    /// `None` for a thread that is not waited for.
+    pub(crate) thread: Option<JoinHandle<()>>,
     address: Option<SocketAddr>,
 }
 
-/// Starts a source's thread. Error: the system gives no thread.
-pub(crate) fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, HandError> {
-    Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
-        HandError::missing(format!("no thread for `{name}`: {e}"), "free some memory or processes")
-    })
-}
-
 impl Handle {
-    pub(crate) fn new(shared: Arc<Shared>, thread: JoinHandle<()>, address: Option<SocketAddr>) -> Self {
-        Self { shared, thread: Some(thread), address }
+    /// Starts a source's thread. Error: the system gives no thread.
+    pub(crate) fn start(
+        name: &str,
+        shared: Arc<Shared>,
+        address: Option<SocketAddr>,
+        run: impl FnOnce() + Send + 'static,
+    ) -> Result<Self, Diagnostic> {
+        let thread = Builder::new().name(name.to_owned()).spawn(run).map_err(|e| {
+            crate::error(format!("no thread for `{name}`: {e}"), "free some memory or processes")
+        })?;
+        Ok(Self { shared, thread: Some(thread), address })
     }
 
     /// Samples sent to the tick thread so far.
@@ -73,24 +56,7 @@ impl Handle {
 
     /// Why the last of them was unusable, for a person.
     pub fn last_bad(&self) -> Option<String> {
-        let text = self.shared.text.lock();
-        (!text.bad.is_empty()).then(|| text.bad.clone())
-    }
-
-    /// Whether the device is connected. For a network source, which has no peer: whether the socket is
-    /// open.
-    pub fn connected(&self) -> bool {
-        self.shared.connected.load(Relaxed)
-    }
-
-    /// How often the device was lost.
-    pub fn losses(&self) -> u64 {
-        self.shared.losses.load(Relaxed)
-    }
-
-    /// Size of the last commanded force \[N\].
-    pub fn force_n(&self) -> f64 {
-        f64::from_bits(self.shared.force.load(Relaxed))
+        Some(self.shared.text.lock().bad.clone()).filter(|why| !why.is_empty())
     }
 
     /// Oldest unread problem, or the notice of its end. Each is reported once, and again only after the
@@ -107,9 +73,9 @@ impl Handle {
         self.address
     }
 
-    /// The device.
-    pub fn device(&self) -> Device {
-        self.shared.text.lock().device.clone()
+    /// Largest stiffness that the device's maker recommends \[N/mm\], if any.
+    pub fn max_stiffness_n_per_mm(&self) -> Option<f64> {
+        self.shared.text.lock().max_stiffness_n_per_mm
     }
 }
 
@@ -127,53 +93,48 @@ impl Drop for Handle {
 /// the texts.
 #[derive(Debug, Default)]
 pub(crate) struct Shared {
-    pub(crate) stop: AtomicBool,
+    stop: AtomicBool,
     pub(crate) samples: AtomicU64,
-    pub(crate) lost: AtomicU64,
+    lost: AtomicU64,
     pub(crate) bad: AtomicU64,
-    pub(crate) losses: AtomicU64,
-    pub(crate) connected: AtomicBool,
-    force: AtomicU64,
     text: Mutex<Text>,
 }
 
 #[derive(Debug, Default)]
 struct Text {
+    /// Why the last unusable message was unusable.
     bad: String,
     problems: VecDeque<String>,
     /// Current problem.
     now: Option<String>,
-    device: Device,
-    heard: Heard,
-}
-
-/// Messages as of the last [`Handle::problem`].
-#[derive(Debug, Default)]
-struct Heard {
-    good: u64,
-    bad: u64,
+    max_stiffness_n_per_mm: Option<f64>,
+    /// Usable and unusable messages as of the last [`Handle::problem`].
+    heard: [u64; 2],
     /// Time of the last usable one.
-    at: Option<Instant>,
-    /// Whether unusable ones were reported since.
-    told: bool,
-    /// Whether they were ever reported.
-    ever: bool,
+    heard_at: Option<Instant>,
+    /// Whether unusable ones were reported since, and ever.
+    told: [bool; 2],
 }
 
 impl Text {
+    fn push(&mut self, problem: String) {
+        if self.problems.len() < PROBLEMS {
+            self.problems.push_back(problem);
+        }
+    }
+
     /// Report of unusable messages, if it is due.
     fn unusable(&mut self, good: u64, bad: u64, now: Instant) -> Option<String> {
-        let heard = &mut self.heard;
-        if good != heard.good {
-            (heard.good, heard.at, heard.told) = (good, Some(now), false);
+        let [before, bad_before] = std::mem::replace(&mut self.heard, [good, bad]);
+        if good != before {
+            (self.heard_at, self.told[0]) = (Some(now), false);
         }
-        let more = bad > std::mem::replace(&mut heard.bad, bad);
-        let deaf = !heard.ever || heard.at.is_none_or(|at| now.saturating_duration_since(at) >= DEAF);
+        let deaf = !self.told[1] || self.heard_at.is_none_or(|at| now.saturating_duration_since(at) >= DEAF);
         // A servo counts them without a reason.
-        if !more || !deaf || heard.told || self.bad.is_empty() {
+        if bad <= bad_before || !deaf || self.told[0] || self.bad.is_empty() {
             return None;
         }
-        (heard.told, heard.ever) = (true, true);
+        self.told = [true; 2];
         Some(format!("messages that cannot be used: {}", self.bad))
     }
 }
@@ -185,16 +146,12 @@ impl Shared {
         counter.fetch_add(1, Relaxed);
     }
 
-    pub(crate) fn set_force(&self, force_n: f64) {
-        self.force.store(force_n.to_bits(), Relaxed);
-    }
-
     pub(crate) fn stopped(&self) -> bool {
         self.stop.load(Relaxed)
     }
 
-    pub(crate) fn set_device(&self, device: Device) {
-        self.text.lock().device = device;
+    pub(crate) fn recommends(&self, n_per_mm: Option<f64>) {
+        self.text.lock().max_stiffness_n_per_mm = n_per_mm;
     }
 
     /// Counts an unusable message.
@@ -207,9 +164,7 @@ impl Shared {
     pub(crate) fn trouble(&self, what: String) {
         let mut text = self.text.lock();
         if text.now.as_ref() != Some(&what) {
-            if text.problems.len() < PROBLEMS {
-                text.problems.push_back(what.clone());
-            }
+            text.push(what.clone());
             text.now = Some(what);
         }
     }
@@ -217,16 +172,22 @@ impl Shared {
     /// Ends the current problem, and reports `what` if there was one.
     pub(crate) fn well(&self, what: &str) {
         let mut text = self.text.lock();
-        if text.now.take().is_some() && text.problems.len() < PROBLEMS {
-            text.problems.push_back(what.to_owned());
+        if text.now.take().is_some() {
+            text.push(what.to_owned());
         }
     }
 
-    /// Notes whether the device is connected; counts losses.
-    pub(crate) fn set_connected(&self, there: bool) {
-        if self.connected.swap(there, Relaxed) && !there {
-            self.losses.fetch_add(1, Relaxed);
+    /// Tries until `open` succeeds or the source stops, with a pause before each attempt.
+    pub(crate) fn reopen<T>(&self, pause: Duration, mut open: impl FnMut() -> Option<T>) -> Option<T> {
+        while !self.stopped() {
+            std::thread::park_timeout(pause);
+            if !self.stopped()
+                && let Some(again) = open()
+            {
+                return Some(again);
+            }
         }
+        None
     }
 }
 
@@ -237,7 +198,7 @@ mod tests {
     #[test]
     fn problem_is_reported_once_until_it_is_over() {
         let shared = Arc::new(Shared::default());
-        let handle = Handle::new(shared.clone(), std::thread::spawn(|| {}), None);
+        let handle = Handle::start("test", shared.clone(), None, || {}).unwrap();
         for _ in 0..100 {
             shared.trouble("gone".into());
         }

@@ -1,15 +1,13 @@
 //! Sources of a hand's motion, and force feedback.
 //!
 //! A source runs on a thread of its own and sends [`Sample`](asperity_live::Sample)s to the tick thread:
-//! [`osc`] receives network packets, [`openhaptics`] and [`haply`] read force-feedback devices. A device
-//! that can push evaluates the graph's [`ForceModel`](asperity_live::ForceModel) in its own loop, by the
-//! law in [`servo`]. Each module's `start` returns a [`Handle`]; dropping it stops the source.
+//! [`osc`] receives network packets, [`openhaptics`] and [`haply`] read arms that push back. An arm's loop
+//! evaluates the graph's [`ForceModel`](asperity_live::ForceModel) by the law in [`servo`]. Each module's
+//! `start` returns a [`Handle`]; dropping it stops the source.
 //!
 //! A new device is a module that implements [`HandDevice`], and a line in [`DEVICES`].
 
-mod device;
-mod error;
-mod frame;
+mod arm;
 mod handle;
 pub mod haply;
 mod node;
@@ -18,12 +16,48 @@ pub mod osc;
 mod pointer;
 pub mod servo;
 
-use asperity_node::Registry;
+use std::net::SocketAddr;
 
-pub use device::{HandDevice, Open};
-pub use error::{HandError, Next};
-pub use frame::Frame;
-pub use handle::{Device, Handle};
+use asperity_live::{ForceReader, SampleWriter};
+use asperity_node::{Diagnostic, Params, Registry};
+
+pub use arm::ArmOptions;
+pub use handle::Handle;
+
+/// Opens a device that was configured. Without the reader of force models its motors stay off.
+pub type Open = Box<dyn FnOnce(SampleWriter, Option<ForceReader>) -> Result<Handle, Diagnostic> + Send>;
+
+/// A kind of hand devices. Its errors have no place; the caller knows the node.
+pub trait HandDevice: Sync {
+    /// Kind of the node with the motion of the hand.
+    fn input(&self) -> &'static str;
+
+    /// Kind of the node that pushes back, if the device can.
+    fn force(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Adds its node kinds to a registry.
+    fn register(&self, registry: Registry) -> Registry;
+
+    /// Checks the parameters of its input node, without touching the device. `max_force_n`: largest force of
+    /// its force node \[N\]. Error: an invalid parameter.
+    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic>;
+
+    /// Whether `open`, a source of this kind, must be closed before a source with `params` is opened.
+    /// `address`: where `open` listens.
+    fn excludes(&self, params: &Params, open: &Params, address: Option<SocketAddr>) -> bool;
+
+    /// Rate \[Hz\] and delay \[s\] of the loop that pushes back.
+    fn servo(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+
+    /// Message for the start of a run: what the user does next.
+    fn invitation(&self, _params: &Params) -> Option<String> {
+        None
+    }
+}
 
 /// All hand devices.
 pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::OpenHaptics, &haply::Haply];
@@ -38,16 +72,15 @@ pub fn device_of(kind: &str) -> Option<&'static dyn HandDevice> {
     DEVICES.iter().copied().find(|device| device.input() == kind || device.force() == Some(kind))
 }
 
+/// An error with its remedy.
+fn error(message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
+    Diagnostic::new(message).help(help)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use asperity_node::Role;
-
-    #[test]
-    fn delay_of_half_a_period_halves_the_servo_rate() {
-        assert_eq!(openhaptics::OpenHaptics.servo_hz(), 1000.0);
-        assert!((haply::Haply.servo_hz() - 500.0).abs() < 1e-9);
-    }
 
     #[test]
     fn every_device_registers_its_kinds_with_their_roles() {

@@ -15,27 +15,12 @@ pub(crate) struct PointerInput {
 
 impl Node for PointerInput {
     fn descriptor() -> Descriptor {
+        let mm = |name, default, range, doc| Param::number(name, default, range, doc).unit("mm");
         let it =
             Descriptor::new("pointer_input", "A mouse, finger or pen on the live page: pressure is force.")
-                .param(Param::number("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface.").unit("mm"))
-                .param(
-                    Param::number(
-                        "depth_mm",
-                        6.6,
-                        0.01..=1000.0,
-                        "How far below it the stylus is at full pressure.",
-                    )
-                    .unit("mm"),
-                )
-                .param(
-                    Param::number(
-                        "lift_mm",
-                        2.0,
-                        0.0..=1000.0,
-                        "How far above it the stylus is off the surface.",
-                    )
-                    .unit("mm"),
-                )
+                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface."))
+                .param(mm("depth_mm", 6.6, 0.01..=1000.0, "How far below it the stylus is at full pressure."))
+                .param(mm("lift_mm", 2.0, 0.0..=1000.0, "How far above it the stylus is off the surface."))
                 .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));
         hand(it, (Unit::NONE, "pressure from 0 to 1, 0 off the surface"))
     }

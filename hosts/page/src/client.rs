@@ -1,12 +1,10 @@
 //! One page: figures out, requests and strokes in.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use asperity_live::Unheard;
 use asperity_live::view::{Layout, Request};
-use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
@@ -36,15 +34,17 @@ const GONE: Leave = (close_code::NORMAL, "");
 /// Serves a page until it leaves, breaks a rule, or the server stops.
 pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
     let (mut to, mut from) = socket.split();
-    let (got, got_by_page) = watch::channel(0);
+    let (tell_got, got) = watch::channel(0);
     let (answers, mut waiting) = mpsc::channel(ANSWERS);
     let mut stop = shared.stop.subscribe();
+    let since = Instant::now();
+    let show = Show { to: &mut to, page, shared: &shared, got, sent: 0, since, layouts: 0, seen: 0 };
     let (code, reason) = tokio::select! {
-        leave = listen(&mut from, page, &shared, got, answers) => leave,
-        leave = Show::new(&mut to, page, &shared, got_by_page).run(&mut waiting) => leave,
+        leave = listen(&mut from, page, &shared, tell_got, answers) => leave,
+        leave = show.run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
-    shared.hand.free(page, &shared.counts);
+    shared.hand.free(page);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
     // A socket that closes with unread data also loses its last message: the reason.
     let farewell = async {
@@ -90,9 +90,9 @@ async fn listen(
                     got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
                 }
                 Some(Told::Hand(sent, strokes)) => {
-                    shared.hand.moved(page, &mut pen, sent, &strokes, &shared.counts);
+                    shared.hand.moved(page, &mut pen, sent, &strokes);
                 }
-                Some(Told::Free) => shared.hand.free(page, &shared.counts),
+                Some(Told::Free) => shared.hand.free(page),
             },
             Message::Ping(_) | Message::Pong(_) => {}
             Message::Close(_) => return GONE,
@@ -155,16 +155,7 @@ struct Show<'a> {
     seen: u64,
 }
 
-impl<'a> Show<'a> {
-    fn new(
-        to: &'a mut SplitSink<WebSocket, Message>,
-        page: u64,
-        shared: &'a Shared,
-        got: watch::Receiver<u64>,
-    ) -> Self {
-        Self { to, page, shared, got, sent: 0, since: Instant::now(), layouts: 0, seen: 0 }
-    }
-
+impl Show<'_> {
     async fn run(mut self, waiting: &mut mpsc::Receiver<String>) -> Leave {
         let mut news = self.shared.feed.news();
         let mut holder = self.shared.hand.holder();
@@ -220,21 +211,15 @@ impl<'a> Show<'a> {
             return Ok(());
         }
         let views = &news.views[news.views.len().saturating_sub(room)..];
-        self.shared.counts.skipped.fetch_add(news.newest - self.seen - views.len() as u64, Relaxed);
         self.seen = news.newest;
         for view in views {
-            self.view(view.clone()).await?;
+            if self.sent == *self.got.borrow() {
+                self.since = Instant::now();
+            }
+            self.sent += 1;
+            self.send(Message::Binary(view.clone())).await?;
         }
         Ok(())
-    }
-
-    async fn view(&mut self, view: Bytes) -> Result<(), Leave> {
-        if self.sent == *self.got.borrow() {
-            self.since = Instant::now();
-        }
-        self.sent += 1;
-        self.shared.counts.views.fetch_add(1, Relaxed);
-        self.send(Message::Binary(view)).await
     }
 
     async fn send(&mut self, message: Message) -> Result<(), Leave> {

@@ -40,8 +40,8 @@ impl Default for Door {
 }
 
 impl Door {
-    /// Spawns the task of a new connection. Returns whether the oldest stranger was closed for it.
-    pub(crate) fn enter<F>(self: &Arc<Self>, attend: impl FnOnce(Visitor) -> F) -> bool
+    /// Spawns the task of a new connection. Where there are many, the oldest stranger is closed for it.
+    pub(crate) fn enter<F>(self: &Arc<Self>, attend: impl FnOnce(Visitor) -> F)
     where
         F: Future<Output = ()> + Send + 'static,
     {
@@ -57,7 +57,6 @@ impl Door {
         if let Some((_, oldest)) = oldest {
             oldest.abort();
         }
-        full
     }
 }
 

@@ -18,25 +18,21 @@ const KEPT: usize = 4;
 /// Nothing here waits for a page, and nothing grows: the newest layout and few views are kept. The lock is
 /// held for the exchange of a pointer only. A view of 13 nodes and four scopes, two of them at 48 kHz, takes
 /// 6 us to pack and hand over (median of 2000; 256 kB of samples take 90).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Feed {
-    state: Mutex<State>,
-    /// Counts publications, to wake the pages.
-    news: watch::Sender<u64>,
+    state: watch::Sender<State>,
+    /// Number of the layout that the views belong to, and the samples of each scope since then.
+    seen: Mutex<(u64, Vec<u64>)>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+pub(crate) struct State {
     layout: Arc<Layout>,
     /// Number of published layouts.
     layouts: u64,
     /// Number of published views. A run may restart its own count.
     newest: u64,
     views: VecDeque<Bytes>,
-    /// Samples of each scope since the layout.
-    seen: Vec<u64>,
-    /// Number of the layout that the views belong to.
-    of: u64,
 }
 
 /// Everything that a page has not seen.
@@ -54,72 +50,50 @@ impl Feed {
     /// A feed with nothing to show yet.
     #[must_use]
     pub fn new() -> Self {
-        Self { state: Mutex::default(), news: watch::Sender::new(0) }
+        Self::default()
     }
 
     /// Shows another layout, or the same one with other values. Pages take the values of parameters from it.
     pub fn publish_layout(&self, layout: Layout) {
         let layout = Arc::new(layout);
-        {
-            let mut state = self.state.lock();
-            state.layout = layout;
-            state.layouts += 1;
-        }
-        self.news.send_modify(|n| *n += 1);
+        self.state.send_modify(|state| (state.layout, state.layouts) = (layout, state.layouts + 1));
     }
 
     /// Shows new figures. Values that are not finite are shown as missing.
     pub fn publish(&self, view: View) {
-        let mut seen = {
-            let mut state = self.state.lock();
-            if state.of != view.layout {
-                state.of = view.layout;
-                state.seen.clear();
-            }
-            std::mem::take(&mut state.seen)
-        };
-        let packed = Bytes::from(wire::view(view, &mut seen));
-        let old = {
-            let mut state = self.state.lock();
-            state.seen = seen;
+        let mut seen = self.seen.lock();
+        if seen.0 != view.layout {
+            *seen = (view.layout, Vec::new());
+        }
+        let packed = Bytes::from(wire::view(view, &mut seen.1));
+        self.state.send_modify(|state| {
             state.newest += 1;
             state.views.push_back(packed);
-            if state.views.len() > KEPT { state.views.pop_front() } else { None }
-        };
-        drop(old);
-        self.news.send_modify(|n| *n += 1);
+            if state.views.len() > KEPT {
+                state.views.pop_front();
+            }
+        });
     }
 
     /// The newest layout.
     pub(crate) fn layout(&self) -> Arc<Layout> {
-        self.state.lock().layout.clone()
+        self.state.borrow().layout.clone()
     }
 
     /// Changes whenever something is published.
-    pub(crate) fn news(&self) -> watch::Receiver<u64> {
-        self.news.subscribe()
+    pub(crate) fn news(&self) -> watch::Receiver<State> {
+        self.state.subscribe()
     }
 
     /// Everything after layout count `layouts` and view count `seen`. A page at most four views behind gets
     /// them all, so that its scopes have no gaps. A page further behind gets the newest.
     pub(crate) fn after(&self, layouts: u64, seen: u64) -> News {
-        let state = self.state.lock();
+        let state = self.state.borrow();
         let layout = (state.layouts > layouts).then(|| (state.layout.clone(), state.layouts));
         let behind = usize::try_from(state.newest - seen.min(state.newest)).unwrap_or(usize::MAX);
         let take = if behind <= state.views.len() { behind } else { 1.min(state.views.len()) };
         let views = state.views.iter().skip(state.views.len() - take).cloned().collect();
         News { layout, views, newest: state.newest }
-    }
-
-    /// Bytes of the kept views.
-    pub(crate) fn kept_bytes(&self) -> usize {
-        self.state.lock().views.iter().map(Bytes::len).sum()
-    }
-}
-
-impl Default for Feed {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -142,6 +116,6 @@ mod tests {
         assert!(news.layout.is_none());
         assert_eq!((news.views.len(), news.newest), (3, 10));
         assert!(feed.after(1, 10).views.is_empty());
-        assert_eq!(feed.state.lock().views.len(), KEPT);
+        assert_eq!(feed.state.borrow().views.len(), KEPT);
     }
 }

@@ -25,10 +25,7 @@ pub(crate) async fn guard(
     };
     let mut response = match refused {
         None => next.run(request).await,
-        Some(refused) => {
-            shared.counts.refused();
-            refused.into_response()
-        }
+        Some(refused) => refused.into_response(),
     };
     shut(response.headers_mut(), shared.port);
     // One request, one connection: an idle connection would take the place of another.

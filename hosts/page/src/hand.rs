@@ -1,12 +1,9 @@
 //! The hand on the pages: which page has it, and its strokes as samples.
 
-use std::sync::atomic::Ordering::Relaxed;
-
 use asperity_live::{RemoteClock, Sample, SampleWriter, now_ns};
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
-use crate::server::Counters;
 use crate::wire::Stroke;
 
 /// The one hand. The page that touched last has it. It exists while the graph has a pointer.
@@ -60,14 +57,7 @@ impl Hand {
     }
 
     /// Takes samples of a page. A new touch takes the hand. Other samples of a page without it are ignored.
-    pub(crate) fn moved(
-        &self,
-        page: u64,
-        pen: &mut Pen,
-        sent_ms: f64,
-        strokes: &[Stroke],
-        counts: &Counters,
-    ) {
+    pub(crate) fn moved(&self, page: u64, pen: &mut Pen, sent_ms: f64, strokes: &[Stroke]) {
         let arrived_ns = now_ns();
         // A sample is older than its message: the clocks are compared by the message.
         pen.clock.hear(sent_ms / 1e3, arrived_ns);
@@ -92,31 +82,31 @@ impl Hand {
                 force: stroke.pressure,
                 stroke: state.last.stroke.wrapping_add(u32::from(begins || takes)),
             };
-            state.put(sample, counts);
+            state.put(sample);
         }
     }
 
     /// Lifts the hand of a page that lets it go, or that has gone.
-    pub(crate) fn free(&self, page: u64, counts: &Counters) {
+    pub(crate) fn free(&self, page: u64) {
         if *self.holder.borrow() != Some(page) {
             return;
         }
         let mut state = self.state.lock();
         let now = now_ns();
         let lifted = Sample { time_ns: now, arrived_ns: now, force: 0.0, ..state.last };
-        state.put(lifted, counts);
+        state.put(lifted);
         self.holder.send_replace(None);
     }
 }
 
 impl State {
     /// Writes a sample. Times are made to increase and not to lie in the future.
-    fn put(&mut self, mut sample: Sample, counts: &Counters) {
+    fn put(&mut self, mut sample: Sample) {
         sample.time_ns = sample.time_ns.min(sample.arrived_ns).max(self.last.time_ns + 1);
         self.last = sample;
         let Some(to) = &mut self.to else { return };
-        let count = if to.send(sample) { &counts.samples } else { &counts.lost };
-        count.fetch_add(1, Relaxed);
+        // A graph that takes no samples loses them.
+        to.send(sample);
     }
 }
 
@@ -132,17 +122,17 @@ mod tests {
     #[test]
     fn newest_touch_takes_the_hand() {
         let (to, mut from) = samples();
-        let (hand, counts) = (Hand::new(Some(to)), Counters::default());
+        let hand = Hand::new(Some(to));
         let (mut a, mut b) = (Pen::default(), Pen::default());
-        hand.moved(1, &mut a, 10.0, &[at(9.0, 1.0, 0.5, 1), at(10.0, 2.0, 0.5, 1)], &counts);
-        hand.moved(2, &mut b, 500.0, &[at(500.0, 30.0, 0.0, 1)], &counts);
+        hand.moved(1, &mut a, 10.0, &[at(9.0, 1.0, 0.5, 1), at(10.0, 2.0, 0.5, 1)]);
+        hand.moved(2, &mut b, 500.0, &[at(500.0, 30.0, 0.0, 1)]);
         assert_eq!(*hand.holder().borrow(), Some(1), "hovering takes nothing");
-        hand.moved(2, &mut b, 501.0, &[at(501.0, 31.0, 0.5, 1)], &counts);
-        hand.moved(1, &mut a, 11.0, &[at(11.0, 3.0, 0.5, 1)], &counts);
+        hand.moved(2, &mut b, 501.0, &[at(501.0, 31.0, 0.5, 1)]);
+        hand.moved(1, &mut a, 11.0, &[at(11.0, 3.0, 0.5, 1)]);
         assert_eq!(*hand.holder().borrow(), Some(2));
-        hand.moved(1, &mut a, 12.0, &[at(12.0, 4.0, 0.5, 2)], &counts);
-        hand.free(2, &counts);
-        hand.free(1, &counts);
+        hand.moved(1, &mut a, 12.0, &[at(12.0, 4.0, 0.5, 2)]);
+        hand.free(2);
+        hand.free(1);
         assert_eq!(*hand.holder().borrow(), None);
         let all: Vec<Sample> = std::iter::from_fn(|| from.take()).collect();
         let told: Vec<_> = all.iter().map(|s| (s.position[0], s.force, s.stroke)).collect();

@@ -32,5 +32,5 @@ mod server;
 mod wire;
 
 pub use feed::Feed;
-pub use server::{CONNECTIONS, Counts, Options, PAGES, Page, serve};
+pub use server::{CONNECTIONS, Options, PAGES, Page, serve};
 pub use wire::{AHEAD, MESSAGE, PATIENCE};

@@ -50,42 +50,6 @@ pub struct Options {
     pub token: Option<String>,
 }
 
-/// Counts since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Pages that are connected now.
-    pub pages: u64,
-    /// Requests refused for their host, origin or token, or for too many pages or connections.
-    pub refused: u64,
-    /// Samples of the hand that were passed to the graph.
-    pub samples: u64,
-    /// Samples that were lost because the graph did not take them.
-    pub lost_samples: u64,
-    /// Views sent, to all pages together.
-    pub views: u64,
-    /// Views that slow pages missed, all together.
-    pub skipped_views: u64,
-    /// Bytes of the kept views, which all pages share.
-    pub kept_bytes: usize,
-}
-
-#[derive(Debug, Default)]
-pub(crate) struct Counters {
-    /// Pages since the start.
-    pages: AtomicU64,
-    refused: AtomicU64,
-    pub(crate) samples: AtomicU64,
-    pub(crate) lost: AtomicU64,
-    pub(crate) views: AtomicU64,
-    pub(crate) skipped: AtomicU64,
-}
-
-impl Counters {
-    pub(crate) fn refused(&self) {
-        self.refused.fetch_add(1, Relaxed);
-    }
-}
-
 /// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
@@ -93,7 +57,8 @@ pub(crate) struct Shared {
     pub(crate) feed: Arc<Feed>,
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
-    pub(crate) counts: Counters,
+    /// Pages since the start.
+    came: AtomicU64,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
 }
@@ -139,7 +104,7 @@ pub fn serve(
         feed,
         run_control,
         hand: Hand::new(pointer),
-        counts: Counters::default(),
+        came: AtomicU64::new(0),
         stop: watch::Sender::new(false),
         places: Arc::new(Semaphore::new(PAGES)),
     });
@@ -168,21 +133,6 @@ impl Page {
     /// whether there is something to stroke.
     pub fn set_pointer(&self, to: Option<SampleWriter>) {
         self.shared.hand.set_writer(to);
-    }
-
-    /// Counts since the start.
-    #[must_use]
-    pub fn counts(&self) -> Counts {
-        let Counters { samples, lost, views, skipped, refused, .. } = &self.shared.counts;
-        Counts {
-            pages: self.shared.watching() as u64,
-            refused: refused.load(Relaxed),
-            samples: samples.load(Relaxed),
-            lost_samples: lost.load(Relaxed),
-            views: views.load(Relaxed),
-            skipped_views: skipped.load(Relaxed),
-            kept_bytes: self.shared.feed.kept_bytes(),
-        }
     }
 }
 
@@ -227,9 +177,7 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>) {
         match accepted {
             Ok((stream, _)) => {
                 let router = router.clone();
-                if door.enter(|visitor| answer(stream, router, visitor)) {
-                    shared.counts.refused();
-                }
+                door.enter(|visitor| answer(stream, router, visitor));
                 // Lets a request that has arrived be read before the next connection.
                 tokio::task::yield_now().await;
             }
@@ -277,11 +225,10 @@ async fn places(State(shared): State<Arc<Shared>>) -> Response {
 
 async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
-        shared.counts.refused();
         let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let page = shared.counts.pages.fetch_add(1, Relaxed);
+    let page = shared.came.fetch_add(1, Relaxed);
     socket
         .max_message_size(wire::MESSAGE)
         .max_frame_size(wire::MESSAGE)

@@ -15,19 +15,13 @@ pub struct Loader {
 }
 
 impl Loader {
-    /// Plugin of a file as it is now.
-    ///
-    /// # Errors
-    /// As for [`Plugin::load`].
+    /// Plugin of a file as it is now. Error: as for [`Plugin::load`].
     pub fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         self.load_tried(path, |_| Ok(()))
     }
 
-    /// The same. A build that is not loaded yet is copied, tried, and loaded from that copy, even if
-    /// the file changes meanwhile.
-    ///
-    /// # Errors
-    /// As for [`Plugin::load`], and the error of `trial`.
+    /// The same. A build that is not loaded yet is copied, tried, and loaded from that copy, even if the
+    /// file changes meanwhile. Error: as for [`Plugin::load`], and the error of `trial`.
     pub fn load_tried(
         &mut self,
         path: &Path,

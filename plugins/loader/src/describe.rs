@@ -8,47 +8,37 @@ use asperity_node::{
     Resume, ShapeSpec, Unit, UnitSpec, Var,
 };
 
-use crate::checked::{self, Lie};
+use crate::checked::{Lie, Theirs};
 use crate::effect::effect;
 
 /// Descriptor of a kind, with its effect if it is one.
-///
-/// # Safety
-/// `at` is the plugin's kind, and everything that it points to is valid and stays.
-pub(crate) unsafe fn descriptor(
+pub(crate) fn descriptor(
+    theirs: Theirs,
     at: *const AsperityKind,
     kind: &AsperityKind,
     effects: Option<&AsperityEffects>,
 ) -> Result<Descriptor, Lie> {
-    // SAFETY: the caller's promise.
-    let name = unsafe { checked::text(kind.kind, "the name of a kind")? };
+    let name = theirs.text(kind.kind, "the name of a kind")?;
     let of = |lie| format!("kind `{name}`: {lie}");
-    // SAFETY: as above.
-    let mut d = unsafe { described(kind, &name) }.map_err(of)?;
+    let mut d = described(theirs, kind, &name).map_err(of)?;
     if let Some(effects) = effects {
-        // SAFETY: as above.
-        d.effect = unsafe { effect(at, effects) }.map_err(of)?;
+        d.effect = effect(theirs, at, effects).map_err(of)?;
     }
     d.check().map_err(|e| e.message)?;
     Ok(d)
 }
 
-unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> {
-    // SAFETY: the caller's promise, for all texts and arrays.
-    let (summary, timing, gate, feedback, inputs, outputs, params) = unsafe {
-        (
-            checked::text(kind.summary, "its summary")?,
-            checked::some_text(kind.timing, "its timing")?,
-            checked::some_text(kind.gate, "the name of the gated input")?,
-            checked::some_text(kind.feedback, "the name of the feedback parameter")?,
-            checked::read_all(kind.inputs, kind.input_count, "input")?,
-            checked::read_all(kind.outputs, kind.output_count, "output")?,
-            checked::read_all(kind.params, kind.param_count, "parameter")?,
-        )
-    };
+fn described(theirs: Theirs, kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> {
+    let summary = theirs.text(kind.summary, "its summary")?;
+    let timing = theirs.some_text(kind.timing, "its timing")?;
+    let gate = theirs.some_text(kind.gate, "the name of the gated input")?;
+    let feedback = theirs.some_text(kind.feedback, "the name of the feedback parameter")?;
+    let inputs = theirs.read_all(kind.inputs, kind.input_count, "input")?;
+    let outputs = theirs.read_all(kind.outputs, kind.output_count, "output")?;
+    let params = theirs.read_all(kind.params, kind.param_count, "parameter")?;
     functions(kind, gate.is_some(), feedback.is_some(), &params)?;
     if kind.flags & !(ASPERITY_SINK | ASPERITY_PASSIVE) != 0 {
-        return Err(format!("its flags are {:#x}, which this version does not know", kind.flags));
+        return Err(unknown("its flags are", &format!("{:#x}", kind.flags)));
     }
     let mut d = Descriptor::new(name.to_owned(), summary).timing(timing.unwrap_or_default());
     d.sink = kind.flags & ASPERITY_SINK != 0;
@@ -62,19 +52,15 @@ unsafe fn described(kind: &AsperityKind, name: &str) -> Result<Descriptor, Lie> 
     };
     d.gate = gate.map(Cow::Owned);
     d.feedback = feedback.map(Cow::Owned);
-    for p in &inputs {
-        // SAFETY: texts of a port stay.
-        d.inputs.push(unsafe { input(p)? });
-    }
-    for p in &outputs {
-        // SAFETY: as above.
-        d.outputs.push(unsafe { output(p)? });
-    }
-    for p in &params {
-        // SAFETY: as above.
-        d.params.push(unsafe { param(p)? });
-    }
+    d.inputs = inputs.iter().map(|p| input(theirs, p)).collect::<Result<_, _>>()?;
+    d.outputs = outputs.iter().map(|p| output(theirs, p)).collect::<Result<_, _>>()?;
+    d.params = params.iter().map(|p| param(theirs, p)).collect::<Result<_, _>>()?;
     Ok(d)
+}
+
+/// An error about flags or a number that a later version may have.
+fn unknown(what: &str, says: &str) -> Lie {
+    format!("{what} {says}, which this version does not know")
 }
 
 /// Checks that all required functions are present.
@@ -100,12 +86,8 @@ fn functions(k: &AsperityKind, gate: bool, feedback: bool, params: &[AsperityPar
 }
 
 /// An input.
-///
-/// # Safety
-/// The texts of `p` are valid.
-pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
-    // SAFETY: the caller's promise.
-    let (name, doc, shape, unit) = unsafe { port(p)? };
+pub(crate) fn input(theirs: Theirs, p: &AsperityPort) -> Result<Input, Lie> {
+    let (name, doc, shape, unit) = port(theirs, p)?;
     Ok(Input {
         name: name.into(),
         doc: doc.into(),
@@ -120,12 +102,8 @@ pub(crate) unsafe fn input(p: &AsperityPort) -> Result<Input, Lie> {
 }
 
 /// An output.
-///
-/// # Safety
-/// The texts of `p` are valid.
-pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
-    // SAFETY: the caller's promise.
-    let (name, doc, shape, unit) = unsafe { port(p)? };
+pub(crate) fn output(theirs: Theirs, p: &AsperityPort) -> Result<Output, Lie> {
+    let (name, doc, shape, unit) = port(theirs, p)?;
     // A limiter protects the device, so only this program provides it.
     if p.flags & ASPERITY_LIMITED != 0 {
         return Err(format!(
@@ -135,23 +113,14 @@ pub(crate) unsafe fn output(p: &AsperityPort) -> Result<Output, Lie> {
     Ok(Output { name: name.into(), doc: doc.into(), shape, unit, limited: false, secondary: false })
 }
 
-unsafe fn port(p: &AsperityPort) -> Result<(String, String, ShapeSpec, UnitSpec), Lie> {
-    // SAFETY: the caller's promise.
-    let (name, doc, unit, units) = unsafe {
-        let name = checked::text(p.name, "the name of a port")?;
-        let of = |what: &str| format!("the {what} of port `{name}`");
-        (
-            name.clone(),
-            checked::some_text(p.doc, &of("doc"))?.unwrap_or_default(),
-            checked::some_text(p.unit, &of("unit"))?,
-            checked::texts(p.units, &of("list of units"))?,
-        )
-    };
+fn port(theirs: Theirs, p: &AsperityPort) -> Result<(String, String, ShapeSpec, UnitSpec), Lie> {
+    let name = theirs.text(p.name, "the name of a port")?;
+    let of = |what: &str| format!("the {what} of port `{name}`");
+    let doc = theirs.some_text(p.doc, &of("doc"))?.unwrap_or_default();
+    let unit = theirs.some_text(p.unit, &of("unit"))?;
+    let units = theirs.texts(p.units, &of("list of units"))?;
     if p.flags & !(ASPERITY_OPTIONAL | ASPERITY_WAKES | ASPERITY_LIMITED) != 0 {
-        return Err(format!(
-            "the flags of port `{name}` are {:#x}, which this version does not know",
-            p.flags
-        ));
+        return Err(unknown(&of("flags"), &format!("are {:#x}", p.flags)));
     }
     if !p.default_value.is_finite() {
         return Err(format!("the default of port `{name}` is not finite"));
@@ -200,32 +169,21 @@ fn shape(p: &AsperityPort, name: &str) -> Result<ShapeSpec, Lie> {
         }),
         ASPERITY_MAGNITUDE => ShapeSpec::Magnitude(layout()?),
         ASPERITY_SPECTRUM => ShapeSpec::Spectrum(layout()?),
-        other => return Err(format!("port `{name}` carries {other}, which this version does not know")),
+        other => return Err(unknown(&format!("port `{name}`"), &format!("carries {other}"))),
     })
 }
 
 /// A parameter, or a field of an effect's form.
-///
-/// # Safety
-/// Everything that `p` points to is valid.
-pub(crate) unsafe fn param(p: &AsperityParam) -> Result<Param, Lie> {
-    // SAFETY: the caller's promise.
-    let (name, doc, unit, text, words) = unsafe {
-        let name = checked::text(p.name, "the name of a parameter")?;
-        let of = |what: &str| format!("the {what} of parameter `{name}`");
-        (
-            name.clone(),
-            checked::text(p.doc, &of("doc"))?,
-            checked::some_text(p.unit, &of("unit"))?.unwrap_or_default(),
-            checked::some_text(p.default_text, &of("default"))?,
-            checked::texts(p.words, &of("words"))?,
-        )
-    };
+pub(crate) fn param(theirs: Theirs, p: &AsperityParam) -> Result<Param, Lie> {
+    let name = theirs.text(p.name, "the name of a parameter")?;
+    let it = format!("parameter `{name}`");
+    let of = |what: &str| format!("the {what} of {it}");
+    let doc = theirs.text(p.doc, &of("doc"))?;
+    let unit = theirs.some_text(p.unit, &of("unit"))?.unwrap_or_default();
+    let text = theirs.some_text(p.default_text, &of("default"))?;
+    let words = theirs.texts(p.words, &of("words"))?;
     if p.flags & !(ASPERITY_REQUIRED | ASPERITY_MAY_BE_LEFT_OUT | ASPERITY_LIVE) != 0 {
-        return Err(format!(
-            "the flags of parameter `{name}` are {:#x}, which this version does not know",
-            p.flags
-        ));
+        return Err(unknown(&of("flags"), &format!("are {:#x}", p.flags)));
     }
     let whole = |x: i64| match x {
         0 | 1 => Ok(x == 1),
@@ -239,17 +197,18 @@ pub(crate) unsafe fn param(p: &AsperityParam) -> Result<Param, Lie> {
         ASPERITY_FLAG => (ParamKind::Flag, Some(ParamValue::Flag(whole(p.default_integer)?))),
         ASPERITY_TEXT => (ParamKind::Text, Some(ParamValue::Text(text.unwrap_or_default()))),
         ASPERITY_CHOICE => {
-            let first =
-                words.first().ok_or_else(|| format!("parameter `{name}` has no words to choose from"))?;
+            let first = words.first().ok_or_else(|| format!("{it} has no words to choose from"))?;
             let default = text.unwrap_or_else(|| first.clone());
             let words: Vec<Cow<'static, str>> = words.into_iter().map(Cow::Owned).collect();
             (ParamKind::Choice(words.into()), Some(ParamValue::Text(default)))
         }
         ASPERITY_FILE => (ParamKind::File, None),
-        // SAFETY: the caller's promise.
-        ASPERITY_NUMBERS => (ParamKind::Numbers(p.min..=p.max), Some(unsafe { numbers(p, &name)? })),
+        ASPERITY_NUMBERS => {
+            let default = theirs.numbers(p.default_numbers, p.default_count, &it)?;
+            (ParamKind::Numbers(p.min..=p.max), Some(ParamValue::Numbers(default)))
+        }
         ASPERITY_TEXTS => (ParamKind::Texts, Some(ParamValue::Texts(Vec::new()))),
-        other => return Err(format!("parameter `{name}` holds {other}, which this version does not know")),
+        other => return Err(unknown(&it, &format!("holds {other}"))),
     };
     let left_out = p.flags & ASPERITY_MAY_BE_LEFT_OUT != 0;
     let has_default = p.flags & (ASPERITY_REQUIRED | ASPERITY_MAY_BE_LEFT_OUT) == 0;
@@ -262,14 +221,4 @@ pub(crate) unsafe fn param(p: &AsperityParam) -> Result<Param, Lie> {
         optional: left_out,
         live: p.flags & ASPERITY_LIVE != 0,
     })
-}
-
-unsafe fn numbers(p: &AsperityParam, name: &str) -> Result<ParamValue, Lie> {
-    let count = p.default_count as usize;
-    if count > 0 && p.default_numbers.is_null() || count > 65_536 {
-        return Err(format!("parameter `{name}` says it has {count} numbers by default"));
-    }
-    // SAFETY: that many numbers are there.
-    let values = (0..count).map(|i| unsafe { *p.default_numbers.add(i) });
-    Ok(ParamValue::Numbers(values.collect()))
 }

@@ -1,16 +1,15 @@
 //! Effects of a plugin: its extension `asperity.effect/1`.
 
-use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
 use asperity_node::{Acts, Diagnostic, Direction, Effect, Form, Law, Settings};
 
-use crate::checked::{self, Lie};
+use crate::checked::{Lie, Theirs};
 use crate::describe;
 use crate::foreign::foreign;
 use crate::said::Said;
-use crate::setup::LentSettings;
+use crate::setup;
 
 /// A kind and the functions of its effect.
 #[derive(Clone, Copy)]
@@ -25,29 +24,21 @@ unsafe impl Send for At {}
 unsafe impl Sync for At {}
 
 /// The effect of a kind, if it is one.
-///
-/// # Safety
-/// `kind` is the plugin's, and `extension` the one of that name.
-pub(crate) unsafe fn effect(
+pub(crate) fn effect(
+    theirs: Theirs,
     kind: *const AsperityKind,
     extension: &AsperityEffects,
 ) -> Result<Option<Effect>, Lie> {
     let Some(effect) = extension.effect else { return Ok(None) };
-    // SAFETY: the caller's promise.
+    // SAFETY: the function is the extension's of that name, and the kind the plugin's.
     let at = foreign(|| unsafe { effect(kind) });
     if at.is_null() {
         return Ok(None);
     }
-    // SAFETY: what the function answers stays, and so does all that it leads to.
-    let (abi, list, forms, needs) = unsafe {
-        let abi = checked::read(at, "its effect")?;
-        (
-            abi,
-            checked::text(abi.list, "the list of its effect")?,
-            checked::read_all(abi.forms, abi.form_count, "form")?,
-            checked::read_all(abi.needs, abi.need_count, "need")?,
-        )
-    };
+    let abi = theirs.read(at, "its effect")?;
+    let list = theirs.text(abi.list, "the list of its effect")?;
+    let forms = theirs.read_all(abi.forms, abi.form_count, "form")?;
+    let needs = theirs.read_all(abi.needs, abi.need_count, "need")?;
     let acts = match abi.acts {
         ASPERITY_TOUCHING => Acts::Touching,
         ASPERITY_INSIDE => Acts::Inside,
@@ -57,14 +48,11 @@ pub(crate) unsafe fn effect(
     };
     let mut effect = Effect::new(list, acts);
     for of in &forms {
-        // SAFETY: as above.
-        effect = effect.form(unsafe { form(of)? });
+        effect = effect.form(form(theirs, of)?);
     }
     for need in &needs {
-        // SAFETY: as above.
-        let (input, quantity) = unsafe {
-            (checked::text(need.input, "the input of a need")?, checked::text(need.quantity, "a quantity")?)
-        };
+        let input = theirs.text(need.input, "the input of a need")?;
+        let quantity = theirs.text(need.quantity, "a quantity")?;
         effect = effect.needs(input, quantity);
     }
     let (at, forms) = (At { kind, abi }, Arc::<[Form]>::from(effect.forms.clone()));
@@ -86,31 +74,20 @@ pub(crate) unsafe fn effect(
     Ok(Some(effect))
 }
 
-/// # Safety
-/// Everything that `abi` points to is valid and stays.
-unsafe fn form(abi: &AsperityForm) -> Result<Form, Lie> {
-    // SAFETY: the caller's promise.
-    unsafe {
-        let name = checked::text(abi.name, "the name of a form")?;
-        let example = checked::text(abi.example, &format!("the example of form `{name}`"))?;
-        let mut form = Form::new(name, example);
-        for field in &checked::read_all(abi.fields, abi.field_count, "field")? {
-            form = form.field(describe::param(field)?);
-        }
-        Ok(form)
-    }
+fn form(theirs: Theirs, abi: &AsperityForm) -> Result<Form, Lie> {
+    let name = theirs.text(abi.name, "the name of a form")?;
+    let example = theirs.text(abi.example, &format!("the example of form `{name}`"))?;
+    let fields = theirs.read_all(abi.fields, abi.field_count, "field")?;
+    fields
+        .iter()
+        .try_fold(Form::new(name, example), |form, field| Ok(form.field(describe::param(theirs, field)?)))
 }
 
 /// The law for some settings. An effect that cannot tell it counts as one that no device bears.
 fn law(at: At, forms: &[Form], settings: &Settings, normal_force_n: f64) -> Law {
     let unbearable = Law { stiffness_n_per_mm: f64::INFINITY, damping_ns_per_m: 0.0 };
-    let mut told = AsperityLaw {
-        size: size_of::<AsperityLaw>() as u32,
-        reserved: 0,
-        stiffness_n_per_mm: 0.0,
-        damping_ns_per_m: 0.0,
-    };
-    let (Some(law), Ok(lent)) = (at.abi.law, LentSettings::new(settings, forms)) else { return unbearable };
+    let mut told: AsperityLaw = blank();
+    let (Some(law), Ok(lent)) = (at.abi.law, setup::settings(settings, forms)) else { return unbearable };
     // SAFETY: all live through the call.
     let answer = foreign(|| unsafe { law(at.kind, &lent.abi, normal_force_n, &mut told) });
     let law = Law { stiffness_n_per_mm: told.stiffness_n_per_mm, damping_ns_per_m: told.damping_ns_per_m };
@@ -120,7 +97,7 @@ fn law(at: At, forms: &[Form], settings: &Settings, normal_force_n: f64) -> Law 
 
 fn check(at: At, forms: &[Form], settings: &Settings) -> Result<(), Diagnostic> {
     let Some(check) = at.abi.check else { return Ok(()) };
-    let lent = LentSettings::new(settings, forms).map_err(|lie| settings.node_error(lie))?;
+    let lent = setup::settings(settings, forms).map_err(|lie| settings.node_error(lie))?;
     let mut said = Said::new();
     // SAFETY: all live through the call.
     match foreign(|| unsafe { check(at.kind, &lent.abi, &mut said.abi) }) {

@@ -47,44 +47,34 @@ fn here() -> Option<Architecture> {
 /// Help for a file that is no plugin.
 const SHARED: &str = "a plugin is a shared library: .so, .dylib or .dll";
 
-/// Reads a file and checks that it can be loaded.
-///
-/// # Errors
-/// A missing or unreadable file, or one that is no complete shared library for this machine with the
-/// entry symbol.
+/// Reads a file and checks that it can be loaded. Error: a missing or unreadable file, or one that is no
+/// complete shared library for this machine with the entry symbol.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Diagnostic> {
-    let fail = |message: String| Diagnostic::new(message).in_file(path);
     let bytes = file::read(path, MAX_BYTES).map_err(|e| e.help(SHARED))?;
-    check(&bytes).map_err(|(message, help)| fail(message).help(help))?;
+    check(&bytes).map_err(|e| e.in_file(path))?;
     Ok(bytes)
 }
 
-fn check(bytes: &[u8]) -> Result<(), (String, String)> {
-    let is = |what: &str| (what.to_owned(), SHARED.to_owned());
+fn check(bytes: &[u8]) -> Result<(), Diagnostic> {
+    let is = |what: &str| Diagnostic::new(what).help(SHARED);
     if bytes.is_empty() {
         return Err(is("this file is empty"));
     }
     let file = object::File::parse(bytes).map_err(|_| is("this is not a shared library"))?;
     if file.format() != FORMAT {
         let found = format!("this is a library for another system ({:?})", file.format());
-        return Err((found, "build it on this system".into()));
+        return Err(Diagnostic::new(found).help("build it on this system"));
     }
     if here().is_some_and(|here| here != file.architecture()) {
-        return Err((
-            format!(
-                "this library is for another architecture: {:?}, and this program is {}",
-                file.architecture(),
-                std::env::consts::ARCH
-            ),
-            "build it for this machine".into(),
-        ));
+        let (found, here) = (file.architecture(), std::env::consts::ARCH);
+        let what = format!("this library is for another architecture: {found:?}, and this program is {here}");
+        return Err(Diagnostic::new(what).help("build it for this machine"));
     }
-    if file.kind() != ObjectKind::Dynamic {
-        return Err(is(match file.kind() {
-            ObjectKind::Executable => "this is a program, not a shared library",
-            ObjectKind::Relocatable => "this is an object file, not a shared library",
-            _ => "this is not a shared library",
-        }));
+    match file.kind() {
+        ObjectKind::Dynamic => {}
+        ObjectKind::Executable => return Err(is("this is a program, not a shared library")),
+        ObjectKind::Relocatable => return Err(is("this is an object file, not a shared library")),
+        _ => return Err(is("this is not a shared library")),
     }
     // A file that is still being written would be mapped past its end, which kills the process on
     // access.
@@ -93,19 +83,18 @@ fn check(bytes: &[u8]) -> Result<(), (String, String)> {
         start.checked_add(len).is_some_and(|end| end <= bytes.len() as u64)
     });
     if !whole {
-        return Err(("this library is cut short".into(), "build it again".into()));
+        return Err(Diagnostic::new("this library is cut short").help("build it again"));
     }
     let mut exports =
-        file.exports().map_err(|e| (format!("its exports cannot be read: {e}"), String::new()))?;
+        file.exports().map_err(|e| Diagnostic::new(format!("its exports cannot be read: {e}")))?;
     let is_entry = |name: &[u8]| name.strip_prefix(b"_").is_some_and(is_it) || is_it(name);
     if !exports.any(|e| e.is_ok_and(|e| matches!(e.name(), NameOrOrdinal::Name(name) if is_entry(name)))) {
-        return Err((
-            format!(
-                "this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"
-            ),
+        let what = format!(
+            "this library has no symbol `{ASPERITY_ENTRY_SYMBOL}`, so it is not a plugin of Asperity"
+        );
+        return Err(Diagnostic::new(what).help(
             "in Rust: `asperity_sdk::export!(MyNode);`; \
-             in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`"
-                .into(),
+             in C: `ASPERITY_EXPORT const AsperityEntry asperity_entry`",
         ));
     }
     Ok(())

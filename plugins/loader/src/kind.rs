@@ -1,17 +1,16 @@
 //! Kinds of a plugin, for the registry.
 
 use std::ffi::c_void;
-use std::mem::size_of;
 use std::sync::Arc;
 
 use asperity_abi::*;
 use asperity_node::{Config, Descriptor, Diagnostic, Input, NodeKind, Output, Ports, Prepared, Setup};
 
-use crate::checked::Lie;
+use crate::checked::{Lie, Theirs};
 use crate::describe;
 use crate::processor::PluginProcessor;
 use crate::said::Said;
-use crate::setup::Lent;
+use crate::setup;
 
 /// The function of the extension `asperity.facts/1`.
 pub(crate) type FactsFn = unsafe extern "C" fn(*const AsperityKind, *mut c_void, *const AsperityFactSink);
@@ -31,20 +30,11 @@ unsafe impl Sync for Functions {}
 
 /// A kind of nodes from a plugin.
 pub(crate) struct PluginKind {
-    functions: Functions,
-    descriptor: Descriptor,
+    pub(crate) functions: Functions,
+    pub(crate) descriptor: Descriptor,
 }
 
 impl PluginKind {
-    pub(crate) fn new(
-        at: *const AsperityKind,
-        abi: AsperityKind,
-        descriptor: Descriptor,
-        facts: Option<FactsFn>,
-    ) -> Self {
-        Self { functions: Functions { at, abi, facts }, descriptor }
-    }
-
     fn error(&self, config: &Config<'_>, said: &Said) -> Diagnostic {
         let otherwise = format!("the plugin's kind `{}` cannot be prepared", self.descriptor.kind);
         said.diagnostic(config.params, &self.descriptor.params, &otherwise)
@@ -62,14 +52,13 @@ impl PluginKind {
     fn ports(&self, config: &Config<'_>, declared: Ports) -> Result<Ports, Diagnostic> {
         let d = &self.descriptor;
         let Some(ports) = self.functions.abi.ports else { return Ok(declared) };
-        let lent = Lent::config(config, d)?;
+        let lent = setup::config(config, d)?;
         let mut told = Told::default();
         let sink = AsperityPortSink {
-            size: size_of::<AsperityPortSink>() as u32,
-            reserved: 0,
             context: (&raw mut told).cast(),
             input: Some(add_input),
             output: Some(add_output),
+            ..blank()
         };
         let mut said = Said::new();
         // SAFETY: all three live through the call.
@@ -87,7 +76,7 @@ impl PluginKind {
     }
 
     fn prepare(&self, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let lent = Lent::setup(setup, &self.descriptor)?;
+        let lent = setup::setup(setup, &self.descriptor)?;
         let mut said = Said::new();
         // SAFETY: the setup lives through the call.
         let made = unsafe { PluginProcessor::prepare(self.functions, &lent.abi, setup, &mut said.abi) };
@@ -115,20 +104,19 @@ impl Told {
     unsafe fn add(context: *mut c_void, port: *const AsperityPort, input: bool) {
         // SAFETY: the caller's promise.
         let Some(told) = (unsafe { context.cast::<Self>().as_mut() }) else { return };
-        // SAFETY: as above; the port is valid during the call.
-        let added = unsafe {
-            crate::checked::read(port, "a port").and_then(|p| {
-                if told.inputs.len() + told.outputs.len() >= 512 {
-                    return Err("it has more than 512 ports".to_owned());
-                }
-                if input {
-                    told.inputs.push(describe::input(&p)?);
-                } else {
-                    told.outputs.push(describe::output(&p)?);
-                }
-                Ok(())
-            })
-        };
+        // SAFETY: the port is valid during the call.
+        let theirs = unsafe { Theirs::trusted() };
+        let added = theirs.read(port, "a port").and_then(|p| {
+            if told.inputs.len() + told.outputs.len() >= 512 {
+                return Err("it has more than 512 ports".to_owned());
+            }
+            if input {
+                told.inputs.push(describe::input(theirs, &p)?);
+            } else {
+                told.outputs.push(describe::output(theirs, &p)?);
+            }
+            Ok(())
+        });
         told.lie = told.lie.take().or(added.err());
     }
 }

@@ -11,9 +11,9 @@ use asperity_abi::*;
 use asperity_diagnostics::Diagnostic;
 use asperity_node::{NodeKind, random};
 
-use crate::checked::{self, Lie};
+use crate::checked::{Lie, Theirs};
 use crate::foreign::foreign;
-use crate::kind::PluginKind;
+use crate::kind::{Functions, PluginKind};
 use crate::{describe, file};
 
 /// A plugin in this process. Dropping it unloads nothing.
@@ -63,10 +63,7 @@ impl Plugin {
             .map_err(|lie| refuse(lie).help("build the plugin again with the SDK of this version"))
     }
 
-    /// A plugin that is part of this program, for tests.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load).
+    /// A plugin that is part of this program, for tests. Error: as for [`load`](Self::load).
     pub fn built_in(entry: &'static AsperityEntry) -> Result<Self, Diagnostic> {
         // SAFETY: a reference is a valid pointer, and what is static stays.
         unsafe { Self::from_entry(entry, Path::new("built in"), 1) }.map_err(Diagnostic::new)
@@ -109,39 +106,33 @@ impl Plugin {
     /// # Safety
     /// `plugin` is what the plugin answered.
     unsafe fn described(plugin: *const AsperityPlugin, path: &Path, build: u64) -> Result<Self, Lie> {
-        // SAFETY: the caller's promise.
-        let (name, version, abi) = unsafe {
-            let abi = checked::read(plugin, "its description")?;
-            (checked::text(abi.name, "its name")?, checked::text(abi.version, "its version")?, abi)
-        };
+        // SAFETY: what a plugin answers stays, and so does all that it leads to.
+        let theirs = unsafe { Theirs::trusted() };
+        let abi = theirs.read(plugin, "its description")?;
+        let name = theirs.text(abi.name, "its name")?;
+        let version = theirs.text(abi.version, "its version")?;
         if abi.kinds.is_null() {
             return Err("its list of kinds is NULL".into());
         }
         if abi.kind_count == 0 || abi.kind_count > 1024 {
             return Err(format!("it offers {} kinds of nodes", abi.kind_count));
         }
-        // SAFETY: what is answered is the extension of that name.
-        let (facts, effects) = unsafe {
-            (
-                extension_of::<AsperityFacts>(&abi, c"asperity.facts/1")?.and_then(|it| it.facts),
-                extension_of::<AsperityEffects>(&abi, c"asperity.effect/1")?,
-            )
-        };
+        let facts = extension_of::<AsperityFacts>(theirs, &abi, c"asperity.facts/1")?;
+        let facts = facts.and_then(|it| it.facts);
+        let effects = extension_of::<AsperityEffects>(theirs, &abi, c"asperity.effect/1")?;
         let origin: Arc<str> = path.display().to_string().into();
         let mut kinds: Vec<Arc<NodeKind>> = Vec::new();
         let mut names = HashSet::new();
         for i in 0..abi.kind_count as usize {
             // SAFETY: there are `kind_count` pointers.
             let at = unsafe { *abi.kinds.add(i) };
-            // SAFETY: each is a kind that stays.
-            let (kind, descriptor) = unsafe {
-                let kind = checked::read(at, &format!("kind {i}"))?;
-                (kind, describe::descriptor(at, &kind, effects.as_ref())?)
-            };
+            let kind = theirs.read(at, &format!("kind {i}"))?;
+            let descriptor = describe::descriptor(theirs, at, &kind, effects.as_ref())?;
             if !names.insert(descriptor.kind.to_string()) {
                 return Err(format!("it offers the kind `{}` twice", descriptor.kind));
             }
-            kinds.push(Arc::new(PluginKind::new(at, kind, descriptor, facts).kind(origin.clone(), build)));
+            let kind = PluginKind { functions: Functions { at, abi: kind, facts }, descriptor };
+            kinds.push(Arc::new(kind.kind(origin.clone(), build)));
         }
         Ok(Self { path: path.to_owned(), name, version, build, kinds })
     }
@@ -172,19 +163,15 @@ impl Plugin {
     }
 }
 
-/// An extension of a plugin, if it has it.
-///
-/// # Safety
-/// `plugin` is the plugin's description, and `T` is the struct of the extension of that name.
-unsafe fn extension_of<T: Grows>(plugin: &AsperityPlugin, name: &CStr) -> Result<Option<T>, Lie> {
+/// An extension of a plugin, if it has it. `T` is the struct of the extension of that name.
+fn extension_of<T: Grows>(theirs: Theirs, plugin: &AsperityPlugin, name: &CStr) -> Result<Option<T>, Lie> {
     let Some(extension) = plugin.extension else { return Ok(None) };
     // SAFETY: a text that ends with a zero byte.
     let at = foreign(|| unsafe { extension(name.as_ptr()) }).cast::<T>();
     if at.is_null() {
         return Ok(None);
     }
-    // SAFETY: the caller's promise.
-    unsafe { checked::read(at, &format!("its extension `{}`", name.to_string_lossy())) }.map(Some)
+    theirs.read(at, &format!("its extension `{}`", name.to_string_lossy())).map(Some)
 }
 
 /// Description of this program for plugins.

@@ -57,16 +57,7 @@ impl PluginProcessor {
         // SAFETY: the kind is the plugin's own.
         let instance = foreign(|| unsafe { create(functions.at) });
         let instance = NonNull::new(instance).ok_or("it cannot make an instance")?;
-        let mut info = AsperityInfo {
-            size: size_of::<AsperityInfo>() as u32,
-            allocation_free: 1,
-            latency_num: 0,
-            latency_den: 0,
-            tail_num: 0,
-            tail_den: 0,
-            duration_num: 0,
-            duration_den: 0,
-        };
+        let mut info = AsperityInfo { allocation_free: 1, ..blank() };
         // From here on dropping it destroys the instance.
         let it = Self {
             functions,
@@ -84,20 +75,20 @@ impl PluginProcessor {
             // SAFETY: the instance is prepared, and the struct lives through the call.
             unsafe { tell(instance.as_ptr(), &mut info) };
         }
-        if info.latency_den < 0 || info.tail_den < 0 || info.duration_den < 0 {
-            return Err("it says a latency, tail or duration with a negative denominator".into());
-        }
-        let beyond = |num: i64, den: i64, least: i64| {
-            den > 0 && (num < least.saturating_mul(den) || num > HOUR_S.saturating_mul(den))
-        };
         let AsperityInfo { latency_num, latency_den, tail_num, tail_den, duration_num, duration_den, .. } =
             info;
-        if beyond(latency_num, latency_den, -HOUR_S) || beyond(tail_num, tail_den, 0) {
+        if latency_den.min(tail_den).min(duration_den) < 0 {
+            return Err("it says a latency, tail or duration with a negative denominator".into());
+        }
+        let hour = |den: i64| HOUR_S.saturating_mul(den);
+        let beyond = |num: i64, den: i64, least: i64| den > 0 && (num < least || num > hour(den));
+        if beyond(latency_num, latency_den, -hour(latency_den)) || beyond(tail_num, tail_den, 0) {
             return Err("it says a latency or tail of more than an hour, or a negative tail".into());
         }
         if duration_den > 0 && duration_num < 0 {
             return Err("it says a negative duration".into());
         }
+        let time = |num: i64, den: i64| (den > 0).then(|| Latency::ratio(num, den));
         Ok(Prepared {
             latency: time(latency_num, latency_den).unwrap_or(Latency::ZERO),
             tail: time(tail_num, tail_den).unwrap_or(Latency::ZERO),
@@ -121,16 +112,14 @@ impl PluginProcessor {
             *b = output(buffer);
         }
         let mut abi = AsperityTick {
-            size: size_of::<AsperityTick>() as u32,
             buffer_size: size_of::<AsperityBuffer>() as u32,
             index: tick.index,
             tick_hz: tick.tick_hz,
             input_count: self.inputs.len() as u32,
             output_count: if outputs { self.outputs.len() as u32 } else { 0 },
-            reserved: 0,
             inputs: self.inputs.as_ptr(),
             outputs: self.outputs.as_mut_ptr(),
-            detail: 0,
+            ..blank()
         };
         // SAFETY: the instance is prepared; the buffers are the engine's for this tick, inputs and
         // outputs apart.
@@ -323,12 +312,11 @@ impl Processor for PluginProcessor {
         }
         let Some(tell) = self.functions.facts else { return facts };
         let sink = AsperityFactSink {
-            size: size_of::<AsperityFactSink>() as u32,
-            reserved: 0,
             context: (&raw mut facts).cast(),
             text: Some(fact_text),
             number: Some(fact_number),
             count: Some(fact_count),
+            ..blank()
         };
         // SAFETY: the instance is one of this kind, and the sink lives through the call.
         unsafe { tell(self.functions.at, self.instance.as_ptr(), &sink) };
@@ -343,10 +331,6 @@ impl Drop for PluginProcessor {
             unsafe { destroy(self.instance.as_ptr()) };
         }
     }
-}
-
-fn time(num: i64, den: i64) -> Option<Latency> {
-    (den > 0).then(|| Latency::ratio(num, den))
 }
 
 /// Adds a fact whose name and text are readable.

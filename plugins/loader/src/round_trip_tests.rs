@@ -72,28 +72,12 @@ impl Node for Everything {
             _ => {}
         }
         let p = setup.params;
-        let said = format!(
-            "{} {} {} {} {:?} {} {} {:?} {:?} {:?} {} {} {:?} {:?} {:?}",
-            setup.id,
-            setup.tick_hz,
-            setup.every,
-            setup.audio_hz,
-            p.get_integer("count"),
-            p.flag("flag"),
-            p.text("word"),
-            p.get("file"),
-            p.numbers("list"),
-            p.texts("texts"),
-            p.number("needed"),
-            setup.seed,
-            setup
-                .inputs
-                .iter()
-                .map(|w| (w.port.as_ref().map(ToString::to_string), w.connected))
-                .collect::<Vec<_>>(),
-            setup.resolve("say"),
-            (p.is_set("gain"), p.is_set("needed")),
-        );
+        let ports = setup.inputs.iter().map(|w| (w.port.as_ref().map(ToString::to_string), w.connected));
+        let place = (setup.id, setup.tick_hz, setup.every, setup.audio_hz, setup.seed, setup.resolve("say"));
+        let plain = (p.get_integer("count"), p.flag("flag"), p.text("word"), p.get("file"));
+        let lists = (p.numbers("list"), p.texts("texts"), p.number("needed"));
+        let set = (p.is_set("gain"), p.is_set("needed"));
+        let said = format!("{place:?} {plain:?} {lists:?} {set:?} {:?}", ports.collect::<Vec<_>>());
         let it = Prepared::new(Self { said, sum: 0.0, gain: p.number("gain") });
         let it = it.latency(Latency::ratio(-7, 3)).duration(Some(Latency::ratio(5, 1)));
         Ok(Prepared { allocation_free: false, ..it })

@@ -1,9 +1,8 @@
 //! The error that a plugin tells.
 
 use std::ffi::{CStr, c_char};
-use std::mem::size_of;
 
-use asperity_abi::AsperityError;
+use asperity_abi::{AsperityError, blank};
 use asperity_node::{Diagnostic, Param, Params};
 
 /// Buffers for a plugin's error message.
@@ -17,12 +16,12 @@ impl Said {
     pub(crate) fn new() -> Self {
         let (mut message, mut help) = (vec![0; 1024], vec![0; 1024]);
         let abi = AsperityError {
-            size: size_of::<AsperityError>() as u32,
             param: -1,
             message_capacity: message.len() as u32,
             help_capacity: help.len() as u32,
             message: message.as_mut_ptr().cast::<c_char>(),
             help: help.as_mut_ptr().cast::<c_char>(),
+            ..blank()
         };
         Self { abi, message, help }
     }

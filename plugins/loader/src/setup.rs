@@ -1,7 +1,6 @@
 //! Converts a setup into the interface's form.
 
 use std::ffi::{CString, c_char};
-use std::mem::size_of;
 use std::path::Path;
 use std::ptr;
 
@@ -11,26 +10,16 @@ use asperity_node::{
     Wiring,
 };
 
-/// A setup and everything that it points to.
-pub(crate) struct Lent {
-    pub(crate) abi: AsperitySetup,
-    _memory: Memory,
-    _inputs: Vec<AsperityWire>,
-    _outputs: Vec<AsperityWire>,
-}
-
-/// Settings of an effect and everything that they point to.
-pub(crate) struct LentSettings {
-    pub(crate) abi: AsperitySettings,
+/// A struct for a plugin, and everything that it points to.
+pub(crate) struct Lent<T> {
+    pub(crate) abi: T,
     _memory: Memory,
 }
 
-impl LentSettings {
-    /// Settings of one of the forms.
-    pub(crate) fn new(settings: &Settings, forms: &[Form]) -> Result<Self, String> {
-        let mut memory = Memory::default();
-        Ok(Self { abi: memory.settings(settings, forms)?, _memory: memory })
-    }
+/// Settings of one of the forms of an effect.
+pub(crate) fn settings(settings: &Settings, forms: &[Form]) -> Result<Lent<AsperitySettings>, String> {
+    let mut memory = Memory::default();
+    Ok(Lent { abi: memory.settings(settings, forms)?, _memory: memory })
 }
 
 /// Lists that pointers lead to. Their items stay in place when more lists come.
@@ -41,6 +30,7 @@ struct Memory {
     values: Vec<Vec<AsperityValue>>,
     settings: Vec<Vec<AsperitySettings>>,
     slots: Vec<AsperitySlot>,
+    wires: [Vec<AsperityWire>; 2],
 }
 
 impl Memory {
@@ -59,22 +49,17 @@ impl Memory {
         let found = forms.iter().enumerate().find(|(_, form)| form.name == settings.form());
         let (index, form) = found.ok_or_else(|| format!("there is no form `{}`", settings.form()))?;
         Ok(AsperitySettings {
-            size: size_of::<AsperitySettings>() as u32,
             form: index as u32,
             values: self.values(settings, &form.fields).map_err(|(_, message)| message)?,
             value_count: form.fields.len() as u32,
-            reserved: 0,
+            ..blank()
         })
     }
 
     fn slot(&mut self, slot: &[Settings], forms: &[Form]) -> Result<(), String> {
         let all =
             slot.iter().map(|settings| self.settings(settings, forms)).collect::<Result<Vec<_>, _>>()?;
-        self.slots.push(AsperitySlot {
-            size: size_of::<AsperitySlot>() as u32,
-            count: all.len() as u32,
-            settings: all.as_ptr(),
-        });
+        self.slots.push(AsperitySlot { count: all.len() as u32, settings: all.as_ptr(), ..blank() });
         self.settings.push(all);
         Ok(())
     }
@@ -96,75 +81,52 @@ impl Memory {
     }
 }
 
-impl Lent {
-    /// Setup before the port types are known.
-    pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
-        Self::new(config, d, &[], &[], false)
-    }
+/// Setup before the port types are known.
+pub(crate) fn config(config: &Config<'_>, d: &Descriptor) -> Result<Lent<AsperitySetup>, Diagnostic> {
+    setup(&Setup { config: *config, inputs: &[], outputs: &[], closes_cycle: false }, d)
+}
 
-    /// Complete setup.
-    pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Self, Diagnostic> {
-        Self::new(&setup.config, d, setup.inputs, setup.outputs, setup.closes_cycle)
-    }
-
-    fn new(
-        config: &Config<'_>,
-        d: &Descriptor,
-        inputs: &[Wiring],
-        outputs: &[Wiring],
-        closes_cycle: bool,
-    ) -> Result<Self, Diagnostic> {
-        let mut memory = Memory::default();
-        let node = |message| config.params.node_error(message);
-        let id = memory.text(config.id).map_err(node)?;
-        let params = memory
-            .values(config.params, &d.params)
-            .map_err(|(name, message)| config.params.error(&name, message))?;
-        if let Some(effect) = &d.effect {
-            for slot in config.params.slots() {
-                memory.slot(slot, &effect.forms).map_err(|e| config.params.error(&effect.list, e))?;
-            }
+/// Complete setup.
+pub(crate) fn setup(setup: &Setup<'_>, d: &Descriptor) -> Result<Lent<AsperitySetup>, Diagnostic> {
+    let mut memory = Memory::default();
+    let node = |message| setup.params.node_error(message);
+    let id = memory.text(setup.id).map_err(node)?;
+    let params = memory
+        .values(setup.params, &d.params)
+        .map_err(|(name, message)| setup.params.error(&name, message))?;
+    if let Some(effect) = &d.effect {
+        for slot in setup.params.slots() {
+            memory.slot(slot, &effect.forms).map_err(|e| setup.params.error(&effect.list, e))?;
         }
-        let mut wires = |ports: &[Wiring]| -> Result<Vec<AsperityWire>, Diagnostic> {
-            ports.iter().map(|w| wire(w, &mut memory).map_err(node)).collect()
-        };
-        let (inputs, outputs) = (wires(inputs)?, wires(outputs)?);
-        let abi = AsperitySetup {
-            size: size_of::<AsperitySetup>() as u32,
-            tick_hz: config.tick_hz,
-            every: config.every,
-            audio_hz: config.audio_hz,
-            seed: config.seed,
-            id,
-            params,
-            inputs: inputs.as_ptr(),
-            outputs: outputs.as_ptr(),
-            param_count: d.params.len() as u32,
-            input_count: inputs.len() as u32,
-            output_count: outputs.len() as u32,
-            closes_cycle: u32::from(closes_cycle),
-            slots: memory.slots.as_ptr(),
-            slot_count: memory.slots.len() as u32,
-            reserved: 0,
-        };
-        Ok(Self { abi, _memory: memory, _inputs: inputs, _outputs: outputs })
     }
+    for (i, ports) in [setup.inputs, setup.outputs].into_iter().enumerate() {
+        let wires = ports.iter().map(|w| wire(w, &mut memory)).collect::<Result<_, _>>();
+        memory.wires[i] = wires.map_err(node)?;
+    }
+    let [inputs, outputs] = &memory.wires;
+    let abi = AsperitySetup {
+        tick_hz: setup.tick_hz,
+        every: setup.every,
+        audio_hz: setup.audio_hz,
+        seed: setup.seed,
+        id,
+        params,
+        inputs: inputs.as_ptr(),
+        outputs: outputs.as_ptr(),
+        param_count: d.params.len() as u32,
+        input_count: inputs.len() as u32,
+        output_count: outputs.len() as u32,
+        closes_cycle: u32::from(setup.closes_cycle),
+        slots: memory.slots.as_ptr(),
+        slot_count: memory.slots.len() as u32,
+        ..blank()
+    };
+    Ok(Lent { abi, _memory: memory })
 }
 
 fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> Result<AsperityValue, String> {
     let empty = c"".as_ptr();
-    let mut v = AsperityValue {
-        size: size_of::<AsperityValue>() as u32,
-        set: 0,
-        number: 0.0,
-        integer: 0,
-        text: empty,
-        base: empty,
-        numbers: ptr::null(),
-        texts: ptr::null(),
-        count: 0,
-        reserved: 0,
-    };
+    let mut v = AsperityValue { text: empty, base: empty, ..blank() };
     let Some(value) = params.get(name) else { return Ok(v) };
     v.set = 1 + u32::from(params.is_set(name));
     let place = params.place(name).or(params.node_place());
@@ -194,17 +156,9 @@ fn value(params: &Params, name: &str, kind: &ParamKind, texts: &mut Memory) -> R
 
 fn wire(w: &Wiring, texts: &mut Memory) -> Result<AsperityWire, String> {
     let mut abi = AsperityWire {
-        size: size_of::<AsperityWire>() as u32,
         connected: u32::from(w.connected),
-        carries: 0,
-        flags: 0,
-        count: 0,
-        rate_hz: 0,
-        length: 0,
-        bins: 0,
-        frame_num: 0,
-        frame_den: 0,
         unit: texts.text(w.port.as_ref().map_or("1", |p| p.unit.symbol()))?,
+        ..blank()
     };
     let Some(port) = &w.port else { return Ok(abi) };
     abi.flags = u32::from(port.limited) * ASPERITY_LIMITED;

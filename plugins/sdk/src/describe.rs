@@ -60,12 +60,12 @@ pub fn open(
                     add(&mut kinds);
                     let texts = Box::leak(Box::<Texts>::default());
                     Shared(AsperityPlugin {
-                        size: size_of::<AsperityPlugin>() as u32,
                         kind_count: kinds.0.len() as u32,
                         kinds: Box::leak(kinds.0.into_boxed_slice()).as_ptr(),
                         name: texts.text(name),
                         version: texts.text(version),
                         extension: Some(extension),
+                        ..blank()
                     })
                 })
                 .0,
@@ -157,25 +157,7 @@ fn port(
     flags: u32,
     texts: &mut Texts,
 ) -> AsperityPort {
-    let mut port = AsperityPort {
-        size: size_of::<AsperityPort>() as u32,
-        carries: 0,
-        name: texts.text(name),
-        doc: texts.text(doc),
-        unit: ptr::null(),
-        unit_var: 0,
-        shape_var: 0,
-        units: ptr::null(),
-        count: 0,
-        rate_hz: 0,
-        length: 0,
-        bins: 0,
-        frame_num: 0,
-        frame_den: 0,
-        flags,
-        reserved: 0,
-        default_value: 0.0,
-    };
+    let mut port = AsperityPort { name: texts.text(name), doc: texts.text(doc), flags, ..blank() };
     match unit {
         UnitSpec::Is(unit) => port.unit = texts.text(unit.symbol()),
         UnitSpec::Of { var, among } => {
@@ -223,22 +205,11 @@ pub(crate) fn param(p: &Param, texts: &mut Texts) -> AsperityParam {
         flags |= ASPERITY_MAY_BE_LEFT_OUT;
     }
     let mut abi = AsperityParam {
-        size: size_of::<AsperityParam>() as u32,
-        holds: 0,
         name: texts.text(&p.name),
         doc: texts.text(&p.doc),
         unit: texts.some(&p.unit),
         flags,
-        default_count: 0,
-        min: 0.0,
-        max: 0.0,
-        integer_min: 0,
-        integer_max: 0,
-        default_number: 0.0,
-        default_integer: 0,
-        default_text: ptr::null(),
-        words: ptr::null(),
-        default_numbers: ptr::null(),
+        ..blank()
     };
     abi.holds = match &p.kind {
         ParamKind::Number(range) => {

@@ -1,6 +1,5 @@
 //! Effects in the interface's form: the extension `asperity.effect/1`.
 
-use std::mem::size_of;
 use std::ptr;
 
 use asperity_abi::*;
@@ -8,8 +7,8 @@ use asperity_node::{Acts, Descriptor, Direction, Form, Node};
 
 use crate::describe::{Record, leak, param};
 use crate::panics::guarded;
-use crate::setup::{SlotSettings, write};
-use crate::text::Texts;
+use crate::setup::{SlotSettings, tell};
+use crate::text::{Texts, Theirs};
 
 /// The effect of a node type, never freed; NULL for a type that is none.
 pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const AsperityEffect {
@@ -17,23 +16,21 @@ pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const Asper
     let form = |form: &Form, texts: &mut Texts| {
         assert!(form.nested.is_empty(), "the plugin interface has no nested fields");
         AsperityForm {
-            size: size_of::<AsperityForm>() as u32,
             field_count: form.fields.len() as u32,
             name: texts.text(&form.name),
             fields: leak(form.fields.iter().map(|field| param(field, texts)).collect()),
             example: texts.text(&form.example),
+            ..blank()
         }
     };
     let forms = effect.forms.iter().map(|it| form(it, texts)).collect();
     let needs = effect.needs.iter().map(|(input, quantity)| AsperityNeed {
-        size: size_of::<AsperityNeed>() as u32,
-        reserved: 0,
         input: texts.text(input),
         quantity: texts.text(quantity),
+        ..blank()
     });
     let needs = leak(needs.collect());
     leak(vec![AsperityEffect {
-        size: size_of::<AsperityEffect>() as u32,
         acts: match effect.acts {
             Acts::Touching => ASPERITY_TOUCHING,
             Acts::Inside => ASPERITY_INSIDE,
@@ -51,9 +48,9 @@ pub(crate) fn effect<N: Node>(d: &Descriptor, texts: &mut Texts) -> *const Asper
             Some(Direction::Surface) => ASPERITY_SURFACE,
             Some(Direction::Any) => ASPERITY_ANY,
         },
-        reserved: 0,
         law: effect.direction().map(|_| law::<N> as _),
         check: Some(check::<N>),
+        ..blank()
     }])
 }
 
@@ -70,15 +67,18 @@ unsafe extern "C" fn law<N: Node>(
     normal_force_n: f64,
     law: *mut AsperityLaw,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
-        let effect = N::descriptor().effect;
-        let (Some(effect), false) = (effect, law.is_null()) else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(settings, &effect.forms) else { return ASPERITY_FAILED };
-        let Some((_, told)) = effect.law_of(&read.settings, normal_force_n) else { return ASPERITY_FAILED };
-        (&raw mut (*law).stiffness_n_per_mm).write(told.stiffness_n_per_mm);
-        (&raw mut (*law).damping_ns_per_m).write(told.damping_ns_per_m);
-        ASPERITY_OK
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
+        let effect = N::descriptor().effect?;
+        let read = SlotSettings::read(theirs, settings, &effect.forms)?;
+        let (_, told) = effect.law_of(&read.settings, normal_force_n)?;
+        // SAFETY: as above. The host's struct may be shorter than ours.
+        (!law.is_null()).then(|| unsafe {
+            (&raw mut (*law).stiffness_n_per_mm).write(told.stiffness_n_per_mm);
+            (&raw mut (*law).damping_ns_per_m).write(told.damping_ns_per_m);
+            ASPERITY_OK
+        })
     })
 }
 
@@ -88,16 +88,12 @@ unsafe extern "C" fn check<N: Node>(
     settings: *const AsperitySettings,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
-        let Some(effect) = N::descriptor().effect else { return ASPERITY_FAILED };
-        let Some(read) = SlotSettings::read(settings, &effect.forms) else { return ASPERITY_FAILED };
-        match effect.checked(&read.settings) {
-            Ok(()) => ASPERITY_OK,
-            Err(d) => {
-                write(&d, &read.sources, error);
-                ASPERITY_FAILED
-            }
-        }
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
+        let effect = N::descriptor().effect?;
+        let read = SlotSettings::read(theirs, settings, &effect.forms)?;
+        effect.checked(&read.settings).map_err(|d| tell(theirs, &d, &read.sources, error)).ok()?;
+        Some(ASPERITY_OK)
     })
 }

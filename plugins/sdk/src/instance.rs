@@ -9,10 +9,11 @@ use asperity_node::{
     Buffer, InputRef, Inputs, Latency, Node, Outputs, Ports, Prepared, Processor, Status, Tick, Wiring,
 };
 
+use crate::buffers::Hosts;
+use crate::describe;
 use crate::panics::{caught, guarded, heard};
-use crate::setup::{HostSetup, tell};
-use crate::text::Texts;
-use crate::{buffers, describe};
+use crate::setup::HostSetup;
+use crate::text::{Texts, Theirs};
 
 /// A node and its view of the host's buffers.
 pub(crate) struct Instance {
@@ -54,11 +55,15 @@ impl Instance {
         }
         let (ins, outs) = self.buffers.split_at_mut(self.map.len());
         // SAFETY: the host's buffers are as many and as long as it says.
-        unsafe {
-            buffers::read(tick.inputs, tick.input_count, tick.buffer_size, ins, &mut self.map);
-            if outputs {
-                buffers::clear(tick.outputs, tick.output_count, tick.buffer_size, outs);
-            }
+        let (theirs, results) = unsafe {
+            (
+                Hosts::new(tick.inputs.cast_mut(), tick.input_count, tick.buffer_size),
+                Hosts::new(tick.outputs, tick.output_count, tick.buffer_size),
+            )
+        };
+        theirs.read(ins, &mut self.map);
+        if outputs {
+            results.clear(outs);
         }
         let mut view = Tick {
             index: tick.index,
@@ -68,8 +73,7 @@ impl Instance {
         };
         let answer = f(&mut *node.processor, &mut view);
         if outputs {
-            // SAFETY: as above.
-            unsafe { buffers::write(outs, tick.outputs, tick.output_count, tick.buffer_size) };
+            results.write(outs);
         }
         answer
     }
@@ -94,28 +98,21 @@ pub(crate) unsafe extern "C" fn ports<N: Node>(
     sink: *const AsperityPortSink,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    guarded(|| unsafe {
+    guarded(|| {
+        // SAFETY: the host's structs, valid during this call.
+        let theirs = unsafe { Theirs::trusted() };
         let d = N::descriptor();
-        let (Some(prepared), Some(sink)) = (HostSetup::read(setup, &d), read_grown(sink)) else {
-            return ASPERITY_FAILED;
-        };
-        let Ports { inputs, outputs } =
-            match N::ports(&prepared.config(), Ports { inputs: d.inputs, outputs: d.outputs }) {
-                Ok(ports) => ports,
-                Err(d) => {
-                    prepared.tell(&d, error);
-                    return ASPERITY_FAILED;
-                }
-            };
+        let (prepared, sink) = (HostSetup::read(theirs, setup, &d)?, theirs.read(sink)?);
+        let ports = N::ports(&prepared.config(), Ports { inputs: d.inputs, outputs: d.outputs });
+        let Ports { inputs, outputs } = ports.map_err(|d| prepared.tell(theirs, &d, error)).ok()?;
         let mut texts = Texts::default();
-        if let Some(add) = sink.input {
-            inputs.iter().for_each(|i| add(sink.context, &describe::input(i, &mut texts)));
+        let inputs: Vec<_> = inputs.iter().map(|i| describe::input(i, &mut texts)).collect();
+        let outputs: Vec<_> = outputs.iter().map(|o| describe::output(o, &mut texts)).collect();
+        for (add, ports) in [(sink.input, &inputs), (sink.output, &outputs)] {
+            // SAFETY: the sink's functions take its context and a port.
+            add.iter().for_each(|add| ports.iter().for_each(|port| unsafe { add(sink.context, port) }));
         }
-        if let Some(add) = sink.output {
-            outputs.iter().for_each(|o| add(sink.context, &describe::output(o, &mut texts)));
-        }
-        ASPERITY_OK
+        Some(ASPERITY_OK)
     })
 }
 
@@ -125,19 +122,13 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
     setup: *const AsperitySetup,
     error: *mut AsperityError,
 ) -> i32 {
-    // SAFETY: the host's structs, valid during this call.
-    let answer = heard(|| unsafe {
+    // SAFETY: the host's structs and instance, valid during this call.
+    let (theirs, it) = unsafe { (Theirs::trusted(), Instance::of(instance)) };
+    let answer = heard(|| {
         let d = N::descriptor();
-        let (Some(it), Some(prepared)) = (Instance::of(instance), HostSetup::read(setup, &d)) else {
-            return ASPERITY_FAILED;
-        };
-        match N::prepare(&prepared.setup()) {
-            Ok(node) => it.node = Some(node),
-            Err(d) => {
-                prepared.tell(&d, error);
-                return ASPERITY_FAILED;
-            }
-        }
+        let (it, prepared) = (it?, HostSetup::read(theirs, setup, &d)?);
+        let node = N::prepare(&prepared.setup()).map_err(|d| prepared.tell(theirs, &d, error)).ok()?;
+        it.node = Some(node);
         let buffer = |w: &Wiring| match &w.port {
             Some(port) => Buffer::new(port, prepared.tick_hz()),
             None => Buffer::constant(0, 0.0),
@@ -145,11 +136,11 @@ pub(crate) unsafe extern "C" fn prepare<N: Node>(
         it.buffers = prepared.inputs.iter().chain(&prepared.outputs).map(buffer).collect();
         let wires = prepared.inputs.iter().enumerate();
         it.map = wires.map(|(i, w)| InputRef { buffer: i as u32, connected: w.connected }).collect();
-        ASPERITY_OK
+        Some(ASPERITY_OK)
     });
+    let answer = answer.map(|answer| answer.unwrap_or(ASPERITY_FAILED));
     answer.unwrap_or_else(|text| {
-        // SAFETY: the host's.
-        unsafe { tell(&format!("the node panicked while it was prepared: {text}"), "", None, error) };
+        theirs.tell(&format!("the node panicked while it was prepared: {text}"), "", None, error);
         ASPERITY_PANICKED
     })
 }
@@ -221,11 +212,9 @@ unsafe fn call(
     f: impl FnOnce(&mut dyn Processor, &mut Tick<'_>) -> i32,
 ) -> i32 {
     // SAFETY: the caller's promise.
-    let (Some(it), Some(tick)) = (unsafe { (Instance::of(instance), read_grown(tick)) }) else {
-        return ASPERITY_FAILED;
-    };
+    let (it, tick) = unsafe { (Instance::of(instance), read_grown(tick)) };
     // SAFETY: as above.
-    guarded(|| unsafe { it.with_tick(&tick, outputs, f) })
+    guarded(|| Some(unsafe { it?.with_tick(&tick?, outputs, f) }))
 }
 
 /// Calls a prepared node.
@@ -234,12 +223,10 @@ unsafe fn call(
 /// `instance` is the host's.
 unsafe fn with_node(instance: *mut c_void, f: impl FnOnce(&mut dyn Processor)) -> i32 {
     // SAFETY: the caller's promise.
-    let Some(node) = (unsafe { Instance::of(instance) }).and_then(Instance::node) else {
-        return ASPERITY_FAILED;
-    };
+    let node = unsafe { Instance::of(instance) }.and_then(Instance::node);
     guarded(|| {
-        f(node);
-        ASPERITY_OK
+        f(node?);
+        Some(ASPERITY_OK)
     })
 }
 

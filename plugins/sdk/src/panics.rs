@@ -4,7 +4,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use asperity_abi::ASPERITY_PANICKED;
+use asperity_abi::{ASPERITY_FAILED, ASPERITY_PANICKED};
 
 /// Number of calls of nodes in progress, on any thread. It is not thread-local, because the first
 /// access to such a variable allocates, and that would be on the tick thread. This library's hook sees
@@ -49,7 +49,7 @@ pub(crate) fn heard<T>(f: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Runs a node's code that returns a status.
-pub(crate) fn guarded(f: impl FnOnce() -> i32) -> i32 {
-    caught(f).unwrap_or(ASPERITY_PANICKED)
+/// Runs a node's code that returns a status, or none where the host's data or the node does not allow it.
+pub(crate) fn guarded(f: impl FnOnce() -> Option<i32>) -> i32 {
+    caught(f).map_or(ASPERITY_PANICKED, |answer| answer.unwrap_or(ASPERITY_FAILED))
 }

@@ -1,5 +1,6 @@
 //! Converts a setup from the interface's form.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use asperity_abi::*;
@@ -8,7 +9,7 @@ use asperity_node::{
     Place, PortType, Settings, Setup, Shape, Source, Span, Unit, Wiring,
 };
 
-use crate::text;
+use crate::text::Theirs;
 
 /// A placeholder for the position of each parameter, by which an error finds the index of its parameter.
 pub(crate) type Sources = Vec<(Arc<Source>, usize)>;
@@ -22,18 +23,13 @@ pub(crate) struct SlotSettings {
 
 impl SlotSettings {
     /// Reads settings of one of the forms.
-    ///
-    /// # Safety
-    /// `settings` is as the host makes it: NULL, or valid with as many values as it says.
-    pub(crate) unsafe fn read(settings: *const AsperitySettings, forms: &[Form]) -> Option<Self> {
-        // SAFETY: the caller's promise.
-        let abi = unsafe { read_grown(settings) }?;
+    pub(crate) fn read(theirs: Theirs, settings: *const AsperitySettings, forms: &[Form]) -> Option<Self> {
+        let abi = theirs.read(settings)?;
         let form = forms.get(abi.form as usize)?;
         let place = Place { source: Source::new("settings", ""), span: Span::default() };
         let mut params = Params::new(Some(place));
         let fields = form.fields.get(..abi.value_count as usize)?;
-        // SAFETY: there are `value_count` values.
-        let sources = unsafe { values(abi.values, fields, &mut params) }?;
+        let sources = values(theirs, abi.values, fields, &mut params)?;
         Some(Self { settings: Settings::new(form.name.to_string(), params), sources })
     }
 
@@ -50,94 +46,73 @@ pub(crate) struct HostSetup {
     id: String,
     params: Params,
     sources: Sources,
-    tick_hz: u32,
-    every: u32,
-    audio_hz: u32,
-    seed: u64,
+    abi: AsperitySetup,
     pub(crate) inputs: Vec<Wiring>,
     pub(crate) outputs: Vec<Wiring>,
-    closes_cycle: bool,
 }
 
 impl HostSetup {
     /// Reads the host's setup.
-    ///
-    /// # Safety
-    /// `setup` is as the host makes it: valid, with as many values and wires as it says.
-    pub(crate) unsafe fn read(setup: *const AsperitySetup, d: &Descriptor) -> Option<Self> {
-        // SAFETY: the caller's promise.
-        let setup = unsafe { read_grown(setup) }?;
-        let count = setup.param_count as usize;
+    pub(crate) fn read(theirs: Theirs, setup: *const AsperitySetup, d: &Descriptor) -> Option<Self> {
+        let abi = theirs.read(setup)?;
         let mut params = Params::new(None);
-        // SAFETY: there are `param_count` values.
-        let mut sources =
-            unsafe { values(setup.params, &d.params[..count.min(d.params.len())], &mut params) }?;
+        let of = &d.params[..d.params.len().min(abi.param_count as usize)];
+        let mut sources = values(theirs, abi.params, of, &mut params)?;
         if let Some(effect) = &d.effect {
             let list = d.params.iter().position(|param| param.name == effect.list);
-            // SAFETY: there are `slot_count` slots.
-            let slots = unsafe { slots(setup.slots, setup.slot_count, &effect.forms) }?;
+            let slot = |slot: AsperitySlot| {
+                let all = 0..slot.count as usize;
+                let one = |k| SlotSettings::read(theirs, theirs.element(slot.settings, k)?, &effect.forms);
+                all.map(one).collect::<Option<Vec<_>>>()
+            };
+            let slots = theirs.all(abi.slots, abi.slot_count)?.into_iter().map(slot);
+            let slots = slots.collect::<Option<Vec<_>>>()?;
             // An error in a slot is one of the list.
             for place in slots.iter().flatten().flat_map(SlotSettings::places) {
                 sources.extend(list.map(|list| (place, list)));
             }
-            params.set_slots(
-                slots.into_iter().map(|slot| slot.into_iter().map(|it| it.settings).collect()).collect(),
-            );
+            let settings = |slot: Vec<SlotSettings>| slot.into_iter().map(|it| it.settings).collect();
+            params.set_slots(slots.into_iter().map(settings).collect());
         }
-        // SAFETY: as above, for wires.
-        let (inputs, outputs) =
-            unsafe { (wires(setup.inputs, setup.input_count)?, wires(setup.outputs, setup.output_count)?) };
+        let wires = |first, count| -> Option<Vec<Wiring>> {
+            Some(theirs.all(first, count)?.iter().map(|w| wiring(theirs, w)).collect())
+        };
         Some(Self {
-            // SAFETY: a text of the host.
-            id: unsafe { text::read(setup.id) },
+            id: theirs.text(abi.id),
             params,
             sources,
-            tick_hz: setup.tick_hz.max(1),
-            every: setup.every.max(1),
-            audio_hz: setup.audio_hz,
-            seed: setup.seed,
-            inputs,
-            outputs,
-            closes_cycle: setup.closes_cycle != 0,
+            inputs: wires(abi.inputs, abi.input_count)?,
+            outputs: wires(abi.outputs, abi.output_count)?,
+            abi,
         })
     }
 
     /// Configuration before the port types are known.
     pub(crate) fn config(&self) -> Config<'_> {
-        let Self { id, params, tick_hz, every, audio_hz, seed, .. } = self;
-        Config { id, params, tick_hz: *tick_hz, every: *every, audio_hz: *audio_hz, seed: *seed }
+        let AsperitySetup { every, audio_hz, seed, .. } = self.abi;
+        let (id, params) = (&self.id, &self.params);
+        Config { id, params, tick_hz: self.tick_hz(), every: every.max(1), audio_hz, seed }
     }
 
     /// Complete setup.
     pub(crate) fn setup(&self) -> Setup<'_> {
-        Setup {
-            config: self.config(),
-            inputs: &self.inputs,
-            outputs: &self.outputs,
-            closes_cycle: self.closes_cycle,
-        }
+        let closes_cycle = self.abi.closes_cycle != 0;
+        Setup { config: self.config(), inputs: &self.inputs, outputs: &self.outputs, closes_cycle }
     }
 
     /// Ticks a second.
     pub(crate) fn tick_hz(&self) -> u32 {
-        self.tick_hz
+        self.abi.tick_hz.max(1)
     }
 
     /// Passes a node's error to the host.
-    ///
-    /// # Safety
-    /// `error` is the host's, or NULL.
-    pub(crate) unsafe fn tell(&self, d: &Diagnostic, error: *mut AsperityError) {
-        // SAFETY: the caller's promise.
-        unsafe { write(d, &self.sources, error) };
+    pub(crate) fn tell(&self, theirs: Theirs, d: &Diagnostic, error: *mut AsperityError) {
+        tell(theirs, d, &self.sources, error);
     }
 }
 
-/// Writes an error of a node, or of settings.
-///
-/// # Safety
-/// `error` is the host's, or NULL.
-pub(crate) unsafe fn write(d: &Diagnostic, sources: &Sources, error: *mut AsperityError) {
+/// Passes an error of a node, or of settings, to the host.
+pub(crate) fn tell(theirs: Theirs, d: &Diagnostic, sources: &Sources, error: *mut AsperityError) {
     let place = d.place.as_ref();
     let found = place.and_then(|p| sources.iter().find(|(source, _)| Arc::ptr_eq(source, &p.source)));
     let param = found.map(|(_, param)| *param);
@@ -146,94 +121,24 @@ pub(crate) unsafe fn write(d: &Diagnostic, sources: &Sources, error: *mut Asperi
         // An error in another file includes its position.
         None => Diagnostic { help: None, ..d.clone() }.to_string(),
     };
-    // SAFETY: the caller's promise.
-    unsafe { tell(&message, d.help.as_deref().unwrap_or(""), param, error) };
-}
-
-/// Writes an error.
-///
-/// # Safety
-/// `error` is the host's, or NULL.
-pub(crate) unsafe fn tell(message: &str, help: &str, param: Option<usize>, error: *mut AsperityError) {
-    // SAFETY: the caller's promise.
-    let Some(room) = (unsafe { read_grown(error) }) else { return };
-    let param = param.and_then(|p| i32::try_from(p).ok()).unwrap_or(-1);
-    // SAFETY: the member is one of 1.0, and both texts have the room that the host says.
-    unsafe {
-        (&raw mut (*error).param).write(param);
-        text::write(message, room.message, room.message_capacity);
-        text::write(help, room.help, room.help_capacity);
-    }
-}
-
-/// An element of an array of the host's, whose structs may be longer than ours.
-///
-/// # Safety
-/// `first` is NULL or an array of more than `index` elements, each as far from the next as `size` of the
-/// first says.
-unsafe fn element<T: Grows>(first: *const T, index: usize) -> Option<T> {
-    // SAFETY: the caller's promise.
-    unsafe { read_grown(stride(first, index)?) }
-}
-
-/// Where it lies.
-///
-/// # Safety
-/// As for [`element`].
-unsafe fn stride<T: Grows>(first: *const T, index: usize) -> Option<*const T> {
-    if first.is_null() {
-        return None;
-    }
-    // SAFETY: the caller's promise; every such struct begins with its size.
-    unsafe { Some(first.byte_add(index * first.cast::<u32>().read() as usize)) }
+    theirs.tell(&message, d.help.as_deref().unwrap_or(""), param, error);
 }
 
 /// Reads values of parameters into `params`.
-///
-/// # Safety
-/// There are as many values as parameters. Each is as far from the next as the first one's size, and
-/// filled as the parameter's kind requires.
-unsafe fn values(first: *const AsperityValue, of: &[Param], params: &mut Params) -> Option<Sources> {
+fn values(theirs: Theirs, first: *const AsperityValue, of: &[Param], params: &mut Params) -> Option<Sources> {
     let mut sources = Vec::new();
     for (i, param) in of.iter().enumerate() {
-        // SAFETY: the caller's promise.
-        let value = unsafe { element(first, i) }?;
-        // SAFETY: texts of the host end with a zero byte.
-        let base = unsafe { text::read(value.base) };
-        let source = Source::new(std::path::Path::new(&base).join("graph"), "");
+        let value = theirs.read(theirs.element(first, i)?)?;
+        let source = Source::new(Path::new(&theirs.text(value.base)).join("graph"), "");
         let place = Place { source: source.clone(), span: Span::default() };
         sources.push((source, i));
-        // SAFETY: the caller's promise.
-        let set = (value.set > 0).then(|| unsafe { param_value(&value, param) });
+        let set = (value.set > 0).then(|| param_value(theirs, &value, param));
         params.insert(param.name.to_string(), set, (value.set == 2).then_some(place));
     }
     Some(sources)
 }
 
-/// Reads the slots of an effect.
-///
-/// # Safety
-/// There are `count` slots, each as far from the next as the first one's size.
-unsafe fn slots(first: *const AsperitySlot, count: u32, forms: &[Form]) -> Option<Vec<Vec<SlotSettings>>> {
-    let slot = |i| {
-        // SAFETY: the caller's promise.
-        let slot = unsafe { element(first, i) }?;
-        // SAFETY: the host lists as many settings, each with as many values as its form has fields.
-        (0..slot.count as usize)
-            .map(|k| unsafe { SlotSettings::read(stride(slot.settings, k)?, forms) })
-            .collect()
-    };
-    (0..count as usize).map(slot).collect()
-}
-
-unsafe fn wires(first: *const AsperityWire, count: u32) -> Option<Vec<Wiring>> {
-    // SAFETY: there are `count` wires, each as far apart as the first one's size.
-    (0..count as usize).map(|i| unsafe { Some(wiring(&element(first, i)?)) }).collect()
-}
-
-/// # Safety
-/// `unit` ends with a zero byte.
-unsafe fn wiring(w: &AsperityWire) -> Wiring {
+fn wiring(theirs: Theirs, w: &AsperityWire) -> Wiring {
     let layout = || {
         let frame_rate = FrameRate::new(w.frame_num, w.frame_den)?;
         Some(FrameLayout { rate_hz: w.rate_hz, length: w.length, bins: w.bins, frame_rate })
@@ -245,33 +150,22 @@ unsafe fn wiring(w: &AsperityWire) -> Wiring {
         ASPERITY_SPECTRUM => layout().map(Shape::Spectrum),
         _ => None,
     };
-    // SAFETY: the caller's promise.
-    let unit = Unit::from_symbol(unsafe { text::read(w.unit) });
+    let unit = Unit::from_symbol(theirs.text(w.unit));
     let limited = w.flags & ASPERITY_LIMITED != 0;
     Wiring { port: shape.map(|shape| PortType { shape, unit, limited }), connected: w.connected != 0 }
 }
 
-/// # Safety
-/// The members that the parameter's kind uses are filled in.
-unsafe fn param_value(v: &AsperityValue, param: &Param) -> ParamValue {
-    let count = v.count as usize;
-    // SAFETY: the caller's promise.
-    unsafe {
-        match &param.kind {
-            ParamKind::Number(_) => ParamValue::Number(v.number),
-            ParamKind::Integer(_) => ParamValue::Integer(v.integer),
-            ParamKind::Flag => ParamValue::Flag(v.integer != 0),
-            ParamKind::Text | ParamKind::Choice(_) => ParamValue::Text(text::read(v.text)),
-            ParamKind::File => ParamValue::File(text::read(v.text).into()),
-            ParamKind::Numbers(_) if v.numbers.is_null() => ParamValue::Numbers(Vec::new()),
-            ParamKind::Numbers(_) => {
-                ParamValue::Numbers(std::slice::from_raw_parts(v.numbers, count).to_vec())
-            }
-            ParamKind::Texts if v.texts.is_null() => ParamValue::Texts(Vec::new()),
-            ParamKind::Texts => {
-                let texts = std::slice::from_raw_parts(v.texts, count);
-                ParamValue::Texts(texts.iter().map(|t| text::read(*t)).collect())
-            }
+fn param_value(theirs: Theirs, v: &AsperityValue, param: &Param) -> ParamValue {
+    match &param.kind {
+        ParamKind::Number(_) => ParamValue::Number(v.number),
+        ParamKind::Integer(_) => ParamValue::Integer(v.integer),
+        ParamKind::Flag => ParamValue::Flag(v.integer != 0),
+        ParamKind::Text | ParamKind::Choice(_) => ParamValue::Text(theirs.text(v.text)),
+        ParamKind::File => ParamValue::File(theirs.text(v.text).into()),
+        ParamKind::Numbers(_) => ParamValue::Numbers(theirs.list(v.numbers, v.count)),
+        ParamKind::Texts => {
+            let texts = theirs.list(v.texts, v.count);
+            ParamValue::Texts(texts.into_iter().map(|t| theirs.text(t)).collect())
         }
     }
 }

@@ -52,25 +52,11 @@ impl Chromium {
         };
         let profile = tempfile::tempdir().expect("a folder for the browser");
         let mut command = Command::new(program);
-        command
-            .args([
-                "--headless=new",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--disable-dev-shm-usage",
-                "--no-first-run",
-            ])
-            .args([
-                "--disable-extensions",
-                "--disable-background-networking",
-                "--mute-audio",
-                "--hide-scrollbars",
-            ])
-            .args(["--remote-debugging-port=0", "about:blank"])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
+        command.args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]);
+        command.args(["--no-first-run", "--disable-extensions", "--disable-background-networking"]);
+        command.args(["--mute-audio", "--hide-scrollbars", "--remote-debugging-port=0", "about:blank"]);
+        command.arg(format!("--user-data-dir={}", profile.path().display()));
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         // The program may be a script that starts others: all of them are one group, and end together.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -200,28 +186,6 @@ impl Chromium {
         wait(script, || (self.eval(script) == true).then_some(()));
     }
 
-    /// Times pictures of the pages that are opened from now on; see [`pictures`](Self::pictures).
-    pub fn times_pictures(&mut self) {
-        const SOURCE: &str = "(() => { const ask = requestAnimationFrame.bind(window); window.drawn = new \
-                              Map(); \
-            window.requestAnimationFrame = (draw) => ask((now) => { const began = performance.now(); \
-            draw(now); \
-            drawn.set(now, (drawn.get(now) ?? 0) + performance.now() - began); }); })()";
-        self.call("Page.addScriptToEvaluateOnNewDocument", json!({ "source": SOURCE }));
-    }
-
-    /// Pictures a second since the last time it was asked, and milliseconds that scripts took for one: median
-    /// and 95 of 100.
-    pub fn pictures(&mut self) -> [f64; 3] {
-        let drawn = self.eval(
-            "(() => { const [at, took] = [[...drawn.keys()], \
-             [...drawn.values()].sort((a, b) => a - b)]; drawn.clear(); \
-             const part = (p) => took[Math.min(took.length - 1, Math.floor(took.length * p))] ?? 0; \
-             return [1000 * (at.length - 1) / (at.at(-1) - at[0]), part(0.5), part(0.95)]; })()",
-        );
-        [0, 1, 2].map(|i| drawn[i].as_f64().unwrap_or(0.0))
-    }
-
     /// Says how the page is looked at.
     pub fn look(&mut self, look: &Look) {
         let Look { width, height, dark } = look;
@@ -292,30 +256,16 @@ impl Chromium {
         assert!(done.is_ok_and(|status| status.success()), "kill -{name}");
     }
 
-    /// A picture of the whole page, as PNG.
-    pub fn picture(&mut self, file: &Path) {
-        let height = self.eval("document.documentElement.scrollHeight").as_f64().expect("a height");
-        let width = self.eval("innerWidth").as_f64().expect("a width");
-        let clip = json!({ "x": 0, "y": 0, "width": width, "height": height, "scale": 1 });
-        let shot =
-            self.call("Page.captureScreenshot", json!({ "clip": clip, "captureBeyondViewport": true }));
-        save(&shot, file);
-    }
-
     /// A picture of the window as it stands, while something is done on the page that waits for no answer:
     /// nothing is laid out anew for it, so that what moves goes on.
     pub fn picture_while(&mut self, file: &Path, doing: impl FnOnce(&mut Self)) {
         let id = self.send("Page.captureScreenshot", json!({}));
         doing(self);
-        let mut answer = self.wait_for("a picture", id);
-        save(&answer["result"].take(), file);
+        let answer = self.wait_for("a picture", id);
+        let data = answer["result"]["data"].as_str().expect("a picture");
+        let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
+        std::fs::write(file, png).expect("a file");
     }
-}
-
-fn save(shot: &Value, file: &Path) {
-    let data = shot["data"].as_str().expect("a picture");
-    let png = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
-    std::fs::write(file, png).expect("a file");
 }
 
 impl Drop for Chromium {

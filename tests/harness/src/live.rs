@@ -2,7 +2,9 @@
 
 use std::path::Path;
 use std::process::{Child, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::servers::signal;
@@ -40,7 +42,7 @@ pub struct Live {
     out: Arc<Mutex<String>>,
     said: Arc<Mutex<String>>,
     seen: usize,
-    readers: Vec<std::thread::JoinHandle<()>>,
+    readers: Vec<JoinHandle<()>>,
 }
 
 impl Live {
@@ -135,10 +137,7 @@ impl Drop for Live {
     }
 }
 
-fn listen(
-    mut from: impl std::io::Read + Send + 'static,
-    to: Vec<Arc<Mutex<String>>>,
-) -> std::thread::JoinHandle<()> {
+fn listen(mut from: impl std::io::Read + Send + 'static, to: Vec<Arc<Mutex<String>>>) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let mut some = [0; 4096];
         while let Ok(n @ 1..) = from.read(&mut some) {
@@ -160,15 +159,6 @@ pub fn rows(file: &Path) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(file).expect("a probe");
     let row = |line: &str| line.split(',').skip(1).map(|x| x.parse().unwrap_or(f64::NAN)).collect();
     text.lines().skip(1).map(row).collect()
-}
-
-/// Times of a probe's rows [s]: where ticks were left out they are further apart.
-pub fn times(file: &Path) -> Vec<f64> {
-    let text = std::fs::read_to_string(file).expect("a probe");
-    text.lines()
-        .skip(1)
-        .map(|line| line.split(',').next().and_then(|t| t.parse().ok()).expect("a time"))
-        .collect()
 }
 
 /// Root of the mean square; 0 for nothing.
@@ -194,6 +184,25 @@ pub fn told<T>(mut trial: impl FnMut() -> Result<T, String>) -> T {
         }
     }
     panic!("it was never to be told: {spoilt:?}");
+}
+
+/// A thread that goes on until this is dropped.
+pub struct Background(Arc<AtomicBool>, Option<JoinHandle<()>>);
+
+impl Background {
+    /// Runs `run`, which looks whether it must end.
+    pub fn new(run: impl FnOnce(&AtomicBool) + Send + 'static) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let seen = stop.clone();
+        Self(stop, Some(std::thread::spawn(move || run(&seen))))
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+        let _ = self.1.take().map(JoinHandle::join);
+    }
 }
 
 /// Waits for a program's end; its exit code.

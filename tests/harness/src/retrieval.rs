@@ -23,20 +23,18 @@ pub fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
 }
 
 /// A frame that came out.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Out {
-    pub index: u64,
     pub start: u64,
     pub bins: Vec<Complex<f32>>,
 }
 
 /// A node between two buffers.
 pub struct Rig {
-    pub node: Box<dyn Processor>,
+    node: Box<dyn Processor>,
     latency: Latency,
     layout: FrameLayout,
     buffers: [Buffer; 2],
-    pub tick: u64,
+    tick: u64,
 }
 
 impl Rig {
@@ -64,15 +62,14 @@ impl Rig {
         Self { node: node.processor, latency: node.latency, layout, buffers, tick: 0 }
     }
 
-    /// One tick, with the frame that belongs to it or without. Answers whether a frame came out.
-    pub fn step(&mut self, bins: Option<&[f32]>) -> bool {
-        let start = self.layout.frame_rate.first_sample(self.tick, self.layout.rate_hz);
+    /// One tick, with the frame that belongs to it or without; what came out, checked to be finite and in its
+    /// place.
+    pub fn frame(&mut self, bins: Option<&[f32]>) -> Option<Out> {
+        let place = (self.tick, self.layout.frame_rate.first_sample(self.tick, self.layout.rate_hz));
         let [input, output] = &mut self.buffers;
         if let Buffer::Magnitude { bins: to, frame, .. } = input {
-            *frame = bins.map(|_| (self.tick, start));
-            if let Some(from) = bins {
-                to.copy_from_slice(from);
-            }
+            *frame = bins.map(|_| place);
+            bins.iter().for_each(|bins| to.copy_from_slice(bins));
         }
         if let Buffer::Spectrum { frame, .. } = output {
             *frame = None;
@@ -86,58 +83,16 @@ impl Rig {
         };
         let status = self.node.run(&mut tick).expect("no fault");
         self.tick += 1;
-        let came = self.out().is_some();
-        assert!(!came || status == Status::Continue, "a frame came, and the node said {status:?}");
-        came
-    }
-
-    /// Number, start and bins of what came out.
-    pub fn out(&self) -> Option<(u64, u64, &[Complex<f32>])> {
-        match &self.buffers[1] {
-            Buffer::Spectrum { bins, frame: Some((index, start)), .. } => Some((*index, *start, bins)),
-            _ => None,
-        }
-    }
-
-    /// One tick; what came out, checked to be finite and in its place.
-    pub fn frame(&mut self, bins: Option<&[f32]>) -> Option<Out> {
-        self.step(bins).then(|| {
-            let (index, start, bins) = self.out().expect("a frame");
-            assert_eq!(
-                (index, start),
-                (self.tick - 1, self.start(self.tick - 1)),
-                "frames stand in their slots"
-            );
-            assert!(bins.iter().all(|c| c.re.is_finite() && c.im.is_finite()), "frame {index} is finite");
-            Out { index, start, bins: bins.to_vec() }
-        })
-    }
-
-    pub fn start(&self, index: u64) -> u64 {
-        self.layout.frame_rate.first_sample(index, self.layout.rate_hz)
+        let Buffer::Spectrum { bins, frame: Some(frame), .. } = output else { return None };
+        assert_eq!(status, Status::Continue, "a frame came");
+        assert_eq!(*frame, place, "frames stand in their slots");
+        assert!(bins.iter().all(|c| c.re.is_finite() && c.im.is_finite()), "{place:?} is finite");
+        Some(Out { start: place.1, bins: bins.to_vec() })
     }
 
     pub fn latency(&self) -> Latency {
         self.latency
     }
-
-    pub fn count(&mut self, fact: &str) -> u64 {
-        let is = |f: &Fact| f.name == fact;
-        match self.node.facts().into_iter().find(is).map(|f| f.value) {
-            Some(FactValue::Count(n)) => n,
-            other => panic!("{fact} is {other:?}"),
-        }
-    }
-}
-
-/// Phase difference in turns, in [0, 0.5].
-pub fn apart(a: f64, b: f64) -> f64 {
-    ((a - b) - (a - b).round()).abs()
-}
-
-/// Phase of a bin in turns.
-pub fn turns(c: Complex<f32>) -> f64 {
-    f64::from(c.im).atan2(f64::from(c.re)) / std::f64::consts::TAU
 }
 
 /// Magnitudes of a unit sinusoid at `freq` bins: the lobe of a Hann window.
@@ -287,19 +242,17 @@ pub fn scored(method: &str, name: &str, rate_hz: u32) -> Score {
     score
 }
 
-/// The signal that a node makes of magnitudes of an unscaled DFT times `scale`, without its latency.
-pub fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> Vec<f64> {
+/// The signal that a node makes of magnitudes of an unscaled DFT, without its latency.
+fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> Vec<f64> {
     let params: Vec<String> = params.iter().map(|(name, value)| format!("{name}: {value}")).collect();
     let method = format!("{}: {}", N::descriptor().kind, params.join(", "));
-    let scaled = scale / phase::framing(rate_hz, 101).bin_scale();
-    let frames: Vec<f32> = magnitudes.iter().map(|&m| (f64::from(m) * scaled) as f32).collect();
-    let heard = heard(&crate::registry().with::<N>(), &method, layout(rate_hz, 101), 0, &frames);
-    heard.into_iter().map(|y| y / scale).collect()
+    let frames = amplitudes(magnitudes, rate_hz);
+    heard(&crate::registry().with::<N>(), &method, layout(rate_hz, 101), 0, &frames)
 }
 
 /// Spectral convergence in dB of what a node makes of a vector.
-pub fn convergence<N: Node>(vector: &[f32], rate_hz: u32, params: &[(&str, f64)], scale: f64) -> f64 {
-    let y = invert::<N>(vector, rate_hz, params, scale);
+pub fn convergence<N: Node>(vector: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> f64 {
+    let y = invert::<N>(vector, rate_hz, params);
     let score = score(vector, rate_hz, &y);
     assert_eq!(score.nonfinite, 0);
     score.convergence_db

@@ -62,15 +62,22 @@ fn end(child: &mut Child) {
 
 /// Waits for a child to end by itself; kills it where it does not.
 fn wait_for_end(child: &mut Child) {
+    if !within(|| !matches!(child.try_wait(), Ok(None))) {
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}
+
+/// Whether something becomes true within the patience.
+fn within(mut is: impl FnMut() -> bool) -> bool {
     let began = Instant::now();
     while began.elapsed() < PATIENCE {
-        if !matches!(child.try_wait(), Ok(None)) {
-            return;
+        if is() {
+            return true;
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    let _ = child.kill();
-    let _ = child.wait();
+    false
 }
 
 /// A server's process, seen from the test that runs in its environment or from the one that started it.
@@ -141,11 +148,11 @@ fn inside_then<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<P
 /// Runs the test beside a server; what it told, and whether it passed.
 fn beside<S: Server>(mut server: S, test: &str, told: &mut String) -> bool {
     let mut child = again(first(), test);
-    child.env(INSIDE, server.process().0.to_string()).envs(server.environment());
+    child.env(INSIDE, server.child().id().to_string()).envs(server.environment());
     let running = std::thread::spawn(move || child.output().expect("this test runs again"));
     // A server that is killed must not stay as a zombie: JACK would take it for one that lives.
     while !running.is_finished() {
-        server.reap();
+        let _ = server.child().try_wait();
         std::thread::sleep(Duration::from_millis(5));
     }
     let output = running.join().expect("a thread that waits");
@@ -158,9 +165,7 @@ pub trait Server {
     /// Environment variables of a client.
     fn environment(&self) -> Vec<(&'static str, String)>;
     /// Its process.
-    fn process(&self) -> Process;
-    /// Takes note of its end, if it has ended.
-    fn reap(&mut self);
+    fn child(&mut self) -> &mut Child;
 }
 
 /// A JACK server with the dummy driver: two inputs, two outputs, synchronous.
@@ -229,13 +234,13 @@ impl Jack {
         command.env("JACK_NO_AUDIO_RESERVATION", "1").env("JACK_DEFAULT_SERVER", name);
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()?;
         let mut server = Self { child, name: name.to_owned(), claim: None };
-        let began = Instant::now();
-        while began.elapsed() < PATIENCE && matches!(server.child.try_wait(), Ok(None)) {
-            let sockets = files(name);
-            if sockets.iter().any(|path| std::os::unix::net::UnixStream::connect(path).is_ok()) {
-                return Some(server);
-            }
-            std::thread::sleep(Duration::from_millis(20));
+        let mut runs = false;
+        within(|| {
+            runs = files(name).iter().any(|path| std::os::unix::net::UnixStream::connect(path).is_ok());
+            runs || !matches!(server.child.try_wait(), Ok(None))
+        });
+        if runs {
+            return Some(server);
         }
         // Its end is another turn.
         drop(turn);
@@ -266,12 +271,8 @@ impl Server for Jack {
         vec![("JACK_DEFAULT_SERVER", self.name.clone()), ("JACK_NO_START_SERVER", "1".to_owned())]
     }
 
-    fn process(&self) -> Process {
-        Process(self.child.id())
-    }
-
-    fn reap(&mut self) {
-        let _ = self.child.try_wait();
+    fn child(&mut self) -> &mut Child {
+        &mut self.child
     }
 }
 
@@ -305,6 +306,8 @@ impl Pulse {
         std::fs::create_dir_all(folder).expect("a folder for PulseAudio");
         let _ = std::fs::remove_file(folder.join("native"));
         let socket = folder.join("native");
+        let native = format!("module-native-protocol-unix auth-anonymous=1 socket={}", socket.display());
+        let sink = "module-null-sink sink_name=test rate=48000 format=float32le channels=2 norewinds=1";
         let mut command = Command::new("pulseaudio");
         command.args([
             "-n",
@@ -312,24 +315,13 @@ impl Pulse {
             "--exit-idle-time=-1",
             "--use-pid-file=no",
             "--log-level=error",
-            "-L",
         ]);
-        command
-            .arg(format!("module-native-protocol-unix auth-anonymous=1 socket={}", socket.display()))
-            .arg("-L");
-        command.arg("module-null-sink sink_name=test rate=48000 format=float32le channels=2 norewinds=1");
-        command
-            .envs(Self::variables(folder))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
+        command.args(["-L", &native, "-L", sink]).envs(Self::variables(folder));
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         let child = command.spawn().ok()?;
         let server = Self { child, folder: folder.to_owned() };
-        let began = Instant::now();
-        while std::os::unix::net::UnixStream::connect(&socket).is_err() {
-            assert!(began.elapsed() < PATIENCE, "pulseaudio is installed but does not answer");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        let answers = within(|| std::os::unix::net::UnixStream::connect(&socket).is_ok());
+        assert!(answers, "pulseaudio is installed but does not answer");
         Some(server)
     }
 
@@ -350,12 +342,8 @@ impl Server for Pulse {
         Self::variables(&self.folder)
     }
 
-    fn process(&self) -> Process {
-        Process(self.child.id())
-    }
-
-    fn reap(&mut self) {
-        let _ = self.child.try_wait();
+    fn child(&mut self) -> &mut Child {
+        &mut self.child
     }
 }
 
@@ -380,11 +368,8 @@ impl Parec {
         command.args(["-d", "test.monitor", "--raw", "--format=float32le", "--rate=48000", "--channels=2"]);
         command.args(["--latency-msec=20"]).arg(&file).stderr(Stdio::null());
         let child = command.spawn().expect("parec starts");
-        let began = Instant::now();
-        while std::fs::metadata(&file).map_or(0, |about| about.len()) == 0 {
-            assert!(began.elapsed() < PATIENCE, "parec records nothing");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        let records = within(|| std::fs::metadata(&file).is_ok_and(|about| about.len() > 0));
+        assert!(records, "parec records nothing");
         Self { child, file }
     }
 

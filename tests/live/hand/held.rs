@@ -1,44 +1,27 @@
 //! Helpers of the tests of all devices.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::JoinHandle;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use asperity_hand::Handle;
 use asperity_live::{ForceModel, ForceWriter, Sample, SampleReader, now_ns};
-use harness::live::until;
+use harness::live::{Background, until};
 
-/// A floor at z = 0 of the graph, told anew every millisecond until dropped.
-pub(crate) struct Floor(Arc<AtomicBool>, Option<JoinHandle<()>>);
-
-impl Floor {
-    /// Stiffness in N/mm.
-    pub(crate) fn tell(mut to: ForceWriter, stiffness: f64) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let seen = stop.clone();
-        let thread = std::thread::spawn(move || {
-            while !seen.load(Relaxed) {
-                to.write(ForceModel {
-                    normal: [0.0, 0.0, 1.0],
-                    stiffness_n_per_mm: stiffness,
-                    max_force_n: 10.0,
-                    valid: true,
-                    time_ns: now_ns(),
-                    ..ForceModel::default()
-                });
-                std::thread::sleep(Duration::from_millis(1));
-            }
-        });
-        Self(stop, Some(thread))
-    }
-}
-
-impl Drop for Floor {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-        self.1.take().unwrap().join().unwrap();
-    }
+/// A floor of 0.5 N/mm at z = 0 of the graph, told anew every millisecond until dropped.
+pub(crate) fn floor(mut to: ForceWriter) -> Background {
+    Background::new(move |stop| {
+        while !stop.load(Relaxed) {
+            to.write(ForceModel {
+                normal: [0.0, 0.0, 1.0],
+                stiffness_n_per_mm: 0.5,
+                max_force_n: 10.0,
+                valid: true,
+                time_ns: now_ns(),
+                ..ForceModel::default()
+            });
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    })
 }
 
 pub(crate) fn newest(from: &mut SampleReader) -> Option<Sample> {

@@ -1,22 +1,23 @@
 //! An OpenHaptics device, played by a stand-in library that is built here.
 #![cfg(unix)]
 
-use std::ffi::{c_int, c_uint, c_ulong, c_void};
+use std::ffi::{c_uint, c_void};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::RwLockWriteGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use asperity_hand::openhaptics::{OpenHapticsOptions, start};
-use asperity_hand::{Frame, Next};
-use asperity_live::{force_model, now_ns, samples};
+use asperity_hand::openhaptics::start;
+use asperity_hand::{ArmOptions, Handle};
+use asperity_live::{ForceReader, SampleReader, force_model, now_ns, samples};
+use asperity_motion::AxisMap;
 use harness::alone::real_time;
 use harness::counting::allocations;
-use harness::live::until;
+use harness::live::{Background, until};
 use libloading::{Library, Symbol};
 
-use super::held::{Floor, newest, problem};
+use super::held::{floor, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.
@@ -61,14 +62,9 @@ impl Standin {
         unsafe { self.get::<unsafe extern "C" fn(c_uint)>(name)(value) }
     }
 
-    fn int(&self, name: &str) -> c_int {
-        // SAFETY: these functions take nothing and answer an int.
-        unsafe { self.get::<unsafe extern "C" fn() -> c_int>(name)() }
-    }
-
-    fn long(&self, name: &str) -> c_ulong {
-        // SAFETY: these functions take nothing and answer an unsigned long.
-        unsafe { self.get::<unsafe extern "C" fn() -> c_ulong>(name)() }
+    fn number(&self, name: &str) -> f64 {
+        // SAFETY: these functions take nothing and answer a double.
+        unsafe { self.get::<unsafe extern "C" fn() -> f64>(name)() }
     }
 
     fn hand(&self, at: [f64; 3]) {
@@ -83,13 +79,28 @@ impl Standin {
         force
     }
 
-    fn worst_step(&self) -> f64 {
-        // SAFETY: takes nothing and answers a double.
-        unsafe { self.get::<unsafe extern "C" fn() -> f64>("standin_worst_step")() }
+    fn options(&self) -> ArmOptions {
+        ArmOptions {
+            device: None,
+            by: Some(self.path.display().to_string()),
+            axes: AxisMap::parse("x,-z,y").unwrap(),
+            max_force_n: f64::INFINITY,
+        }
     }
 
-    fn options(&self) -> OpenHapticsOptions {
-        OpenHapticsOptions { library: Some(self.path.clone()), ..OpenHapticsOptions::new() }
+    fn start(&self, models: Option<ForceReader>) -> (Handle, SampleReader) {
+        let (to, from) = samples();
+        (start(self.options(), to, models).unwrap(), from)
+    }
+
+    /// A hand that presses 4 mm into a floor of 0.5 N/mm.
+    fn pressing(&self) -> (Handle, SampleReader, Background) {
+        self.hand([0.0, -4.0, 0.0]);
+        let (models, reader) = force_model();
+        let held = floor(models);
+        let (handle, from) = self.start(Some(reader));
+        until("the force", || (self.force()[1] - 2.0).abs() < 1e-6);
+        (handle, from, held)
     }
 }
 
@@ -112,16 +123,16 @@ unsafe extern "C" fn forbid(
 fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
     let standin = Standin::new();
     standin.hand([1.0, -4.0, 2.0]);
-    let (to, mut from) = samples();
     let (models, reader) = force_model();
     // SAFETY: takes a function of this type.
     unsafe { standin.get::<unsafe extern "C" fn(*const c_void)>("standin_wrap")(forbid as *const c_void) };
-    let floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), to, Some(reader)).unwrap();
-    assert_eq!(handle.device().max_force_n, 3.3);
-    assert_eq!(handle.device().max_stiffness_n_per_mm, Some(0.5));
+    let held = floor(models);
+    let (handle, mut from) = standin.start(Some(reader));
+    assert_eq!(handle.max_stiffness_n_per_mm(), Some(0.5));
     // The scheduler is started once the device is known to be there.
-    until("the servo", || (standin.long("standin_rate"), standin.int("standin_output")) == (1000, 1));
+    until("the servo", || {
+        ["standin_rate", "standin_output"].map(|name| standin.number(name)) == [1000.0, 1.0]
+    });
     // 4 mm in a floor of 0.5 N/mm.
     until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
     assert!(standin.force()[0] == 0.0 && standin.force()[2] == 0.0, "{:?}", standin.force());
@@ -133,7 +144,6 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
             true
         })
     });
-    assert!((handle.force_n() - 2.0).abs() < 1e-6);
     // Deeper than the device can push.
     standin.hand([0.0, -40.0, 0.0]);
     until("the greatest force", || (standin.force()[1] - 3.3).abs() < 1e-6);
@@ -146,76 +156,60 @@ fn openhaptics_hand_has_z_up_and_floor_pushes_along_y() {
         ALLOCATIONS.load(Relaxed)
     );
     assert_eq!((handle.problem(), handle.bad()), (None, 0));
-    drop(floor);
+    drop(held);
 }
 
 #[test]
 fn stalled_graph_or_dropped_source_lets_go_without_a_step() {
     let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (handle, _from, held) = standin.pressing();
     // The graph stops telling: 100 ms, then 20 ms.
-    drop(floor);
+    drop(held);
     until("no force", || standin.force() == [0.0; 3]);
-    assert!(handle.connected() && handle.losses() == 0);
-    let (models, reader) = force_model();
     drop(handle);
-    let _floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
-    until("the force again", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (handle, _from, _floor) = standin.pressing();
     standin.set("standin_forget", 0);
     drop(handle);
-    assert_eq!((standin.force(), standin.int("standin_open")), ([0.0; 3], 0));
-    assert_eq!(standin.int("standin_scheduled"), 0);
+    assert_eq!(standin.force(), [0.0; 3]);
+    assert_eq!(["standin_open", "standin_scheduled"].map(|name| standin.number(name)), [0.0; 2]);
     // 2 N in 20 ms are 0.1 N a tick; a late tick of this machine makes up to a few at once.
-    assert!(standin.worst_step() < 1.9, "{} N at once", standin.worst_step());
+    let worst = standin.number("standin_worst_step");
+    assert!(worst < 1.9, "{worst} N at once");
 }
 
 #[test]
 fn unplugged_device_is_told_once_and_goes_on_when_back() {
     let standin = Standin::new();
-    let (to, mut from) = samples();
-    let handle = start(standin.options(), to, None).unwrap();
-    assert_eq!(standin.int("standin_output"), 0, "nobody asked for force");
+    let (handle, mut from) = standin.start(None);
+    assert_eq!(standin.number("standin_output"), 0.0, "nobody asked for force");
     until("samples", || newest(&mut from).is_some_and(|s| s.stroke == 0));
     standin.set("standin_plug", 0);
     let said = problem(&handle);
     assert!(said.contains("the default device is lost: HD_COMM_ERROR: communication error"), "{said}");
-    assert!(!handle.connected() && handle.losses() == 1);
     std::thread::sleep(Duration::from_millis(700));
     assert_eq!(handle.problem(), None);
     newest(&mut from);
     standin.set("standin_plug", 1);
     assert!(problem(&handle).contains("is back"));
     until("samples of a new stroke", || newest(&mut from).is_some_and(|s| s.stroke == 1));
-    assert!(handle.connected());
 }
 
 #[test]
 fn motors_that_switch_off_begin_again_from_no_force() {
     let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
-    let handle = start(standin.options(), samples().0, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (handle, _from, _floor) = standin.pressing();
     standin.set("standin_error_always", 0x201);
     assert!(problem(&handle).contains("switched its force off: HD_EXCEEDED_MAX_FORCE"));
     until("no force", || standin.force()[1] < 0.1);
     standin.set("standin_error_always", 0);
     assert!(problem(&handle).contains("works again"));
     until("the force again", || (standin.force()[1] - 2.0).abs() < 1e-6);
-    assert!(handle.connected() && handle.losses() == 0);
 }
 
 #[test]
 fn stalled_servo_is_told_and_begins_a_new_stroke() {
     let standin = Standin::new();
-    let (to, mut from) = samples();
-    let handle = start(standin.options(), to, None).unwrap();
+    let (handle, mut from) = standin.start(None);
     until("samples", || newest(&mut from).is_some());
     standin.set("standin_hang", 1);
     assert!(problem(&handle).contains("stands still"));
@@ -228,62 +222,46 @@ fn stalled_servo_is_told_and_begins_a_new_stroke() {
 #[test]
 fn a_position_that_is_not_finite_is_counted_and_lets_go() {
     let standin = Standin::new();
-    standin.hand([0.0, -4.0, 0.0]);
-    let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
-    let (to, mut from) = samples();
-    let handle = start(standin.options(), to, Some(reader)).unwrap();
-    until("the force", || (standin.force()[1] - 2.0).abs() < 1e-6);
+    let (handle, mut from, _floor) = standin.pressing();
     standin.hand([0.0, f64::NAN, 0.0]);
     until("no force", || standin.force() == [0.0; 3]);
     assert!(handle.bad() > 0);
     assert!(std::iter::from_fn(|| from.take()).all(|s| s.position.iter().all(|x| x.is_finite())));
 }
 
-/// A device that declares no force limit is held to 1 N.
 #[test]
-fn every_kth_reading_is_sent_and_default_limit_is_1_n() {
+fn device_without_a_force_limit_is_held_to_1_n() {
     let standin = Standin::new();
     standin.set("standin_untold", 1);
     standin.hand([0.0, -40.0, 0.0]);
     let (models, reader) = force_model();
-    let _floor = Floor::tell(models, 0.5);
-    let options =
-        OpenHapticsOptions { every: 4, frame: Frame::new("x,-z,y", [0.0; 3]).unwrap(), ..standin.options() };
-    let handle = start(options, samples().0, Some(reader)).unwrap();
-    assert_eq!((handle.device().max_force_n, handle.device().max_stiffness_n_per_mm), (1.0, None));
+    let _floor = floor(models);
+    let (handle, _from) = standin.start(Some(reader));
+    assert_eq!(handle.max_stiffness_n_per_mm(), None);
     until("the force", || (standin.force()[1] - 1.0).abs() < 1e-6);
-    // Calls and samples are read one after the other while the servo runs on, and this machine may stall in
-    // between.
-    until("four calls for a sample", || {
-        let (sent, calls, then) = (handle.samples(), standin.long("standin_frames") as f64, handle.samples());
-        then - sent < 2 && sent > 40 && (calls / sent as f64 - 4.0).abs() < 0.1
-    });
 }
 
 #[test]
 fn what_is_missing_is_told_with_what_to_do() {
     let standin = Standin::new();
     let run = |options| start(options, samples().0, None).unwrap_err();
-    let e =
-        run(OpenHapticsOptions { library: Some("/nowhere/libHD.so".into()), ..OpenHapticsOptions::new() });
-    assert!(e.next == Next::Provide && e.message.contains("/nowhere/libHD.so"), "{e}");
-    assert!(e.help.contains("install") && e.help.contains("OpenHaptics"), "{e}");
+    let by = |path: &str| ArmOptions { by: Some(path.to_owned()), ..ArmOptions::default() };
+    let e = run(by("/nowhere/libHD.so"));
+    assert!(e.message.contains("/nowhere/libHD.so"), "{e}");
+    assert!(e.help.is_some_and(|help| help.contains("install") && help.contains("OpenHaptics")));
 
     let folder = tempfile::tempdir().unwrap();
     let half = build(&folder, "-DWITHOUT_UNSCHEDULE");
-    let e = run(OpenHapticsOptions { library: Some(half), ..OpenHapticsOptions::new() });
+    let e = run(by(&half.display().to_string()));
     assert!(e.message.contains("has no function hdUnschedule"), "{e}");
 
-    let e = run(OpenHapticsOptions { device: Some("Left".into()), ..standin.options() });
+    let named = |name: &str| ArmOptions { device: Some(name.to_owned()), ..standin.options() };
+    let e = run(named("Left"));
     assert!(e.message.contains("the device `Left` does not answer: HD_COMM_ERROR"), "{e}");
-    let e = run(OpenHapticsOptions { every: 0, ..standin.options() });
-    assert_eq!(e.next, Next::Option);
 
-    let first = start(standin.options(), samples().0, None).unwrap();
+    let first = standin.start(None);
     let e = run(standin.options());
-    assert!(e.next == Next::Free && e.message.contains("another OpenHaptics source"), "{e}");
+    assert!(e.message.contains("another OpenHaptics source"), "{e}");
     drop(first);
-    start(OpenHapticsOptions { device: Some("Touch".into()), ..standin.options() }, samples().0, None)
-        .unwrap();
+    start(named("Touch"), samples().0, None).unwrap();
 }

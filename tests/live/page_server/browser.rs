@@ -1,17 +1,17 @@
 //! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is
-//! gone. With `ASPERITY_PICTURES=FOLDER` it is painted there, light and dark, for a phone and for a desk.
+//! gone.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use asperity_live::view::Request;
-use asperity_live::{RunControl, Sample, SampleReader, samples};
+use asperity_live::{RunControl, Sample, SampleReader, SampleWriter, samples};
 use asperity_page::{Feed, Options, Page, serve};
 use harness::alone::real_time;
 use harness::chromium::{Chromium, Look};
+use harness::live::{Background, until};
 
 use super::made_up;
 
@@ -20,24 +20,17 @@ struct Stage {
     page: Option<Page>,
     asked: Receiver<Request>,
     run_control: RunControl,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _run: Background,
 }
 
 impl Stage {
-    fn new(pen: Option<asperity_live::SampleWriter>) -> Self {
-        Self::at(Options::default(), pen)
-    }
-
-    fn at(options: Options, pen: Option<asperity_live::SampleWriter>) -> Self {
+    fn at(options: Options, pen: Option<SampleWriter>) -> Self {
         let feed = Arc::new(Feed::new());
         let run_control = RunControl::default();
         let held = run_control.clone();
         let (tell, asked) = sync_channel(4096);
         let page = serve(options, feed.clone(), run_control.clone(), pen).expect("it serves");
-        let stop = Arc::new(AtomicBool::new(false));
-        let until = stop.clone();
-        let thread = std::thread::spawn(move || {
+        let run = Background::new(move |stop| {
             let mut run = made_up::Run::new();
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
@@ -50,12 +43,12 @@ impl Stage {
                 }
                 feed.publish(run.view());
                 std::thread::sleep((Duration::from_secs(1) * n / 60).saturating_sub(began.elapsed()));
-                if until.load(Ordering::Relaxed) {
+                if stop.load(Relaxed) {
                     return;
                 }
             }
         });
-        Self { page: Some(page), asked, run_control, stop, thread: Some(thread) }
+        Self { page: Some(page), asked, run_control, _run: run }
     }
 
     fn page(&self) -> &Page {
@@ -68,24 +61,11 @@ impl Stage {
     }
 
     fn muted(&self, is: bool) {
-        let begun = Instant::now();
-        while self.run_control.muted() != is {
-            assert!(begun.elapsed() < Duration::from_secs(30), "muted: {}", !is);
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        until(&format!("muted: {is}"), || self.run_control.muted() == is);
     }
 
     fn asked(&self) -> Request {
         self.asked.recv_timeout(Duration::from_secs(30)).expect("something was asked for")
-    }
-}
-
-impl Drop for Stage {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 
@@ -100,7 +80,7 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
     let (to, mut from) = samples();
-    let stage = Stage::new(Some(to));
+    let stage = Stage::at(Options::default(), Some(to));
     browser.look(&DESK);
     browser.open(stage.page().url());
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
@@ -111,12 +91,6 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
     let at =
         |i: u32| [(x - 50.0 + 0.2 * f64::from(i)).round() + f64::from(i % 5) / 5.0, y - f64::from(i % 40)];
     let force = |i: u32| 0.1 + 0.8 * f64::from(i) / f64::from(EVENTS);
-    // Pictures drawn, and views come, while the pen strokes.
-    browser.eval(
-        "(() => { window.frames_drawn = 0; const f = () => { window.frames_drawn += 1; \
-         requestAnimationFrame(f); }; f(); })()",
-    );
-    let views = stage.page().counts().views;
     let mut heard = Vec::new();
     browser.pen("mousePressed", at(0), force(0));
     let began = Instant::now();
@@ -126,13 +100,8 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
         drain(&mut from, &mut heard);
     }
     browser.pen("mouseReleased", at(EVENTS - 1), 0.0);
-    let drawn = browser.eval("window.frames_drawn").as_f64().expect("a number");
-    let took = began.elapsed().as_secs_f64();
-    let drawn = drawn / took;
-    let views = (stage.page().counts().views - views) as f64 / took;
-    println!("{drawn:.1} pictures/s drawn, {views:.1} views/s sent");
-    let until = Instant::now() + Duration::from_secs(30);
-    while heard.last().is_none_or(|s| s.force > 0.0) && Instant::now() < until {
+    let end = Instant::now() + Duration::from_secs(30);
+    while heard.last().is_none_or(|s| s.force > 0.0) && Instant::now() < end {
         browser.eval("1");
         drain(&mut from, &mut heard);
     }
@@ -153,26 +122,11 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
         assert!(dx.abs() < 0.02 && dy.abs() < 0.02, "event {i} is off by {dx} {dy} mm");
         assert!((s.force - force(i as u32)).abs() < 1e-3, "event {i} presses {}", s.force);
     }
-    let steps: Vec<f64> =
-        heard[..lifted].windows(2).map(|w| (w[1].time_ns - w[0].time_ns) as f64 / 1e6).collect();
-    let seconds = (strokes[strokes.len() - 1].time_ns - strokes[0].time_ns) as f64 / 1e9;
-    let mut delays: Vec<f64> = strokes.iter().map(|s| (s.arrived_ns - s.time_ns) as f64 / 1e6).collect();
-    delays.sort_by(f64::total_cmp);
-    println!(
-        "{} events in {seconds:.3} s, {beats} beats, longest step {:.1} ms, \
-         event to arrival p50 {:.2} p99 {:.2} ms",
-        strokes.len(),
-        steps.iter().fold(0.0f64, |a, &b| a.max(b)),
-        delays[delays.len() / 2],
-        delays[delays.len() * 99 / 100],
-    );
-    let counts = stage.page().counts();
-    assert_eq!(counts.lost_samples, 0);
     // A lifted hand goes on to say so.
-    let before = stage.page().counts().samples;
+    let before = heard.len();
     std::thread::sleep(Duration::from_millis(400));
     drain(&mut from, &mut heard);
-    assert!(stage.page().counts().samples > before, "a hand at rest is not a stall");
+    assert!(heard.len() > before, "a hand at rest is not a stall");
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
@@ -180,7 +134,7 @@ fn a_pen_at_250_hz_is_heard_whole_in_place_and_in_order() {
 fn what_is_moved_on_the_page_is_asked_of_the_run() {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
-    let mut stage = Stage::new(None);
+    let mut stage = Stage::at(Options::default(), None);
     browser.look(&DESK);
     browser.open(stage.page().url());
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
@@ -216,17 +170,16 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.until("document.querySelector('#notice').textContent.includes('ended')");
     browser.until("document.querySelector('#condition').dataset.is === 'away'");
     browser.complaints();
-    let again = Stage::at(Options { port, token: Some(token) }, None);
+    let _again = Stage::at(Options { port, token: Some(token) }, None);
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     browser.until("document.querySelector('#notice').hidden");
-    assert_eq!(again.page().counts().pages, 1);
 }
 
 #[test]
 fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
-    let stage = Stage::new(None);
+    let stage = Stage::at(Options::default(), None);
     browser.open(stage.page().url());
     let off = browser.eval(
         "(async () => { const token = new URLSearchParams(location.search).get('token'); \
@@ -265,8 +218,7 @@ fn the_page_is_drawn_at_every_width_without_a_complaint() {
     let _alone = real_time();
     let Some(mut browser) = Chromium::start() else { return };
     let (to, _from) = samples();
-    let stage = Stage::new(Some(to));
-    let pictures = std::env::var_os("ASPERITY_PICTURES").map(std::path::PathBuf::from);
+    let stage = Stage::at(Options::default(), Some(to));
     for (name, width, height, dark) in [
         ("desk_light", 1440, 900, false),
         ("desk_dark", 1440, 900, true),
@@ -280,24 +232,6 @@ fn the_page_is_drawn_at_every_width_without_a_complaint() {
         browser.until("document.querySelector('#condition').dataset.is !== 'away'");
         let wide = browser.eval("document.documentElement.scrollWidth");
         assert_eq!(wide.as_u64(), Some(u64::from(width)), "{name} scrolls sideways");
-        if let Some(folder) = &pictures {
-            let [x, y] = browser.middle("#surface");
-            browser.eval("scrollTo(0, 0)");
-            let [x, y] = if height > 0 { [x, y.min(f64::from(height) - 40.0)] } else { [x, y] };
-            browser.pen("mousePressed", [x - 60.0, y], 0.2);
-            let frames = if name == "desk_light" { 150 } else { 60 };
-            for i in 0..frames {
-                std::thread::sleep(Duration::from_millis(16));
-                let turn = f64::from(i) / 12.0;
-                browser.pen(
-                    "mouseMoved",
-                    [x + 60.0 * turn.sin(), y + 40.0 * (1.7 * turn).sin()],
-                    0.3 + 0.2 * turn.cos(),
-                );
-            }
-            browser.picture(&folder.join(format!("{name}.png")));
-            browser.pen("mouseReleased", [x, y], 0.0);
-        }
     }
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }

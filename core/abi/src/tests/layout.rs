@@ -7,35 +7,38 @@ use crate::*;
 
 #[test]
 fn version_1_keeps_its_layout() {
-    let sizes = [
-        ("AsperityEntry", size_of::<AsperityEntry>(), 24),
-        ("AsperityHost", size_of::<AsperityHost>(), 32),
-        ("AsperityPlugin", size_of::<AsperityPlugin>(), 40),
-        ("AsperityRandom", size_of::<AsperityRandom>(), 16),
-        ("AsperityFacts", size_of::<AsperityFacts>(), 16),
-        ("AsperityFactSink", size_of::<AsperityFactSink>(), 40),
-        ("AsperityPort", size_of::<AsperityPort>(), 88),
-        ("AsperityParam", size_of::<AsperityParam>(), 112),
-        ("AsperityPortSink", size_of::<AsperityPortSink>(), 32),
-        ("AsperityKind", size_of::<AsperityKind>(), 200),
-        ("AsperityValue", size_of::<AsperityValue>(), 64),
-        ("AsperityWire", size_of::<AsperityWire>(), 48),
-        ("AsperitySetup up to `slots`, which 1.1 added", offset_of!(AsperitySetup, slots), 72),
-        ("AsperityError", size_of::<AsperityError>(), 32),
-        ("AsperityInfo", size_of::<AsperityInfo>(), 56),
-        ("AsperityBuffer", size_of::<AsperityBuffer>(), 40),
-        ("AsperityTick", size_of::<AsperityTick>(), 56),
-        ("AsperityEffects", size_of::<AsperityEffects>(), 16),
-        ("AsperityEffect", size_of::<AsperityEffect>(), 64),
-        ("AsperityForm", size_of::<AsperityForm>(), 32),
-        ("AsperityNeed", size_of::<AsperityNeed>(), 24),
-        ("AsperitySettings", size_of::<AsperitySettings>(), 24),
-        ("AsperitySlot", size_of::<AsperitySlot>(), 16),
-        ("AsperityLaw", size_of::<AsperityLaw>(), 24),
-    ];
-    for (name, found, wanted) in sizes {
-        assert_eq!(found, wanted, "{name}");
+    macro_rules! sizes {
+        ($($t:ident: $bytes:literal),* $(,)?) => {
+            $(assert_eq!(size_of::<$t>(), $bytes, stringify!($t));)*
+        };
     }
+    sizes! {
+        AsperityEntry: 24,
+        AsperityHost: 32,
+        AsperityPlugin: 40,
+        AsperityRandom: 16,
+        AsperityFacts: 16,
+        AsperityFactSink: 40,
+        AsperityPort: 88,
+        AsperityParam: 112,
+        AsperityPortSink: 32,
+        AsperityKind: 200,
+        AsperityValue: 64,
+        AsperityWire: 48,
+        AsperityError: 32,
+        AsperityInfo: 56,
+        AsperityBuffer: 40,
+        AsperityTick: 56,
+        AsperityEffects: 16,
+        AsperityEffect: 64,
+        AsperityForm: 32,
+        AsperityNeed: 24,
+        AsperitySettings: 24,
+        AsperitySlot: 16,
+        AsperityLaw: 24,
+    }
+    // Version 1.1 added `slots`.
+    assert_eq!(AsperitySetup::SIZE_1_0, 72);
     assert_eq!(offset_of!(AsperityEntry, open), 16);
     assert_eq!(offset_of!(AsperityKind, process), 120);
     assert_eq!(offset_of!(AsperityKind, destroy), 192);

@@ -1,26 +1,24 @@
 //! From a text to values. `ron`'s raw values borrow from the text, so their address gives their
 //! position.
 
+use std::fmt::Formatter;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 use ron::value::RawValue;
-use serde::de::{Deserialize, MapAccess, SeqAccess, Visitor};
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
 use super::{Key, Kind, Value};
 use crate::{Diagnostic, Source, Span, budget};
 
-/// Reads a whole text.
-///
-/// # Errors
-/// A text that `ron` cannot parse, a duplicate key, a number that is not finite.
+/// Reads a whole text. Error: a text that `ron` cannot parse, a duplicate key, a number that is not finite.
 pub fn parse(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     Reader { source }.whole()
 }
 
-/// Reads a value from a command line; a text that is not RON becomes a text value.
-///
-/// # Errors
-/// A value that parses but is refused: duplicate keys, numbers that are not finite.
+/// Reads a value from a command line; a text that is not RON becomes a text value. Error: a value that
+/// parses but is refused: duplicate keys, numbers that are not finite.
 pub fn parse_or_text(source: &Arc<Source>) -> Result<Value, Diagnostic> {
     let text = source.text();
     let whole = Span { start: 0, end: text.len() };
@@ -185,9 +183,9 @@ impl<'s> Reader<'s> {
             Parts::Unit => Ok(Kind::Record { name, fields: Vec::new() }),
             Parts::Items(items) => Ok(Kind::List(self.values(&items)?)),
             Parts::Fields(fields) => {
-                fields.iter().try_for_each(|(k, _)| self.short(k))?;
-                let keyed =
-                    fields.into_iter().map(|(k, v)| (Key { name: k.to_owned(), span: self.span(k) }, v));
+                fields.iter().try_for_each(|(k, _)| self.short(k.0))?;
+                let key = |k: &'s str| Key { name: k.to_owned(), span: self.span(k) };
+                let keyed = fields.into_iter().map(|(k, v)| (key(k.0), v));
                 Ok(Kind::Record { name, fields: self.entries(keyed)? })
             }
         }
@@ -229,33 +227,25 @@ impl<'s> Reader<'s> {
 enum Parts<'s> {
     Unit,
     Items(Vec<&'s RawValue>),
-    Fields(Vec<(&'s str, &'s RawValue)>),
+    Fields(Vec<(Identifier<'s>, &'s RawValue)>),
 }
 
 impl<'de> Deserialize<'de> for Parts<'de> {
-    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
         struct PartsVisitor;
         impl<'de> Visitor<'de> for PartsVisitor {
             type Value = Parts<'de>;
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            fn expecting(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
                 f.write_str("a list or named fields")
             }
             fn visit_unit<E>(self) -> Result<Self::Value, E> {
                 Ok(Parts::Unit)
             }
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
-                let mut items = Vec::new();
-                while let Some(item) = seq.next_element()? {
-                    items.push(item);
-                }
-                Ok(Parts::Items(items))
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(Parts::Items)
             }
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-                let mut fields = Vec::new();
-                while let Some(Identifier(key)) = map.next_key()? {
-                    fields.push((key, map.next_value()?));
-                }
-                Ok(Parts::Fields(fields))
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                Entries(PhantomData).visit_map(map).map(Parts::Fields)
             }
         }
         d.deserialize_any(PartsVisitor)
@@ -266,11 +256,11 @@ impl<'de> Deserialize<'de> for Parts<'de> {
 struct Identifier<'s>(&'s str);
 
 impl<'de> Deserialize<'de> for Identifier<'de> {
-    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
         struct IdentifierVisitor;
         impl<'de> Visitor<'de> for IdentifierVisitor {
             type Value = Identifier<'de>;
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            fn expecting(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
                 f.write_str("a field's name")
             }
             fn visit_borrowed_str<E>(self, v: &'de str) -> Result<Self::Value, E> {
@@ -285,21 +275,20 @@ impl<'de> Deserialize<'de> for Identifier<'de> {
 struct RawMap<'s>(Vec<(&'s RawValue, &'s RawValue)>);
 
 impl<'de> Deserialize<'de> for RawMap<'de> {
-    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct RawMapVisitor;
-        impl<'de> Visitor<'de> for RawMapVisitor {
-            type Value = RawMap<'de>;
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("a map")
-            }
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-                let mut entries = Vec::new();
-                while let Some(entry) = map.next_entry()? {
-                    entries.push(entry);
-                }
-                Ok(RawMap(entries))
-            }
-        }
-        d.deserialize_map(RawMapVisitor)
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        d.deserialize_map(Entries(PhantomData)).map(RawMap)
+    }
+}
+
+/// Collects the entries of a map or struct.
+struct Entries<K>(PhantomData<K>);
+
+impl<'de, K: Deserialize<'de>> Visitor<'de> for Entries<K> {
+    type Value = Vec<(K, &'de RawValue)>;
+    fn expecting(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.write_str("a map")
+    }
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        std::iter::from_fn(|| map.next_entry().transpose()).collect()
     }
 }

@@ -79,10 +79,7 @@ impl Value {
             .label(format!("expected {wanted}"))
     }
 
-    /// A number, whole or not.
-    ///
-    /// # Errors
-    /// Anything but a number.
+    /// A number, whole or not. Error: anything but a number.
     pub fn f64(&self) -> Result<f64, Diagnostic> {
         match self.kind {
             // Whole numbers in a file are far below 2^53.
@@ -92,20 +89,13 @@ impl Value {
         }
     }
 
-    /// A number within a range, in a unit that is named in the error.
-    ///
-    /// # Errors
-    /// Anything but a number in the range.
+    /// A number within a range, in a unit that is named in the error. Error: anything but a number in the
+    /// range.
     pub fn f64_in(&self, range: RangeInclusive<f64>, unit: &str) -> Result<f64, Diagnostic> {
-        let x = self.f64()?;
-        self.check_range(x, &range, unit)?;
-        Ok(x)
+        self.within(self.f64()?, range, unit)
     }
 
-    /// A whole number.
-    ///
-    /// # Errors
-    /// Anything but a whole number.
+    /// A whole number. Error: anything but a whole number.
     pub fn i64(&self) -> Result<i64, Diagnostic> {
         match self.kind {
             Kind::Int(i) => Ok(i),
@@ -114,37 +104,26 @@ impl Value {
         }
     }
 
-    /// A whole number within a range.
-    ///
-    /// # Errors
-    /// Anything but a whole number in the range.
+    /// A whole number within a range. Error: anything but a whole number in the range.
     pub fn i64_in(&self, range: RangeInclusive<i64>, unit: &str) -> Result<i64, Diagnostic> {
-        let i = self.i64()?;
-        self.check_range(i, &range, unit)?;
-        Ok(i)
+        self.within(self.i64()?, range, unit)
     }
 
-    fn check_range<T: PartialOrd + Display>(
+    fn within<T: PartialOrd + Display>(
         &self,
         x: T,
-        range: &RangeInclusive<T>,
+        range: RangeInclusive<T>,
         unit: &str,
-    ) -> Result<(), Diagnostic> {
+    ) -> Result<T, Diagnostic> {
         if range.contains(&x) {
-            return Ok(());
+            return Ok(x);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        Err(self.error(format!("{x}{unit} is out of range")).label("out of range").help(format!(
-            "from {} to {}{unit}",
-            range.start(),
-            range.end()
-        )))
+        let help = format!("from {} to {}{unit}", range.start(), range.end());
+        Err(self.error(format!("{x}{unit} is out of range")).label("out of range").help(help))
     }
 
-    /// `true` or `false`.
-    ///
-    /// # Errors
-    /// Anything else.
+    /// `true` or `false`. Error: anything else.
     pub fn bool(&self) -> Result<bool, Diagnostic> {
         match self.kind {
             Kind::Bool(b) => Ok(b),
@@ -152,10 +131,7 @@ impl Value {
         }
     }
 
-    /// A text in quotes.
-    ///
-    /// # Errors
-    /// Anything else.
+    /// A text in quotes. Error: anything else.
     pub fn text(&self) -> Result<&str, Diagnostic> {
         match &self.kind {
             Kind::Text(t) => Ok(t),
@@ -164,10 +140,7 @@ impl Value {
         }
     }
 
-    /// One of a few words, in quotes or bare.
-    ///
-    /// # Errors
-    /// Anything else, with the nearest of the words.
+    /// One of a few words, in quotes or bare. Error: anything else, with the nearest of the words.
     pub fn choice(&self, words: &[&str]) -> Result<&str, Diagnostic> {
         let (Kind::Text(found) | Kind::Word(found)) = &self.kind else {
             return Err(self.mismatch("a word").help(one_of("", words.iter().copied())));
@@ -178,10 +151,7 @@ impl Value {
         Err(self.error(format!("unknown choice `{found}`")).help(one_of(found, words.iter().copied())))
     }
 
-    /// The items of a list or tuple.
-    ///
-    /// # Errors
-    /// Anything but a list.
+    /// The items of a list or tuple. Error: anything but a list.
     pub fn list(&self) -> Result<&[Value], Diagnostic> {
         match &self.kind {
             Kind::List(items) => Ok(items),
@@ -190,10 +160,7 @@ impl Value {
         }
     }
 
-    /// The entries of a map with texts as keys, in the order of the file.
-    ///
-    /// # Errors
-    /// Anything but a map.
+    /// The entries of a map with texts as keys, in the order of the file. Error: anything but a map.
     pub fn map(&self) -> Result<&[(Key, Value)], Diagnostic> {
         match &self.kind {
             Kind::Map(entries) => Ok(entries),
@@ -201,10 +168,8 @@ impl Value {
         }
     }
 
-    /// The path in a text, from the folder of the file that names it.
-    ///
-    /// # Errors
-    /// Anything but a text, an empty text.
+    /// The path in a text, from the folder of the file that names it. Error: anything but a text, an empty
+    /// text.
     pub fn path(&self) -> Result<PathBuf, Diagnostic> {
         let text = self.text()?;
         if text.trim().is_empty() {
@@ -213,10 +178,8 @@ impl Value {
         Ok(self.source.path().parent().unwrap_or(Path::new("")).join(text))
     }
 
-    /// A struct with named fields, called `name` or without a name.
-    ///
-    /// # Errors
-    /// Anything else, or a struct of another name.
+    /// A struct with named fields, called `name` or without a name. Error: anything else, or a struct of
+    /// another name.
     pub fn record(&self, name: &str) -> Result<Record<'_>, Diagnostic> {
         match &self.kind {
             Kind::Record { name: found, fields } => match found {
@@ -250,10 +213,7 @@ impl<'v> Record<'v> {
         Some(&self.fields[i].1)
     }
 
-    /// A field that must be there.
-    ///
-    /// # Errors
-    /// The field is missing.
+    /// A field that must be there. Error: the field is missing.
     pub fn required(&mut self, name: &str) -> Result<&'v Value, Diagnostic> {
         self.optional(name).ok_or_else(|| {
             let start = self.value.span.start;
@@ -275,10 +235,7 @@ impl<'v> Record<'v> {
         self.value
     }
 
-    /// Refuses fields that were not asked for.
-    ///
-    /// # Errors
-    /// An unknown field, with the nearest known one.
+    /// Refuses fields that were not asked for. Error: an unknown field, with the nearest known one.
     pub fn finish(self) -> Result<(), Diagnostic> {
         match self.fields.iter().zip(&self.taken).find(|(_, taken)| !**taken) {
             None => Ok(()),

@@ -4,11 +4,12 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
+use asperity_node::Diagnostic;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, Utf8Bytes, WebSocket, client};
 
 use super::message;
-use crate::HandError;
+use crate::error;
 
 /// Longest message that is read [bytes].
 const LONGEST: usize = 1 << 20;
@@ -24,43 +25,33 @@ pub(super) struct Link {
 impl Link {
     /// Connects to `host:port`, also written `ws://host:port`; each step within `patience`.
     /// Error: nothing answers, or it does not speak WebSocket.
-    pub(super) fn connect(host: &str, patience: Duration) -> Result<Self, HandError> {
-        let absent = |why: String| {
-            HandError::missing(
+    pub(super) fn connect(host: &str, patience: Duration) -> Result<Self, Diagnostic> {
+        let host = bare(host);
+        let connected = || -> Result<_, String> {
+            let mut why = "the name has no address".to_owned();
+            let mut connect = |address| {
+                TcpStream::connect_timeout(&address, patience).inspect_err(|e| why = e.to_string()).ok()
+            };
+            let found = host.to_socket_addrs().map_err(|e| e.to_string())?.find_map(&mut connect);
+            let stream = found.ok_or(why)?;
+            set(&stream, patience).map_err(|e| e.to_string())?;
+            let again = stream.try_clone().map_err(|e| e.to_string())?;
+            let config =
+                WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+            let shaken = client::client_with_config(format!("ws://{host}/"), stream, Some(config));
+            let (socket, _) = shaken.map_err(|e| match e {
+                HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),
+                HandshakeError::Failure(e) => format!("it does not speak WebSocket: {e}"),
+            })?;
+            again.set_read_timeout(Some(SLICE)).map_err(|e| e.to_string())?;
+            Ok(Self { socket })
+        };
+        connected().map_err(|why| {
+            error(
                 format!("no Haply Inverse Service answers at {host}: {why}"),
                 "start it (the Haply Hub does, or the service alone), or give its address",
             )
-        };
-        let host = bare(host);
-        let all = host.to_socket_addrs().map_err(|e| absent(e.to_string()))?;
-        let mut why = "the name has no address".to_owned();
-        let mut found = None;
-        for address in all {
-            match TcpStream::connect_timeout(&address, patience) {
-                Ok(stream) => {
-                    found = Some(stream);
-                    break;
-                }
-                Err(e) => why = e.to_string(),
-            }
-        }
-        let stream = found.ok_or_else(|| absent(why))?;
-        let times = |read| {
-            stream.set_nodelay(true)?;
-            stream.set_write_timeout(Some(patience))?;
-            stream.set_read_timeout(Some(read))
-        };
-        times(patience).map_err(|e| absent(e.to_string()))?;
-        let again = stream.try_clone().map_err(|e| absent(e.to_string()))?;
-        let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
-        let (socket, _) = client::client_with_config(format!("ws://{host}/"), stream, Some(config)).map_err(
-            |e| match e {
-                HandshakeError::Interrupted(_) => absent("it does not answer as a WebSocket".to_owned()),
-                HandshakeError::Failure(e) => absent(format!("it does not speak WebSocket: {e}")),
-            },
-        )?;
-        again.set_read_timeout(Some(SLICE)).map_err(|e| absent(e.to_string()))?;
-        Ok(Self { socket })
+        })
     }
 
     /// Sends a force, which requests a report. Error: the connection is lost.
@@ -121,6 +112,13 @@ impl Link {
             };
         }
     }
+}
+
+/// Sends at once, and waits for nothing longer than this.
+fn set(stream: &TcpStream, patience: Duration) -> std::io::Result<()> {
+    stream.set_nodelay(true)?;
+    stream.set_write_timeout(Some(patience))?;
+    stream.set_read_timeout(Some(patience))
 }
 
 /// Host and port of an address that may be a WebSocket's.

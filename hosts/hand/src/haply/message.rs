@@ -1,7 +1,6 @@
 //! The part of the service's JSON that is used here.
 
 use std::borrow::Cow;
-use std::fmt::Write;
 
 use serde::Deserialize;
 
@@ -33,15 +32,6 @@ struct Vector {
     z: f64,
 }
 
-/// Report of one device.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Heard {
-    /// Its position in mm, in its own axes.
-    At([f64; 3]),
-    /// The report does not have it.
-    Gone,
-}
-
 fn parse(text: &str) -> Result<Report<'_>, String> {
     serde_json::from_str(text).map_err(|e| {
         let start: String = text.chars().take(40).collect();
@@ -54,39 +44,26 @@ pub(super) fn devices(text: &str) -> Result<Vec<String>, String> {
     Ok(parse(text)?.inverse3.into_iter().map(|d| d.device_id.into_owned()).collect())
 }
 
-/// Reads the position of a device. Error: the fault in the text, for a person.
-pub(super) fn position(text: &str, id: &str) -> Result<Heard, String> {
+/// Position of a device in mm, in its own axes; `None` where the report does not have the device. Error: the
+/// fault in the text, for a person.
+pub(super) fn position(text: &str, id: &str) -> Result<Option<[f64; 3]>, String> {
     let report = parse(text)?;
-    let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else {
-        return Ok(Heard::Gone);
-    };
+    let Some(entry) = report.inverse3.iter().find(|d| d.device_id == id) else { return Ok(None) };
     let at = entry.state.as_ref().and_then(|s| s.cursor_position.as_ref());
     let at = at.ok_or_else(|| format!("a report has no position of `{id}`"))?;
     let metres = [at.x, at.y, at.z];
     if metres.iter().any(|m| m.is_nan() || m.abs() > FAR_M) {
         return Err(format!("`{id}` cannot be at {metres:?} m"));
     }
-    Ok(Heard::At(metres.map(|m| m * 1e3)))
+    Ok(Some(metres.map(|m| m * 1e3)))
 }
 
 /// Command for a finite force \[N\] of a device, in its own axes.
 pub(super) fn command(id: &str, force: [f64; 3]) -> String {
-    let mut text = String::with_capacity(160);
     let id = serde_json::Value::from(id);
-    let [x, y, z] = force;
-    // Writing to a text does not fail.
-    let _ = write!(
-        text,
-        concat!(
-            r#"{{"inverse3":[{{"device_id":{id},"commands":{{"set_cursor_force":"#,
-            r#"{{"values":{{"x":{x:.6},"y":{y:.6},"z":{z:.6}}}}}}}}}]}}"#
-        ),
-        id = id,
-        x = x,
-        y = y,
-        z = z
-    );
-    text
+    let [x, y, z] = force.map(|f| format!("{f:.6}"));
+    let force = format!(r#"{{"set_cursor_force":{{"values":{{"x":{x},"y":{y},"z":{z}}}}}}}"#);
+    format!(r#"{{"inverse3":[{{"device_id":{id},"commands":{force}}}]}}"#)
 }
 
 #[cfg(test)]
@@ -111,8 +88,8 @@ mod tests {
             {"device_id":"049D","config":{"type":"inverse3","x":[1,2]},"status":{},
              "state":{"cursor_velocity":{"x":1,"y":1,"z":1},
                 "cursor_position":{"x":0.01,"y":-0.12,"z":0.15}}}],"verse_grip":[]}"#;
-        assert_eq!(position(text, "049D"), Ok(Heard::At([10.0, -120.0, 150.0])));
-        assert_eq!(position(text, "B"), Ok(Heard::Gone));
+        assert_eq!(position(text, "049D"), Ok(Some([10.0, -120.0, 150.0])));
+        assert_eq!(position(text, "B"), Ok(None));
         assert!(position(text, "A").unwrap_err().contains("no position of `A`"));
         assert_eq!(devices(text).unwrap(), ["A", "049D"]);
         assert!(devices("{}").unwrap().is_empty());

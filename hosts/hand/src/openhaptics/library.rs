@@ -5,11 +5,11 @@
 //! functions, values of constants, and the layout of the one struct that is returned by value.
 
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
-use std::path::{Path, PathBuf};
 
+use asperity_node::Diagnostic;
 use libloading::Library;
 
-use crate::HandError;
+use crate::error;
 
 /// Position in mm.
 pub(super) const CURRENT_POSITION: c_uint = 0x2050;
@@ -41,26 +41,6 @@ pub(super) struct ErrorInfo {
 /// Callback of the scheduler.
 pub(super) type Callback = unsafe extern "system" fn(*mut c_void) -> c_uint;
 
-/// The library's functions: plain pointers, valid because the library is never unloaded.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hd {
-    pub(super) init_device: unsafe extern "system" fn(*const c_char) -> c_uint,
-    pub(super) disable_device: unsafe extern "system" fn(c_uint),
-    pub(super) make_current: unsafe extern "system" fn(c_uint),
-    pub(super) begin_frame: unsafe extern "system" fn(c_uint),
-    pub(super) end_frame: unsafe extern "system" fn(c_uint),
-    pub(super) get_doubles: unsafe extern "system" fn(c_uint, *mut f64),
-    pub(super) set_doubles: unsafe extern "system" fn(c_uint, *const f64),
-    pub(super) enable: unsafe extern "system" fn(c_uint),
-    pub(super) get_error: unsafe extern "system" fn() -> ErrorInfo,
-    pub(super) error_string: unsafe extern "system" fn(c_uint) -> *const c_char,
-    pub(super) set_rate: unsafe extern "system" fn(c_ulong),
-    pub(super) start_scheduler: unsafe extern "system" fn(),
-    pub(super) stop_scheduler: unsafe extern "system" fn(),
-    pub(super) schedule: unsafe extern "system" fn(Callback, *mut c_void, c_ushort) -> c_ulong,
-    pub(super) unschedule: unsafe extern "system" fn(c_ulong),
-}
-
 /// Default names of the library.
 fn names() -> &'static [&'static str] {
     if cfg!(windows) {
@@ -75,62 +55,64 @@ fn names() -> &'static [&'static str] {
 const INSTALL: &str = "install 3D Systems' OpenHaptics and the driver of the device (Touch Device Driver), \
     run the driver's setup once, or give the path of the library";
 
+/// Declares [`Hd`] and finds its functions in a library.
+macro_rules! functions {
+    ($($name:ident = $symbol:literal: fn($($argument:ty),*) $(-> $answer:ty)?;)*) => {
+        /// The library's functions: plain pointers, valid because the library is never unloaded.
+        #[derive(Clone, Copy, Debug)]
+        pub(super) struct Hd {
+            $(pub(super) $name: unsafe extern "system" fn($($argument),*) $(-> $answer)?,)*
+        }
+
+        impl Hd {
+            /// Error: the first function that the library lacks.
+            fn find(library: &'static Library) -> Result<Self, &'static str> {
+                // SAFETY: the types are those of the published interface.
+                Ok(Self { $($name: *unsafe { library.get($symbol) }.map_err(|_| $symbol)?,)* })
+            }
+        }
+    };
+}
+
+functions! {
+    init_device = "hdInitDevice": fn(*const c_char) -> c_uint;
+    disable_device = "hdDisableDevice": fn(c_uint);
+    make_current = "hdMakeCurrentDevice": fn(c_uint);
+    begin_frame = "hdBeginFrame": fn(c_uint);
+    end_frame = "hdEndFrame": fn(c_uint);
+    get_doubles = "hdGetDoublev": fn(c_uint, *mut f64);
+    set_doubles = "hdSetDoublev": fn(c_uint, *const f64);
+    enable = "hdEnable": fn(c_uint);
+    get_error = "hdGetError": fn() -> ErrorInfo;
+    error_string = "hdGetErrorString": fn(c_uint) -> *const c_char;
+    set_rate = "hdSetSchedulerRate": fn(c_ulong);
+    start_scheduler = "hdStartScheduler": fn();
+    stop_scheduler = "hdStopScheduler": fn();
+    schedule = "hdScheduleAsynchronous": fn(Callback, *mut c_void, c_ushort) -> c_ulong;
+    unschedule = "hdUnschedule": fn(c_ulong);
+}
+
 impl Hd {
     /// Loads the library at `path`, or else the first default name that the system's loader finds.
     /// Error: not found, with the names tried; or found, but a function is missing.
-    pub(super) fn load(path: Option<&Path>) -> Result<Self, HandError> {
-        let wanted = path.map_or_else(|| names().iter().map(PathBuf::from).collect(), |p| vec![p.to_owned()]);
+    pub(super) fn load(path: Option<&str>) -> Result<Self, Diagnostic> {
         let mut said = Vec::new();
-        for name in &wanted {
+        for name in path.as_ref().map_or(names(), std::slice::from_ref) {
             // SAFETY: loading runs the library's initialisers. The user asked for this library by naming
             // the device; it is the maker's, and there is no other way to the device.
-            match unsafe { Library::new(name) } {
-                Ok(library) => return Self::of(library, name),
-                Err(e) => said.push(format!("{} ({})", name.display(), reason(&e))),
+            match unsafe { Library::new(*name) } {
+                // The maker's library has its own threads and is not made to be unloaded.
+                Ok(library) => {
+                    return Self::find(Box::leak(Box::new(library))).map_err(|symbol| {
+                        let why = "it is not OpenHaptics' libHD, or too old";
+                        error(format!("{name} has no function {symbol}: {why}"), INSTALL)
+                    });
+                }
+                Err(e) => said.push(format!("{name} ({})", reason(&e))),
             }
         }
-        Err(HandError::missing(
-            format!("OpenHaptics' libHD cannot be loaded; looked for {}", said.join(", ")),
-            INSTALL,
-        ))
-    }
-
-    fn of(library: Library, name: &Path) -> Result<Self, HandError> {
-        // The maker's library has its own threads and is not made to be unloaded.
-        let library: &'static Library = Box::leak(Box::new(library));
-        macro_rules! function {
-            ($symbol:literal) => {{
-                // SAFETY: the types are those of the published interface.
-                let found = unsafe { library.get(concat!($symbol, "\0").as_bytes()) };
-                *found.map_err(|_| {
-                    HandError::missing(
-                        format!(
-                            "{} has no function {}: it is not OpenHaptics' libHD, or too old",
-                            name.display(),
-                            $symbol
-                        ),
-                        INSTALL,
-                    )
-                })?
-            }};
-        }
-        Ok(Self {
-            init_device: function!("hdInitDevice"),
-            disable_device: function!("hdDisableDevice"),
-            make_current: function!("hdMakeCurrentDevice"),
-            begin_frame: function!("hdBeginFrame"),
-            end_frame: function!("hdEndFrame"),
-            get_doubles: function!("hdGetDoublev"),
-            set_doubles: function!("hdSetDoublev"),
-            enable: function!("hdEnable"),
-            get_error: function!("hdGetError"),
-            error_string: function!("hdGetErrorString"),
-            set_rate: function!("hdSetSchedulerRate"),
-            start_scheduler: function!("hdStartScheduler"),
-            stop_scheduler: function!("hdStopScheduler"),
-            schedule: function!("hdScheduleAsynchronous"),
-            unschedule: function!("hdUnschedule"),
-        })
+        let tried = said.join(", ");
+        Err(error(format!("OpenHaptics' libHD cannot be loaded; looked for {tried}"), INSTALL))
     }
 
     /// Takes all errors off the stack; returns the newest.

@@ -1,8 +1,9 @@
 //! Meaning of a message's arguments.
 
+use asperity_node::Diagnostic;
 use rosc::OscType;
 
-use crate::HandError;
+use crate::error;
 
 /// Most arguments in a list.
 const MOST: usize = 64;
@@ -32,54 +33,19 @@ enum Meaning {
 
 /// Meanings and units of a message's arguments, in order.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Arguments(Vec<Meaning>);
+pub(super) struct Arguments(Vec<Meaning>);
 
 /// Values of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reading {
+pub(super) struct Reading {
     /// x, y, z in mm; 0 for an axis that is not listed.
-    pub position: [f64; 3],
+    pub(super) position: [f64; 3],
     /// Force in N, at least 0, or pressure from 0 to 1; 0 if neither is listed.
-    pub force: f64,
+    pub(super) force: f64,
     /// Whether the hand touches, if listed.
-    pub touch: Option<bool>,
+    pub(super) touch: Option<bool>,
     /// Time of the sender in ns, if listed.
-    pub time_ns: Option<f64>,
-}
-
-/// Parses a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and case do not matter.
-///
-/// # Errors
-/// An unknown word, a wrong unit, a repeated word, or no axis. The error names the fault and the
-/// valid words.
-pub fn parse_arguments(text: &str) -> Result<Arguments, HandError> {
-    let fail = |what: String| Err(HandError::option(what, HELP));
-    let mut list = Vec::new();
-    let mut seen: Vec<&str> = Vec::new();
-    for (place, word) in text.split(',').map(str::trim).enumerate() {
-        if place >= MOST {
-            return fail(format!("there are more than {MOST} arguments"));
-        }
-        if word.is_empty() {
-            return fail(format!("argument {} of `{text}` is empty", place + 1));
-        }
-        let (meaning, name) =
-            one(word).map_err(|what| HandError::option(format!("argument {}: {what}", place + 1), HELP))?;
-        if !name.is_empty() {
-            if seen.contains(&name) {
-                return fail(format!("`{name}` is listed twice in `{text}`"));
-            }
-            seen.push(name);
-        }
-        list.push(meaning);
-    }
-    if seen.contains(&"force") && seen.contains(&"pressure") {
-        return fail(format!("`{text}` has a force and a pressure; a hand's sample carries one of them"));
-    }
-    if !list.iter().any(|m| matches!(m, Meaning::Axis(..))) {
-        return fail(format!("`{text}` has none of x, y and z"));
-    }
-    Ok(Arguments(list))
+    pub(super) time_ns: Option<f64>,
 }
 
 /// Meaning of a word, and the name that must not be repeated.
@@ -93,51 +59,68 @@ fn one(word: &str) -> Result<(Meaning, &'static str), String> {
     };
     let lower = rest.to_ascii_lowercase();
     let (name, unit) = lower.split_once('_').map_or((lower.as_str(), None), |(n, u)| (n, Some(u)));
-    let scale = |units: &[(&str, f64)]| {
-        let all = units.iter().map(|(u, _)| format!("`{name}_{u}`")).collect::<Vec<_>>().join(", ");
-        match unit {
-            None => Err(format!("`{word}` has no unit; write one of {all}")),
-            Some(unit) => match units.iter().find(|(u, _)| *u == unit) {
-                Some((_, factor)) => Ok(*factor),
-                None => Err(format!("`{unit}` in `{word}` is not a unit of `{name}`; write one of {all}")),
-            },
-        }
-    };
-    let plain = |meaning, name| match (unit, sign < 0.0) {
-        (None, false) => Ok((meaning, name)),
-        (Some(_), _) => Err(format!("`{word}` has a unit, and {name} has none")),
-        (None, true) => Err(format!("`{word}`: {name} takes no `-`")),
-    };
-    let length = [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)];
-    match name {
-        "x" => Ok((Meaning::Axis(0, sign * scale(&length)?), "x")),
-        "y" => Ok((Meaning::Axis(1, sign * scale(&length)?), "y")),
-        "z" => Ok((Meaning::Axis(2, sign * scale(&length)?), "z")),
-        "force" => Ok((Meaning::Force(sign * scale(&[("n", 1.0), ("gf", GRAVITY * 1e-3)])?), "force")),
-        "pressure" => plain(Meaning::Pressure, "pressure"),
-        "stroke" | "touch" => plain(Meaning::Touch, "touch"),
-        "time" if sign < 0.0 => Err(format!("`{word}`: time takes no `-`")),
-        "time" => Ok((Meaning::Time(scale(&[("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)])?), "time")),
-        _ => Err(format!("`{word}` is not known")),
+    let length = &[("mm", 1.0), ("cm", 10.0), ("m", 1000.0)][..];
+    // The name, its units with their factors, whether it takes a `-`, and its meaning with a signed factor.
+    type Known = (&'static str, &'static [(&'static str, f64)], bool, fn(f64) -> Meaning);
+    let known: [Known; 8] = [
+        ("x", length, true, |mm| Meaning::Axis(0, mm)),
+        ("y", length, true, |mm| Meaning::Axis(1, mm)),
+        ("z", length, true, |mm| Meaning::Axis(2, mm)),
+        ("force", &[("n", 1.0), ("gf", GRAVITY * 1e-3)], true, Meaning::Force),
+        ("time", &[("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)], false, Meaning::Time),
+        ("pressure", &[], false, |_| Meaning::Pressure),
+        ("touch", &[], false, |_| Meaning::Touch),
+        ("stroke", &[], false, |_| Meaning::Touch),
+    ];
+    let found = known.into_iter().find(|(known, ..)| *known == name);
+    let (known, units, signed, meaning) = found.ok_or_else(|| format!("`{word}` is not known"))?;
+    if sign < 0.0 && !signed {
+        return Err(format!("`{word}`: {known} takes no `-`"));
     }
+    let all = || units.iter().map(|(u, _)| format!("`{name}_{u}`")).collect::<Vec<_>>().join(", ");
+    let factor = match unit {
+        None if units.is_empty() => 1.0,
+        None => return Err(format!("`{word}` has no unit; write one of {}", all())),
+        Some(_) if units.is_empty() => return Err(format!("`{word}` has a unit, and {known} has none")),
+        Some(unit) => units.iter().find(|(u, _)| *u == unit).map(|(_, factor)| *factor).ok_or_else(|| {
+            format!("`{unit}` in `{word}` is not a unit of `{name}`; write one of {}", all())
+        })?,
+    };
+    Ok((meaning(sign * factor), if known == "stroke" { "touch" } else { known }))
 }
 
 impl Arguments {
-    /// Number of arguments that a message needs.
-    pub fn needed(&self) -> usize {
-        self.0.len()
+    /// Parses a list such as `x_mm, y_mm, -z_m, force_n, _, time_ms`. Spaces and case do not matter. Error:
+    /// an unknown word, a wrong unit, a repeated word, or no axis.
+    pub(super) fn parse(text: &str) -> Result<Self, Diagnostic> {
+        let fail = |what: String| Err(error(what, HELP));
+        let (mut list, mut seen) = (Vec::new(), Vec::new());
+        for (place, word) in text.split(',').map(str::trim).enumerate() {
+            if place >= MOST {
+                return fail(format!("there are more than {MOST} arguments"));
+            }
+            if word.is_empty() {
+                return fail(format!("argument {} of `{text}` is empty", place + 1));
+            }
+            let (meaning, name) =
+                one(word).map_err(|what| error(format!("argument {}: {what}", place + 1), HELP))?;
+            if !name.is_empty() && seen.contains(&name) {
+                return fail(format!("`{name}` is listed twice in `{text}`"));
+            }
+            seen.push(name);
+            list.push(meaning);
+        }
+        if seen.contains(&"force") && seen.contains(&"pressure") {
+            return fail(format!("`{text}` has a force and a pressure; a hand's sample carries one of them"));
+        }
+        if !list.iter().any(|m| matches!(m, Meaning::Axis(..))) {
+            return fail(format!("`{text}` has none of x, y and z"));
+        }
+        Ok(Self(list))
     }
 
-    /// Whether the force of samples is a pressure from 0 to 1.
-    pub fn pressure(&self) -> bool {
-        self.0.contains(&Meaning::Pressure)
-    }
-
-    /// Reads a message's arguments; extra ones are ignored.
-    ///
-    /// # Errors
-    /// Why the message is unusable, for a person.
-    pub fn read(&self, args: &[OscType]) -> Result<Reading, String> {
+    /// Reads a message's arguments; extra ones are ignored. Error: why the message is unusable, for a person.
+    pub(super) fn read(&self, args: &[OscType]) -> Result<Reading, String> {
         if args.len() < self.0.len() {
             return Err(format!("it has {} arguments, {} are listed", args.len(), self.0.len()));
         }
@@ -200,7 +183,7 @@ mod tests {
 
     #[test]
     fn units_and_signs_convert_to_mm_n_and_ns() {
-        let list = parse_arguments("x_mm, Y_cm,-z_m , force_gf, _, touch, time_ms").unwrap();
+        let list = Arguments::parse("x_mm, Y_cm,-z_m , force_gf, _, touch, time_ms").unwrap();
         let args = [
             OscType::Float(1.5),
             OscType::Int(2),
@@ -215,13 +198,11 @@ mod tests {
         assert_eq!((r.position, r.touch, r.time_ns), ([1.5, 20.0, -4.0], Some(true), Some(12.5e6)));
         // 100 gf is 0.980665 N.
         assert!((r.force - 0.980_665).abs() < 1e-12);
-        assert_eq!(list.needed(), 7);
     }
 
     #[test]
     fn force_is_0_without_touch_and_pressure_is_bounded() {
-        let list = parse_arguments("x_m, pressure, stroke").unwrap();
-        assert!(list.pressure());
+        let list = Arguments::parse("x_m, pressure, stroke").unwrap();
         let read = |p: f64, t: i32| list.read(&[OscType::Int(0), OscType::Double(p), OscType::Int(t)]);
         assert_eq!(read(0.7, 1).unwrap().force, 0.7);
         assert_eq!(read(0.7, 0).unwrap().force, 0.0);
@@ -247,16 +228,16 @@ mod tests {
             ("x_mm, pressure_n", "pressure has none"),
             ("x_mm, --y_mm", "`--y_mm` is not known"),
         ] {
-            let e = parse_arguments(text).unwrap_err();
+            let e = Arguments::parse(text).unwrap_err();
             assert!(e.message.contains(what), "`{text}`: {e}");
-            assert!(e.help.contains("x_mm, y_mm, -z_m"));
+            assert!(e.help.unwrap().contains("x_mm, y_mm, -z_m"));
         }
-        assert!(parse_arguments(&vec!["_"; 100].join(",")).unwrap_err().message.contains("more than 64"));
+        assert!(Arguments::parse(&vec!["_"; 100].join(",")).unwrap_err().message.contains("more than 64"));
     }
 
     #[test]
     fn unusable_message_error_says_why() {
-        let list = parse_arguments("x_m, y_m").unwrap();
+        let list = Arguments::parse("x_m, y_m").unwrap();
         for (args, what) in [
             (vec![OscType::Float(1.0)], "it has 1 arguments, 2 are listed"),
             (vec![OscType::Float(1.0), OscType::String("2".into())], "argument 2 is a text"),

@@ -1,7 +1,7 @@
 //! A hand over the network: Open Sound Control 1.0 in UDP packets.
 //!
 //! Any sender of positions can be the hand: a tablet's program, a tracker, a script. Options give the
-//! address pattern of the messages and the meaning of their arguments, see [`parse_arguments`]. The time of
+//! address pattern of the messages and the meaning of their arguments, see [`OscOptions::parse`]. The time of
 //! a sample is an argument, if listed; or else the time tag of its bundle, unless that is "immediately"; or
 //! else the arrival. The first two are mapped to our clock by the fastest packets, which removes jitter. (A
 //! `time` sent as a 32-bit float counts milliseconds exactly for 4.6 hours; send a double or an integer.)
@@ -12,7 +12,6 @@
 //! bounded. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded machine).
 
 mod arguments;
-mod node;
 mod packet;
 mod pattern;
 
@@ -21,62 +20,55 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::{Arc, atomic::Ordering::Relaxed};
 use std::time::Duration;
 
-use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns};
-use asperity_node::{Params, Registry};
+use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns, place};
+use asperity_node::{
+    Descriptor, Diagnostic, Node, Param, Params, Prepared, Processor, Registry, Setup, Status, Tick, Unit,
+};
+use regex::Regex;
 use rosc::OscMessage;
 
-use crate::handle::{Handle, Shared, spawn};
-use crate::{Device, HandDevice, HandError, Open};
-pub use arguments::{Arguments, Reading, parse_arguments};
-use pattern::Pattern;
+use crate::arm::AGAIN;
+use crate::handle::Shared;
+use crate::node::{hand, pass_on};
+use crate::{HandDevice, Handle, Open, error};
+use arguments::{Arguments, Reading};
 
 /// Longest wait for a packet before the thread looks for a stop.
 const WAIT: Duration = Duration::from_millis(50);
-/// Wait before a failed socket is opened again.
-const AGAIN: Duration = Duration::from_millis(500);
 /// After a longer pause, another sender begins a new stroke [ns].
 const PAUSE_NS: u64 = 50_000_000;
 /// Largest UDP packet [bytes].
 const PACKET: usize = 65_536;
 
 /// Options of the receiver.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct OscOptions {
-    /// Address and port to listen at; port 0 chooses a free one.
-    pub listen: SocketAddr,
-    /// Allows an address other than this machine's loopback: then anybody on the network can move the
-    /// stylus.
-    pub anywhere: bool,
-    /// An OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`.
-    pub address: String,
-    /// Meaning of the arguments.
-    pub arguments: Arguments,
+    listen: SocketAddr,
+    /// The address pattern as written.
+    address: String,
+    pattern: Regex,
+    arguments: Arguments,
 }
 
 impl OscOptions {
-    /// Listens at 127.0.0.1:9000.
-    pub fn new(address: impl Into<String>, arguments: Arguments) -> Self {
-        let listen = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
-        Self { listen, anywhere: false, address: address.into(), arguments }
-    }
-
-    /// Checks the options without opening the port.
+    /// `listen`: the address and port to listen at; port 0 chooses a free one. `anywhere` allows an address
+    /// other than this machine's loopback: then anybody on the network can move the stylus. `address`: an
+    /// OSC 1.0 address or address pattern, such as `/pen` or `/wacom/{1,2}/*`. `arguments`: a list such as
+    /// `x_mm, y_mm, -z_m, force_n, _, time_ms`.
     ///
     /// # Errors
-    /// An invalid address pattern; a listening address beyond loopback without `anywhere`.
-    pub fn check(&self) -> Result<(), HandError> {
-        self.pattern().map(drop)
-    }
-
-    fn pattern(&self) -> Result<Pattern, HandError> {
-        let pattern = Pattern::parse(&self.address)?;
-        if !self.anywhere && !self.listen.ip().is_loopback() {
-            return Err(HandError::option(
-                format!("{} can be reached from the network", self.listen),
+    /// An address, pattern or list that cannot be read; an address beyond loopback without `anywhere`.
+    pub fn parse(listen: &str, anywhere: bool, address: &str, arguments: &str) -> Result<Self, Diagnostic> {
+        let arguments = Arguments::parse(arguments)?;
+        let listen = parse_listen(listen)?;
+        let pattern = pattern::parse(address)?;
+        if !anywhere && !listen.ip().is_loopback() {
+            return Err(error(
+                format!("{listen} can be reached from the network"),
                 "listen at 127.0.0.1, or say `anywhere` if others may move the stylus",
             ));
         }
-        Ok(pattern)
+        Ok(Self { listen, address: address.to_owned(), pattern, arguments })
     }
 }
 
@@ -89,17 +81,12 @@ impl HandDevice for Osc {
     }
 
     fn register(&self, registry: Registry) -> Registry {
-        registry.with::<node::OscInput>()
+        registry.with::<OscInput>()
     }
 
-    fn configure(&self, params: &Params, _max_force_n: f64) -> Result<Open, HandError> {
-        let options = OscOptions {
-            address: params.text("address").to_owned(),
-            arguments: parse_arguments(params.text("arguments"))?,
-            listen: parse_listen(params.text("listen"))?,
-            anywhere: params.flag("anywhere"),
-        };
-        options.check()?;
+    fn configure(&self, params: &Params, _max_force_n: f64) -> Result<Open, Diagnostic> {
+        let [listen, address, arguments] = ["listen", "address", "arguments"].map(|p| params.text(p));
+        let options = OscOptions::parse(listen, params.flag("anywhere"), address, arguments)?;
         Ok(Box::new(|writer, _| start(options, writer)))
     }
 
@@ -114,20 +101,64 @@ impl HandDevice for Osc {
     }
 }
 
+/// A stylus whose position comes by Open Sound Control over UDP.
+struct OscInput {
+    /// Force of a message's 1 \[N\]: a force counts as it is, a pressure of 1 is the largest force.
+    newton: f64,
+}
+
+impl Node for OscInput {
+    fn descriptor() -> Descriptor {
+        let anywhere = "Listen at an address that other machines reach, too. Anybody there can then move the \
+                        actuator.";
+        let arguments = "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; \
+                         pressure (0 to 1); touch (0 or 1); time_ms; `_` for one that means nothing here; a \
+                         minus turns an axis round.";
+        let most = "Force at full pressure, where messages say a pressure.";
+        let it = Descriptor::new("osc_input", "A stylus that some other program tracks, over OSC (UDP).")
+            .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen at."))
+            .param(Param::flag("anywhere", false, anywhere))
+            .param(Param::text("address", "/stylus", "OSC address, or an OSC 1.0 pattern of addresses."))
+            .param(Param::text("arguments", "x_mm, y_mm, z_mm", arguments))
+            .param(Param::number("max_force_n", 3.3, 0.0..=100.0, most).unit("N"));
+        hand(it, (Unit::NEWTON, "how hard it presses, where a message says so"))
+    }
+
+    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        let p = setup.params;
+        let arguments = p.text("arguments");
+        let says = ["force", "pressure"].iter().any(|word| arguments.contains(word));
+        if setup.outputs[place::FORCE].connected && !says {
+            let message = format!("`{}.force` is wired, but no argument of a message says it", setup.id);
+            return Err(p
+                .error("arguments", message)
+                .help("send force_n too, or compute it with virtual_floor"));
+        }
+        let newton = if arguments.contains("pressure") { p.number("max_force_n") } else { 1.0 };
+        Ok(Prepared::new(Self { newton }))
+    }
+}
+
+impl Processor for OscInput {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let status = pass_on(tick);
+        tick.outputs.set(place::FORCE, tick.inputs.value(place::FORCE) * self.newton);
+        status
+    }
+
+    fn reset(&mut self) {}
+}
+
 /// Parses a listening address: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's
 /// loopback.
-///
-/// # Errors
-/// Anything else.
-pub fn parse_listen(text: &str) -> Result<SocketAddr, HandError> {
-    let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+fn parse_listen(text: &str) -> Result<SocketAddr, Diagnostic> {
     let text = text.trim();
     let port = text.strip_prefix("localhost:").unwrap_or(text);
     if let Ok(port) = port.parse::<u16>() {
-        return Ok(SocketAddr::new(here, port));
+        return Ok(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
     }
     text.parse().map_err(|_| {
-        HandError::option(
+        error(
             format!("`{text}` is no address to listen at"),
             "write an IP address and a port, such as 127.0.0.1:9000, or a port alone",
         )
@@ -143,24 +174,15 @@ fn exclude(one: SocketAddr, other: SocketAddr) -> bool {
     one.port() != 0 && one.port() == other.port() && (all || a == b)
 }
 
-/// Opens the socket and starts to listen.
-///
-/// # Errors
-/// Those of [`OscOptions::check`]; a port that is in use or not allowed.
-pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandError> {
-    let pattern = options.pattern()?;
+/// Opens the socket and starts to listen. Error: a port that is in use or not allowed.
+pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, Diagnostic> {
     let socket = open(options.listen)?;
     let address = socket.local_addr().unwrap_or(options.listen);
     let shared = Arc::new(Shared::default());
-    shared.set_device(Device { name: format!("OSC at {address}"), ..Device::default() });
-    shared.set_connected(true);
     let mut ear = Ear {
         shared: shared.clone(),
         writer,
-        arguments: options.arguments,
-        written: options.address,
-        pattern,
-        known: (String::new(), false),
+        options,
         clock: RemoteClock::new(),
         sender: None,
         touched: false,
@@ -168,36 +190,28 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, HandEr
         newest_ns: 0,
         told: false,
     };
-    let thread = spawn("osc", move || ear.listen(socket, address))?;
-    Ok(Handle::new(shared, thread, Some(address)))
+    Handle::start("osc", shared, Some(address), move || ear.listen(socket, address))
 }
 
-fn open(address: SocketAddr) -> Result<UdpSocket, HandError> {
-    let socket = UdpSocket::bind(address).map_err(|e| match e.kind() {
-        ErrorKind::AddrInUse => HandError::taken(
+fn open(address: SocketAddr) -> Result<UdpSocket, Diagnostic> {
+    let bound = UdpSocket::bind(address).and_then(|s| s.set_read_timeout(Some(WAIT)).map(|()| s));
+    bound.map_err(|e| match e.kind() {
+        ErrorKind::AddrInUse => error(
             format!("UDP port {} is in use", address.port()),
             "stop the other program or listen at another port",
         ),
-        _ => HandError::missing(
+        _ => error(
             format!("cannot listen at {address}: {e}"),
             "choose an address of this machine, and a port from 1024 up",
         ),
-    })?;
-    let ready = socket.set_read_timeout(Some(WAIT));
-    ready.map_err(|e| HandError::missing(format!("cannot listen at {address}: {e}"), "try again"))?;
-    Ok(socket)
+    })
 }
 
 /// The listening thread.
 struct Ear {
     shared: Arc<Shared>,
     writer: SampleWriter,
-    arguments: Arguments,
-    /// The pattern as written.
-    written: String,
-    pattern: Pattern,
-    /// The last address, and whether it matched: senders seldom change it.
-    known: (String, bool),
+    options: OscOptions,
     clock: RemoteClock,
     sender: Option<(SocketAddr, u64)>,
     touched: bool,
@@ -212,37 +226,18 @@ impl Ear {
         let mut buffer = vec![0; PACKET];
         while !self.shared.stopped() {
             match socket.recv_from(&mut buffer) {
-                Ok((length, from)) => {
-                    let packet = buffer.get(..length).unwrap_or_default();
-                    self.hear(packet, from, now_ns());
-                }
+                Ok((length, from)) => self.hear(&buffer[..length], from, now_ns()),
                 Err(e)
                     if matches!(
                         e.kind(),
                         ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
                     ) => {}
                 Err(e) => {
-                    self.shared.set_connected(false);
                     self.shared.trouble(format!("the socket at {address} failed: {e}; it is opened again"));
-                    match self.reopen(address) {
-                        Some(again) => socket = again,
-                        None => return,
-                    }
+                    let Some(again) = self.shared.reopen(AGAIN, || open(address).ok()) else { return };
+                    socket = again;
+                    self.shared.well(&format!("listening at {address} again"));
                 }
-            }
-        }
-    }
-
-    fn reopen(&self, address: SocketAddr) -> Option<UdpSocket> {
-        loop {
-            std::thread::park_timeout(AGAIN);
-            if self.shared.stopped() {
-                return None;
-            }
-            if let Ok(socket) = open(address) {
-                self.shared.set_connected(true);
-                self.shared.well(&format!("listening at {address} again"));
-                return Some(socket);
             }
         }
     }
@@ -263,28 +258,21 @@ impl Ear {
     }
 
     fn message(&mut self, message: &OscMessage, tag: Option<u64>, arrived_ns: u64) {
-        if !self.matches(&message.addr) {
+        if !pattern::fits(&self.options.pattern, &message.addr) {
             if !self.told && self.shared.samples.load(Relaxed) == 0 {
                 self.told = true;
                 let heard = message.addr.chars().take(80).collect::<String>();
                 self.shared.trouble(format!(
                     "a message for `{heard}` came, which `{}` does not match",
-                    self.written
+                    self.options.address
                 ));
             }
             return;
         }
-        match self.arguments.read(&message.args) {
+        match self.options.arguments.read(&message.args) {
             Ok(reading) => self.take(reading, tag, arrived_ns),
             Err(why) => self.shared.bad(format!("a message for `{}`: {why}", message.addr)),
         }
-    }
-
-    fn matches(&mut self, address: &str) -> bool {
-        if self.known.0 != address {
-            self.known = (address.to_owned(), self.pattern.fits(address));
-        }
-        self.known.1
     }
 
     fn take(&mut self, reading: Reading, tag: Option<u64>, arrived_ns: u64) {

@@ -23,8 +23,6 @@
 //! 0.5 N s/m, an undamped wall at 1 kHz rings on from 1.001 N/mm (eigenvalues of the loop); Colgate's bound
 //! is 1.000 N/mm.
 
-pub mod passivity;
-
 use std::time::Duration;
 
 use asperity_live::ForceModel;
@@ -43,26 +41,8 @@ pub const RISE: Duration = Duration::from_millis(50);
 pub const VELOCITY_HZ: f64 = 100.0;
 /// A longer time between two calls restarts the servo [s].
 const STALL_S: f64 = 0.05;
-/// Default time from 0 to the largest force at the slew limit [s].
+/// Time from 0 to the largest force at the slew limit [s].
 const SLEW_S: f64 = 0.004;
-
-/// Limits of a device.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Largest force \[N\], at least 0.
-    pub force_n: f64,
-    /// Fastest change of the force \[N/s\], above 0.
-    pub slew_n_per_s: f64,
-}
-
-impl Limits {
-    /// Limits of a device with this largest force, reached within 4 ms. A value that is not finite or below
-    /// 0 counts as 0.
-    pub fn of(force_n: f64) -> Self {
-        let force_n = if force_n.is_finite() { force_n.max(0.0) } else { 0.0 };
-        Self { force_n, slew_n_per_s: (force_n / SLEW_S).max(f64::MIN_POSITIVE) }
-    }
-}
 
 /// A valid model, with a normal of length 1 or 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -105,7 +85,10 @@ impl Plane {
 /// Evaluates the law by plain arithmetic: no allocation, no waiting.
 #[derive(Clone, Debug)]
 pub struct Servo {
-    limits: Limits,
+    /// Largest force \[N\].
+    force_n: f64,
+    /// Fastest change of the force \[N/s\].
+    slew_n_per_s: f64,
     plane: Plane,
     level: f64,
     last: Option<(u64, [f64; 3])>,
@@ -120,10 +103,13 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A new servo.
-    pub fn new(limits: Limits) -> Self {
+    /// A servo with a largest force \[N\], which is reached within 4 ms. A force that is not finite or below
+    /// 0 counts as 0.
+    pub fn new(force_n: f64) -> Self {
+        let force_n = if force_n.is_finite() { force_n.max(0.0) } else { 0.0 };
         Self {
-            limits,
+            force_n,
+            slew_n_per_s: (force_n / SLEW_S).max(f64::MIN_POSITIVE),
             plane: Plane::default(),
             level: 0.0,
             last: None,
@@ -137,7 +123,7 @@ impl Servo {
 
     /// Restarts from no force: the device was lost, or switched its motors off.
     pub fn restart(&mut self) {
-        *self = Self::new(self.limits);
+        *self = Self { slew_n_per_s: self.slew_n_per_s, ..Self::new(self.force_n) };
     }
 
     /// The force \[N\] for a hand at `position` \[mm\] at `now_ns`, in the axes of the model.
@@ -163,12 +149,6 @@ impl Servo {
         self.force()
     }
 
-    /// Releases the force: called at the servo's rate instead of [`Servo::step`], it reaches 0 within
-    /// [`LET_GO`].
-    pub fn let_go(&mut self, now_ns: u64) -> [f64; 3] {
-        self.step(now_ns, [f64::NAN; 3], &ForceModel::default())
-    }
-
     /// The last force \[N\].
     pub fn force(&self) -> [f64; 3] {
         at_most(plus(self.force, self.beside.map(|x| x * self.level)), self.most())
@@ -176,7 +156,7 @@ impl Servo {
 
     /// Current largest force.
     fn most(&self) -> f64 {
-        self.limits.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most })
+        self.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most })
     }
 
     /// Last force along the plane's normal \[N\], at least 0: how hard the hand is held, which at rest is
@@ -210,7 +190,7 @@ impl Servo {
 
     fn change(&mut self, plane: Plane, position: [f64; 3]) {
         if plane != self.plane {
-            let most = self.limits.force_n;
+            let most = self.force_n;
             let (old, new) =
                 (self.plane.force(position, self.velocity, most), plane.force(position, self.velocity, most));
             self.carried = plus(self.carried, minus(old, new));
@@ -219,13 +199,13 @@ impl Servo {
     }
 
     fn want(&mut self, position: [f64; 3], dt: f64) {
-        let target = self.plane.force(position, self.velocity, self.limits.force_n);
+        let target = self.plane.force(position, self.velocity, self.force_n);
         let before = plus(target, self.carried);
         let decay = 1.0 - (-dt / SETTLE.as_secs_f64()).exp();
         let step = self.carried.map(|x| x * decay);
         // The size is convex in the share of the step, so this share grows it by no more than allowed.
         let growth = size(minus(before, step)) - size(before);
-        let allowed = dt * self.limits.force_n / RISE.as_secs_f64();
+        let allowed = dt * self.force_n / RISE.as_secs_f64();
         let share = if growth > allowed { allowed / growth } else { 1.0 };
         let wanted = push_only(minus(before, step.map(|x| x * share)), self.plane.normal);
         self.carried = minus(wanted, target);
@@ -235,7 +215,7 @@ impl Servo {
 
     fn command(&mut self, dt: f64) {
         let goal = self.wanted.map(|x| x * self.level);
-        let change = at_most(minus(goal, self.force), self.limits.slew_n_per_s * dt);
+        let change = at_most(minus(goal, self.force), self.slew_n_per_s * dt);
         self.force = push_only(at_most(plus(self.force, change), self.most()), self.plane.normal);
     }
 }

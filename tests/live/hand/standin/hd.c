@@ -29,11 +29,11 @@ void standin_move(double x, double y, double z) { position[0] = x; position[1] =
 void standin_force(double *out) { for (int i = 0; i < 3; i++) out[i] = made[i]; }
 double standin_worst_step(void) { return worst_step; }
 void standin_forget(void) { worst_step = 0; }
-int standin_open(void) { return opened; }
-int standin_output(void) { return output; }
-int standin_scheduled(void) { return scheduled != NULL; }
-unsigned long standin_frames(void) { return frames; }
-unsigned long standin_rate(void) { return rate; }
+double standin_open(void) { return opened; }
+double standin_output(void) { return output; }
+double standin_scheduled(void) { return scheduled != NULL; }
+double standin_frames(void) { return frames; }
+double standin_rate(void) { return rate; }
 void standin_wrap(void (*with)(Callback, void *, unsigned *)) { wrap = with; }
 
 /* The interface. */

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_hand::servo::passivity::{DeviceDamping, passivity};
-use asperity_hand::{HandDevice, HandError, Handle, Open, device_of};
+use asperity_hand::{HandDevice, Handle, Open, device_of};
 use asperity_live::view::Layout;
 use asperity_live::{DeviceQueues, ForceReader, SampleWriter, force_model, samples};
-use asperity_node::Role;
+use asperity_node::{Law, Role};
+use asperity_scene::bound::{Passivity, Sampling};
 
 use crate::failure::Failure;
 
@@ -132,9 +132,9 @@ fn at(node: &ScheduledNode, d: Diagnostic) -> Diagnostic {
     }
 }
 
-fn refused(node: &ScheduledNode, error: &HandError) -> Failure {
+fn refused(node: &ScheduledNode, error: Diagnostic) -> Failure {
     let message = format!("`{}` ({}): {}", node.id, node.kind, error.message);
-    at(node, Diagnostic::new(message).help(error.help.clone())).into()
+    at(node, Diagnostic { message, ..error }).into()
 }
 
 /// Devices that were opened for a graph that does not play yet.
@@ -212,7 +212,7 @@ fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Fa
         };
         // Wrong parameters are found before any device is closed.
         let open = device.configure(&node.params, max_force_n(schedule, node));
-        let open = open.map_err(|e| refused(node, &e))?;
+        let open = open.map_err(|e| refused(node, e))?;
         sources.push(Source { node: node.clone(), device, open, writer, model: models.remove(&node.id) });
     }
     Ok((opened, sources))
@@ -257,16 +257,19 @@ struct Source {
 
 impl Source {
     fn start(self) -> Result<Held, Failure> {
-        let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, &e))?;
+        let handle = (self.open)(self.writer, self.model).map_err(|e| refused(&self.node, e))?;
         Ok(Held { handle, node: self.node })
     }
 }
 
+/// Assumed damping of an unknown device \[N s/m\]: a guess on the safe side for one built without friction.
+/// We found no reliable figure for a Touch or an Inverse3.
+const ASSUMED_NS_PER_M: f64 = 0.1;
+
 /// A warning where a wall breaks Colgate's bound.
 fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Hands) -> Option<String> {
-    let servo_hz = device_of(&node.kind)?.servo_hz();
+    let [tick_hz, delay_s] = device_of(&node.kind)?.servo();
     let input = input_of(schedule, node).ok()?;
-    let handle = hands.open.get(&input.id).map(|held| &held.handle);
     // The figures are known where they come from a node that has them as parameters. A user may have moved
     // these since.
     let number = |input: &str, param: &str| {
@@ -275,20 +278,30 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         let moved = live.nodes.iter().find(|n| n.id == from.id)?.live.iter().find(|l| l.name == param);
         moved.map(|l| l.value).or(from.params.get_number(param))
     };
-    let stiffness = number("stiffness", "stiffness_n_per_mm")?;
-    let damping = number("damping", "damping_ns_per_m").unwrap_or(0.0);
+    let stiffness_n_per_mm = number("stiffness", "stiffness_n_per_mm")?;
+    let damping_ns_per_m = number("damping", "damping_ns_per_m").unwrap_or(0.0);
     let own = node.params.number("device_damping_ns_per_m");
-    let recommended = handle.and_then(|h| h.device().max_stiffness_n_per_mm);
-    let device = match recommended {
-        _ if own > 0.0 => DeviceDamping::Known(own),
-        Some(stiffness) => DeviceDamping::Recommended(stiffness),
-        None => DeviceDamping::Unknown,
+    let recommended = hands.open.get(&input.id).and_then(|h| h.handle.max_stiffness_n_per_mm());
+    let (device, known) = match recommended {
+        _ if own > 0.0 => (own, String::new()),
+        Some(most) => {
+            let from = format!("; its damping follows from the {most:.3} N/mm that its maker recommends");
+            (of_recommended(most), from)
+        }
+        None => {
+            let set = format!("--set {}.device_damping_ns_per_m=", node.id);
+            (ASSUMED_NS_PER_M, format!("; its damping is assumed; if you know it: {set}"))
+        }
     };
-    let bound = passivity(stiffness, damping, servo_hz, device);
-    let unknown = matches!(device, DeviceDamping::Unknown);
-    let known = format!("; if you know its damping: --set {}.device_damping_ns_per_m=", node.id);
-    let known = if unknown { &known } else { "" };
-    (!bound.holds()).then(|| format!("`{}`: {}{known}", node.id, bound.sentence))
+    let law = Law { stiffness_n_per_mm, damping_ns_per_m };
+    let bound = Passivity::of(law, Sampling { tick_hz, delay_s }, device);
+    (!bound.holds()).then(|| format!("`{}`: walls of {bound}{known}", node.id))
+}
+
+/// Least damping \[N s/m\] of a passive device whose maker recommends walls of at most so many N/mm at 1 kHz:
+/// K T / 2, and a little more, since that stiffness itself counts as passive.
+fn of_recommended(n_per_mm: f64) -> f64 {
+    0.5 * n_per_mm + 1e-9
 }
 
 /// Closings under way. A device takes a while to close: it ramps its force down first. Only the opening of
@@ -333,6 +346,18 @@ mod tests {
     use std::sync::{Arc, mpsc};
 
     use super::*;
+
+    #[test]
+    fn recommended_stiffness_is_passive_and_no_stiffer_one() {
+        for most in [0.3, 0.5, 0.8, 2.31] {
+            let of = |stiffness_n_per_mm, damping_ns_per_m| {
+                let law = Law { stiffness_n_per_mm, damping_ns_per_m };
+                let sampling = Sampling { tick_hz: 1000.0, delay_s: 0.0 };
+                Passivity::of(law, sampling, of_recommended(most)).holds()
+            };
+            assert!(of(most, 0.0) && !of(1.01 * most, 0.0) && !of(most, 0.01), "{most}");
+        }
+    }
 
     #[test]
     fn opening_waits_for_closings_unless_over() {

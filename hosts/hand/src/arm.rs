@@ -1,0 +1,183 @@
+//! A stylus on an arm that pushes back: its two nodes, its options, and the loop from position to force.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use asperity_live::{ForceModel, ForceReader, Sample, SampleWriter};
+use asperity_motion::AxisMap;
+use asperity_node::{
+    Descriptor, Diagnostic, Input, NodeKind, Param, Params, Prepared, Processor, Registry, Resume, Role,
+    ShapeSpec, Status, Tick, Unit,
+};
+
+use crate::handle::Shared;
+use crate::node::{hand, pass_on};
+use crate::servo::Servo;
+
+/// Time between two attempts to reach a lost device.
+pub(crate) const AGAIN: Duration = Duration::from_millis(500);
+/// Longest time to release the force at the end; the law takes 20 ms.
+pub(crate) const LET_GO: Duration = Duration::from_millis(50);
+
+/// Options of a device.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArmOptions {
+    /// Name of the device; `None` for the default one, or the only one.
+    pub device: Option<String>,
+    /// Address of the Haply service, or path of OpenHaptics' library; `None` for the usual one.
+    pub by: Option<String>,
+    /// The device's axis for each of the graph's x, y, z (z up).
+    pub axes: AxisMap,
+    /// Largest force \[N\]; the device's own limit also applies.
+    pub max_force_n: f64,
+}
+
+impl ArmOptions {
+    /// Reads an input node's parameters. `by`: the parameter for the service or library.
+    pub(crate) fn read(params: &Params, by: &str, max_force_n: f64) -> Result<Self, Diagnostic> {
+        let axes = AxisMap::parse(params.text("axes"))?;
+        Ok(Self { device: text(params, "device"), by: text(params, by), axes, max_force_n })
+    }
+}
+
+/// A text parameter, trimmed; `None` if it is empty.
+pub(crate) fn text(params: &Params, name: &str) -> Option<String> {
+    Some(params.text(name).trim().to_owned()).filter(|text| !text.is_empty())
+}
+
+/// The servo between a device and the graph. It neither allocates nor waits.
+pub(crate) struct ArmLoop {
+    axes: AxisMap,
+    pub(crate) servo: Servo,
+    models: Option<ForceReader>,
+    writer: SampleWriter,
+    shared: Arc<Shared>,
+    pub(crate) stroke: u32,
+    /// The last place of the hand, if it has one.
+    sample: Option<Sample>,
+}
+
+impl ArmLoop {
+    pub(crate) fn new(
+        axes: AxisMap,
+        writer: SampleWriter,
+        models: Option<ForceReader>,
+        shared: Arc<Shared>,
+    ) -> Self {
+        Self { axes, servo: Servo::new(0.0), models, writer, shared, stroke: 0, sample: None }
+    }
+
+    /// Whether the graph pushes back.
+    pub(crate) fn pushes(&self) -> bool {
+        self.models.is_some()
+    }
+
+    /// Starts over with a device that was opened, and its largest force \[N\]; without models that is 0.
+    pub(crate) fn begin(&mut self, max_force_n: f64) {
+        self.servo = Servo::new(if self.pushes() { max_force_n } else { 0.0 });
+    }
+
+    /// The force for a hand at a place \[mm\], both in the device's axes. Without a place it goes to 0.
+    pub(crate) fn step(&mut self, now_ns: u64, place: Option<[f64; 3]>) -> [f64; 3] {
+        let position = place.map_or([f64::NAN; 3], |mm| self.axes.apply(mm));
+        let model = self.models.as_mut().map_or_else(ForceModel::default, |models| *models.read());
+        self.servo.step(now_ns, position, &model);
+        self.sample = place.map(|_| Sample {
+            time_ns: now_ns,
+            arrived_ns: now_ns,
+            position,
+            // For a hand at rest this is how hard it presses.
+            force: self.servo.normal_force(),
+            stroke: self.stroke,
+        });
+        self.force()
+    }
+
+    /// The last force, in the device's axes.
+    pub(crate) fn force(&self) -> [f64; 3] {
+        self.axes.back(self.servo.force())
+    }
+
+    /// Sends where the hand was in the last step.
+    pub(crate) fn send(&mut self) {
+        if let Some(sample) = self.sample.take() {
+            self.shared.send(&mut self.writer, sample);
+        }
+    }
+}
+
+/// The nodes of an arm differ from those of other arms in this only.
+pub(crate) struct Kinds {
+    /// Kind, summary and own parameters of the input node.
+    pub(crate) input: Descriptor,
+    /// Kind and summary of the force node.
+    pub(crate) force: Descriptor,
+    /// Default largest force \[N\].
+    pub(crate) max_force_n: f64,
+    /// Doc of the parameter `device`: the name of the device, and the meaning of an empty one.
+    pub(crate) device: &'static str,
+    /// Default axes.
+    pub(crate) axes: &'static str,
+}
+
+impl Kinds {
+    /// Adds the node with the position of the stylus, and the one with the surface that the arm pushes back
+    /// with. The parameter `device` joins them. The host gives the surface to the device's servo loop, which
+    /// evaluates it at its own rate.
+    pub(crate) fn register(self, mut registry: Registry) -> Registry {
+        let axes = "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".";
+        let device = || Param::text("device", "", self.device);
+        let input = self.input.param(device()).param(Param::text("axes", self.axes, axes));
+        let input = hand(input, (Unit::NEWTON, "the force that the device renders"));
+        let force = wall(self.force.param(device()), self.max_force_n);
+        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn)))));
+        registry.add(Arc::new(NodeKind::new(force, |_| Ok(Prepared::new(Wall)))));
+        registry
+    }
+}
+
+/// Descriptor of a force node.
+fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
+    let damping = Unit::NEWTON_SECOND_PER_METRE;
+    let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
+    let beside = "what there is beside the plane: friction, drag, pull; smoothed over 3 ms";
+    let most = "The most it pushes; the device's own limit counts too.";
+    let own = "Damping of the device itself, for the warning of a wall that it cannot render without \
+               trembling; 0 for not known.";
+    descriptor
+        .role(Role::Force)
+        .input(input("plane", 3, Unit::MILLIMETRE, "a point of the plane, such as `virtual_floor.plane`"))
+        .input(input("normal", 3, Unit::NONE, "the plane's outward normal; all 0 for no surface"))
+        .input(input("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the plane"))
+        .input(input("damping", 1, damping, "damping along the normal while in the plane").or(0.0))
+        .input(input("force", 3, Unit::NEWTON, beside).or(0.0))
+        .param(Param::number("max_force_n", max_force_n, 0.0..=100.0, most).unit("N"))
+        .param(Param::number("device_damping_ns_per_m", 0.0, 0.0..=100.0, own).unit("N s/m"))
+        .timing(
+            "the wall's own loop holds no tick of the graph: the device evaluates the plane at its own rate",
+        )
+        .resumes(Resume::Never)
+        .sink()
+}
+
+/// The processor of an input node.
+struct PassOn;
+
+impl Processor for PassOn {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        pass_on(tick)
+    }
+
+    fn reset(&mut self) {}
+}
+
+/// The processor of a force node: the host reads its inputs.
+struct Wall;
+
+impl Processor for Wall {
+    fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
+        Status::Continue
+    }
+
+    fn reset(&mut self) {}
+}
