@@ -4,18 +4,19 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
-pub mod actuator;
-pub mod contact;
-pub mod effects;
-pub mod motion;
-pub mod phase;
+mod actuator;
+mod contact;
+mod effects;
+mod motion;
+mod phase;
+mod ports;
 mod precision;
 mod since;
-pub mod sinks;
-pub mod sources;
-pub mod synthesis;
-pub mod texture;
-pub mod utility;
+mod sinks;
+mod sources;
+mod synthesis;
+mod texture;
+mod utility;
 
 use asperity_node::Registry;
 
