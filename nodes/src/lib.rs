@@ -4,19 +4,19 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
-mod actuator;
-mod contact;
-mod effects;
-mod motion;
-mod phase;
+pub mod actuator;
+pub mod contact;
+pub mod effects;
+pub mod motion;
+pub mod phase;
 mod ports;
 mod precision;
 mod since;
-mod sinks;
-mod sources;
-mod synthesis;
-mod texture;
-mod utility;
+pub mod sinks;
+pub mod sources;
+pub mod synthesis;
+pub mod texture;
+pub mod utility;
 
 use asperity_node::Registry;
 

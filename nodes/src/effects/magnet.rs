@@ -23,7 +23,7 @@ use super::{let_go, one_each, pick, put, slot, vector};
 /// Behind the surface the force is mirrored, and adds to the wall's own stiffness. The peak is `max_force_n`,
 /// or `k reach / 3` where that is less: the force of a spring that has no room for more.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pull {
+pub(crate) struct Pull {
     stiffness_n_per_mm: f64,
     peak_n: f64,
     reach_mm: f64,
@@ -33,7 +33,7 @@ pub struct Pull {
 
 impl Pull {
     /// A magnet of a stiffness of 0 or more, a greatest force of 0 or more and a reach above 0.
-    pub fn new(stiffness_n_per_mm: f64, max_force_n: f64, reach_mm: f64) -> Self {
+    pub(crate) fn new(stiffness_n_per_mm: f64, max_force_n: f64, reach_mm: f64) -> Self {
         let peak_n = max_force_n.min(stiffness_n_per_mm * reach_mm / 3.0);
         // For a magnet without force, the distance does not matter.
         let knee_mm = if peak_n > 0.0 { peak_n / stiffness_n_per_mm } else { reach_mm / 3.0 };
@@ -42,7 +42,7 @@ impl Pull {
 
     /// The force along the outward normal \[N\] at a distance above the surface (below 0 inside it). From
     /// both sides it points toward the surface. A distance that is not a number is out of reach.
-    pub fn force_n(&self, distance_mm: f64) -> f64 {
+    pub(crate) fn force_n(&self, distance_mm: f64) -> f64 {
         let (d, a) = (distance_mm.abs(), self.knee_mm);
         // Also for a distance that is not a number.
         if !matches!(d.partial_cmp(&self.reach_mm), Some(std::cmp::Ordering::Less)) || self.peak_n == 0.0 {
@@ -61,7 +61,7 @@ impl Pull {
     }
 
     /// The law on the surface, along the normal.
-    pub fn law(&self) -> Law {
+    pub(crate) fn law(&self) -> Law {
         let stiffness = if self.peak_n > 0.0 { self.stiffness_n_per_mm } else { 0.0 };
         Law { stiffness_n_per_mm: stiffness, damping_ns_per_m: 0.0 }
     }

@@ -6,7 +6,7 @@ use super::bounds::counted_vector;
 
 /// A place on a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Point {
+pub(crate) struct Point {
     pub position_mm: [f64; 2],
     pub velocity_mm_s: [f64; 2],
     /// It may jump from tick to tick.
@@ -21,7 +21,7 @@ pub struct Point {
 /// positions, also of a device that reports them in coarse steps. It shows where the stylus was a tick and a
 /// half less one sample ago.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Path {
+pub(crate) struct Path {
     tick_hz: f64,
     /// Position at the last tick, and at the one before.
     last: Option<[[f64; 2]; 2]>,
@@ -31,13 +31,13 @@ pub struct Path {
 
 impl Path {
     /// A path without any position yet.
-    pub fn new(tick_hz: u32) -> Self {
+    pub(crate) fn new(tick_hz: u32) -> Self {
         Self { tick_hz: f64::from(tick_hz.max(1)), last: None, parabola: [[0.0; 3]; 2] }
     }
 
     /// Goes on to the position of the stylus now. Call it once a tick. A path begins with the constant velocity
     /// that is told; later ones do not count. A position that is not finite counts as the last one.
-    pub fn advance(&mut self, position_mm: [f64; 2], begins_mm_s: [f64; 2]) {
+    pub(crate) fn advance(&mut self, position_mm: [f64; 2], begins_mm_s: [f64; 2]) {
         let position = match self.last {
             Some([last, _]) if !position_mm.iter().all(|x| x.is_finite()) => last,
             _ => counted_vector(position_mm),
@@ -55,7 +55,7 @@ impl Path {
 
     /// The place at a part of the tick, 0 to 1.
     #[inline]
-    pub fn at(&self, part: f64) -> Point {
+    pub(crate) fn at(&self, part: f64) -> Point {
         let (s, hz) = (part, self.tick_hz);
         Point {
             position_mm: self.parabola.map(|[a, b, c]| a + s * (b + s * c)),
@@ -65,12 +65,12 @@ impl Path {
     }
 
     /// Forgets where the stylus was: it was put down elsewhere.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         *self = Self { last: None, parabola: [[0.0; 3]; 2], ..*self };
     }
 
     /// Last positions of the stylus.
-    pub fn state(&mut self, state: &mut State<'_>) {
+    pub(crate) fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.last).keep(&mut self.parabola);
         if state.restores() {
             let all = self.last.iter().flatten().flatten().chain(self.parabola.iter().flatten());
@@ -87,7 +87,7 @@ impl Path {
 /// start. So whatever their number (96, 88 or 89, 0), all stand above 0 and at most at 1, a sample apart.
 /// They are counted in integers, so that no tick is shorter because it has fewer samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parts {
+pub(crate) struct Parts {
     /// Of the first sample, and from one to the next: numerators over the rate.
     first: f64,
     step: f64,
@@ -97,7 +97,7 @@ pub struct Parts {
 impl Parts {
     /// Samples of tick number `tick`, from number `first` on. The tick's first sample is
     /// floor(`tick` `rate_hz` / `tick_hz`).
-    pub fn new(tick: u64, first: u64, rate_hz: u32, tick_hz: u32) -> Self {
+    pub(crate) fn new(tick: u64, first: u64, rate_hz: u32, tick_hz: u32) -> Self {
         let (rate, hz) = (i128::from(rate_hz.max(1)), i128::from(tick_hz.max(1)));
         let ahead = (i128::from(first) + 1) * hz - i128::from(tick) * rate;
         Self { first: ahead.clamp(0, rate) as f64, step: hz as f64, rate: rate as f64 }
@@ -105,12 +105,12 @@ impl Parts {
 
     /// The part of the tick at which its sample `n`, from 0, stands; held at 1 behind the last.
     #[inline]
-    pub fn at(&self, n: usize) -> f64 {
+    pub(crate) fn at(&self, n: usize) -> f64 {
         ((self.first + self.step * n as f64) / self.rate).min(1.0)
     }
 
     /// Samples a second.
-    pub fn rate_hz(&self) -> f64 {
+    pub(crate) fn rate_hz(&self) -> f64 {
         self.rate
     }
 }

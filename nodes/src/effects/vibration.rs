@@ -22,7 +22,7 @@ const PARTS: f64 = 4_294_967_296.0;
 ///
 /// 96 samples take 0.9 us on a virtual AMD EPYC core.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sine {
+pub(crate) struct Sine {
     /// Frequency and rate in parts of a hertz: phase n is `n step mod turn`.
     step: u64,
     turn: u64,
@@ -32,7 +32,7 @@ pub struct Sine {
 impl Sine {
     /// A sine of `frequency_hz`, counted to 2^-32 Hz, and of amplitude `amplitude_m_s2`, at `rate_hz` samples
     /// a second.
-    pub fn new(frequency_hz: f64, amplitude_m_s2: f64, rate_hz: u32) -> Result<Self, String> {
+    pub(crate) fn new(frequency_hz: f64, amplitude_m_s2: f64, rate_hz: u32) -> Result<Self, String> {
         let range = (0.01, 0.45 * f64::from(rate_hz));
         let frequency = check("a frequency", frequency_hz, range, "Hz")?;
         let step = (frequency * PARTS).round() as u64;
@@ -40,7 +40,7 @@ impl Sine {
     }
 
     /// Writes the samples in m/s^2 from number `first` on: `A sin(2 pi f n / rate)`.
-    pub fn process(&self, first: u64, out: &mut [f64]) {
+    pub(crate) fn process(&self, first: u64, out: &mut [f64]) {
         let mut phase = (u128::from(first) * u128::from(self.step) % u128::from(self.turn)) as u64;
         let per_turn = TAU / self.turn as f64;
         for out in out {

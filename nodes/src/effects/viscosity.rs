@@ -12,20 +12,20 @@ use super::{let_go, one_each, pick, put, slot, vector};
 /// Drag in a volume: a force against the velocity and in proportion to it, up to a largest force. It
 /// remembers nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drag {
+pub(crate) struct Drag {
     ns_per_mm: f64,
     max_force_n: f64,
 }
 
 impl Drag {
     /// A drag of `viscosity_ns_per_m` \[N s/m\], at most `max_force_n` \[N\], both 0 or more.
-    pub fn new(viscosity_ns_per_m: f64, max_force_n: f64) -> Self {
+    pub(crate) fn new(viscosity_ns_per_m: f64, max_force_n: f64) -> Self {
         Self { ns_per_mm: 1e-3 * viscosity_ns_per_m, max_force_n }
     }
 
     /// The force on a stylus of this velocity, F = -c v, shortened to the largest force. A velocity that is
     /// not finite counts as 0.
-    pub fn force_n(&self, velocity_mm_s: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn force_n(&self, velocity_mm_s: [f64; 3]) -> [f64; 3] {
         let force = counted_vector(velocity_mm_s).map(|v| -self.ns_per_mm * v);
         let size = length(force);
         let share = if size > self.max_force_n { self.max_force_n / size } else { 1.0 };
@@ -33,7 +33,7 @@ impl Drag {
     }
 
     /// The law near rest, in every direction.
-    pub fn law(&self) -> Law {
+    pub(crate) fn law(&self) -> Law {
         Law { stiffness_n_per_mm: 0.0, damping_ns_per_m: 1e3 * self.ns_per_mm }
     }
 }

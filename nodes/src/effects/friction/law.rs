@@ -45,11 +45,11 @@ use crate::effects::bounds::{counted_positive, counted_vector, dot};
 use crate::effects::voices::Voice;
 
 /// The usual slope of viscous friction \[s/mm\]: half the normal force at 125 mm/s.
-pub const VISCOSITY_S_PER_MM: f64 = 0.004;
+pub(crate) const VISCOSITY_S_PER_MM: f64 = 0.004;
 
 /// Settings of LuGre friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LuGreSettings {
+pub(crate) struct LuGreSettings {
     /// At least the kinetic one.
     pub static_coefficient: f64,
     pub kinetic_coefficient: f64,
@@ -87,7 +87,7 @@ enum Model {
 
 /// Friction by a law, and its bristle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rubbing {
+pub(crate) struct Rubbing {
     model: Model,
     /// Bend of the bristle along the surface. Viscous friction has none.
     bent_mm: [f64; 2],
@@ -100,7 +100,7 @@ impl Rubbing {
 
     /// Friction that begins as drag: `F_n c |v|` up to `mu F_n`, against the velocity. It is continuous in
     /// velocity and normal force, remembers nothing and does not stick.
-    pub fn viscous_coulomb(coefficient: f64, viscosity_s_per_mm: f64) -> Self {
+    pub(crate) fn viscous_coulomb(coefficient: f64, viscosity_s_per_mm: f64) -> Self {
         Self::of(Model::ViscousCoulomb { coefficient, viscosity_s_per_mm })
     }
 
@@ -117,7 +117,7 @@ impl Rubbing {
     ///
     /// As in Dahl's model, motion to and fro under a steady pull creeps. So does a stylus at rest whose
     /// position is noisy.
-    pub fn dahl(coefficient: f64, stiffness_n_per_mm: f64) -> Self {
+    pub(crate) fn dahl(coefficient: f64, stiffness_n_per_mm: f64) -> Self {
         Self::of(Model::Dahl { coefficient, stiffness_n_per_mm })
     }
 
@@ -148,13 +148,13 @@ impl Rubbing {
     ///
     /// which is s1 at rest and never above `g / |v|`, whatever the parameters. Then the force of a whole tick is
     /// dissipative as well (see the [module](self)). Without a normal force no part is left.
-    pub fn lugre(settings: LuGreSettings) -> Self {
+    pub(crate) fn lugre(settings: LuGreSettings) -> Self {
         Self::of(Model::LuGre(settings))
     }
 
     /// The force on the stylus \[N\] after a tick of `dt_s` at this velocity. A velocity or a time that is
     /// not a number bends nothing.
-    pub fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
+    pub(crate) fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
         let velocity = counted_vector(velocity_mm_s);
         let (normal, dt) = (counted_positive(normal_force_n), counted_positive(dt_s));
         let speed = velocity[0].hypotenuse(velocity[1]);
@@ -201,7 +201,7 @@ impl Rubbing {
 
     /// The law at rest under this normal force, along the surface: the bristle's stiffness and damping, and
     /// the viscous part. With the usual slope, viscous friction has 4 N s/m under a newton.
-    pub fn law(&self, normal_force_n: f64) -> Law {
+    pub(crate) fn law(&self, normal_force_n: f64) -> Law {
         let normal = counted_positive(normal_force_n);
         let (stiffness_n_per_mm, damping_ns_per_m) = match self.model {
             Model::ViscousCoulomb { coefficient, viscosity_s_per_mm } if coefficient > 0.0 => {
@@ -220,7 +220,7 @@ impl Rubbing {
     /// Takes the bristle from one pair of tangents to another. Tangents are directions along the surface of
     /// length 1. The bristle stays as it stands in space; the part that stands out of the new tangents is
     /// released. It never gets longer, whatever the tangents are, so this gives no energy.
-    pub fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
+    pub(crate) fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
         if matches!(self.model, Model::ViscousCoulomb { .. }) {
             return;
         }

@@ -36,7 +36,7 @@ const TOO_FAST: (f64, f64) = (1.0, 1.5);
 
 /// Height and derivatives of a surface at a position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Jet {
+pub(crate) struct Jet {
     pub height_mm: f64,
     /// Along x and y.
     pub slope: [f64; 2],
@@ -45,7 +45,7 @@ pub struct Jet {
 }
 
 /// A surface with its derivatives at any position.
-pub trait Surface {
+pub(crate) trait Surface {
     /// Height and derivatives at a position in mm. Values that are not finite count as flat.
     fn jet(&self, x_mm: f64, y_mm: f64) -> Jet;
 
@@ -65,7 +65,7 @@ impl<F: Fn(f64, f64) -> Jet> Surface for F {
 
 /// Settings of a relief.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ReliefSettings {
+pub(crate) struct ReliefSettings {
     /// Cutoff of the low-pass.
     pub cutoff_hz: f64,
     /// Largest acceleration.
@@ -80,14 +80,14 @@ impl Default for ReliefSettings {
 
 /// The acceleration of a tip that follows heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Follower {
+pub(crate) struct Follower {
     settings: ReliefSettings,
     filters: [Biquad; 2],
 }
 
 impl Follower {
     /// A relief at `rate_hz` samples a second, with a cutoff of 20 Hz to 0.45 of that.
-    pub fn new(settings: ReliefSettings, rate_hz: u32) -> Result<Self, String> {
+    pub(crate) fn new(settings: ReliefSettings, rate_hz: u32) -> Result<Self, String> {
         let rate = f64::from(rate_hz);
         let cutoff = check("a cutoff", settings.cutoff_hz, (20.0, 0.45 * rate), "Hz")?;
         // Cannot fail within the range above.
@@ -97,7 +97,7 @@ impl Follower {
     }
 
     /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
-    pub fn process(
+    pub(crate) fn process(
         &mut self,
         heights: &(impl Surface + ?Sized),
         path: &Path,
@@ -121,12 +121,12 @@ impl Follower {
     }
 
     /// Clears the low-pass.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.filters.iter_mut().for_each(Biquad::reset);
     }
 
     /// Memory of the low-pass.
-    pub fn state(&mut self, state: &mut State<'_>) {
+    pub(crate) fn state(&mut self, state: &mut State<'_>) {
         for filter in &mut self.filters {
             filter.state(state);
         }

@@ -13,7 +13,7 @@ use asperity_node::{
 };
 
 use super::{TRIED_HZ, acceleration, files, made, one_each, pick, slot};
-pub use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};
+pub(crate) use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};
 
 const SLOT: usize = 0;
 const APPROACH: usize = 1;

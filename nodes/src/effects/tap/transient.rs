@@ -23,7 +23,7 @@ const MAX_RECORDED: usize = 1 << 22;
 
 /// One part of a transient: `gain v e^(-t / decay) sin(2 pi f t)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DecayingSinusoid {
+pub(crate) struct DecayingSinusoid {
     pub frequency_hz: f64,
     pub decay_ms: f64,
     /// Acceleration per speed of approach \[(m/s^2)/(m/s)\].
@@ -32,7 +32,7 @@ pub struct DecayingSinusoid {
 
 /// An acceleration that was recorded in one tap.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
+pub(crate) struct Recording {
     /// In m/s^2.
     pub samples: Vec<f32>,
     pub rate_hz: f64,
@@ -42,7 +42,7 @@ pub struct Recording {
 
 /// Sound of a tap.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Transient {
+pub(crate) enum Transient {
     /// Sinusoids that decay, added up: 1 to 8 (A. M. Okamura, J. T. Dennerlein, R. D. Howe, "Vibration
     /// feedback models for virtual environments", IEEE International Conference on Robotics and Automation,
     /// 1998).
@@ -56,7 +56,7 @@ pub enum Transient {
 
 /// Conditions under which a tap sounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TapSettings {
+pub(crate) struct TapSettings {
     /// A slower contact does not sound.
     pub min_speed_mm_s: f64,
     /// A faster contact sounds no louder.
@@ -98,7 +98,7 @@ struct Recorded {
 
 /// The sound of a slot's taps at an audio rate.
 #[derive(Clone, Debug)]
-pub struct Sound {
+pub(crate) struct Sound {
     settings: TapSettings,
     partials: Vec<Partial>,
     recorded: Option<Recorded>,
@@ -109,7 +109,7 @@ pub struct Sound {
 impl Sound {
     /// Taps at `rate_hz` samples a second. There are 1 to 8 sinusoids, of up to 0.45 of the rate, or 2 samples
     /// or more.
-    pub fn new(transient: &Transient, settings: TapSettings, rate_hz: u32) -> Result<Self, String> {
+    pub(crate) fn new(transient: &Transient, settings: TapSettings, rate_hz: u32) -> Result<Self, String> {
         let rate = f64::from(rate_hz);
         let (partials, recorded) = match transient {
             Transient::Sinusoids(all) => {
@@ -123,7 +123,7 @@ impl Sound {
     }
 
     /// Samples of the longest tap, that of the highest speed.
-    pub fn longest(&self) -> u64 {
+    pub(crate) fn longest(&self) -> u64 {
         self.length(1e-3 * self.settings.max_speed_mm_s).unwrap_or(0)
     }
 
@@ -218,7 +218,7 @@ struct Strike {
 /// is known when it begins. Where more taps would sound, the quietest is faded out in a millisecond; of
 /// equals, the oldest.
 #[derive(Clone, Debug)]
-pub struct Taps {
+pub(crate) struct Taps {
     sounds: Vec<Sound>,
     /// Samples of a fade.
     fade: u32,
@@ -230,19 +230,19 @@ pub struct Taps {
 
 impl Taps {
     /// Taps of these sounds, which were made for the same rate.
-    pub fn new(sounds: Vec<Sound>, rate_hz: u32) -> Self {
+    pub(crate) fn new(sounds: Vec<Sound>, rate_hz: u32) -> Self {
         let fade = (FADE_S * f64::from(rate_hz)).max(1.0) as u32;
         let (voices, strikes) = ([Voice::default(); VOICES], [Strike::default(); STRIKES]);
         Self { sounds, fade, voices, strikes, cut_short: 0 }
     }
 
     /// The sounds of all slots.
-    pub fn slots(&self) -> &[Sound] {
+    pub(crate) fn slots(&self) -> &[Sound] {
         &self.sounds
     }
 
     /// Number of taps that had to make room for another.
-    pub fn cut_short(&self) -> u64 {
+    pub(crate) fn cut_short(&self) -> u64 {
         self.cut_short
     }
 
@@ -250,7 +250,7 @@ impl Taps {
     /// speed of approach in mm/s. Returns whether it sounds. It does not if the speed is too low or not a
     /// number, or if the contact is too soon after the slot's last one or earlier than that. A contact that
     /// comes too late begins with the first sample that is still to be made.
-    pub fn strike(&mut self, slot: usize, sample: u64, part: f64, speed_mm_s: f64) -> bool {
+    pub(crate) fn strike(&mut self, slot: usize, sample: u64, part: f64, speed_mm_s: f64) -> bool {
         let Some(sound) = self.sounds.get(slot) else { return false };
         let part = counted(part).clamp(0.0, 1.0 - f64::EPSILON);
         let settings = &sound.settings;
@@ -301,7 +301,7 @@ impl Taps {
     }
 
     /// Writes the samples in m/s^2 from number `first` on. Returns whether a tap continues after them.
-    pub fn process<T: Sample>(&mut self, first: u64, out: &mut [T]) -> bool {
+    pub(crate) fn process<T: Sample>(&mut self, first: u64, out: &mut [T]) -> bool {
         let mut first = first;
         for out in out.chunks_mut(64) {
             let mut sum = [0.0; 64];
@@ -317,19 +317,19 @@ impl Taps {
     }
 
     /// Whether a tap still sounds.
-    pub fn sounds(&self) -> bool {
+    pub(crate) fn sounds(&self) -> bool {
         self.voices.iter().any(Voice::sounds)
     }
 
     /// Ends all taps at once, and forgets the last strikes.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.voices = [Voice::default(); VOICES];
         self.strikes = [Strike::default(); STRIKES];
     }
 
     /// Taps that sound. Taps of another transient continue from them with their own sinusoids. A slot that is
     /// no longer there falls silent.
-    pub fn state(&mut self, state: &mut State<'_>) {
+    pub(crate) fn state(&mut self, state: &mut State<'_>) {
         for v in &mut self.voices {
             state.keep(&mut v.slot).keep(&mut v.from).keep(&mut v.part).keep(&mut v.next).keep(&mut v.end);
             state.keep(&mut v.speed_m_s).keep(&mut v.fade).keep(&mut v.phasors);

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::bench::{Bench, largest_step, refused};
 use crate::effects::vibration::Sine;
+use asperity_dsp::filter::Sample as _;
 
 const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)",
     "(frequency_hz: 77.7, amplitude_m_s2: 3)",
@@ -18,7 +19,7 @@ fn bench(tick_hz: u32, rate: u32, slot: impl Fn(u64) -> f64 + Send + Sync + 'sta
 fn source(hz: f64, amplitude: f64, rate: u32, count: usize) -> Vec<f32> {
     let mut out = vec![0.0; count];
     Sine::new(hz, amplitude, rate).unwrap().process(0, &mut out);
-    out
+    out.into_iter().map(f32::narrow).collect()
 }
 
 #[test]

@@ -42,7 +42,7 @@ const STILL_MM_S: f64 = 1.0;
 
 /// A table that is read along a path.
 #[derive(Clone, Debug)]
-pub struct Reader {
+pub(crate) struct Reader {
     table: Arc<WaveformTable>,
     /// Position in the loop, in mm.
     distance_mm: f64,
@@ -51,7 +51,7 @@ pub struct Reader {
 
 impl Reader {
     /// A reader at the table's beginning.
-    pub fn new(table: Arc<WaveformTable>) -> Self {
+    pub(crate) fn new(table: Arc<WaveformTable>) -> Self {
         Self { table, distance_mm: 0.0, last: None }
     }
 

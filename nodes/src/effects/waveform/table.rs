@@ -18,7 +18,7 @@ const CUT: f64 = 0.8;
 
 /// Quantity of a table's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum WaveformQuantity {
+pub(crate) enum WaveformQuantity {
     /// An acceleration \[m/s^2\].
     Acceleration {
         /// The speed at which it was recorded \[mm/s\], 0.1 to 5000.
@@ -33,7 +33,7 @@ pub enum WaveformQuantity {
 
 /// A loop of a texture, ready to be read at any speed.
 #[derive(Clone, Debug)]
-pub struct WaveformTable {
+pub(crate) struct WaveformTable {
     length_mm: f64,
     quantity: WaveformQuantity,
     /// Waves of the finest copy's band per mm.
@@ -54,7 +54,7 @@ impl WaveformTable {
     /// A loop from values `spacing_mm` apart. The last `crossfade_mm` are faded into the first. So the loop
     /// is shorter by them and has no seam; with 0 the values are a loop as they are. Over the fade the level
     /// is kept, however much the two are correlated. The mean is removed.
-    pub fn new(
+    pub(crate) fn new(
         values: &[f64],
         spacing_mm: f64,
         crossfade_mm: f64,
@@ -74,7 +74,7 @@ impl WaveformTable {
 
     /// The same from pairs of a distance in mm and a value, joined by straight lines. Each value of the table
     /// is the mean over `spacing_mm`.
-    pub fn from_segments(
+    pub(crate) fn from_segments(
         pairs: &[(f64, f64)],
         spacing_mm: f64,
         crossfade_mm: f64,
@@ -114,12 +114,12 @@ impl WaveformTable {
     }
 
     /// Length of the loop in mm.
-    pub fn length_mm(&self) -> f64 {
+    pub(crate) fn length_mm(&self) -> f64 {
         self.length_mm
     }
 
     /// Quantity of the values.
-    pub fn quantity(&self) -> WaveformQuantity {
+    pub(crate) fn quantity(&self) -> WaveformQuantity {
         self.quantity
     }
 
