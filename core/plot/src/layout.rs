@@ -227,8 +227,8 @@ mod tests {
 
     #[test]
     fn avoidable_crossings_are_removed() {
-        // 0, 1, 2 feed 5, 4, 3: crossed as numbered, straight when turned. A complete bipartite graph of 2 and
-        // 2 has one crossing however it is drawn.
+        // 0, 1, 2 feed 5, 4, 3: crossed as numbered, straight when turned. A complete bipartite graph of 2
+        // and 2 has one crossing however it is drawn.
         for (edges, crossings) in [(&[(0, 5), (1, 4), (2, 3)][..], 0), (&[(0, 2), (0, 3), (1, 2), (1, 3)], 1)]
         {
             assert_eq!(Placement::order(&longest_path_layers(6, edges), edges).crossings(), crossings);
@@ -260,7 +260,9 @@ mod tests {
         #[test]
         fn boxes_and_bends_of_a_layer_do_not_overlap(
             width in proptest::collection::vec(40.0..240.0f64, 3..28),
-            wires in proptest::collection::vec((0.0..1.0f64, 0.0..1.0f64, -20.0..20.0f64, -20.0..20.0f64), 0..50),
+            wires in proptest::collection::vec(
+                (0.0..1.0f64, 0.0..1.0f64, -20.0..20.0f64, -20.0..20.0f64), 0..50,
+            ),
         ) {
             let node = |part: f64, of: usize| (part * of as f64) as usize;
             let to = |part: f64| 1 + node(part, width.len() - 1);

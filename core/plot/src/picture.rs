@@ -80,7 +80,8 @@ fn width(side: &[Port]) -> f64 {
     side.iter().map(|p| p.room().0 + p.room().1).sum()
 }
 
-/// Sets the ports of a side beside each other around the centre, in the order of the other ends of their wires.
+/// Sets the ports of a side beside each other around the centre, in the order of the other ends of their
+/// wires.
 fn spread(side: &mut [Port], others: impl Fn(usize) -> Vec<f64>) {
     // A port with feedback wires alone stands at the right end, where they run.
     let mean = |x: Vec<f64>| if x.is_empty() { f64::MAX } else { x.iter().sum::<f64>() / x.len() as f64 };

@@ -16,8 +16,8 @@ pub(crate) struct Point {
 /// A path along the surface. It is given a position once a tick, and read once a sample. Position and
 /// velocity are continuous.
 ///
-/// Between the positions it runs along a parabola (a spline of second degree), from the middle of the last two
-/// to the middle of the newest two. So the velocity goes in straight lines between the differences of the
+/// Between the positions it runs along a parabola (a spline of second degree), from the middle of the last
+/// two to the middle of the newest two. So the velocity goes in straight lines between the differences of the
 /// positions, also of a device that reports them in coarse steps. It shows where the stylus was a tick and a
 /// half less one sample ago.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +35,8 @@ impl Path {
         Self { tick_hz: f64::from(tick_hz.max(1)), last: None, parabola: [[0.0; 3]; 2] }
     }
 
-    /// Goes on to the position of the stylus now. Call it once a tick. A path begins with the constant velocity
-    /// that is told; later ones do not count. A position that is not finite counts as the last one.
+    /// Goes on to the position of the stylus now. Call it once a tick. A path begins with the constant
+    /// velocity that is told; later ones do not count. A position that is not finite counts as the last one.
     pub(crate) fn advance(&mut self, position_mm: [f64; 2], begins_mm_s: [f64; 2]) {
         let position = match self.last {
             Some([last, _]) if !position_mm.iter().all(|x| x.is_finite()) => last,

@@ -53,7 +53,7 @@ fn all_samples_of_all_ticks_are_a_sample_apart() {
 }
 
 #[test]
-fn constant_acceleration_is_a_tick_and_a_half_less_a_sample_late() {
+fn constant_acceleration_is_exact_but_for_a_constant_cut() {
     for acceleration in [[0.0; 2], [800.0, -1800.0]] {
         let at = |t: f64| {
             let of = |i: usize| [3.0, -1.0][i] + [120.0, 30.0][i] * t + 0.5 * acceleration[i] * t * t;

@@ -152,8 +152,8 @@ fn a_tip_does_not_jump_where_the_stroke_turns() {
 
 #[test]
 fn what_the_hand_puts_in_is_stored_or_lost() {
-    let some = "sandpaper P60; canvas; square grating 2 mm; sine grating 1 mm; upholstery foam; sisal; brushed \
-                oak; dashboard grain; float glass; watercolour paper";
+    let some = "sandpaper P60; canvas; square grating 2 mm; sine grating 1 mm; upholstery foam; sisal; \
+                brushed oak; dashboard grain; float glass; watercolour paper";
     for name in some.split("; ") {
         let made = made_surfaces().into_iter().find(|made| made.name == name).expect("a surface");
         let (envelope, rubs) = met(&made, (512, 0.04));

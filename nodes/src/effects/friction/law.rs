@@ -122,32 +122,33 @@ impl Rubbing {
     }
 
     /// LuGre friction (C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
-    /// systems with friction", IEEE Transactions on Automatic Control 40, 1995, pp. 419-425) on a plane: Dahl's
-    /// bristle, which bends less far the faster the surface passes,
+    /// systems with friction", IEEE Transactions on Automatic Control 40, 1995, pp. 419-425) on a plane:
+    /// Dahl's bristle, which bends less far the faster the surface passes,
     ///
     /// ```text
     /// z' = v - s0 |v| z / g(v),    g = F_n (mu_k + (mu_s - mu_k) e^(-(|v| / v_s)^2))
     /// F  = -(s0 z + s1(v) z' + F_n c v)
     /// ```
     ///
-    /// A stylus sticks up to `mu_s F_n` and slips at `mu_k F_n`. On a spring it sticks and slips by turns, under
-    /// two conditions. The bristle is stiff against the spring, and the mass is slow against `g / (s0 |v|)`, the
-    /// time in which the bristle gives way. So a soft bristle glides where a stiff one jerks. With the usual
-    /// settings, 0.2 kg on 300 N/m pulled at 30 mm/s jerk six times a second. At 500 Hz this is within 1 % of an
-    /// integration at 1 MHz; a bristle of 10 N/mm takes 1 kHz.
+    /// A stylus sticks up to `mu_s F_n` and slips at `mu_k F_n`. On a spring it sticks and slips by turns,
+    /// under two conditions. The bristle is stiff against the spring, and the mass is slow against `g / (s0
+    /// |v|)`, the time in which the bristle gives way. So a soft bristle glides where a stiff one jerks. With
+    /// the usual settings, 0.2 kg on 300 N/m pulled at 30 mm/s jerk six times a second. At 500 Hz this is
+    /// within 1 % of an integration at 1 MHz; a bristle of 10 N/mm takes 1 kHz.
     ///
     /// With a constant s1 the model is dissipative only where the viscous part is at least
-    /// `s1 (mu_s - mu_k) / mu_k` (N. Barabanov and R. Ortega, "Necessary and sufficient conditions for passivity
-    /// of the LuGre friction model", IEEE Transactions on Automatic Control 45, 2000, pp. 830-832). Otherwise a
-    /// bristle that is bent far when it begins to slip springs back and pushes. H. Olsson's remedy ("Control
-    /// systems with friction", Lund 1996) is a damping that falls with speed so that `s1(v) <= 4 g / |v|`. Here
+    /// `s1 (mu_s - mu_k) / mu_k` (N. Barabanov and R. Ortega, "Necessary and sufficient conditions for
+    /// passivity of the LuGre friction model", IEEE Transactions on Automatic Control 45, 2000, pp. 830-832).
+    /// Otherwise a bristle that is bent far when it begins to slip springs back and pushes. H. Olsson's
+    /// remedy ("Control systems with friction", Lund 1996) is a damping that falls with speed so that `s1(v)
+    /// <= 4 g / |v|`. Here
     ///
     /// ```text
     /// s1(v) = s1 / (1 + s1 |v| / g)
     /// ```
     ///
-    /// which is s1 at rest and never above `g / |v|`, whatever the parameters. Then the force of a whole tick is
-    /// dissipative as well (see the [module](self)). Without a normal force no part is left.
+    /// which is s1 at rest and never above `g / |v|`, whatever the parameters. Then the force of a whole tick
+    /// is dissipative as well (see the [module](self)). Without a normal force no part is left.
     pub(crate) fn lugre(settings: LuGreSettings) -> Self {
         Self::of(Model::LuGre(settings))
     }

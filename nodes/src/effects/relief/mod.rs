@@ -15,8 +15,8 @@ use super::{Made, each, gain, made, shared};
 pub(super) use follow::{Follower, Jet, ReliefSettings, Surface};
 pub(super) use spline::HeightSpline;
 
-/// The acceleration of a tip that rises and falls with the heights under it. Slots with the same heights share
-/// one copy of them.
+/// The acceleration of a tip that rises and falls with the heights under it. Slots with the same heights
+/// share one copy of them.
 pub struct Relief;
 
 /// Heights with the state of their reading.

@@ -107,8 +107,8 @@ pub(crate) struct Sound {
 }
 
 impl Sound {
-    /// Taps at `rate_hz` samples a second. There are 1 to 8 sinusoids, of up to 0.45 of the rate, or 2 samples
-    /// or more.
+    /// Taps at `rate_hz` samples a second. There are 1 to 8 sinusoids, of up to 0.45 of the rate, or 2
+    /// samples or more.
     pub(crate) fn new(transient: &Transient, settings: TapSettings, rate_hz: u32) -> Result<Self, String> {
         let rate = f64::from(rate_hz);
         let (partials, recorded) = match transient {

@@ -30,8 +30,8 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// A node whose inputs of these names follow a function of the tick. A name that is no input of the node is
-    /// one of a `level` behind it.
+    /// A node whose inputs of these names follow a function of the tick. A name that is no input of the node
+    /// is one of a `level` behind it.
     pub(super) fn new(
         rates: (u32, u32),
         kind: &str,
