@@ -18,7 +18,7 @@ use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_motion::{Shape, Stroke, StrokeParams};
 use asperity_nodes::registry;
-use asperity_plot::{Pulses, PulsesRow, Pulsing};
+use asperity_plot::{Chart, Plot, Trace};
 use asperity_tradeoff::{Chain, Path3};
 use clap::Parser;
 
@@ -395,7 +395,11 @@ fn picture(asked: &Asked) -> String {
         let step = (seen.rate_hz / 2000.0).round().max(1.0) as usize;
         let times = seen.over_mean.iter().enumerate().step_by(step);
         let points = times.map(|(i, e)| (i as f64 / seen.rate_hz, *e)).take_while(|p| p.0 <= 1.0);
-        Pulsing { label: label.to_owned(), envelope: points.collect(), depths: seen.depths }
+        [points.collect(), seen.depths].map(|line| Trace {
+            name: label.to_owned(),
+            lines: vec![line],
+            ..Trace::default()
+        })
     };
     let row = |name: &str| {
         let read = GraphFile::read(&asked.graph).unwrap_or_else(|e| panic!("{e}"));
@@ -404,18 +408,27 @@ fn picture(asked: &Asked) -> String {
         let (now, _) = played(&read, name, 0, &way, seconds);
         let (axes, truth_rate) = felt(&grounds(name, 1, 0.0)[0], 0, &way, seconds);
         let axes = turned(axes, truth_rate, turns_per_s(asked, speed));
-        let vibrations = vec![
-            pulsing("phase retrieval alone (sample_commit)", &[before], rate),
+        let all = [
+            pulsing("phase retrieval alone", &[before], rate),
             pulsing("texture.ron", &[now], rate),
             pulsing("simulated physics", &axes, truth_rate),
         ];
-        PulsesRow { label: name.to_owned(), remark: "envelope over its mean".into(), vibrations }
+        let plot = |i: usize, remark: &str, x_name: &str| Plot {
+            heading: (name.to_owned(), remark.to_owned()),
+            x_name: x_name.to_owned(),
+            traces: all.iter().map(|traces| traces[i].clone()).collect(),
+            ..Plot::default()
+        };
+        [plot(0, "envelope over its mean", "Time, s"), plot(1, "modulation depth", "Frequency, Hz")]
     };
     let pictured = ["sandpaper P80", "canvas", "needle felt", "sine grating 2.5 mm"];
-    Pulses {
+    Chart {
         title: "Pulses at constant speed and force".into(),
         subtitle: format!("circles of {} mm, {speed} mm/s, {} N", asked.radius_mm, asked.force_n),
-        rows: pictured.map(row).into(),
+        columns: 2,
+        size: [700.0, 180.0],
+        plots: pictured.map(row).into_iter().flatten().collect(),
+        ..Chart::default()
     }
     .to_svg()
 }

@@ -9,6 +9,7 @@ pub mod contact;
 pub mod effects;
 pub mod motion;
 pub mod phase;
+mod ports;
 mod precision;
 mod since;
 pub mod sinks;

@@ -1,15 +1,13 @@
 //! The parameter `precision` of nodes whose kernel runs in single or in double precision. Inputs and outputs
 //! are in single precision either way.
 
+use crate::ports::{Doc, choice};
 use asperity_node::{Diagnostic, Param, Prepared, Setup};
 
 /// The parameter `precision`.
 pub(crate) fn precision() -> Param {
-    Param::choice(
-        "precision",
-        &["f32", "f64"],
-        "What the node computes in; f64 shows what f32 costs in accuracy. Inputs and outputs are f32.",
-    )
+    choice("precision", &["f32", "f64"])
+        .doc("What the node computes in; f64 shows what f32 costs in accuracy. Inputs and outputs are f32.")
 }
 
 /// Prepares a node in the precision that its parameter says. One precision continues from the state of the

@@ -4,8 +4,6 @@
 
 mod autoregressive;
 mod conformance;
-mod contacts;
-mod effects;
 mod kernels;
 mod networks;
 mod rig;

@@ -11,20 +11,20 @@
 //! | [`Response`] | a frequency response, measured and fitted |
 //! | [`Fit`] | a texture fitted to a recording |
 //! | [`Curves`] | training losses |
-//! | [`Pulses`] | envelopes of vibrations and their modulation |
+//! | [`Chart`] | plots of dots and lines |
 //!
 //! No chart library is used: lines are thinned to the pixels they cover, coordinates keep a tenth of a
 //! pixel, and no fonts are loaded.
 
 mod above;
 mod axis;
+mod chart;
 mod curves;
 mod dots;
 mod fit;
-mod layers;
+mod layout;
 mod lines;
 mod picture;
-mod pulses;
 mod render;
 mod response;
 mod scatter;
@@ -33,11 +33,11 @@ mod spectrogram;
 mod svg;
 
 pub use above::{Moment, SceneMap, Seen};
+pub use chart::{Chart, Plot, Scale, Trace};
 pub use curves::{Curve, Curves};
 pub use dots::{Column, Dots};
 pub use fit::{Fit, Spectrum};
 pub use picture::{GraphPicture, GraphPictureNode, GraphPictureWire};
-pub use pulses::{Pulses, PulsesRow, Pulsing};
 pub use render::Render;
 pub use response::{Measured, Response};
 pub use scatter::{Dot, Mark, Scatter};

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::axis::Axis;
 use super::series::Series;
+use super::svg::num;
 
 /// Path data, and whether it encloses an area to fill.
 pub(super) struct Trace {
@@ -89,30 +90,31 @@ pub(super) fn bands(series: &Series, column: usize, x: &Axis) -> Vec<Band> {
 #[derive(Default)]
 pub(super) struct Pen {
     last: Option<(i64, i64)>,
+    moved: bool,
 }
 
 impl Pen {
     pub(super) fn to(&mut self, d: &mut String, x: f64, y: f64) {
         let point = ((x * 10.0).round() as i64, (y * 10.0).round() as i64);
-        let tenths = |v: i64| {
-            let sign = if v < 0 { "-" } else { "" };
-            match (v.abs() / 10, v.abs() % 10) {
-                (whole, 0) => format!("{sign}{whole}"),
-                (0, part) => format!("{sign}.{part}"),
-                (whole, part) => format!("{sign}{whole}.{part}"),
-            }
-        };
+        let tenths = |v: i64| num(v as f64 / 10.0);
         // Writing to a String cannot fail.
         let _ = match self.last {
-            None => write!(d, "M{} {}l", tenths(point.0), tenths(point.1)),
+            None => write!(d, "M{} {}", tenths(point.0), tenths(point.1)),
             Some(last) if last == point => return,
             Some((px, py)) => {
-                let (dx, dy) = (tenths(point.0 - px), tenths(point.1 - py));
-                let gap = if dy.starts_with('-') { "" } else { " " };
-                write!(d, "{}{dx}{gap}{dy}", if d.ends_with('l') || dx.starts_with('-') { "" } else { " " })
+                let before = if std::mem::replace(&mut self.moved, true) { " " } else { "l" };
+                write!(d, "{before}{} {}", tenths(point.0 - px), tenths(point.1 - py))
             }
         };
         self.last = Some(point);
+    }
+
+    /// Ends a line, so that the next point begins another. A single point becomes a dot under round caps.
+    pub(super) fn end(&mut self, d: &mut String) {
+        if self.last.is_some() && !self.moved {
+            d.push('z');
+        }
+        *self = Self::default();
     }
 }
 
@@ -130,7 +132,7 @@ mod tests {
         let (x, y) = axes(2.0);
         let t = trace(&s, 0, &x, &y);
         assert!(!t.filled);
-        assert_eq!(t.d, "M60 50l25-50M135 100l25-50");
+        assert_eq!(t.d, "M60 50l25 -50M135 100l25 -50");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::axis::{Axis, Panel};
 use super::lines::trace;
 use super::series::Series;
 use super::spectrogram::{RANGE_DB, Spectrogram, colour};
-use super::svg::{COLOURS, Svg, num, text_width};
+use super::svg::{COLOURS, Svg, legend, num, text_width};
 
 /// The signals of a render, each where there is one. A signal without finite values has no panel.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -187,16 +187,7 @@ fn draw_lines(svg: &mut Svg, Signal { series, mark, .. }: &Signal, panel: Panel)
             format!("stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"{opacity}");
         svg.path(&line.d, &format!("fill=\"{fill}\" {stroke}"));
     }
-    // The legend is set from the right, so the last column comes first.
-    let mut right = RIGHT;
-    let labels: Vec<_> = series.labels.iter().zip(COLOURS.iter().cycle()).collect();
-    for (label, colour) in labels.into_iter().rev().filter(|(label, _)| !label.is_empty()) {
-        svg.text([right, top - 9.0], "end", "ink", label);
-        right -= text_width(label, 12.0) + 6.0;
-        let line = format!("M{} {}h-16", num(right), num(top - 13.0));
-        svg.path(&line, &format!("stroke=\"{colour}\" stroke-width=\"2.5\""));
-        right -= 16.0 + 16.0;
-    }
+    legend(svg, [RIGHT, top - 9.0], series.labels.iter().map(String::as_str));
     panel.frame(svg);
 }
 

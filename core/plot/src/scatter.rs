@@ -91,6 +91,18 @@ impl Scatter {
             taken.push([cx - 4.0, cy - 4.0, cx + 4.0, cy + 4.0]);
         }
         self.draw_arrow(&mut svg, top);
+        if let Some(floor) = self.floor {
+            // A bar as high as the noise floor.
+            let height = (y.at(0.0) - y.at(floor)).abs().max(1.0);
+            let [x, middle] = [LEFT + 23.0, BOTTOM - 14.0 - 0.5 * height];
+            let [left, foot, head, base] =
+                [x - 9.0, x - 13.0, BOTTOM - 14.0 - height, BOTTOM - 14.0].map(num);
+            let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
+            svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
+            svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
+            let end = x + text_width("less is within noise", LETTERS);
+            taken.push([x - 13.0, middle - 10.0, end, middle + 7.0]);
+        }
 
         let mut labels = Labels { svg, taken, top };
         for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
@@ -102,9 +114,6 @@ impl Scatter {
             let places = [(RIGHT - 4.0, "end"), (LEFT + 4.0, "start")]
                 .map(|(x, anchor)| [([x, h - 5.0], anchor), ([x, h + 14.0], anchor)]);
             labels.put(name, places.as_flattened());
-        }
-        if let Some(floor) = self.floor {
-            labels.put_noise_floor((y.at(0.0) - y.at(floor)).abs().max(1.0));
         }
         labels.svg.finish()
     }
@@ -150,18 +159,16 @@ impl Scatter {
 }
 
 /// Places of a label beside its dot, and its anchor.
-const AROUND: [(f64, f64, &str); 8] = [
+const AROUND: [(f64, f64, &str); 6] = [
     (9.0, 4.0, "start"),
     (-9.0, 4.0, "end"),
     (0.0, -10.0, "middle"),
     (0.0, 19.0, "middle"),
-    (8.0, -9.0, "start"),
     (8.0, 18.0, "start"),
     (-8.0, -9.0, "end"),
-    (-8.0, 18.0, "end"),
 ];
 
-/// Labels in the making: each takes the place where it covers least.
+/// Labels in the making.
 struct Labels {
     svg: Svg,
     /// Rectangles of dots and labels.
@@ -170,49 +177,26 @@ struct Labels {
 }
 
 impl Labels {
-    /// Writes a text at the best of some baseline points with their anchors; returns the point.
-    fn put(&mut self, text: &str, places: &[([f64; 2], &str)]) -> Option<[f64; 2]> {
+    /// Writes a text at the first of some baseline points with room, else at the first within the picture.
+    fn put(&mut self, text: &str, places: &[([f64; 2], &str)]) {
         let text = &fitting(text, 0.5 * (RIGHT - LEFT) - 2.0 * LETTERS, LETTERS);
         let width = text_width(text, LETTERS);
         // A little more on the side away from the dot.
-        let room = |([x, y], anchor): ([f64; 2], &str)| -> Room {
-            let (left, right) = match anchor {
-                "start" => (x, x + width + 6.0),
-                "end" => (x - width - 6.0, x),
+        let room = |([x, y], anchor): &([f64; 2], &str)| -> Room {
+            let (left, right) = match *anchor {
+                "start" => (*x, x + width + 6.0),
+                "end" => (x - width - 6.0, *x),
                 _ => (x - 0.5 * width - 6.0, x + 0.5 * width + 6.0),
             };
             [left, y - 10.0, right, y + 3.0]
         };
-        let covers = |r: &Room| -> f64 {
-            let shared = |o: &Room| {
-                (r[2].min(o[2]) - r[0].max(o[0])).max(0.0) * (r[3].min(o[3]) - r[1].max(o[1])).max(0.0)
-            };
-            let outside = (LEFT - r[0]).max(0.0)
-                + (r[2] - SIZE[0] + 6.0).max(0.0)
-                + (self.top - r[1]).max(0.0)
-                + (r[3] - BOTTOM).max(0.0);
-            self.taken.iter().map(shared).sum::<f64>() + 100.0 * outside
-        };
-        let place = places.iter().copied().min_by(|a, b| covers(&room(*a)).total_cmp(&covers(&room(*b))))?;
+        let overlaps = |a: &Room, b: &Room| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+        let within = |r: &Room| r[0] >= LEFT && r[2] <= SIZE[0] - 6.0 && r[1] >= self.top && r[3] <= BOTTOM;
+        let free = |r: &Room| !self.taken.iter().any(|taken| overlaps(taken, r));
+        let inside = || places.iter().filter(|place| within(&room(place)));
+        let Some(place) = inside().find(|place| free(&room(place))).or(inside().next()) else { return };
         self.svg.text(place.0, place.1, "wire", text);
         self.taken.push(room(place));
-        Some(place.0)
-    }
-
-    /// A bar as high as the noise floor in pixels, with its label.
-    fn put_noise_floor(&mut self, height: f64) {
-        let lefts = [LEFT + 23.0, LEFT + 190.0, 0.5 * (LEFT + SIZE[0]), RIGHT - 130.0];
-        let ups = [14.0, 60.0, 110.0, 160.0];
-        let places: Vec<([f64; 2], &str)> = ups
-            .iter()
-            .flat_map(|up| lefts.map(|x| ([x, BOTTOM - up - 0.5 * height + 4.0], "start")))
-            .collect();
-        if let Some([x, y]) = self.put("less is within noise", &places) {
-            let base = y - 4.0 + 0.5 * height;
-            let [left, foot, head, base] = [x - 9.0, x - 13.0, base - height, base].map(num);
-            let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
-            self.svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
-        }
     }
 }
 

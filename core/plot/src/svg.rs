@@ -112,6 +112,19 @@ impl Svg {
     }
 }
 
+/// Names with their colours in a line that ends at a point; empty ones are left out.
+pub(super) fn legend<'a>(svg: &mut Svg, [mut right, y]: [f64; 2], names: impl Iterator<Item = &'a str>) {
+    // Written from the right, so the last comes first.
+    let all: Vec<_> = names.zip(COLOURS.iter().cycle()).filter(|(name, _)| !name.is_empty()).collect();
+    for (name, colour) in all.into_iter().rev() {
+        svg.text([right, y], "end", "ink", name);
+        right -= text_width(name, 12.0) + 6.0;
+        let line = format!("M{} {}h-16", num(right), num(y - 4.0));
+        svg.path(&line, &format!("stroke=\"{colour}\" stroke-width=\"2.5\""));
+        right -= 16.0 + 16.0;
+    }
+}
+
 /// Path data of straight lines through points; empty for no points.
 pub(super) fn polyline(points: impl IntoIterator<Item = [f64; 2]>) -> String {
     let points: Vec<String> = points.into_iter().map(|[x, y]| format!("{} {}", num(x), num(y))).collect();

@@ -1,5 +1,5 @@
-//! Tests of the bound. It is compared with the condition whose maximum it is, with any motion between
-//! ticks, and with masses on simulated walls.
+//! Tests of the bound. It is compared with the condition whose maximum it is, and with any motion between
+//! ticks.
 
 use std::f64::consts::PI;
 
@@ -43,18 +43,11 @@ fn bound_matches_figures_of_textbook_and_paper() {
 #[test]
 fn the_text_has_the_figures_with_their_units() {
     let text = Passivity::of(wall(1.0, 0.25), at(500.0, 0.001), 0.8).to_string();
-    for part in [
-        "1.000 N/mm",
-        "0.250 N s/m",
-        "500 Hz",
-        "1.00 ms",
-        "2.250 N s/m",
-        "0.800",
-        "not passive by 1.450",
-        "0.275 N/mm",
-    ] {
-        assert!(text.contains(part), "{part} is not in: {text}");
-    }
+    assert_eq!(
+        text,
+        "1.000 N/mm and 0.250 N s/m at 500 Hz, 1.00 ms late, take more than 2.250 N s/m; the device has \
+         0.800: not passive by 1.450; the limit is 0.275 N/mm"
+    );
     let text = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.1).to_string();
     assert!(text.contains("0.500 N/mm in steps") && text.contains("100.0: passive"), "{text}");
     let text = Quantisation::of(wall(0.5, 1.0), at(500.0, 0.0), 0.055, 0.1).to_string();
@@ -171,154 +164,6 @@ fn wall_outside_the_bound_gives_energy_to_a_motion() {
             assert!(given_mj(law, tick_hz, 1.0001 * device, &motion) < 1e-9, "{law:?} at {tick_hz} Hz");
         }
     }
-}
-
-/// Moves a mass with a damper over the time between ticks, in kg, N s/m, N, m, m/s. Exact for a force
-/// that is held.
-fn hold(mass: f64, damping: f64, force: f64, time: f64, (x, v): (f64, f64)) -> (f64, f64) {
-    let (decay, end) = ((-damping * time / mass).exp(), force / damping);
-    (x + end * time + (v - end) * (1.0 - decay) * mass / damping, end + (v - end) * decay)
-}
-
-/// Growth factor of the amplitude of a mass after `swings` swings on a wall that pushes and pulls. The
-/// force acts `late` ticks after its place.
-fn swings(mass: f64, device: f64, law: Law, tick_hz: f64, late: usize, swings: f64) -> f64 {
-    let stiffness = 1e3 * law.stiffness_n_per_mm;
-    let count = (swings * 2.0 * PI * (mass / stiffness).sqrt() * tick_hz) as usize;
-    let mut state = (0.0, 1e-3 * (stiffness / mass).sqrt());
-    let mut forces = vec![0.0; late + 1];
-    let (mut before, mut first, mut last) = (0.0, 0.0_f64, 0.0_f64);
-    for k in 0..count {
-        let here = state.0;
-        forces.rotate_right(1);
-        forces[0] = -stiffness * here - law.damping_ns_per_m * (here - before) * tick_hz;
-        before = here;
-        state = hold(mass, device, forces[late], 1.0 / tick_hz, state);
-        let energy = 0.5 * mass * state.1.powi(2) + 0.5 * stiffness * state.0.powi(2);
-        if k < count / 10 {
-            first = first.max(energy);
-        } else if k >= count - count / 10 {
-            last = last.max(energy);
-        }
-    }
-    (last / first).sqrt()
-}
-
-#[test]
-fn swinging_mass_decays_inside_the_bound_and_grows_outside() {
-    for tick_hz in [100.0, 500.0, 1000.0, 4000.0] {
-        for late in [0, 1, 2] {
-            let (device, s) = (0.8, at(tick_hz, late as f64 / tick_hz));
-            let limit = stiffest_n_per_mm(0.0, s, device);
-            // A mass so heavy that a swing takes 300 ticks. There a spring alone reaches the bound.
-            let heavy = 1e3 * limit * (300.0 / (2.0 * PI * tick_hz)).powi(2);
-            let (inside, outside) = (
-                swings(heavy, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0),
-                swings(heavy, device, wall(1.03 * limit, 0.0), tick_hz, late, 200.0),
-            );
-            assert!(inside < 0.99 && outside > 1.01, "{tick_hz} Hz, {late} late: {inside} {outside}");
-            // Lighter masses swing faster and gain no more.
-            for lighter in [3.0, 10.0, 100.0, 1e3, 1e4, 1e5] {
-                let ratio = swings(heavy / lighter, device, wall(0.97 * limit, 0.0), tick_hz, late, 200.0);
-                assert!(ratio < 0.99, "{tick_hz} Hz, {late} late, {lighter} times lighter: {ratio}");
-            }
-        }
-    }
-}
-
-// Inside the bound, a damped wall brings every mass to rest. Friction beyond the bound drives a light mass.
-#[test]
-fn damped_wall_inside_stops_masses_and_friction_outside_drives() {
-    let (tick_hz, device) = (500.0, 0.8);
-    let law = wall(stiffest_n_per_mm(0.4, at(tick_hz, 0.0), device), 0.4);
-    for mass in [0.0005, 0.002, 0.01, 0.05, 0.3] {
-        assert!(swings(mass, device, law, tick_hz, 0, 100.0) < 0.9, "{mass} kg");
-    }
-    // 2 N under 0.004 s/mm are 8 N s/m, ten times the damping of the device. A light mass rattles at half
-    // the tick rate, a heavy one does not.
-    let rubbed = |mass: f64, slope: f64| {
-        let (mut state, mut before, mut most) = ((0.0, 0.1), 0.0, [0.0_f64; 2]);
-        for k in 0..400 {
-            let here = state.0;
-            let force = -slope * (here - before) * tick_hz;
-            before = here;
-            state = hold(mass, device, force, 1.0 / tick_hz, state);
-            most[k / 200] = most[k / 200].max(state.1.abs());
-        }
-        most[1] / most[0]
-    };
-    assert!(rubbed(0.004, 8.0) > 10.0, "{}", rubbed(0.004, 8.0));
-    assert!(rubbed(0.004, 0.79) < 1e-3 && rubbed(0.0004, 0.79) < 1e-3 && rubbed(0.3, 8.0) < 0.1);
-}
-
-/// Greatest ratio of the kinetic energy with which a mass leaves a wall to that with which it came. The
-/// maximum is over the moments between two ticks at which it comes.
-fn bounce(mass: f64, device: f64, law: Law, tick_hz: f64, speed: f64) -> f64 {
-    let mut most = 0.0_f64;
-    for phase in 0..50 {
-        let mut state = (-speed * f64::from(phase) / 50.0 / tick_hz, speed);
-        let mut taken = 0.0;
-        for _ in 0..100_000 {
-            let push = -1e3 * law.stiffness_n_per_mm * state.0.max(0.0);
-            let before = state;
-            state = hold(mass, device, push, 1.0 / tick_hz, state);
-            if before.0 <= 0.0 {
-                // The energy that the damper takes outside does not come from the wall.
-                let out = |s: (f64, f64)| 0.5 * mass * s.1 * s.1;
-                taken += if state.0 <= 0.0 { out(before) - out(state) } else { 0.0 };
-            }
-            if state.0 <= 0.0 && state.1 < 0.0 {
-                break;
-            }
-        }
-        most = most.max((0.5 * mass * state.1.powi(2) + taken) / (0.5 * mass * speed.powi(2)));
-    }
-    most
-}
-
-#[test]
-fn bouncing_mass_gains_energy_only_outside_the_bound() {
-    for tick_hz in [100.0, 500.0, 4000.0] {
-        let device = 0.5;
-        let limit = stiffest_n_per_mm(0.0, at(tick_hz, 0.0), device);
-        let heavy = 1e3 * limit * (100.0 / (2.0 * PI * tick_hz)).powi(2);
-        for lighter in [0.1, 1.0, 10.0, 100.0, 1e3, 1e5] {
-            let out = bounce(heavy / lighter, device, wall(limit, 0.0), tick_hz, 0.2);
-            assert!(out <= 1.0 + 1e-9, "{tick_hz} Hz, {lighter}: {out}");
-        }
-        let out = bounce(heavy, device, wall(1.1 * limit, 0.0), tick_hz, 0.2);
-        assert!(out > 1.0, "{tick_hz} Hz: {out}");
-    }
-}
-
-/// Simulates a mass with dry friction on a spring whose place is seen in steps. The rate is so high that
-/// only the steps matter. Answers the amplitude in the last fifth divided by that in the first, in steps.
-fn stepped(friction: f64, stiffness: f64, step: f64, swing_steps: f64) -> f64 {
-    let (mass, dt, count) = (0.05, 2e-6, 2_000_000);
-    let (mut x, mut v) = (0.0_f64, swing_steps * step * (stiffness / mass).sqrt());
-    let (mut most, mut seen) = ([0.0_f64; 5], 0.0);
-    for k in 0..count {
-        // An encoder that turns late: a step is reported when it has been passed. So the place is half a
-        // step behind in either direction.
-        if (x - seen).abs() > step {
-            seen += step * ((x - seen) / step).trunc();
-        }
-        let pull = -stiffness * seen;
-        let rub = friction * dt / mass;
-        let wanted = v + pull * dt / mass;
-        v = if wanted.abs() <= rub { 0.0 } else { wanted - rub.copysign(wanted) };
-        x += v * dt;
-        let part = &mut most[5 * k / count];
-        *part = part.max(x.abs());
-    }
-    most[4] / most[0]
-}
-
-#[test]
-fn dry_friction_above_the_bound_stops_oscillation_from_steps() {
-    let needed = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.0).needed_n;
-    let [less, more] = [0.9, 1.1].map(|share| stepped(share * needed, 500.0, 0.055e-3, 20.0));
-    assert!(less > 1.2 && more < 0.8, "{less} {more}");
 }
 
 /// Energy per length of the path \[N\] that a wall with places in steps gives on a motion, beyond what

@@ -553,29 +553,14 @@ impl ContactState {
     fn of_nothing(names: &EffectNames) -> Self {
         let none = |names: &[String]| vec![NONE; names.len()];
         Self {
-            force_n: 0.0,
-            depth_mm: 0.0,
-            plane_mm: [0.0; 3],
-            normal: [0.0; 3],
-            stiffness_n_per_mm: 0.0,
-            damping_ns_per_m: 0.0,
-            push_n: [0.0; 3],
             tangents: FLAT,
-            place_mm: [0.0; 3],
-            velocity_mm_s: [0.0; 2],
-            speed_mm_s: 0.0,
-            slide_mm_s: [0.0; 2],
             surface: NONE,
             volume: NONE,
-            approach_mm_s: 0.0,
-            moment: 0.0,
-            material: 0.0,
-            network: 0.0,
-            voices: [Voice { level: 0.0, place_mm: [0.0; 2], stroke: 0.0 }; 2],
             touching: none(&names.touching),
             inside: none(&names.inside),
             near: vec![NO_PULL; names.near.len()],
             textures: [none(&names.textures), none(&names.textures)],
+            ..Self::default()
         }
     }
 }

@@ -32,6 +32,11 @@ impl Contacts {
     fn step_once(&mut self, motion: &Motion) -> ContactState {
         self.step(motion).clone()
     }
+
+    /// One tick at rest at a place.
+    fn at(&mut self, position_mm: [f64; 3]) -> ContactState {
+        self.step_once(&Motion { position_mm, ..Motion::default() })
+    }
 }
 
 fn contacts(surfaces: &str) -> Contacts {
@@ -119,7 +124,7 @@ fn wall_is_reached_once_with_speed_and_moment_of_approach() {
     // only once.
     for steps in [[2.1, 2.0, 1.9, 1.8], [2.05, 2.0, 1.95, 1.9], [2.0, 2.0, 1.7, 1.4]] {
         let mut c = contacts(&format!("\"a\": (shape: plane, place_mm: (0, 0, 2), effects: ({WALL}))"));
-        let felt = steps.map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }));
+        let felt = steps.map(|z| c.at([0.0, 0.0, z]));
         let hits: Vec<usize> = (0..4).filter(|&n| felt[n].approach_mm_s > 0.0).collect();
         assert_eq!(hits, [2], "{steps:?}");
         let wanted = (steps[1] - steps[2]) * TICK_HZ;
@@ -150,14 +155,14 @@ fn lost_ticks_do_not_raise_the_approach_speed() {
         // 150 mm/s, for all missed ticks and one more. The wall is passed after a sixth of the last tick.
         let z = 0.05 - 0.3;
         let from = z + 0.3 * (missed as f64 + 1.0);
-        c.step_once(&Motion { position_mm: [0.0, 0.0, from], ..Motion::default() });
+        c.at([0.0, 0.0, from]);
         c.missed(missed);
-        let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
+        let felt = c.at([0.0, 0.0, z]);
         assert!((felt.approach_mm_s - 150.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
         assert!((felt.moment - 1.0 / 6.0).abs() < 1e-9, "{missed}: {}", felt.moment);
         // The next wall is reached as usual.
-        c.step_once(&Motion { position_mm: [0.0, 0.0, 0.3], ..Motion::default() });
-        let felt = c.step_once(&Motion { position_mm: [0.0, 0.0, -0.3], ..Motion::default() });
+        c.at([0.0, 0.0, 0.3]);
+        let felt = c.at([0.0, 0.0, -0.3]);
         assert!((felt.approach_mm_s - 300.0).abs() < 1e-9, "{missed}: {}", felt.approach_mm_s);
     }
 }
@@ -174,10 +179,7 @@ fn approach_with_position_steps_is_measured_over_20_ms() {
             let mut c = Contacts::new(&scene, &names(), SETTINGS, tick_hz).unwrap();
             let felt = (0..(0.5 * tick_hz) as usize).map(|n| {
                 let z: f64 = 3.01 - speed * n as f64 / tick_hz;
-                c.step_once(&Motion {
-                    position_mm: [0.0, 0.0, 0.055 * (z / 0.055).round()],
-                    ..Motion::default()
-                })
+                c.at([0.0, 0.0, 0.055 * (z / 0.055).round()])
             });
             let told: Vec<f64> = felt.map(|f| f.approach_mm_s).filter(|v| *v > 0.0).collect();
             // The error is a step of 0.055 mm at either end of 20 ms, or of a path of 3 mm.
@@ -191,8 +193,7 @@ fn approach_with_position_steps_is_measured_over_20_ms() {
     // If the stylus left the wall within that time, the approach counts from its oldest place outside.
     let mut c = Contacts::new(&scene, &names(), SETTINGS, 1000.0).unwrap();
     let heights = [0.5, -0.5, -0.5, -0.5, 0.5, 1.0, 0.5, 0.0, -0.5];
-    let told = heights
-        .map(|z| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() }).approach_mm_s);
+    let told = heights.map(|z| c.at([0.0, 0.0, z]).approach_mm_s);
     assert!(told[1] > 0.0 && told[8] > 0.0 && told[8] <= 1000.0, "{told:?}");
 }
 
@@ -292,7 +293,7 @@ fn volume_acts_beside_a_wall_but_effects_of_the_wall_win() {
          \"buzz\": (shape: rectangle(size_mm: (4, 4)), place_mm: (10, 0, 0.5), effects: \
          ({WALL}, vibration: (frequency_hz: 150, amplitude_m_s2: 1)))"
     ));
-    let mut at = |x: f64, z: f64| c.step_once(&Motion { position_mm: [x, 0.0, z], ..Motion::default() });
+    let mut at = |x: f64, z: f64| c.at([x, 0.0, z]);
     let felt = at(0.0, 5.0);
     assert_eq!((felt.surface, felt.volume), (-1.0, 0.0));
     assert_eq!((felt.volume, felt.inside[1], felt.inside[0], felt.force_n), (0.0, 0.0, 0.0, 0.0));
@@ -311,7 +312,7 @@ fn magnet_is_reported_within_its_reach_on_both_sides() {
         "\"a\": (shape: sphere(radius_mm: 10), effects: ({WALL}, \
          magnet: (stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)))"
     ));
-    let mut at = |z: f64| c.step_once(&Motion { position_mm: [0.0, 0.0, z], ..Motion::default() });
+    let mut at = |z: f64| c.at([0.0, 0.0, z]);
     assert_eq!(at(15.0).near[0].slot, -1.0);
     let felt = at(12.0);
     assert_eq!((felt.near[0].slot, felt.surface, felt.near[0].normal), (0.0, -1.0, [0.0, 0.0, 1.0]));
@@ -321,77 +322,17 @@ fn magnet_is_reported_within_its_reach_on_both_sides() {
 }
 
 #[test]
-fn deepest_wall_with_hysteresis_matches_brute_force() {
-    let effects = ["", "", "", "", "", ""].map(|_| WALL);
-    let surfaces: String = effects
-        .iter()
-        .enumerate()
-        .map(|(i, e)| {
-            let z = -0.35 * i as f64;
-            format!(
-                "\"{i}\": (shape: sphere(radius_mm: 12), place_mm: ({}, 0, {z}), effects: ({e})),\n",
-                6 * i
-            )
-        })
-        .collect();
-    let scene = scene(&surfaces);
-    let mut c = Contacts::new(&scene, &names(), SETTINGS, TICK_HZ).unwrap();
-    let mut held: Option<usize> = None;
-    let mut changes = 0;
-    for n in 0..4000 {
-        let t = f64::from(n) * 0.004;
-        let at = [15.0 + 22.0 * (1.3 * t).sin(), 4.0 * (2.1 * t).cos(), 6.0 + 8.0 * (0.7 * t).sin()];
-        let depths: Vec<f64> = scene.surfaces.iter().map(|s| s.surface.depth_mm(at)).collect();
-        let deepest = (0..6).max_by(|a, b| depths[*a].total_cmp(&depths[*b])).unwrap();
-        let before = held;
-        let felt = c.step_once(&Motion { position_mm: at, ..Motion::default() });
-        held = match held.filter(|h| depths[*h] > TOUCHED_MM) {
-            // Depths are compared in steps, so close to the hysteresis both answers are right.
-            Some(h) if (depths[deepest] - depths[h] - 0.1).abs() < 3e-4 => Some(felt.surface as usize),
-            Some(h) if depths[deepest] <= depths[h] + 0.1 => Some(h),
-            _ => (depths[deepest] > TOUCHED_MM).then_some(deepest),
-        };
-        changes += usize::from(before != held);
-        assert_eq!(felt.surface, held.map_or(-1.0, |h| h as f64), "{n}: {depths:?}");
-        assert!((felt.force_n - (0.5 * held.map_or(0.0, |h| depths[h])).min(3.3)).abs() < 1e-9);
-    }
-    assert!(changes > 20, "{changes}");
-}
-
-#[test]
-fn restored_state_continues_alike_and_invalid_state_is_refused() {
-    let effects = format!("{WALL}, {LOOP}, friction: dahl");
-    let surfaces = tiles(&[&effects, &effects.replace("(0.5, 1)", "(0.5, 2)"), WALL]);
-    let mut c = contacts(&surfaces);
-    go(&mut c, [19.0, 0.0, -1.0], [20.5, 0.0, -1.0], 8);
-    let size = State::measure(|s| c.state(s));
-    let mut bytes = vec![0; size];
-    State::save(&mut bytes, |s| c.state(s)).unwrap();
-    let mut other = contacts(&surfaces);
-    assert!(State::restore(&bytes, |s| other.state(s)));
-    let (a, b) = (
-        go(&mut c, [20.5, 0.0, -1.0], [41.0, 0.0, -1.0], 60),
-        go(&mut other, [20.5, 0.0, -1.0], [41.0, 0.0, -1.0], 60),
-    );
-    assert_eq!(a, b);
-    assert!(!State::restore(&vec![0xff; size], |s| other.state(s)));
-    // The contact is as new.
-    let felt = other.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() });
-    assert!(felt.voices.iter().all(|v| v.place_mm.iter().all(|x| x.is_finite())));
-}
-
-#[test]
 fn invalid_places_touch_nothing_and_leave_no_trace() {
     let effects = format!("{WALL}, {LOOP}, tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)])");
     let mut c = contacts(&tiles(&[&effects]));
     go(&mut c, [10.0, 0.0, 1.0], [10.0, 0.0, -1.0], 4);
     for bad in [f64::NAN, f64::INFINITY, -1e300] {
-        let felt = c.step_once(&Motion { position_mm: [bad; 3], ..Motion::default() });
+        let felt = c.at([bad; 3]);
         assert!(felt.force_n == 0.0 && felt.surface == -1.0 && felt.approach_mm_s == 0.0);
         assert!(felt.velocity_mm_s.iter().all(|v| v.is_finite()), "{felt:?}");
         assert!(felt.voices.iter().all(|v| v.place_mm.iter().all(|x| x.is_finite())));
     }
-    assert_eq!(c.step_once(&Motion { position_mm: [10.0, 0.0, -1.0], ..Motion::default() }).force_n, 0.5);
+    assert_eq!(c.at([10.0, 0.0, -1.0]).force_n, 0.5);
 }
 
 #[test]

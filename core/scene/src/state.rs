@@ -32,7 +32,7 @@ pub struct ContactSettings {
 }
 
 /// Textures of one surface, or of one face of a box.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Voice {
     /// Level, 0 to 1: the square root of the voice's part of the power.
     pub level: f64,
@@ -43,7 +43,7 @@ pub struct Voice {
 }
 
 /// Force from both sides of a surface, within a reach.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pull {
     /// Slot of the effect; -1 for none.
     pub slot: f64,
@@ -55,7 +55,7 @@ pub struct Pull {
 
 /// State of the contact in a tick. Numbers of surfaces and slots count from 0; -1 stands for none. The
 /// lists have the order of [`EffectNames`](crate::EffectNames).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ContactState {
     /// Normal force by Hooke's law, in N.
     pub force_n: f64,

@@ -209,7 +209,7 @@ fn surfaces_of_the_same_heights_share_them() {
         .surfaces
         .iter()
         .map(|s| match s.surface.shape.form() {
-            Form::Relief(relief) => relief.grid().clone(),
+            Form::Relief(relief) => relief.grid.clone(),
             other => panic!("{other:?}"),
         })
         .collect();

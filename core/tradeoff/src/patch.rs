@@ -275,7 +275,7 @@ mod tests {
         let e = patch(dir.path(), &hills).unwrap_err().to_string();
         let scene = Scene::read(dir.path().join("scene.ron")).unwrap();
         let Form::Relief(relief) = scene.surfaces[0].surface.shape.form() else { panic!("no relief") };
-        let [low, high] = relief.bounds_mm();
+        let [low, high] = relief.bounds_mm;
         assert!(high - low > 3.0, "{low} to {high} mm");
         assert!(e.contains("no relief"), "{e}");
     }

@@ -1,9 +1,10 @@
 //! `actuator_inverse`: from the wanted acceleration to the coil's current or voltage.
 
+use crate::ports::{Doc, choice, number};
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec,
-    Role, Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Role,
+    Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
 };
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
@@ -31,29 +32,18 @@ impl Node for ActuatorInverse {
         )
         .param(profile)
         .param(handle)
-        .param(Param::choice("drive", &["current", "voltage"], "What the amplifier puts out."))
+        .param(choice("drive", &["current", "voltage"]).doc("What the amplifier puts out."))
         .param(
-            Param::number(
-                "corner_hz",
-                s.corner_hz,
-                5.0..=60.0,
-                "Corner of the high-pass that inverse and actuator make.",
-            )
-            .unit("Hz"),
+            number("corner_hz", s.corner_hz, 5.0..=60.0, "Hz")
+                .doc("Corner of the high-pass that inverse and actuator make."),
         )
-        .param(Param::number(
-            "corner_damping",
-            s.corner_damping,
-            0.3..=2.0,
-            "Damping ratio of that high-pass.",
-        ))
-        .param(Param::choice(
-            "model",
-            &["full", "no_inductance", "no_emf", "mass"],
+        .param(
+            number("corner_damping", s.corner_damping, 0.3..=2.0, "").doc("Damping ratio of that high-pass."),
+        )
+        .param(choice("model", &["full", "no_inductance", "no_emf", "mass"]).doc(
             "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. \
              `no_emf`: the coil as its resistance alone. `mass`: a constant, right above resonance, with no \
-             corner: `corner_hz` and `corner_damping` are not used. The first three are one under a \
-             current.",
+             corner: `corner_hz` and `corner_damping` are not used. The first three are one under a current.",
         ))
     }
 

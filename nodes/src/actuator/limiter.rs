@@ -1,9 +1,10 @@
 //! `limiter`: the limits that no input to the coil may exceed.
 
+use crate::ports::{Doc, audio_out, number};
 use asperity_actuator::{self, Drive, LimiterSettings};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Resume, Role,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Prepared, Processor, RateSpec, Resume, Role, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
@@ -35,37 +36,20 @@ impl Node for Limiter {
                 .unit_among('u', DRIVES)
                 .doc("what is asked of the coil"),
         )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_of('u')
-                .limited()
-                .doc("what the coil gets"),
-        )
+        .output(audio_out("out").limited().doc("what the coil gets"))
         .param(profile)
         .param(handle)
         .param(
-            Param::number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Corner of the DC removal.")
-                .unit("Hz")
-                .live(),
+            number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live().doc("Corner of the DC removal."),
         )
         .param(
-            Param::number(
-                "slew_hz",
-                s.slew_hz,
-                500.0..=20_000.0,
-                "A sine at the peak is not held back up to here.",
-            )
-            .unit("Hz"),
+            number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz")
+                .doc("A sine at the peak is not held back up to here."),
         )
         .param(
-            Param::number(
-                "release_ms",
-                s.release_s * 1e3,
-                10.0..=5000.0,
-                "How fast the gain comes back after limiting.",
-            )
-            .unit("ms")
-            .live(),
+            number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms")
+                .live()
+                .doc("How fast the gain comes back after limiting."),
         )
         .resumes(Resume::Never)
     }

@@ -8,19 +8,16 @@ pub use limiter::Limiter;
 
 use std::path::{Path, PathBuf};
 
+use crate::ports::{Doc, number, text};
 use asperity_actuator::{ActuatorProfile, Dynamics};
 use asperity_diagnostics::Place;
 use asperity_node::{Diagnostic, Param, Setup};
 
 fn profile_params() -> [Param; 2] {
     [
-        Param::text(
-            "profile",
-            "hapcoil_one",
-            "The actuator: a shipped profile's name, or a RON file relative to the graph file.",
-        ),
-        Param::number("handle_mass_g", 100.0, 1.0..=10_000.0, "Mass of what the actuator is mounted on.")
-            .unit("g"),
+        text("profile", "hapcoil_one")
+            .doc("The actuator: a shipped profile's name, or a RON file relative to the graph file."),
+        number("handle_mass_g", 100.0, 1.0..=10_000.0, "g").doc("Mass of what the actuator is mounted on."),
     ]
 }
 

@@ -1,9 +1,10 @@
 //! `contact`: the surface of a scene that a stylus touches.
 
+use crate::ports::{Doc, MM, MM_S, N, ONE, control, file, number, text, texts};
 use crate::since::Since;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Ports, Prepared, Processor, Resume,
-    Role, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, Resume, Role,
+    Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
@@ -28,10 +29,6 @@ macro_rules! all {
     ($($field:tt)+) => { |state, to| to.copy_from_slice(&state.$($field)+) };
 }
 
-const MM: Unit = Unit::MILLIMETRE;
-const MM_S: Unit = Unit::MILLIMETRE_PER_SECOND;
-const N: Unit = Unit::NEWTON;
-
 const PORTS: &[Port] = &[
     Port("force", 1, N, "normal force by Hooke's law, 0 in the air", one!(force_n)),
     Port("depth", 1, MM, "penetration, 0 in the air", one!(depth_mm)),
@@ -42,7 +39,7 @@ const PORTS: &[Port] = &[
         "a point of the plane that touches the surface, for a device that pushes back by itself",
         all!(plane_mm),
     ),
-    Port("normal", 3, Unit::NONE, "that plane's outward normal; 0 where there is no surface", all!(normal)),
+    Port("normal", 3, ONE, "that plane's outward normal; 0 where there is no surface", all!(normal)),
     Port("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the surface", one!(stiffness_n_per_mm)),
     Port(
         "damping",
@@ -52,18 +49,18 @@ const PORTS: &[Port] = &[
         one!(damping_ns_per_m),
     ),
     Port("push", 3, N, "force of the wall with its damping, never a pull", all!(push_n)),
-    Port("tangents", 6, Unit::NONE, "two directions along the surface, of length 1", |state, to| {
+    Port("tangents", 6, ONE, "two directions along the surface, of length 1", |state, to| {
         to.copy_from_slice(state.tangents.as_flattened());
     }),
     Port("place", 3, MM, "where along these the stylus is, and how high over the surface", all!(place_mm)),
     Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
     Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
     Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),
-    Port("surface", 1, Unit::NONE, "number of the wall in the scene, from 0; -1 in the air", one!(surface)),
+    Port("surface", 1, ONE, "number of the wall in the scene, from 0; -1 in the air", one!(surface)),
     Port(
         "volume",
         1,
-        Unit::NONE,
+        ONE,
         "number of the volume, a surface that does not push back; -1 outside of all",
         one!(volume),
     ),
@@ -74,21 +71,15 @@ const PORTS: &[Port] = &[
         "speed at which a wall was reached in this tick from the air, else 0",
         one!(approach_mm_s),
     ),
-    Port("moment", 1, Unit::NONE, "when in the tick that was, 0 to 1", one!(moment)),
-    Port("material", 1, Unit::NONE, "material of the network", one!(material)),
-    Port("material_level", 1, Unit::NONE, "level of that material, 0 to 1", one!(network)),
-    Port("level_a", 1, Unit::NONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
+    Port("moment", 1, ONE, "when in the tick that was, 0 to 1", one!(moment)),
+    Port("material", 1, ONE, "material of the network", one!(material)),
+    Port("material_level", 1, ONE, "level of that material, 0 to 1", one!(network)),
+    Port("level_a", 1, ONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
     Port("place_a", 2, MM, "where the stylus is on that voice's surface", all!(voices[0].place_mm)),
-    Port(
-        "stroke_a",
-        1,
-        Unit::NONE,
-        "another number: that voice is of another surface",
-        one!(voices[0].stroke),
-    ),
-    Port("level_b", 1, Unit::NONE, "the same of the second voice", one!(voices[1].level)),
+    Port("stroke_a", 1, ONE, "another number: that voice is of another surface", one!(voices[0].stroke)),
+    Port("level_b", 1, ONE, "the same of the second voice", one!(voices[1].level)),
     Port("place_b", 2, MM, "where the stylus is on its surface", all!(voices[1].place_mm)),
-    Port("stroke_b", 1, Unit::NONE, "another number: it is of another surface", one!(voices[1].stroke)),
+    Port("stroke_b", 1, ONE, "another number: it is of another surface", one!(voices[1].stroke)),
 ];
 
 /// The lists of effects, by where they act.
@@ -118,13 +109,13 @@ fn names(config: &Config<'_>) -> EffectNames {
 /// The outputs for the effects, in the order in which `process` writes them.
 fn of_effects(names: &EffectNames) -> Vec<Output> {
     let output = |name: String, count, unit: Unit| Output::new(name, ShapeSpec::Control(count), unit);
-    let slot = |name: String| output(name, 1, Unit::NONE);
+    let slot = |name: String| output(name, 1, ONE);
     let mut all = Vec::new();
     all.extend(names.touching.iter().chain(&names.inside).map(|name| slot(format!("{name}_slot"))));
     for name in &names.near {
         all.push(slot(format!("{name}_slot")));
         all.push(output(format!("{name}_distance"), 1, MM));
-        all.push(output(format!("{name}_normal"), 3, Unit::NONE));
+        all.push(output(format!("{name}_normal"), 3, ONE));
     }
     for voice in ["a", "b"] {
         all.extend(names.textures.iter().map(|name| slot(format!("{name}_slot_{voice}"))));
@@ -142,11 +133,11 @@ impl Node for Contact {
             "Which surface of a scene a stylus touches, where and how; what each effect is to do about it.",
         )
         .role(Role::Contact)
-        .input(Input::new("position", ShapeSpec::Control(3), MM).doc("x, y, z of the stylus, z up"))
+        .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
         .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
         .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))
         .input(
-            Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
+            control("stroke", 1, ONE)
                 .or(0.0)
                 .doc("another number: the stylus was put down elsewhere, and came there on no way"),
         );
@@ -155,60 +146,35 @@ impl Node for Contact {
             .fold(it, |it, Port(name, count, unit, doc, _)| {
                 it.output(Output::new(*name, ShapeSpec::Control(*count), unit.clone()).doc(*doc))
             })
-            .param(Param::file(
-                "scene",
+            .param(file("scene").doc(
                 "RON: a scene, of which the surfaces count, and which of them share settings of an effect \
                  (slots).",
             ))
-            .param(Param::texts(LISTS[0].0, LISTS[0].1))
-            .param(Param::texts(LISTS[1].0, LISTS[1].1))
-            .param(Param::texts(LISTS[2].0, LISTS[2].1))
-            .param(Param::texts(LISTS[3].0, LISTS[3].1))
-            .param(Param::text(
-                "slots",
-                "",
+            .param(texts(LISTS[0].0).doc(LISTS[0].1))
+            .param(texts(LISTS[1].0).doc(LISTS[1].1))
+            .param(texts(LISTS[2].0).doc(LISTS[2].1))
+            .param(texts(LISTS[3].0).doc(LISTS[3].1))
+            .param(text("slots", "").doc(
                 "What the lists of the effects' nodes were made of: with another scene, whose slots differ, \
                  the graph is refused; left out, anything goes.",
             ))
-            .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "The most a surface pushes.").unit("N"))
+            .param(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("The most a surface pushes."))
             .param(
-                Param::number(
-                    "crossfade_ms",
-                    20.0,
-                    0.1..=1000.0,
-                    "How long textures of one surface take to go over into another's.",
-                )
-                .unit("ms"),
+                number("crossfade_ms", 20.0, 0.1..=1000.0, "ms")
+                    .doc("How long textures of one surface take to go over into another's."),
             )
             .param(
-                Param::number(
-                    "hold_ms",
-                    20.0,
-                    0.0..=10_000.0,
-                    "How long a surface's textures stay in the air, for a gate to fade them out.",
-                )
-                .unit("ms"),
+                number("hold_ms", 20.0, 0.0..=10_000.0, "ms")
+                    .doc("How long a surface's textures stay in the air, for a gate to fade them out."),
             )
-            .param(
-                Param::number(
-                    "anticipate_mm",
-                    0.0,
-                    0.0..=100.0,
-                    "From how far the plane of a surface is told of that is not yet touched, for a device \
-                     with a loop of its own.",
-                )
-                .unit("mm"),
-            )
-            .param(
-                Param::number(
-                    "put_down_mm_s",
-                    100.0,
-                    0.0..=10_000.0,
-                    "Speed at which a wall counts as reached by a stylus that was put down on it from \
-                     elsewhere; 0 for no tap.",
-                )
-                .unit("mm/s"),
-            )
+            .param(number("anticipate_mm", 0.0, 0.0..=100.0, "mm").doc(
+                "From how far the plane of a surface is told of that is not yet touched, for a device with a \
+                 loop of its own.",
+            ))
+            .param(number("put_down_mm_s", 100.0, 0.0..=10_000.0, "mm/s").doc(
+                "Speed at which a wall counts as reached by a stylus that was put down on it from elsewhere; \
+                 0 for no tap.",
+            ))
             .timing("no latency; a tap shows in the tick in which the wall is reached")
             .resumes(Resume::Never)
     }

@@ -1,14 +1,10 @@
 //! `speed_gate`: no texture without motion on a surface.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Prepared, Processor, RateSpec, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
-};
+use crate::ports::{Doc, MM_S, N, ONE, audio, audio_out, control, control_out, number};
+use asperity_node::{Descriptor, Diagnostic, Latency, Node, Prepared, Processor, Setup, State, Status, Tick};
 
-/// Places of the live parameters.
-const SPEED_MM_S: usize = 0;
-const FORCE_N: usize = 1;
-const HYSTERESIS: usize = 2;
+/// The live parameters.
+const LIVE: [&str; 3] = ["speed_mm_s", "force_n", "hysteresis"];
 
 /// Lets audio through while the stylus moves on a surface; fades in and out.
 ///
@@ -22,10 +18,8 @@ const HYSTERESIS: usize = 2;
 /// New thresholds and a new hysteresis count from the next tick on. If they open or close the gate, it fades
 /// as usual.
 pub struct SpeedGate {
-    open_mm_s: f64,
-    touch_n: f64,
-    /// Part of both thresholds at which it closes.
-    hysteresis: f64,
+    /// Values of [`LIVE`]: thresholds of speed and force, and the part of both at which it closes.
+    live: [f64; 3],
     /// Change of gain per sample.
     step: f32,
     moving: bool,
@@ -39,43 +33,27 @@ impl Node for SpeedGate {
             "speed_gate",
             "Silence while the stylus rests or is off the surface, with hysteresis and a fade.",
         )
+        .input(audio("in").doc("what is gated"))
+        .input(control("speed", 1, MM_S).doc("speed along the surface"))
         .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_of('u')
-                .doc("what is gated"),
-        )
-        .input(
-            Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                .doc("speed along the surface"),
-        )
-        .input(
-            Input::new("force", ShapeSpec::Control(1), Unit::NEWTON)
+            control("force", 1, N)
                 .or(1e3)
                 .doc("normal force; unconnected, the stylus counts as on the surface"),
         )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_of('u')
-                .doc("what gets through"),
-        )
-        .output(
-            Output::new("active", ShapeSpec::Control(1), Unit::NONE).doc("1 while open or fading, else 0"),
+        .output(audio_out("out").doc("what gets through"))
+        .output(control_out("active", 1, ONE).doc("1 while open or fading, else 0"))
+        .param(number("speed_mm_s", 5.0, 0.0..=1000.0, "mm/s").live().doc("The gate opens at this speed."))
+        .param(
+            number("force_n", 0.02, 0.0..=100.0, "N")
+                .live()
+                .doc("The stylus is on the surface from this force on."),
         )
         .param(
-            Param::number("speed_mm_s", 5.0, 0.0..=1000.0, "The gate opens at this speed.")
-                .unit("mm/s")
-                .live(),
+            number("hysteresis", 0.4, 0.0..=1.0, "")
+                .live()
+                .doc("The gate closes at this part of speed and force."),
         )
-        .param(
-            Param::number("force_n", 0.02, 0.0..=100.0, "The stylus is on the surface from this force on.")
-                .unit("N")
-                .live(),
-        )
-        .param(
-            Param::number("hysteresis", 0.4, 0.0..=1.0, "The gate closes at this part of speed and force.")
-                .live(),
-        )
-        .param(Param::number("fade_ms", 10.0, 0.1..=1000.0, "How long it takes to open or close.").unit("ms"))
+        .param(number("fade_ms", 10.0, 0.1..=1000.0, "ms").doc("How long it takes to open or close."))
         .gates("in")
         .timing("opens and closes over `fade_ms`")
     }
@@ -84,9 +62,7 @@ impl Node for SpeedGate {
         let p = setup.params;
         let samples = (p.number("fade_ms") * 1e-3 * f64::from(setup.input_rate(0))).max(1.0).round();
         let it = Self {
-            open_mm_s: p.number("speed_mm_s"),
-            touch_n: p.number("force_n"),
-            hysteresis: p.number("hysteresis"),
+            live: LIVE.map(|name| p.number(name)),
             step: (1.0 / samples) as f32,
             moving: false,
             touching: false,
@@ -104,8 +80,9 @@ impl Processor for SpeedGate {
             return self.gain > 0.0;
         }
         let (speed, force) = (tick.inputs.value(1), tick.inputs.value(2));
-        let part = |on: bool| if on { self.hysteresis } else { 1.0 };
-        let (open, touch) = (self.open_mm_s * part(self.moving), self.touch_n * part(self.touching));
+        let [open, touch, hysteresis] = self.live;
+        let part = |on: bool| if on { hysteresis } else { 1.0 };
+        let (open, touch) = (open * part(self.moving), touch * part(self.touching));
         self.moving = speed >= open;
         // At a threshold of 0 a stylus in the air, whose force is 0, must still count as off.
         self.touching = force > 0.0 && force >= touch;
@@ -133,12 +110,7 @@ impl Processor for SpeedGate {
     }
 
     fn set_parameter(&mut self, index: usize, value: f64) {
-        match index {
-            SPEED_MM_S => self.open_mm_s = value,
-            FORCE_N => self.touch_n = value,
-            HYSTERESIS => self.hysteresis = value,
-            _ => {}
-        }
+        self.live.get_mut(index).into_iter().for_each(|parameter| *parameter = value);
     }
 
     /// Whether it is open, and the level of its fade.

@@ -1,15 +1,15 @@
 //! `autoregressive`: textures of autoregressive models.
 
+use crate::ports::{Doc, MM_S, N, control, file, texts};
 use asperity_autoregressive::{self, Synthesis};
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Prepared, Processor,
-    Resume, Settings, Setup, ShapeSpec, State, Status, Tick, Unit, random, time,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Resume, Settings,
+    Setup, State, Status, Tick, random, time,
 };
 
-use super::shared::Shared;
 use super::voices::{Voice, Voices};
-use super::{acceleration, each, files, gain, slot};
+use super::{Made, acceleration, each, files, gain, shared, slot};
 
 const SLOT: usize = 0;
 const SPEED: usize = 1;
@@ -120,17 +120,10 @@ impl Node for Autoregressive {
             "Textures of autoregressive models, by speed and force: noise through the filter of the moment.",
         )
         .input(slot("which of `models`, from 0; below 0 none sounds"))
-        .input(
-            Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                .doc("along the surface; at 0 what sounds dies away"),
-        )
-        .input(
-            Input::new("force", ShapeSpec::Control(1), Unit::NEWTON)
-                .doc("normal force; at 0 what sounds dies away"),
-        )
+        .input(control("speed", 1, MM_S).doc("along the surface; at 0 what sounds dies away"))
+        .input(control("force", 1, N).doc("normal force; at 0 what sounds dies away"))
         .output(acceleration().doc("the vibration of gliding"))
-        .param(Param::texts(
-            "models",
+        .param(texts("models").doc(
             "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's \
              XML; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. \
              Quotes within a text are written r#\"..\"#.",
@@ -141,7 +134,7 @@ impl Node for Autoregressive {
             Effect::new("models", Acts::Gliding)
                 .form(
                     Form::new("", "autoregressive(model: \"FILE.ron\")")
-                        .field(Param::file("model", "RON or the toolkit's XML"))
+                        .field(file("model").doc("RON or the toolkit's XML"))
                         .field(gain()),
                 )
                 .needs("speed", "speed")
@@ -150,12 +143,12 @@ impl Node for Autoregressive {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let mut textures = Shared::default();
+        let mut textures = Made::default();
         let mut bands = Vec::new();
         let read = |settings: &Settings| {
             let model = settings.file("model");
             let text = model.display().to_string();
-            let texture = textures.get_by(text, || asperity_autoregressive::Texture::read(model))?;
+            let texture = shared(&mut textures, text, || asperity_autoregressive::Texture::read(model))?;
             let band = band(&mut bands, texture.rate_hz(), setup).map_err(|e| settings.node_error(e))?;
             Ok((texture, settings.number("gain") as f32, band))
         };

@@ -3,96 +3,30 @@
 //! Constructors check and may allocate. Functions that run per tick do neither, keep f64 state, and are
 //! finite for any input.
 
-use std::fmt;
-
-/// Settings that cannot be made into an effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum EffectError {
-    /// A value outside of its range, or not a number.
-    Range {
-        /// Name of the value.
-        what: &'static str,
-        /// The value that was given.
-        found: f64,
-        /// Smallest allowed.
-        from: f64,
-        /// Largest allowed.
-        to: f64,
-        /// The unit of the three.
-        unit: &'static str,
-    },
-    /// A list that is too short or too long.
-    Count {
-        /// Name of the counted things.
-        what: &'static str,
-        /// How many there are.
-        found: usize,
-        /// Smallest allowed.
-        from: usize,
-        /// Largest allowed.
-        to: usize,
-    },
-    /// A value in a list that is not finite.
-    NotFinite {
-        /// Name of the list's values.
-        what: &'static str,
-        /// Its place, from 0.
-        index: usize,
-    },
-    /// Distances that do not rise.
-    Order {
-        /// The place of the first that is not above the one before, from 0.
-        index: usize,
-    },
+/// `Ok(value)` if it is within `from..=to`.
+pub(super) fn check(what: &str, found: f64, (from, to): (f64, f64), unit: &str) -> Result<f64, String> {
+    if (from..=to).contains(&found) {
+        return Ok(found);
+    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    Err(format!("{what} of {found}{unit} does not fit; from {from} to {to}{unit} does"))
 }
 
-impl EffectError {
-    /// `Ok(value)` if it is within `from..=to`.
-    pub(super) fn check(
-        what: &'static str,
-        found: f64,
-        (from, to): (f64, f64),
-        unit: &'static str,
-    ) -> Result<f64, Self> {
-        if (from..=to).contains(&found) {
-            Ok(found)
-        } else {
-            Err(Self::Range { what, found, from, to, unit })
-        }
+/// Checks that a list has an allowed length and that all its values are finite.
+pub(super) fn check_list(
+    what: &str,
+    mut list: impl ExactSizeIterator<Item = f64>,
+    (from, to): (usize, usize),
+) -> Result<(), String> {
+    let found = list.len();
+    if !(from..=to).contains(&found) {
+        return Err(format!("{found} {what}; from {from} to {to} fit"));
     }
-
-    /// Checks that a list has an allowed length and that all its values are finite.
-    pub(super) fn check_list(
-        what: &'static str,
-        list: impl ExactSizeIterator<Item = f64>,
-        (from, to): (usize, usize),
-    ) -> Result<(), Self> {
-        let found = list.len();
-        if !(from..=to).contains(&found) {
-            return Err(Self::Count { what, found, from, to });
-        }
-        list.enumerate()
-            .find(|(_, value)| !value.is_finite())
-            .map_or(Ok(()), |(index, _)| Err(Self::NotFinite { what, index }))
+    match list.position(|value| !value.is_finite()) {
+        Some(index) => Err(format!("number {} of the {what} is not finite", index + 1)),
+        None => Ok(()),
     }
 }
-
-impl fmt::Display for EffectError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Range { what, found, from, to, unit } => {
-                let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-                write!(f, "{what} of {found}{unit} does not fit; from {from} to {to}{unit} does")
-            }
-            Self::Count { what, found, from, to } => write!(f, "{found} {what}; from {from} to {to} fit"),
-            Self::NotFinite { what, index } => write!(f, "number {} of the {what} is not finite", index + 1),
-            Self::Order { index } => write!(f, "distance {} is not above the one before it", index + 1),
-        }
-    }
-}
-
-impl std::error::Error for EffectError {}
 
 /// Largest size that an input counts for.
 const LARGEST: f64 = 1e6;

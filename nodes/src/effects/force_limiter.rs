@@ -1,13 +1,12 @@
 //! `force_limiter`: the limits of any force on a device that pushes back.
 
+use crate::ports::{Doc, N, control, control_out, number};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Setup, State, Status, Tick,
 };
 
-/// Places of the live parameters.
-const MAX_FORCE_N: usize = 0;
-const SLEW_N_PER_S: usize = 1;
+/// The live parameters.
+const LIVE: [&str; 2] = ["max_force_n", "slew_n_per_s"];
 /// Time in which a force that becomes invalid fades out, and comes back \[s\].
 const FADE_S: f64 = 0.02;
 
@@ -15,9 +14,8 @@ const FADE_S: f64 = 0.02;
 ///
 /// While its input is invalid, the force fades to 0 within 20 ms. It comes back as slowly.
 pub struct ForceLimiter {
-    max_force_n: f64,
-    /// 0 for none.
-    slew_n_per_s: f64,
+    /// Values of [`LIVE`]. A slew of 0 is none.
+    live: [f64; 2],
     dt_s: f64,
     /// Runs of a fade, 1 at least.
     fade: u32,
@@ -60,24 +58,13 @@ impl Node for ForceLimiter {
             "force_limiter",
             "Holds a force to what a device may be asked: length, change, trust.",
         )
-        .input(
-            Input::new("force", ShapeSpec::Control(3), Unit::NEWTON)
-                .doc("what the effects add up to, x, y, z"),
-        )
-        .output(
-            Output::new("force", ShapeSpec::Control(3), Unit::NEWTON)
-                .limited()
-                .doc("what the device gets, in the same direction"),
-        )
+        .input(control("force", 3, N).doc("what the effects add up to, x, y, z"))
+        .output(control_out("force", 3, N).limited().doc("what the device gets, in the same direction"))
+        .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("The greatest length of the force."))
         .param(
-            Param::number("max_force_n", 3.3, 0.0..=100.0, "The greatest length of the force.")
-                .unit("N")
-                .live(),
-        )
-        .param(
-            Param::number("slew_n_per_s", 0.0, 0.0..=1e4, "The greatest change of the force; 0 for any.")
-                .unit("N/s")
-                .live(),
+            number("slew_n_per_s", 0.0, 0.0..=1e4, "N/s")
+                .live()
+                .doc("The greatest change of the force; 0 for any."),
         )
         .timing("no latency; a force that is no longer to be trusted is gone after 20 ms")
         .resumes(Resume::Never)
@@ -86,8 +73,7 @@ impl Node for ForceLimiter {
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let runs_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
         Ok(Prepared::new(Self {
-            max_force_n: setup.params.number("max_force_n"),
-            slew_n_per_s: setup.params.number("slew_n_per_s"),
+            live: LIVE.map(|name| setup.params.number(name)),
             dt_s: 1.0 / runs_hz,
             fade: (FADE_S * runs_hz).max(1.0) as u32,
             trust: None,
@@ -99,22 +85,23 @@ impl Node for ForceLimiter {
 
 impl Processor for ForceLimiter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let [max_force_n, slew_n_per_s] = self.live;
         let wanted = <[f64; 3]>::try_from(tick.inputs.control(0)).unwrap_or_default();
         let trusted = tick.inputs.valid(0) && wanted.iter().all(|f| f.is_finite());
         let before = self.trust.unwrap_or(if trusted { self.fade } else { 0 });
         let trust = if trusted { self.fade.min(before + 1) } else { before.saturating_sub(1) };
         self.trust = Some(trust);
         if trusted {
-            let (wanted, longer) = held(wanted, self.max_force_n);
+            let (wanted, longer) = held(wanted, max_force_n);
             self.counts.force += u64::from(longer);
             let wanted = if trust < self.fade { scaled(wanted, trust, self.fade) } else { wanted };
             let change = std::array::from_fn(|i| wanted[i] - self.last[i]);
-            let most = if self.slew_n_per_s > 0.0 { self.slew_n_per_s * self.dt_s } else { f64::INFINITY };
+            let most = if slew_n_per_s > 0.0 { slew_n_per_s * self.dt_s } else { f64::INFINITY };
             let (change, faster) = held(change, most);
             self.counts.slew += u64::from(faster);
             self.last = if faster { std::array::from_fn(|i| self.last[i] + change[i]) } else { wanted };
             // A largest force that was lowered counts before a change that is too large.
-            self.last = held(self.last, self.max_force_n).0;
+            self.last = held(self.last, max_force_n).0;
         } else {
             self.counts.trust += 1;
             self.last = scaled(self.last, trust, before);
@@ -128,11 +115,7 @@ impl Processor for ForceLimiter {
     }
 
     fn set_parameter(&mut self, index: usize, value: f64) {
-        match index {
-            MAX_FORCE_N => self.max_force_n = value,
-            SLEW_N_PER_S => self.slew_n_per_s = value,
-            _ => {}
-        }
+        self.live.get_mut(index).into_iter().for_each(|parameter| *parameter = value);
     }
 
     /// The force, and how far it is faded.

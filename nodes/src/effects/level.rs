@@ -1,11 +1,9 @@
 //! `level`: a gate that follows a level.
 
 use super::path::Parts;
+use crate::ports::{ONE, audio, audio_out, control};
 use asperity_dsp::filter::Sample;
-use asperity_node::{
-    Descriptor, Diagnostic, Input, Inputs, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
-};
+use asperity_node::{Descriptor, Diagnostic, Inputs, Node, Prepared, Processor, Setup, State, Status, Tick};
 
 const IN: usize = 0;
 const LEVEL: usize = 1;
@@ -40,26 +38,18 @@ impl Node for Level {
             "level",
             "Lets audio through at a level, and lets what makes it sleep while that is 0.",
         )
+        .input(audio("in").doc("what is let through"))
         .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_of('u')
-                .doc("what is let through"),
-        )
-        .input(
-            Input::new("level", ShapeSpec::Control(1), Unit::NONE)
+            control("level", 1, ONE)
                 .or(1.0)
                 .doc("the level, held to 0 and 1; it is reached in a straight line by the end of the tick"),
         )
         .input(
-            Input::new("slot", ShapeSpec::Control(1), Unit::NONE)
+            control("slot", 1, ONE)
                 .or(0.0)
                 .doc("below 0 nothing is let through, and the next level begins at 0"),
         )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_of('u')
-                .doc("what gets through"),
-        )
+        .output(audio_out("out").doc("what gets through"))
         .gates("in")
         .timing("no latency: a level is reached at the end of its tick")
     }

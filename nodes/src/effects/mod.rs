@@ -6,43 +6,27 @@
 //! effect's field in a [scene](asperity_scene). The number in its input `slot` picks one; 0 is the first. A
 //! number below 0, beyond the list or not a number picks none. Unconnected, `slot` picks the first, so a
 //! graph of one surface needs no node that picks.
-//!
-//! Median times of a tick at 500 Hz and 48 kHz in an engine, in us, on a virtual AMD EPYC core
-//! (`tests/cost.rs`, with the tests' optimisation). 0.05 us of each is the clock's. A thousand slots take as
-//! long as one.
-//!
-//! | | on | no slot on |
-//! |---|---|---|
-//! | `friction` (LuGre) | 0.15 | 0.05, not called |
-//! | `viscosity`, `magnet` | 0.09 | 0.05, not called |
-//! | `tap`, a new one of three sinusoids every 32 ms | 2.3 | 0.06, not called |
-//! | `vibration` | 1.1 | 0.06, not called |
-//! | `autoregressive`, `made_ar/rough.ron` | 2.3 | 0.09; not called behind a `level` of 0 |
-//! | `waveform` | 4.5 | 0.11; the same |
-//! | `relief` | 7.6 | 0.11; the same |
-//! | `level` | 0.4 | 0.14 |
-//! | `force_limiter` | 0.10 | 0.10 |
 
 mod autoregressive;
 mod bounds;
 #[cfg(test)]
 mod docs_tests;
 mod force_limiter;
-pub mod friction;
+mod friction;
+mod gliding;
 mod level;
-pub mod magnet;
+mod magnet;
 mod mix;
-pub mod path;
-pub mod relief;
-mod shared;
-pub mod tap;
+mod path;
+mod relief;
+mod tap;
 #[cfg(test)]
 mod tests;
 mod track;
-pub mod vibration;
-pub mod viscosity;
+mod vibration;
+mod viscosity;
 mod voices;
-pub mod waveform;
+mod waveform;
 
 pub use autoregressive::Autoregressive;
 pub use force_limiter::ForceLimiter;
@@ -55,10 +39,11 @@ pub use vibration::Vibration;
 pub use viscosity::Viscosity;
 pub use waveform::Waveform;
 
-pub use bounds::EffectError;
-
+use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use crate::ports::{Doc, N, ONE, control, control_out, number};
 use asperity_node::{
     Diagnostic, Input, Inputs, Output, Param, RateSpec, Settings, Setup, ShapeSpec, Status, Tick, Unit,
 };
@@ -74,7 +59,7 @@ fn pick(slot: f64, count: usize) -> Option<usize> {
 
 /// The input that picks; unconnected, the first.
 fn slot(doc: &'static str) -> Input {
-    Input::new("slot", ShapeSpec::Control(1), Unit::NONE).or(0.0).doc(doc)
+    control("slot", 1, ONE).or(0.0).doc(doc)
 }
 
 /// The output for a vibration.
@@ -84,7 +69,7 @@ fn acceleration() -> Output {
 
 /// The output for a force.
 fn force(doc: &'static str) -> Output {
-    Output::new("force", ShapeSpec::Control(3), Unit::NEWTON).doc(doc)
+    control_out("force", 3, N).doc(doc)
 }
 
 /// The values of a control; all 0 where one is not finite.
@@ -105,6 +90,23 @@ fn put(tick: &mut Tick<'_>, force: [f64; 3]) {
 fn let_go(tick: &mut Tick<'_>) -> Status {
     put(tick, [0.0; 3]);
     Status::Asleep
+}
+
+/// Things that take time or memory to make, by what they are made of.
+type Made<T> = HashMap<String, Arc<T>>;
+
+/// Returns the thing of a name; makes it if there is none yet.
+fn shared<T>(
+    all: &mut Made<T>,
+    name: String,
+    make: impl FnOnce() -> Result<T, Diagnostic>,
+) -> Result<Arc<T>, Diagnostic> {
+    if let Some(made) = all.get(&name) {
+        return Ok(made.clone());
+    }
+    let made = Arc::new(make()?);
+    all.insert(name, made.clone());
+    Ok(made)
 }
 
 /// Makes the settings of every slot into players.
@@ -140,11 +142,11 @@ fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
 }
 
 /// Takes the result of a law's constructor. Its error points at the settings.
-fn made<T>(settings: &Settings, made: Result<T, EffectError>) -> Result<T, Diagnostic> {
+fn made<T>(settings: &Settings, made: Result<T, String>) -> Result<T, Diagnostic> {
     made.map_err(|e| settings.node_error(e.to_string()))
 }
 
 /// The field `gain` of textures.
 fn gain() -> Param {
-    Param::number("gain", 1.0, 0.0..=100.0, "factor of the acceleration")
+    number("gain", 1.0, 0.0..=100.0, "").doc("factor of the acceleration")
 }

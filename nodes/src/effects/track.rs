@@ -1,6 +1,6 @@
 //! Path of the stylus along a surface, from positions alone.
 
-use super::path::{Path, Smoothing};
+use super::path::Path;
 use asperity_dsp::filter::{Biquad, Section};
 use asperity_node::{Diagnostic, Latency, Setup, State};
 
@@ -22,9 +22,6 @@ pub(super) struct Track {
 
 impl Track {
     /// A track whose positions go through a low-pass of second order (Butterworth), unless its cutoff is 0.
-    ///
-    /// # Errors
-    /// A cutoff that is not below half the tick rate, at the parameter.
     pub(super) fn new(setup: &Setup<'_>, smooth_hz: f64) -> Result<Self, Diagnostic> {
         let tick_hz = f64::from(setup.tick_hz);
         let low_pass = || Section::butterworth_low_pass(smooth_hz).bilinear(tick_hz, smooth_hz);
@@ -32,7 +29,7 @@ impl Track {
             let help = format!("below {} Hz, half of the tick rate; or 0 for none", tick_hz / 2.0);
             setup.params.error("smooth_hz", e.to_string()).help(help)
         })?;
-        let path = Path::new(Smoothing::Parabola, setup.tick_hz);
+        let path = Path::new(setup.tick_hz);
         let smooth = smooth.map(|filter| [filter; 2]);
         Ok(Self { path, tick_hz, stroke: 0.0, before: None, begun: false, begins: false, smooth })
     }

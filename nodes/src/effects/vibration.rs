@@ -2,21 +2,19 @@
 
 use std::f64::consts::TAU;
 
-use asperity_dsp::filter::Sample;
+use crate::ports::{Doc, number, texts};
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Param, Prepared, Processor, Setup,
-    State, Status, Tick,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Setup, State,
+    Status, Tick,
 };
 use asperity_numbers::Elementary as _;
 
-use super::bounds::EffectError;
+use super::bounds::check;
 use super::mix::Mix;
 use super::{acceleration, made, one_each, pick, slot};
 
 /// Parts of a hertz in which frequencies are counted: 2^32.
 const PARTS: f64 = 4_294_967_296.0;
-/// The highest rate.
-const MAX_RATE_HZ: f64 = 1e9;
 
 /// A sine from a fixed source. Its phase depends on the sample's number alone. It is counted in integers, so
 /// it is as exact after a year as at the start, and skipped samples do not change later ones. It remembers
@@ -24,7 +22,7 @@ const MAX_RATE_HZ: f64 = 1e9;
 ///
 /// 96 samples take 0.9 us on a virtual AMD EPYC core.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sine {
+pub(crate) struct Sine {
     /// Frequency and rate in parts of a hertz: phase n is `n step mod turn`.
     step: u64,
     turn: u64,
@@ -34,24 +32,19 @@ pub struct Sine {
 impl Sine {
     /// A sine of `frequency_hz`, counted to 2^-32 Hz, and of amplitude `amplitude_m_s2`, at `rate_hz` samples
     /// a second.
-    ///
-    /// # Errors
-    /// A rate that is not from 1 to 10^9 Hz, a frequency that is not from 0.01 Hz to 0.45 of the rate, an
-    /// amplitude not from 0 to 1000 m/s^2.
-    pub fn new(frequency_hz: f64, amplitude_m_s2: f64, rate_hz: u32) -> Result<Self, EffectError> {
-        let rate = EffectError::check("a rate", f64::from(rate_hz), (1.0, MAX_RATE_HZ), "Hz")?;
-        let frequency = EffectError::check("a frequency", frequency_hz, (0.01, 0.45 * rate), "Hz")?;
-        let amplitude = EffectError::check("an amplitude", amplitude_m_s2, (0.0, 1000.0), "m/s^2")?;
+    pub(crate) fn new(frequency_hz: f64, amplitude_m_s2: f64, rate_hz: u32) -> Result<Self, String> {
+        let range = (0.01, 0.45 * f64::from(rate_hz));
+        let frequency = check("a frequency", frequency_hz, range, "Hz")?;
         let step = (frequency * PARTS).round() as u64;
-        Ok(Self { step, turn: u64::from(rate_hz) << 32, amplitude_m_s2: amplitude })
+        Ok(Self { step, turn: u64::from(rate_hz) << 32, amplitude_m_s2 })
     }
 
     /// Writes the samples in m/s^2 from number `first` on: `A sin(2 pi f n / rate)`.
-    pub fn process<T: Sample>(&self, first: u64, out: &mut [T]) {
+    pub(crate) fn process(&self, first: u64, out: &mut [f64]) {
         let mut phase = (u128::from(first) * u128::from(self.step) % u128::from(self.turn)) as u64;
         let per_turn = TAU / self.turn as f64;
         for out in out {
-            *out = T::narrow(self.amplitude_m_s2 * (phase as f64 * per_turn).sine());
+            *out = self.amplitude_m_s2 * (phase as f64 * per_turn).sine();
             // A turn is below 2^62.
             phase += self.step;
             if phase >= self.turn {
@@ -93,32 +86,26 @@ impl Node for Vibration {
         )
         .input(slot("which of `sources`, from 0; below 0 none sounds").wakes())
         .output(acceleration().doc("the sine"))
-        .param(Param::texts(
-            "sources",
+        .param(texts("sources").doc(
             "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: \
              2)\"].",
         ))
         .param(
-            Param::number(
-                "fade_ms",
-                20.0,
-                0.1..=1000.0,
-                "How long a source takes to fade in or out, in a straight line.",
-            )
-            .unit("ms"),
+            number("fade_ms", 20.0, 0.1..=1000.0, "ms")
+                .doc("How long a source takes to fade in or out, in a straight line."),
         )
         .effect(
             Effect::new("sources", Acts::Inside).form(
                 Form::new("", "(frequency_hz: 120, amplitude_m_s2: 2)")
                     .field(
-                        Param::number("frequency_hz", 0.0, 0.01..=21_600.0, "up to 0.45 of the audio rate")
-                            .unit("Hz")
-                            .required(),
+                        number("frequency_hz", 0.0, 0.01..=21_600.0, "Hz")
+                            .required()
+                            .doc("up to 0.45 of the audio rate"),
                     )
                     .field(
-                        Param::number("amplitude_m_s2", 0.0, 0.0..=1000.0, "amplitude of the sine")
-                            .unit("m/s^2")
-                            .required(),
+                        number("amplitude_m_s2", 0.0, 0.0..=1000.0, "m/s^2")
+                            .required()
+                            .doc("amplitude of the sine"),
                     ),
             ),
         )
@@ -228,7 +215,7 @@ mod tests {
             v.process((1 << 50) + n as u64, &mut one);
             assert_eq!(one[0], *x);
         }
-        v.process(0, &mut [0.0f32; 0]);
+        v.process(0, &mut [0.0f64; 0]);
     }
 
     #[test]
@@ -246,11 +233,8 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused() {
         assert!(Sine::new(21_601.0, 1.0, 48_000).is_err() && Sine::new(21_600.0, 1.0, 48_000).is_ok());
-        assert!(Sine::new(f64::NAN, 1.0, 48_000).is_err() && Sine::new(50.0, f64::NAN, 48_000).is_err());
-        assert!(Sine::new(0.0, 1.0, 48_000).is_err() && Sine::new(50.0, 1.0, 0).is_err());
-        assert!(Sine::new(0.3, 1.0, 1).is_ok() && Sine::new(50.0, 1.0, 1_000_000_001).is_err());
         let fastest = Sine::new(0.45e9, 1.0, 1_000_000_000).unwrap();
-        let mut out = [0.0f32; 100];
+        let mut out = [0.0f64; 100];
         fastest.process(u64::MAX - 50, &mut out);
         assert!(out.iter().all(|x| x.abs() <= 1.0) && out.iter().any(|x| x.abs() > 0.5));
     }

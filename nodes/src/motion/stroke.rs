@@ -1,10 +1,8 @@
 //! `stroke`: a generated stroke.
 
+use crate::ports::{Doc, MM, choice, control_out, number, seed};
 use asperity_motion::{self, Shape, StrokeParams};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec, Status,
-    Tick, Unit,
-};
+use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick};
 
 use super::microseconds;
 
@@ -19,60 +17,38 @@ impl Node for Stroke {
             "Makes a stroke: zigzag, circle or line, with tremor, approach and lift-off.",
         )
         .role(Role::Stroke)
-        .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
-        .param(Param::choice(
-            "shape",
-            &["zigzag", "circle", "line"],
-            "The path on the surface; its turns are minimum-jerk movements.",
-        ))
-        .param(Param::number("extent_mm", 80.0, 0.1..=1000.0, "Length along x, or diameter.").unit("mm"))
-        .param(Param::number("speed_mm_s", 100.0, 0.1..=2000.0, "Mean speed over the path.").unit("mm/s"))
+        .output(control_out("position", 3, MM).doc("x, y, z, z up"))
         .param(
-            Param::number(
-                "force_n",
-                1.0,
-                0.0..=100.0,
-                "Mean normal force on a floor of `stiffness_n_per_mm`.",
-            )
-            .unit("N"),
+            choice("shape", &["zigzag", "circle", "line"])
+                .doc("The path on the surface; its turns are minimum-jerk movements."),
         )
-        .param(Param::number("force_swing", 0.3, 0.0..=1.0, "Slow change of the force, as a part of it."))
-        .param(Param::number("force_swing_hz", 0.3, 0.0..=5.0, "How often the force changes so.").unit("Hz"))
+        .param(number("extent_mm", 80.0, 0.1..=1000.0, "mm").doc("Length along x, or diameter."))
+        .param(number("speed_mm_s", 100.0, 0.1..=2000.0, "mm/s").doc("Mean speed over the path."))
         .param(
-            Param::number(
-                "stiffness_n_per_mm",
-                0.5,
-                0.001..=1000.0,
-                "Stiffness of the floor that is pressed on.",
-            )
-            .unit("N/mm"),
+            number("force_n", 1.0, 0.0..=100.0, "N")
+                .doc("Mean normal force on a floor of `stiffness_n_per_mm`."),
+        )
+        .param(number("force_swing", 0.3, 0.0..=1.0, "").doc("Slow change of the force, as a part of it."))
+        .param(number("force_swing_hz", 0.3, 0.0..=5.0, "Hz").doc("How often the force changes so."))
+        .param(
+            number("stiffness_n_per_mm", 0.5, 0.001..=1000.0, "N/mm")
+                .doc("Stiffness of the floor that is pressed on."),
         )
         .param(
-            Param::number("clearance_mm", 10.0, 0.0..=1000.0, "Height before approach and after lift-off.")
-                .unit("mm"),
+            number("clearance_mm", 10.0, 0.0..=1000.0, "mm")
+                .doc("Height before approach and after lift-off."),
+        )
+        .param(number("approach_s", 0.4, 0.01..=10.0, "s").doc("Time of the approach, and of the lift-off."))
+        .param(number("duration_s", 8.0, 0.2..=1e6, "s").doc("Time from approach to lift-off."))
+        .param(
+            number("tremor_mm", 0.05, 0.0..=10.0, "mm")
+                .doc("Largest displacement by a tremor of 8 to 12 Hz."),
         )
         .param(
-            Param::number("approach_s", 0.4, 0.01..=10.0, "Time of the approach, and of the lift-off.")
-                .unit("s"),
+            number("quantum_mm", 0.055, 0.0..=10.0, "mm")
+                .doc("The sensor's step, to which positions are rounded; 0 for none."),
         )
-        .param(Param::number("duration_s", 8.0, 0.2..=1e6, "Time from approach to lift-off.").unit("s"))
-        .param(
-            Param::number("tremor_mm", 0.05, 0.0..=10.0, "Largest displacement by a tremor of 8 to 12 Hz.")
-                .unit("mm"),
-        )
-        .param(
-            Param::number(
-                "quantum_mm",
-                0.055,
-                0.0..=10.0,
-                "The sensor's step, to which positions are rounded; 0 for none.",
-            )
-            .unit("mm"),
-        )
-        .param(
-            Param::integer("seed", 1, 0..=i64::MAX, "Seed of tremor and force; left out, from the graph's.")
-                .optional(),
-        )
+        .param(seed().doc("Seed of tremor and force; left out, from the graph's."))
         .resumes(Resume::Continue)
     }
 

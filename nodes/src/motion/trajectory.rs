@@ -1,10 +1,10 @@
 //! `trajectory`: a recorded stroke.
 
+use crate::ports::{Doc, MM, MM_S, N, choice, control_out, file, number, text};
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick,
 };
 
 use super::microseconds;
@@ -22,41 +22,24 @@ impl Node for Trajectory {
     fn descriptor() -> Descriptor {
         Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
             .role(Role::Stroke)
-            .output(Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE).doc("x, y, z, z up"))
+            .output(control_out("position", 3, MM).doc("x, y, z, z up"))
             .output(
-                Output::new("force", ShapeSpec::Control(1), Unit::NEWTON)
-                    .doc("the recorded normal force; the file needs a force_n column"),
+                control_out("force", 1, N).doc("the recorded normal force; the file needs a force_n column"),
             )
             .output(
-                Output::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                    .doc("the recorded speed; the file needs a speed_mm_s column"),
+                control_out("speed", 1, MM_S).doc("the recorded speed; the file needs a speed_mm_s column"),
             )
-            .param(
-                Param::file(
-                    "file",
-                    "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; \
-                     at any rate, also irregular. Left out, a shipped zigzag.",
-                )
-                .optional(),
-            )
-            .param(Param::text(
-                "axes",
-                "x,y,z",
+            .param(file("file").optional().doc(
+                "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at \
+                 any rate, also irregular. Left out, a shipped zigzag.",
+            ))
+            .param(text("axes", "x,y,z").doc(
                 "Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.",
             ))
-            .param(Param::choice(
-                "interpolation",
-                &["cubic", "linear"],
-                "How positions between rows are found.",
-            ))
+            .param(choice("interpolation", &["cubic", "linear"]).doc("How positions between rows are found."))
             .param(
-                Param::number(
-                    "max_gap_s",
-                    0.0,
-                    0.0..=3600.0,
-                    "Longest time between rows; 0 for 0.1 s or five median steps.",
-                )
-                .unit("s"),
+                number("max_gap_s", 0.0, 0.0..=3600.0, "s")
+                    .doc("Longest time between rows; 0 for 0.1 s or five median steps."),
             )
             .resumes(Resume::Continue)
     }

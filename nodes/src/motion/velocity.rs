@@ -3,11 +3,11 @@
 use asperity_numbers::Elementary as _;
 use std::f64::consts::{SQRT_2, TAU};
 
+use crate::ports::{Doc, MM, MM_S, ONE, control, control_out, number};
 use crate::since::Since;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, Resume, Role, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, State, Status, Tick,
 };
 
 /// Filtered velocity below which a stylus that stands still counts as at rest. A network can then repeat its
@@ -43,44 +43,27 @@ impl Node for Velocity {
             "Velocity and speed along the surface: finite difference and a second-order low-pass.",
         )
         .role(Role::Velocity)
+        .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
         .input(
-            Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
-                .doc("x, y, z of the stylus, z up"),
-        )
-        .input(
-            Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
+            control("stroke", 1, ONE)
                 .or(0.0)
                 .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
         )
-        .output(Output::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy"))
+        .output(control_out("velocity", 2, MM_S).doc("vx, vy"))
+        .output(control_out("speed", 1, MM_S).doc("planar speed, at least 0"))
+        .output(control_out("spatial", 3, MM_S).doc("vx, vy, vz"))
         .output(
-            Output::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
-                .doc("planar speed, at least 0"),
-        )
-        .output(Output::new("spatial", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy, vz"))
-        .output(
-            Output::new("unfiltered", ShapeSpec::Control(3), Unit::MILLIMETRE_PER_SECOND)
+            control_out("unfiltered", 3, MM_S)
                 .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable"),
         )
         .param(
-            Param::number(
-                "cutoff_hz",
-                20.0,
-                0.0..=1000.0,
-                "Corner of the low-pass (Butterworth) at rest; 0 for none.",
-            )
-            .unit("Hz"),
+            number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz")
+                .doc("Corner of the low-pass (Butterworth) at rest; 0 for none."),
         )
-        .param(
-            Param::number(
-                "cutoff_hz_per_mm_s",
-                0.0,
-                0.0..=10.0,
-                "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
-                 motion.",
-            )
-            .unit("Hz per mm/s"),
-        )
+        .param(number("cutoff_hz_per_mm_s", 0.0, 0.0..=10.0, "Hz per mm/s").doc(
+            "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
+             motion.",
+        ))
         .timing("no latency; behind a corner of 20 Hz a change of speed shows 11 ms late, of 40 Hz 6 ms")
         .resumes(Resume::Never)
     }

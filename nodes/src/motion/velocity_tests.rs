@@ -11,8 +11,7 @@ struct Moved;
 
 impl Node for Moved {
     fn descriptor() -> Descriptor {
-        let position = Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE);
-        Descriptor::new("moved", "Moves.").output(position).resumes(Resume::Never)
+        Descriptor::new("moved", "Moves.").output(control_out("position", 3, MM)).resumes(Resume::Never)
     }
     fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         Ok(Prepared::new(Self))

@@ -1,21 +1,17 @@
 //! Phase retrieval: from magnitudes to spectra, or straight to a signal.
 
 mod oscillator_bank;
-mod phase_vocoder;
-mod random_phase;
 mod sample_commit;
 mod shaped_noise;
-mod spsi;
+mod spectra;
 
 use asperity_dsp::Framing;
 use asperity_node::{Diagnostic, Setup, Shape};
 
 pub use oscillator_bank::OscillatorBank;
-pub use phase_vocoder::PhaseVocoder;
-pub use random_phase::RandomPhase;
 pub use sample_commit::SampleCommit;
 pub use shaped_noise::ShapedNoise;
-pub use spsi::Spsi;
+pub use spectra::{PhaseVocoder, RandomPhase, Spsi};
 
 /// The layout of the first input's magnitudes.
 pub(crate) fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
@@ -32,6 +28,11 @@ pub(crate) fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
 }
 
 /// The parameter `seed`, or the node's own where the graph leaves it out.
-pub(crate) fn seed(setup: &Setup<'_>) -> u64 {
+pub(crate) fn seed_of(setup: &Setup<'_>) -> u64 {
     setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64)
+}
+
+/// Error of a kernel's constructor, at the node.
+pub(crate) fn kernel_error<E: std::fmt::Display>(setup: &Setup<'_>) -> impl FnOnce(E) -> Diagnostic {
+    |e| setup.params.node_error(e.to_string())
 }

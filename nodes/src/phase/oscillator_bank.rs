@@ -1,9 +1,9 @@
 //! `oscillator_bank`: magnitudes straight to a signal.
 
+use crate::ports::{Doc, choice, magnitude, seed, signal_out};
 use asperity_dsp::{Float, Framing, Partials, oscillator_bank};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
-    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
 };
 
 use crate::precision::{in_precision, precision};
@@ -33,31 +33,13 @@ impl Node for OscillatorBank {
             "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the \
              way.",
         )
-        .input(
-            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("what is to sound a hop later"),
-        )
-        .output(
-            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at the frames' rate"),
-        )
-        .param(Param::choice(
-            "partials",
-            &["noise", "tracked"],
+        .input(magnitude().doc("what is to sound a hop later"))
+        .output(signal_out())
+        .param(choice("partials", &["noise", "tracked"]).doc(
             "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. \
              Tracked: a sinusoid a peak, phase-continuous.",
         ))
-        .param(
-            Param::integer(
-                "seed",
-                1,
-                0..=i64::MAX,
-                "Seed of start phases and noise; left out, from the graph's.",
-            )
-            .optional(),
-        )
+        .param(seed().doc("Seed of start phases and noise; left out, from the graph's."))
         .param(precision())
         .timing(
             "early by half a window less one hop: a frame is reached a hop after it comes, and describes its \
@@ -76,7 +58,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         _ => Partials::Noise,
     };
     let framing = super::framing(setup)?;
-    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed(setup))
+    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed_of(setup))
         .map_err(|e| setup.params.node_error(e.to_string()))?;
     let it = Running::<T> { kernel, framing, started: false, bad: 0 };
     let (early, hop) = (Latency::ratio(-(framing.fft_len as i64), 2 * i64::from(framing.rate_hz)), it.hop());

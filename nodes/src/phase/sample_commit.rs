@@ -1,10 +1,10 @@
 //! `sample_commit`: magnitudes straight to a signal, by iteration over the samples that are not emitted yet.
 
+use crate::ports::{Doc, integer, magnitude, number, seed, signal_out};
 use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
-    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
 };
 
 use crate::precision::{in_precision, precision};
@@ -32,58 +32,22 @@ impl Node for SampleCommit {
             "Iterative phase retrieval that freezes samples as they are emitted and improves all that \
              follow.",
         )
-        .input(
-            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("what the signal's frames are to have"),
-        )
-        .output(
-            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at the frames' rate"),
-        )
-        .param(
-            Param::integer(
-                "frames",
-                s.frames as i64,
-                1..=most,
-                "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
-            )
-            .live(),
-        )
-        .param(
-            Param::integer("passes", s.passes as i64, 1..=most, "Passes for each frame that comes.").live(),
-        )
-        .param(
-            Param::number(
-                "momentum",
-                s.momentum,
-                0.0..=0.99,
-                "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 \
-                 at most, 5 have all.",
-            )
-            .live(),
-        )
-        .param(
-            Param::integer(
-                "emission",
-                i64::from(s.emission),
-                -1000..=1000,
-                "Where samples are emitted, in frames from the newest one's start: negative is inside its \
-                 window, early and less exact; positive looks ahead. Left out, two fifths of a window \
-                 inside: -20 at 50 frames a window.",
-            )
-            .optional(),
-        )
-        .param(
-            Param::integer(
-                "seed",
-                1,
-                0..=i64::MAX,
-                "Seed of what is left to chance; left out, from the graph's.",
-            )
-            .optional(),
-        )
+        .input(magnitude().doc("what the signal's frames are to have"))
+        .output(signal_out())
+        .param(integer("frames", s.frames as i64, 1..=most).live().doc(
+            "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
+        ))
+        .param(integer("passes", s.passes as i64, 1..=most).live().doc("Passes for each frame that comes."))
+        .param(number("momentum", s.momentum, 0.0..=0.99, "").live().doc(
+            "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 at \
+             most, 5 have all.",
+        ))
+        .param(integer("emission", i64::from(s.emission), -1000..=1000).optional().doc(
+            "Where samples are emitted, in frames from the newest one's start: negative is inside its \
+             window, early and less exact; positive looks ahead. Left out, two fifths of a window inside: \
+             -20 at 50 frames a window.",
+        ))
+        .param(seed().doc("Seed of what is left to chance; left out, from the graph's."))
         .param(precision())
         .timing(
             "latency is emission times the hop, so it is early where emission is negative; a change of level \
@@ -120,7 +84,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
             -(EARLY * window).round()
         ))
     })?;
-    let kernel = sample_commit::SampleCommit::new(framing, settings, super::seed(setup))
+    let kernel = sample_commit::SampleCommit::new(framing, settings, super::seed_of(setup))
         .map_err(|e| params.node_error(e.to_string()))?;
     let samples = |n| Latency::samples(n, framing.rate_hz);
     let (latency, tail) = (samples(kernel.delay()), samples(framing.fft_len as i64 + kernel.delay()));

@@ -1,11 +1,11 @@
 //! `shaped_noise`: magnitudes to a signal without phase retrieval.
 
+use crate::ports::{Doc, MM, ONE, control, magnitude, seed, signal_out};
 use asperity_dsp::Float;
 use asperity_dsp::scatter::NOISE_RATIO;
 use asperity_dsp::shaped_noise::{self, PATTERN_LEN, Pattern};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Param, Prepared, Processor,
-    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
 };
 
 use crate::precision::{in_precision, precision};
@@ -28,38 +28,22 @@ impl Node for ShapedNoise {
             "Noise through a filter of minimum phase that follows the magnitudes; ridges and bumps where the \
              hand's place is known.",
         )
+        .input(magnitude().doc("what the signal's frames are expected to have"))
         .input(
-            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("what the signal's frames are expected to have"),
-        )
-        .input(
-            Input::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE)
+            control("position", 3, MM)
                 .or(0.0)
                 .doc("x, y, z of the stylus; left out, there are no ridges and no bumps"),
         )
-        .input(Input::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE).or(0.0).doc(
+        .input(control("pattern", PATTERN_LEN, ONE).or(0.0).doc(
             "ridges and bumps of the material, as `texture_network` tells them; left out, there are none",
         ))
         .input(
-            Input::new("statistics", ShapeSpec::Control(2), Unit::NONE)
+            control("statistics", 2, ONE)
                 .or(-1.0)
                 .doc("as `texture_network` tells them: above 0 in the second where magnitudes are means"),
         )
-        .output(
-            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at the frames' rate"),
-        )
-        .param(
-            Param::integer(
-                "seed",
-                1,
-                0..=i64::MAX,
-                "Seed of what is left to chance; left out, from the graph's.",
-            )
-            .optional(),
-        )
+        .output(signal_out())
+        .param(seed().doc("Seed of what is left to chance; left out, from the graph's."))
         .param(precision())
         .timing(
             "plays a frame in the tick in which it comes, half a window before its middle; a change of level \
@@ -75,7 +59,7 @@ impl Node for ShapedNoise {
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     let framing = super::framing(setup)?;
     let tick_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-    let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed(setup))
+    let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed_of(setup))
         .map_err(|e| setup.params.node_error(e.to_string()))?;
     let latency = Latency::samples(-(framing.fft_len as i64 / 2), framing.rate_hz);
     let two_ticks = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;

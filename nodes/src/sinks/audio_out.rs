@@ -1,8 +1,9 @@
 //! `audio_out`: the way to the actuator.
 
+use crate::ports::{Doc, number};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Param, Prepared, Processor, RateSpec, Role, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec,
+    State, Status, Tick, Unit,
 };
 
 /// Time in which the output fades when its input becomes invalid, in seconds.
@@ -39,29 +40,17 @@ impl Node for AudioOut {
                 .doc("what the device plays"),
         )
         .param(
-            Param::number(
-                "volts_at_full_scale",
-                1.0,
-                1e-3..=100.0,
-                "Peak volts the card puts out at full scale.",
-            )
-            .unit("V"),
+            number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V")
+                .doc("Peak volts the card puts out at full scale."),
         )
         .param(
-            Param::number(
-                "amps_per_volt",
-                1.0,
-                1e-3..=100.0,
-                "Gain of a current amplifier behind the card (input in A).",
-            )
-            .unit("A/V"),
+            number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V")
+                .doc("Gain of a current amplifier behind the card (input in A)."),
         )
-        .param(Param::number(
-            "volts_per_volt",
-            1.0,
-            1e-3..=1000.0,
-            "Gain of a voltage amplifier behind the card (input in V).",
-        ))
+        .param(
+            number("volts_per_volt", 1.0, 1e-3..=1000.0, "")
+                .doc("Gain of a voltage amplifier behind the card (input in V)."),
+        )
         .sink()
     }
 

@@ -1,8 +1,9 @@
 //! `file_out`: audio of any kind and rate to a file.
 
+use crate::ports::{Doc, audio, number, text};
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, RateSpec, Role, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec, Status,
+    Tick, Unit,
 };
 
 /// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
@@ -14,24 +15,19 @@ impl Node for FileOut {
     fn descriptor() -> Descriptor {
         Descriptor::new("file_out", "Records audio of any unit and rate to a file of its own.")
             .role(Role::Recorder)
-            .input(
-                Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                    .unit_of('u')
-                    .doc("what is recorded"),
-            )
+            .input(audio("in").doc("what is recorded"))
             .output(
                 Output::new("samples", ShapeSpec::Audio(RateSpec::Of('r')), Unit::FULL_SCALE)
                     .doc("what the host writes"),
             )
             .param(
-                Param::text(
-                    "file",
-                    "",
-                    "A .wav (32-bit float) or .npy file, relative to where the program runs.",
-                )
-                .required(),
+                text("file", "")
+                    .required()
+                    .doc("A .wav (32-bit float) or .npy file, relative to where the program runs."),
             )
-            .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What is written as 1, in the input's unit."))
+            .param(
+                number("full_scale", 1.0, 1e-9..=1e9, "").doc("What is written as 1, in the input's unit."),
+            )
             .sink()
     }
 

@@ -1,9 +1,7 @@
 //! `probe`: shows its input to the host.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Param, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick,
-    Unit,
-};
+use crate::ports::{Doc, like, text};
+use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Role, Setup, Status, Tick};
 
 /// A sink for any signal. The host reads its input after every tick and writes it. A probe keeps nothing
 /// awake, so looking at a graph does not change what the graph does.
@@ -13,12 +11,11 @@ impl Node for Probe {
     fn descriptor() -> Descriptor {
         Descriptor::new("probe", "Records any signal; the host writes it to a file.")
             .role(Role::Probe)
-            .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is recorded"))
-            .param(Param::text(
-                "file",
-                "",
-                "A .csv or .npy file, relative to where the program runs; empty records nothing.",
-            ))
+            .input(like("in").doc("what is recorded"))
+            .param(
+                text("file", "")
+                    .doc("A .csv or .npy file, relative to where the program runs; empty records nothing."),
+            )
             .timing("looks on: while what it reads sleeps, audio is zero, a control holds and no frame comes")
             .passive_sink()
     }

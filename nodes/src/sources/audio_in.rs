@@ -1,8 +1,9 @@
 //! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
 
+use crate::ports::{Doc, choice, integer, number};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, RateSpec, Resume,
-    Role, Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Resume, Role,
+    Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
 };
 
 /// Reads a channel of the device and scales it.
@@ -26,9 +27,9 @@ impl Node for AudioIn {
             Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
                 .doc("the signal, in `unit`"),
         )
-        .param(Param::integer("channel", 1, 1..=1024, "Channel of the device, counted from 1."))
-        .param(Param::number("full_scale", 1.0, 1e-9..=1e9, "What the device's full scale is, in `unit`."))
-        .param(Param::choice("unit", &["m/s^2", "A", "V", "N", "FS"], "The signal's unit."))
+        .param(integer("channel", 1, 1..=1024).doc("Channel of the device, counted from 1."))
+        .param(number("full_scale", 1.0, 1e-9..=1e9, "").doc("What the device's full scale is, in `unit`."))
+        .param(choice("unit", &["m/s^2", "A", "V", "N", "FS"]).doc("The signal's unit."))
         .resumes(Resume::Continue)
     }
 

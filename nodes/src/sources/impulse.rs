@@ -1,8 +1,8 @@
 //! `impulse`: a click at an event.
 
+use crate::ports::{Doc, ONE, control, number};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Param, Ports, Prepared, Processor, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Setup, State, Status, Tick,
 };
 
 /// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the
@@ -24,26 +24,16 @@ impl Node for Impulse {
             "impulse",
             "Clicks when a control rises through a threshold, such as to measure a latency.",
         )
-        .input(
-            Input::new("trigger", ShapeSpec::Control(1), Unit::NONE)
-                .unit_of('t')
-                .wakes()
-                .doc("what is waited for"),
-        )
+        .input(control("trigger", 1, ONE).unit_of('t').wakes().doc("what is waited for"))
         .output(super::output().doc("the click"))
-        .param(Param::number(
-            "threshold",
-            0.5,
-            -1e9..=1e9,
-            "It clicks when the trigger comes to be above this.",
-        ))
-        .param(Param::number(
-            "amplitude",
-            0.1,
-            -1000.0..=1000.0,
-            "Height of the click, in the output's unit.",
-        ))
-        .param(Param::number("length_ms", 1.0, 0.01..=1000.0, "How long the click is.").unit("ms"))
+        .param(
+            number("threshold", 0.5, -1e9..=1e9, "")
+                .doc("It clicks when the trigger comes to be above this."),
+        )
+        .param(
+            number("amplitude", 0.1, -1000.0..=1000.0, "").doc("Height of the click, in the output's unit."),
+        )
+        .param(number("length_ms", 1.0, 0.01..=1000.0, "ms").doc("How long the click is."))
         .param(super::unit_param())
     }
 

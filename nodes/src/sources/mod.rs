@@ -12,6 +12,7 @@ pub use impulse::Impulse;
 pub use sine::Sine;
 pub use sweep::Sweep;
 
+use crate::ports::{Doc, choice};
 use asperity_node::{Config, Output, Param, Ports, RateSpec, ShapeSpec, Unit, UnitSpec};
 
 /// Units that a source may put out.
@@ -22,7 +23,7 @@ fn output() -> Output {
 }
 
 fn unit_param() -> Param {
-    Param::choice("unit", &UNITS, "Unit of the output: a current, a voltage, an acceleration, or full scale.")
+    choice("unit", &UNITS).doc("Unit of the output: a current, a voltage, an acceleration, or full scale.")
 }
 
 /// The ports with the unit that the parameter names.

@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
+use crate::ports::{Doc, number};
 use asperity_actuator::identify::raised_cosine;
 use asperity_dsp::Ramp;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Param, Ports, Prepared, Processor, Resume, Setup, State,
-    Status, Tick,
+    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Resume, Setup, State, Status,
+    Tick,
 };
 use asperity_numbers::Elementary as _;
 
@@ -72,24 +73,15 @@ impl Node for Sine {
         Descriptor::new("sine", "Makes a sine that fades in and out, such as to find an actuator by.")
             .output(super::output().doc("the sine"))
             .param(
-                Param::number(
-                    "frequency_hz",
-                    80.0,
-                    0.01..=20_000.0,
-                    "Frequency, at most 0.45 of the audio rate; a new one goes on from the same phase.",
-                )
-                .unit("Hz")
-                .live(),
+                number("frequency_hz", 80.0, 0.01..=20_000.0, "Hz")
+                    .live()
+                    .doc("Frequency, at most 0.45 of the audio rate; a new one goes on from the same phase."),
             )
-            .param(Param::number("amplitude", 0.1, 0.0..=1000.0, "Amplitude, in the output's unit.").live())
+            .param(number("amplitude", 0.1, 0.0..=1000.0, "").live().doc("Amplitude, in the output's unit."))
             .param(
-                Param::number(
-                    "seconds",
-                    0.0,
-                    0.0..=1e6,
+                number("seconds", 0.0, 0.0..=1e6, "s").doc(
                     "How long it sounds, with fades of 20 ms, shorter where there is no room; 0 for ever.",
-                )
-                .unit("s"),
+                ),
             )
             .param(super::unit_param())
             .resumes(Resume::Continue)

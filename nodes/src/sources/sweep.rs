@@ -1,9 +1,10 @@
 //! `sweep`: all frequencies, one after the other.
 
+use crate::ports::{Doc, choice, number};
 use asperity_actuator::identify::{self, SweepSettings, SweepShape};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Latency, Node, Param, Ports, Prepared, Processor, Resume, Setup,
-    Status, Tick,
+    Config, Descriptor, Diagnostic, Fact, Latency, Node, Ports, Prepared, Processor, Resume, Setup, Status,
+    Tick,
 };
 
 /// An exponential sine sweep between two silences; each sample follows from its number alone.
@@ -15,57 +16,34 @@ pub struct Sweep {
 impl Node for Sweep {
     fn descriptor() -> Descriptor {
         let s = SweepSettings::default();
-        let silence = |name, default, doc| Param::number(name, default, 0.0..=60.0, doc).unit("s");
+        let silence = |name, default, doc| number(name, default, 0.0..=60.0, "s").doc(doc);
         Descriptor::new("sweep", "Makes an exponential sine sweep, to measure an actuator with.")
             .output(super::output().doc("the sweep"))
-            .param(Param::number("from_hz", s.from_hz, 0.5..=5000.0, "First frequency.").unit("Hz"))
+            .param(number("from_hz", s.from_hz, 0.5..=5000.0, "Hz").doc("First frequency."))
             .param(
-                Param::number(
-                    "to_hz",
-                    s.to_hz,
-                    1.0..=20_000.0,
-                    "Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate.",
-                )
-                .unit("Hz"),
+                number("to_hz", s.to_hz, 1.0..=20_000.0, "Hz")
+                    .doc("Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate."),
             )
             .param(
-                Param::number(
-                    "seconds",
-                    s.seconds,
-                    0.1..=120.0,
+                number("seconds", s.seconds, 0.1..=120.0, "s").doc(
                     "Length of the sweep without its silences, rounded so that its harmonics are in phase.",
-                )
-                .unit("s"),
+                ),
             )
-            .param(Param::number(
-                "amplitude",
-                s.amplitude,
-                0.0..=1000.0,
-                "Largest amplitude, in the output's unit.",
-            ))
-            .param(Param::choice(
-                "shape",
-                &["flat", "displacement"],
+            .param(
+                number("amplitude", s.amplitude, 0.0..=1000.0, "")
+                    .doc("Largest amplitude, in the output's unit."),
+            )
+            .param(choice("shape", &["flat", "displacement"]).doc(
                 "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so \
                  that the mover stays near its middle.",
             ))
             .param(
-                Param::number(
-                    "corner_hz",
-                    s.corner_hz,
-                    1.0..=20_000.0,
-                    "Below it the shape `displacement` falls.",
-                )
-                .unit("Hz"),
+                number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Hz")
+                    .doc("Below it the shape `displacement` falls."),
             )
             .param(
-                Param::number(
-                    "fade_ms",
-                    s.fade_s * 1e3,
-                    0.0..=1000.0,
-                    "Length of each fade, a raised cosine.",
-                )
-                .unit("ms"),
+                number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "ms")
+                    .doc("Length of each fade, a raised cosine."),
             )
             .param(silence("before_s", s.before_s, "Silence before the sweep."))
             .param(silence("after_s", s.after_s, "Silence after the sweep."))

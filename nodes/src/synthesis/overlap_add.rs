@@ -1,9 +1,10 @@
 //! `overlap_add`: spectra to a signal.
 
+use crate::ports::signal_out;
 use asperity_dsp::{Float, Framing, overlap_add};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Output, Prepared, Processor, RateSpec,
-    Role, Setup, Shape, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Prepared, Processor, Role, Setup, Shape,
+    ShapeSpec, State, Status, Tick, Unit,
 };
 
 use crate::precision::{in_precision, precision};
@@ -32,11 +33,7 @@ impl Node for OverlapAdd {
                 .unit_of('u')
                 .doc("frames with phases"),
         )
-        .output(
-            Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at the frames' rate"),
-        )
+        .output(signal_out())
         .param(precision())
         .timing(
             "no latency: frame n covers samples from its start on; a change of level shows half a window \

@@ -1,9 +1,10 @@
 //! `resample`: a signal at another rate.
 
+use crate::ports::{Doc, choice, integer, number};
 use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Ports, Prepared, Processor,
-    RateSpec, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Ports, Prepared, Processor, RateSpec,
+    Setup, ShapeSpec, State, Status, Tick, Unit,
 };
 
 use crate::precision::{in_precision, precision};
@@ -39,19 +40,15 @@ impl Node for Resample {
                 .doc("the same at the other rate"),
         )
         .param(
-            Param::integer("rate_hz", 0, 0..=192_000, "The output's rate; 0 for the graph's audio rate.")
-                .unit("Hz"),
+            integer("rate_hz", 0, 0..=192_000)
+                .unit("Hz")
+                .doc("The output's rate; 0 for the graph's audio rate."),
         )
-        .param(Param::choice(
-            "phase",
-            &["linear", "minimum"],
+        .param(choice("phase", &["linear", "minimum"]).doc(
             "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high \
              frequencies.",
         ))
-        .param(Param::number(
-            "passband",
-            0.4,
-            0.05..=0.48,
+        .param(number("passband", 0.4, 0.05..=0.48, "").doc(
             "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is \
              longer.",
         ))

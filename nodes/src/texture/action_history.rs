@@ -1,8 +1,9 @@
 //! `action_history`: the last forces and velocities, as the texture network reads them.
 
+use crate::ports::{Doc, MM_S, N, control, control_out, integer};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Resume, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Node, Ports, Prepared, Processor, Resume, Setup, ShapeSpec, State,
+    Status, Tick,
 };
 
 /// Samples force and velocity at a rate of its own and keeps the last ones.
@@ -27,18 +28,12 @@ impl Node for ActionHistory {
             "action_history",
             "The last forces and velocities, oldest first, at the model's own rate.",
         )
-        .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
-        .input(Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc("vx, vy"))
-        .output(
-            Output::new("force", ShapeSpec::Control(10), Unit::NEWTON)
-                .doc("the last forces, zeros at the start"),
-        )
-        .output(
-            Output::new("velocity", ShapeSpec::Control(20), Unit::MILLIMETRE_PER_SECOND)
-                .doc("the last vx, then the last vy, zeros at the start"),
-        )
-        .param(Param::integer("points", 10, 1..=1000, "How many samples are kept."))
-        .param(Param::integer("rate_hz", 500, 1..=4000, "How often a sample is taken.").unit("Hz"))
+        .input(control("force", 1, N).doc("normal force"))
+        .input(control("velocity", 2, MM_S).doc("vx, vy"))
+        .output(control_out("force", 10, N).doc("the last forces, zeros at the start"))
+        .output(control_out("velocity", 20, MM_S).doc("the last vx, then the last vy, zeros at the start"))
+        .param(integer("points", 10, 1..=1000).doc("How many samples are kept."))
+        .param(integer("rate_hz", 500, 1..=4000).unit("Hz").doc("How often a sample is taken."))
         .resumes(Resume::Never)
     }
 

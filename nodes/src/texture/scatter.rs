@@ -1,13 +1,14 @@
 //! `scatter`: from expected magnitudes to those of one random signal.
 
+use crate::ports::{Doc, ONE, control, magnitude, number, seed};
 use asperity_dsp::Float;
 use asperity_dsp::scatter::{self, Statistics};
 use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Param, Prepared, Processor, Resume, Setup,
+    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Prepared, Processor, Resume, Setup,
     ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::phase::{framing, seed};
+use crate::phase::{framing, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Scatters magnitudes about their expected values, as those of noise, or of lines in noise, scatter.
@@ -27,16 +28,12 @@ impl Node for Scatter {
             "Scatters expected magnitudes as those of one random signal scatter. Without it phase retrieval \
              makes a signal that repeats.",
         )
-        .input(
-            Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("what is expected"),
-        )
+        .input(magnitude().doc("what is expected"))
         .input(Input::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).or(0.0).doc(
             "mean over root mean square of each bin: 0.886 or less is noise, 1 a steady line; left out, \
              noise",
         ))
-        .input(Input::new("statistics", ShapeSpec::Control(2), Unit::NONE).or(-1.0).doc(
+        .input(control("statistics", 2, ONE).or(-1.0).doc(
             "variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes \
              are means",
         ))
@@ -46,18 +43,11 @@ impl Node for Scatter {
                 .doc("magnitudes that one signal may have"),
         )
         .param(
-            Param::number(
-                "strength",
-                1.0,
-                0.0..=1.0,
-                "How far magnitudes scatter: 0 leaves them as they are.",
-            )
-            .live(),
+            number("strength", 1.0, 0.0..=1.0, "")
+                .live()
+                .doc("How far magnitudes scatter: 0 leaves them as they are."),
         )
-        .param(
-            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the noise; left out, from the graph's.")
-                .optional(),
-        )
+        .param(seed().doc("Seed of the noise; left out, from the graph's."))
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
         // Noise follows from the frame's number.
@@ -70,7 +60,7 @@ impl Node for Scatter {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let kernel = scatter::Scatter::new(framing(setup)?, seed(setup))
+    let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup))
         .map_err(|e| setup.params.node_error(e.to_string()))?;
     Ok(Prepared::new(Running::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
 }

@@ -1,9 +1,10 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
+use crate::ports::{Doc, MM_S, N, ONE, choice, control, control_out, file, integer, text, texts};
 use asperity_dsp::shaped_noise::PATTERN_LEN;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, Input, LayoutSpec, Node,
-    Output, Param, Ports, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, LayoutSpec, Node, Output,
+    Ports, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick, Unit,
 };
 use asperity_texture::Library;
 use asperity_texture::{
@@ -87,17 +88,17 @@ impl Node for TextureNetwork {
         )
         .role(Role::TextureNetwork)
         .input(
-            Input::new("force", ShapeSpec::Control(FORCE_LEN), Unit::NEWTON).doc(
+            control("force", FORCE_LEN, N).doc(
                 "the last forces, oldest first; held to 0 and the largest that the model was trained on",
             ),
         )
         .input(
-            Input::new("velocity", ShapeSpec::Control(SPEED_LEN), Unit::MILLIMETRE_PER_SECOND).doc(
+            control("velocity", SPEED_LEN, MM_S).doc(
                 "the last vx, then the last vy, oldest first; made slower where faster than any trained",
             ),
         )
         .input(
-            Input::new("material", ShapeSpec::Control(1), Unit::NONE)
+            control("material", 1, ONE)
                 .or(0.0)
                 .doc("which of `material` and then `materials`, from 0; rounded, held to the ends"),
         )
@@ -115,48 +116,38 @@ impl Node for TextureNetwork {
                  does not say, noise",
             ),
         )
-        .output(Output::new("statistics", ShapeSpec::Control(2), Unit::NONE).secondary().doc(
+        .output(control_out("statistics", 2, ONE).secondary().doc(
             "variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where \
              magnitudes are means, 0 where they are root mean squares",
         ))
-        .output(Output::new("pattern", ShapeSpec::Control(PATTERN_LEN), Unit::NONE).secondary().doc(
+        .output(control_out("pattern", PATTERN_LEN, ONE).secondary().doc(
             "how the material's vibration is spread over place, from the library; all 0 where it does not \
              say",
         ))
-        .param(Param::file(
-            "model",
+        .param(file("model").doc(
             "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100]; metadata \
              `force_max_n`, `speed_max_mm_s`: the range it was trained on.",
         ))
-        .param(Param::file("library", "RON: material names and their texture vectors of 256 numbers."))
-        .param(Param::text("material", "", "The material's name in the library.").required())
-        .param(Param::texts("materials", "More materials, preloaded for the input `material` to pick."))
+        .param(file("library").doc("RON: material names and their texture vectors of 256 numbers."))
+        .param(text("material", "").required().doc("The material's name in the library."))
+        .param(texts("materials").doc("More materials, preloaded for the input `material` to pick."))
         .param(
-            Param::integer(
-                "synthesis_hz",
-                2500,
-                0..=192_000,
-                "Rate of the signal that is synthesised; 0 for the audio rate.",
-            )
-            .unit("Hz"),
+            integer("synthesis_hz", 2500, 0..=192_000)
+                .unit("Hz")
+                .doc("Rate of the signal that is synthesised; 0 for the audio rate."),
         )
-        .param(Param::integer(
-            "bins",
-            MAGNITUDES_LEN as i64,
-            1..=MAGNITUDES_LEN as i64,
-            "How many of the bins are used, 10 Hz apart.",
-        ))
-        .param(Param::choice(
-            "precision",
-            &Precision::ALL.map(Precision::name),
+        .param(
+            integer("bins", MAGNITUDES_LEN as i64, 1..=MAGNITUDES_LEN as i64)
+                .doc("How many of the bins are used, 10 Hz apart."),
+        )
+        .param(choice("precision", &Precision::ALL.map(Precision::name)).doc(
             "How the weights are kept: f16 and int8 are faster, with errors of up to 0.02 % and 0.5 % of the \
              largest magnitude; f64, sums and all, is what the others are judged by, and slow.",
         ))
-        .param(Param::choice(
-            "executor",
-            &["auto", "tract"],
-            "`auto` takes packed kernels where they agree with tract.",
-        ))
+        .param(
+            choice("executor", &["auto", "tract"])
+                .doc("`auto` takes packed kernels where they agree with tract."),
+        )
         .timing("no latency: a frame describes the 0.1 s that begin with it")
     }
 

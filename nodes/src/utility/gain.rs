@@ -1,9 +1,10 @@
 //! `gain`: a constant factor.
 
+use crate::ports::{Doc, like, like_out, number, text};
 use asperity_dsp::Ramp;
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Setup, Shape,
-    ShapeSpec, State, Status, Tick, Unit, UnitSpec,
+    Config, Descriptor, Diagnostic, Node, Ports, Prepared, Processor, Setup, Shape, State, Status, Tick,
+    Unit, UnitSpec,
 };
 
 /// Multiplies a signal by a constant. A new factor is reached in a straight line: over 10 ms, or from one run
@@ -21,14 +22,13 @@ const RAMPS_PER_SECOND: u32 = 100;
 impl Node for Gain {
     fn descriptor() -> Descriptor {
         Descriptor::new("gain", "Multiplies a signal, audio or control, by a constant.")
-            .input(Input::new("in", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("what is multiplied"))
-            .output(Output::new("out", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("the product"))
-            .param(Param::number("gain", 1.0, -1e6..=1e6, "The factor.").live())
-            .param(Param::text(
-                "unit",
-                "",
-                "Unit of the output, where the factor changes it; empty keeps the input's.",
-            ))
+            .input(like("in").doc("what is multiplied"))
+            .output(like_out("out").doc("the product"))
+            .param(number("gain", 1.0, -1e6..=1e6, "").live().doc("The factor."))
+            .param(
+                text("unit", "")
+                    .doc("Unit of the output, where the factor changes it; empty keeps the input's."),
+            )
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

@@ -1,8 +1,9 @@
 //! `mix`: a weighted sum.
 
+use crate::ports::{Doc, integer, like_out};
 use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Param, Ports, Prepared, Processor, Setup, Shape,
-    ShapeSpec, Status, Tick, Unit,
+    Config, Descriptor, Diagnostic, Input, Node, Param, Ports, Prepared, Processor, Setup, Shape, ShapeSpec,
+    Status, Tick, Unit,
 };
 
 /// Adds signals of one type.
@@ -23,8 +24,8 @@ impl Node for Mix {
         Descriptor::new("mix", "Adds signals of one type, each with a gain of its own.")
             .input(input(1))
             .input(input(2))
-            .output(Output::new("out", ShapeSpec::Like('s'), Unit::NONE).unit_of('u').doc("the sum"))
-            .param(Param::integer("inputs", 2, 1..=MAX_INPUTS, "How many inputs there are: in1, in2, ..."))
+            .output(like_out("out").doc("the sum"))
+            .param(integer("inputs", 2, 1..=MAX_INPUTS).doc("How many inputs there are: in1, in2, ..."))
             .param(Param::numbers("gains", &[], -1e6..=1e6, "A factor for each input; 1 for those left out."))
     }
 

@@ -13,7 +13,7 @@ use asperity_scene::space::Surface;
 use super::axis::{Axis, FRAME, Panel};
 use super::lines::Pen;
 use super::svg::{Svg, num};
-use names::{Label, Name, place};
+use names::draw_names;
 use outline::{Bounds, Outline, Point, bounds, clipped, left_of, meet};
 use way::{LANE, Piece, Stop, lanes, line, pieces};
 
@@ -82,8 +82,6 @@ const LEAST_MM: f64 = 10.0;
 /// Surfaces nearer than `NEAR` to the path are shown, up to `FAR` from it; both as parts of its extent.
 const NEAR: f64 = 0.1;
 const FAR: f64 = 0.5;
-/// Of a circle larger than this, radius in pixels, only the visible part is drawn.
-const LARGE: f64 = 5000.0;
 
 const GROUND: &str = "fill=\"#f4f7fa\"";
 /// Style of surfaces that are not touched, and touched.
@@ -93,6 +91,7 @@ const OUTLINE: [&str; 2] = [
 ];
 const DASHED: &str = " stroke-dasharray=\"4 3\"";
 const WAY: &str = "stroke=\"#323f4b\" stroke-width=\"1\" fill=\"none\" stroke-linejoin=\"round\"";
+const LANE_STYLE: &str = "fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\"";
 const AIR: &str = "stroke=\"#8795a1\" stroke-width=\"1.4\" stroke-dasharray=\"0.1 3.4\" \
                    stroke-linecap=\"round\" fill=\"none\"";
 /// Colours of effects. Each pair is distinct also with red-green colour blindness; the tests check it.
@@ -251,22 +250,18 @@ impl Laid<'_> {
         let frame = format!("M{l} {t}H{r}V{b}H{l}z");
         svg.raw(format_args!("<clipPath id=\"above\"><path d=\"{frame}\"/></clipPath>\n"));
         svg.raw("<g clip-path=\"url(#above)\">\n");
-        let names = self.draw_surfaces(svg, &surfaces);
+        let areas = self.draw_surfaces(svg, &surfaces);
         self.draw_path(svg);
-        let (labels, nameless) = self.labels(names);
-        labels.iter().for_each(|label| label.draw(svg));
+        let nameless = self.draw_names(svg, areas);
         svg.raw("</g>\n");
         svg.path(&frame, FRAME);
-        let about = match left_out {
+        let counted = |count: usize, one: &str, many: &str| match count {
             0 => String::new(),
-            1 => "; 1 more surface is not drawn".into(),
-            n => format!("; {n} more surfaces are not drawn"),
+            1 => format!("; 1 {one}"),
+            n => format!("; {n} {many}"),
         };
-        let names = match nameless {
-            0 => String::new(),
-            1 => "; 1 name is left out".into(),
-            n => format!("; {n} names are left out"),
-        };
+        let about = counted(left_out, "more surface is not drawn", "more surfaces are not drawn");
+        let names = counted(nameless, "name is left out", "names are left out");
         svg.heading([LEFT, top - 9.0], "From above", &format!("x and y, mm{about}{names}"));
         self.legend(svg);
     }
@@ -298,90 +293,55 @@ impl Laid<'_> {
         });
     }
 
-    /// Draws surfaces. Returns their names, each with whether the surface was touched.
-    fn draw_surfaces(&self, svg: &mut Svg, surfaces: &[(&Seen, Outline)]) -> Vec<(bool, Name)> {
-        let (mut paths, mut names) = ([const { String::new() }; 4], Vec::new());
-        for (seen, outline) in surfaces {
-            let (d, area) = self.shape(outline);
-            paths[usize::from(seen.touched) + 2 * usize::from(seen.soft)] += &d;
-            names.push((seen.touched, Name { name: seen.name.clone(), note: seen.note.clone(), area }));
-        }
-        for (i, d) in paths.iter().enumerate() {
-            svg.path(d, &format!("{}{}", OUTLINE[i & 1], if i > 1 { DASHED } else { "" }));
-        }
-        names
-    }
-
-    /// Labels in their places, and how many names have none. Of too many names only those of touched
-    /// surfaces stay, or none.
-    fn labels(&self, mut names: Vec<(bool, Name)>) -> (Vec<Label>, usize) {
-        let all = names.len();
-        if names.len() > MOST_NAMES {
-            names.retain(|(touched, _)| *touched);
-        }
-        if names.len() > MOST_NAMES {
-            names.clear();
-        }
-        let left_out = all - names.len();
-        let names: Vec<Name> = names.into_iter().map(|(_, name)| name).collect();
-        let (labels, nameless) = place(&names, self.frame());
-        (labels, left_out + nameless)
-    }
-
-    /// Path data of an outline, and the visible part of it in pixels. All paths run clockwise on the screen,
-    /// so that no outline is a hole in another.
-    fn shape(&self, outline: &Outline) -> (String, Vec<Point>) {
+    /// Draws surfaces. Returns each with the bounds of its visible part. All outlines run clockwise on the
+    /// screen, so that none is a hole in another.
+    fn draw_surfaces<'s>(&self, svg: &mut Svg, surfaces: &[(&'s Seen, Outline)]) -> Vec<(&'s Seen, Bounds)> {
         let frame = self.frame();
         // Cut a little outside the frame, so that cut edges are not seen.
         let wide = [frame[0].map(|v| v - 8.0), frame[1].map(|v| v + 8.0)];
-        let pixel = |[x, y]: Point| self.panel.at((x, y));
-        let around = |points: &[Point]| {
-            let (mut d, mut pen) = (String::new(), Pen::default());
-            let mut points = clipped(points, wide);
+        let (mut paths, mut areas) = ([const { String::new() }; 4], Vec::new());
+        for (seen, outline) in surfaces {
+            let Some(points) = outline.points() else {
+                areas.push((*seen, frame));
+                continue;
+            };
+            let points: Vec<Point> = points.iter().map(|[x, y]| self.panel.at((*x, *y))).collect();
+            areas.extend(bounds(clipped(&points, frame).into_iter()).map(|area| (*seen, area)));
+            let mut points = clipped(&points, wide);
             let turns = |w: &[Point]| left_of(points[0], w[0], w[1]);
             if points.windows(2).map(turns).sum::<f64>() < 0.0 {
                 points.reverse();
             }
-            points.into_iter().for_each(|[x, y]| pen.to(&mut d, x, y));
-            // Nothing, or a single point.
-            if d.is_empty() || d.ends_with('l') { String::new() } else { d + "z" }
-        };
-        match outline {
-            Outline::Everywhere => {
-                let [[left, top], [right, bottom]] = frame;
-                (String::new(), vec![[left, top], [right, top], [right, bottom], [left, bottom]])
-            }
-            Outline::Edge(ends) => (around(&ends.map(pixel)), clipped(&ends.map(pixel), frame)),
-            Outline::Polygon(points) => {
-                let points: Vec<Point> = points.iter().copied().map(pixel).collect();
-                (around(&points), clipped(&points, frame))
-            }
-            Outline::Circle { middle, radius } => {
-                let ([x, y], r) = (pixel(*middle), self.panel.x.at(*radius) - self.panel.x.at(0.0));
-                let corners = |count: usize| -> Vec<Point> {
-                    let turn = std::f64::consts::TAU / count as f64;
-                    let corner = |(sin, cos): (f64, f64)| [x + r * cos, y + r * sin];
-                    (0..count).map(|i| corner((turn * i as f64).sin_cos())).collect()
-                };
-                let d = if r < LARGE {
-                    // Two halves of a rounded radius, so that they meet.
-                    let r = (10.0 * r).round() / 10.0;
-                    let half = format!("a{r} {r} 0 1 1", r = num(r));
-                    format!("M{} {}{half} {w} 0{half}-{w} 0z", num(x - r), num(y), w = num(2.0 * r))
-                } else {
-                    // As many corners as keep within half a pixel.
-                    around(&corners((std::f64::consts::PI * r.sqrt()).min(16384.0) as usize))
-                };
-                (d, clipped(&corners(24), frame))
+            let (d, mut pen) =
+                (&mut paths[usize::from(seen.touched) + 2 * usize::from(seen.soft)], Pen::default());
+            points.iter().for_each(|[x, y]| pen.to(d, *x, *y));
+            if !points.is_empty() {
+                d.push('z');
             }
         }
+        for (i, d) in paths.iter().enumerate() {
+            svg.path(d, &format!("{}{}", OUTLINE[i & 1], if i > 1 { DASHED } else { "" }));
+        }
+        areas
+    }
+
+    /// Writes names. Returns how many have no room. Of too many only those of touched surfaces stay, or none.
+    fn draw_names(&self, svg: &mut Svg, mut areas: Vec<(&Seen, Bounds)>) -> usize {
+        let all = areas.len();
+        if all > MOST_NAMES {
+            areas.retain(|(seen, _)| seen.touched);
+        }
+        if areas.len() > MOST_NAMES {
+            areas.clear();
+        }
+        all - draw_names(svg, &areas, self.frame())
     }
 
     /// Draws the path and its lanes.
     fn draw_path(&self, svg: &mut Svg) {
         for (bit, d) in lanes(&self.pieces, COLOURS.len()).iter().enumerate() {
             let name = self.above.effects.get(bit).map_or("", String::as_str);
-            let stroke = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"{LANE}\"", COLOURS[bit]);
+            let stroke = format!("{LANE_STYLE} stroke=\"{}\" stroke-width=\"{LANE}\"", COLOURS[bit]);
             svg.titled_path(d, &stroke, name);
         }
         svg.path(&line(&self.pieces, false), AIR);

@@ -19,8 +19,6 @@ pub(super) enum Outline {
     Edge([Point; 2]),
     /// A convex polygon; a line where it is seen from the side.
     Polygon(Vec<Point>),
-    /// A sphere.
-    Circle { middle: Point, radius: f64 },
 }
 
 impl Outline {
@@ -45,8 +43,15 @@ impl Outline {
                 Self::Edge([[x - far * ny, y + far * nx], [x + far * ny, y - far * nx]])
             }
             Form::Rectangle { size_mm, .. } => face(*size_mm),
-            Form::Relief(relief) => face(relief.size_mm()),
-            Form::Sphere { radius_mm } => Self::Circle { middle: seen([0.0; 3]), radius: *radius_mm },
+            Form::Relief(relief) => face(relief.size_mm),
+            Form::Sphere { radius_mm: r } => {
+                let [x, y] = seen([0.0; 3]);
+                // As many corners as keep within half a pixel where the view is smallest.
+                let count = (std::f64::consts::PI * (80.0 * r).sqrt()).clamp(16.0, 16384.0) as usize;
+                let turn = std::f64::consts::TAU / count as f64;
+                let corner = |i: usize| (turn * i as f64).sin_cos();
+                Self::Polygon((0..count).map(corner).map(|(sin, cos)| [x + r * cos, y + r * sin]).collect())
+            }
             Form::Box { size_mm: [x, y, z] } => {
                 let corner = |i: usize| {
                     let half =
@@ -63,7 +68,15 @@ impl Outline {
         match self {
             Self::Everywhere | Self::Edge(_) => None,
             Self::Polygon(points) => bounds(points.iter().copied()),
-            Self::Circle { middle: [x, y], radius: r } => Some([[x - r, y - r], [x + r, y + r]]),
+        }
+    }
+
+    /// Its corners; `None` if it is everywhere.
+    pub(super) fn points(&self) -> Option<&[Point]> {
+        match self {
+            Self::Everywhere => None,
+            Self::Edge(points) => Some(points),
+            Self::Polygon(points) => Some(points),
         }
     }
 }

@@ -55,8 +55,8 @@ fn relief_is_a_rectangle_and_sphere_a_circle() {
     assert_eq!(relief.bounds(), bounds(corners(&relief).into_iter()));
 
     let ball = seen(Shape::sphere(3.0).unwrap(), [1.0, 2.0, 9.0], [10.0, 20.0, 30.0]);
-    assert_eq!(ball, Outline::Circle { middle: [1.0, 2.0], radius: 3.0 });
-    assert_eq!(ball.bounds(), Some([[-2.0, -1.0], [4.0, 5.0]]));
+    assert!(corners(&ball).iter().all(|p| ((p[0] - 1.0).hypot(p[1] - 2.0) - 3.0).abs() < 1e-9));
+    assert!(corners(&ball).len() > 40, "{ball:?}");
 }
 
 #[test]

@@ -1,21 +1,17 @@
 //! The path of a stylus in pixels, thinned to what can be seen, and lanes beside it.
 
-use super::outline::{Point, left_of};
+use super::outline::Point;
 use crate::lines::Pen;
 
 /// Least length of a piece in pixels, but for the last.
 const STEP: f64 = 2.0;
 /// Most pieces.
 pub(super) const MOST_PIECES: usize = 6000;
-/// Greatest distance in pixels between a drawn line and the pieces.
-const STRAY: f64 = 0.1;
 /// Width of a lane, and distance of the first from the path.
 pub(super) const LANE: f64 = 3.0;
 const CLEAR: f64 = 1.0;
 /// Cosine of a turn that a lane does not follow.
 const SHARP: f64 = 0.3;
-/// Least length of a drawn lane.
-const LEAST: f64 = 2.5;
 
 /// A tick at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +81,7 @@ pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
     let mut d = String::new();
     for run in pieces.chunk_by(|a, b| b.joined && a.touches == b.touches) {
         if run[0].touches == touches {
-            write(&mut d, &straight(&points(run), STRAY));
+            write_beside(&mut d, run, 0.0);
         }
     }
     d
@@ -96,106 +92,31 @@ pub(super) fn line(pieces: &[Piece], touches: bool) -> String {
 pub(super) fn lanes(pieces: &[Piece], effects: usize) -> Vec<String> {
     let mut paths = vec![String::new(); effects.min(u16::BITS as usize)];
     for run in pieces.chunk_by(|a, b| b.joined && a.effects == b.effects) {
-        let points = visible(straight(&points(run), STRAY));
         let active = (0..paths.len()).filter(|bit| run[0].effects >> bit & 1 == 1);
         for (lane, bit) in active.enumerate() {
-            write_beside(&mut paths[bit], &points, CLEAR + (lane as f64 + 0.5) * LANE);
+            write_beside(&mut paths[bit], run, CLEAR + (lane as f64 + 0.5) * LANE);
         }
     }
     paths
 }
 
-/// The corners of joined pieces.
-fn points(run: &[Piece]) -> Vec<Point> {
-    run.first().map(|first| first.from).into_iter().chain(run.iter().map(|piece| piece.to)).collect()
-}
-
-/// Removes repeated points. Extends a line that is too short to be seen to [`LEAST`].
-fn visible(mut points: Vec<Point>) -> Vec<Point> {
-    points.dedup();
-    let length: f64 = points.windows(2).map(|w| distance(w[0], w[1])).sum();
-    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return points };
-    if length >= LEAST {
-        return points;
-    }
-    let way = direction(first, last);
-    let middle = [0, 1].map(|k| 0.5 * (first[k] + last[k]));
-    [-0.5, 0.5].map(|part| [0, 1].map(|k| middle[k] + part * LEAST * way[k])).to_vec()
-}
-
-/// Writes a lane `off` pixels to the right of a line. It is broken at sharp turns.
-fn write_beside(d: &mut String, points: &[Point], off: f64) {
-    let ways: Vec<Point> = points.windows(2).map(|w| direction(w[0], w[1])).collect();
-    let (Some(&first), Some(&last)) = (ways.first(), ways.last()) else { return };
-    let mut lane = vec![beside(points[0], first, off)];
-    for (point, way) in points[1..].iter().zip(ways.windows(2)) {
-        let [before, after] = [way[0], way[1]];
-        if before[0] * after[0] + before[1] * after[1] < SHARP {
-            lane.push(beside(*point, before, off));
-            write(d, &std::mem::take(&mut lane));
-            lane.push(beside(*point, after, off));
-        } else {
-            let mean = direction([0.0; 2], [before[0] + after[0], before[1] + after[1]]);
-            lane.push(beside(*point, mean, off));
+/// Writes a line `off` pixels to the right of joined pieces. A lane is broken at sharp turns.
+fn write_beside(d: &mut String, run: &[Piece], off: f64) {
+    let mut pen = Pen::default();
+    let mut before: Option<Point> = None;
+    for Piece { from, to, .. } in run {
+        let length = distance(*from, *to);
+        let ahead = [0, 1].map(|k| (to[k] - from[k]) / length);
+        let way = if length > 1e-9 { ahead } else { before.unwrap_or([1.0, 0.0]) };
+        if off > 0.0 && before.is_some_and(|b| b[0] * way[0] + b[1] * way[1] < SHARP) {
+            pen.end(d);
         }
-    }
-    lane.push(beside(points[points.len() - 1], last, off));
-    write(d, &lane);
-}
-
-/// The point `off` pixels to the right of another, seen along a direction.
-fn beside(p: Point, way: Point, off: f64) -> Point {
-    [p[0] - off * way[1], p[1] + off * way[0]]
-}
-
-/// Unit vector from one point to another; along x where they are the same.
-fn direction(a: Point, b: Point) -> Point {
-    let length = distance(a, b);
-    if length > 1e-9 { [(b[0] - a[0]) / length, (b[1] - a[1]) / length] } else { [1.0, 0.0] }
-}
-
-/// Writes a line through points, unless they are all the same.
-fn write(d: &mut String, points: &[Point]) {
-    let (mut pen, mut line) = (Pen::default(), String::new());
-    points.iter().for_each(|[x, y]| pen.to(&mut line, *x, *y));
-    // After a pen that never moved, the last character is its command.
-    if !line.ends_with('l') {
-        d.push_str(&line);
-    }
-}
-
-/// Leaves out points that are nearer than `stray` to the line through the others (U. Ramer, "An iterative
-/// procedure for the polygonal approximation of plane curves", 1972; D. Douglas, T. Peucker, 1973).
-fn straight(points: &[Point], stray: f64) -> Vec<Point> {
-    /// Points that are simplified together; this bounds the time for each point.
-    const TOGETHER: usize = 256;
-    let mut keep = vec![false; points.len()];
-    let Some(last) = points.len().checked_sub(1) else { return Vec::new() };
-    let mut spans: Vec<(usize, usize)> =
-        (0..last).step_by(TOGETHER).map(|a| (a, (a + TOGETHER).min(last))).collect();
-    keep[last] = true;
-    while let Some((a, b)) = spans.pop() {
-        keep[a] = true;
-        let off = |i: usize| (i, beyond(points[a], points[b], points[i]));
-        let furthest = (a + 1..b).map(off).max_by(|x, y| x.1.total_cmp(&y.1));
-        if let Some((i, off)) = furthest
-            && off > stray
-        {
-            spans.extend([(a, i), (i, b)]);
+        for p in [from, to] {
+            pen.to(d, p[0] - off * way[1], p[1] + off * way[0]);
         }
+        before = Some(way);
     }
-    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
-}
-
-/// Distance of a point from the segment between two others.
-fn beyond(a: Point, b: Point, p: Point) -> f64 {
-    let length = distance(a, b);
-    let part = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
-    if part > 0.0 && part < 1.0 {
-        left_of(a, b, p).abs() / length
-    } else {
-        distance(a, p).min(distance(b, p))
-    }
+    pen.end(d);
 }
 
 fn distance(a: Point, b: Point) -> f64 {

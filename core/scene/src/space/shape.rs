@@ -41,58 +41,32 @@ pub enum Form {
 /// y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relief {
-    grid: Arc<HeightGrid>,
-    size_mm: [f64; 2],
+    /// The heights.
+    pub grid: Arc<HeightGrid>,
+    /// Size along x and y.
+    pub size_mm: [f64; 2],
+    /// Factor of the heights.
     scale: f64,
-    thickness_mm: f64,
-    /// Bounds of the scaled heights.
-    bounds_mm: [f64; 2],
+    /// Depth below the height at a place down to which it is touched.
+    pub thickness_mm: f64,
+    /// Lower and upper bound of the scaled heights.
+    pub bounds_mm: [f64; 2],
 }
 
 impl Relief {
-    /// The heights.
-    pub fn grid(&self) -> &Arc<HeightGrid> {
-        &self.grid
-    }
-
-    /// Size along x and y.
-    pub fn size_mm(&self) -> [f64; 2] {
-        self.size_mm
-    }
-
-    /// Factor of the heights.
-    pub fn scale(&self) -> f64 {
-        self.scale
-    }
-
-    /// Depth below the height at a place down to which it is touched.
-    pub fn thickness_mm(&self) -> f64 {
-        self.thickness_mm
-    }
-
-    /// Lower and upper bound in millimetres of all heights.
-    pub fn bounds_mm(&self) -> [f64; 2] {
-        self.bounds_mm
-    }
-
     /// Height in millimetres and slopes at a place, counted from the middle of the rectangle.
     pub fn sample(&self, x_mm: f64, y_mm: f64) -> (f64, [f64; 2]) {
         let s = self.grid.sample(x_mm + 0.5 * self.size_mm[0], y_mm + 0.5 * self.size_mm[1]);
         (self.scale * s.height_mm, [self.scale * s.slope[0], self.scale * s.slope[1]])
     }
 
-    /// Position of a point relative to the relief. `None` where the point is not felt, and perhaps
-    /// outside, unless `OUTSIDE` is set.
-    pub(super) fn over<const OUTSIDE: bool>(&self, at: Vector) -> Option<Over> {
+    /// Position of a point relative to the relief. `None` where the point is not felt.
+    pub(super) fn over(&self, at: Vector) -> Option<Over> {
         let ([x, y, z], [lowest, highest]) = (at, self.bounds_mm);
-        // Most points are far off, and computing heights takes longest.
-        if z < lowest - self.thickness_mm || (!OUTSIDE && z > highest) {
+        if z < lowest - self.thickness_mm {
             return None;
         }
         let beside = beside(at, self.size_mm);
-        if beside != [0.0; 2] && !OUTSIDE {
-            return None;
-        }
         let (height, slope) = self.sample(x - beside[0], y - beside[1]);
         let depth = height - z;
         let depth_mm = if beside != [0.0; 2] {
@@ -208,13 +182,8 @@ impl Shape {
     /// box). For a rectangle it is the distance to the upper face. For a relief it is
     /// `(h - z) / sqrt(1 + |grad h|^2)`, the distance to the plane that touches it at the same x and y.
     /// The distance outside a relief is the same, or that to its greatest height if that is further.
-    pub fn depth_mm(&self, at: [f64; 3]) -> f64 {
-        self.depth::<true>(at)
-    }
-
-    /// Same depth, but outside it may be minus infinity if that is less work than the distance.
     #[inline]
-    pub(super) fn depth<const OUTSIDE: bool>(&self, at: Vector) -> f64 {
+    pub fn depth_mm(&self, at: [f64; 3]) -> f64 {
         let z = at[2];
         match &self.0 {
             Form::Plane => -z,
@@ -222,25 +191,19 @@ impl Shape {
             Form::Box { size_mm } => {
                 let over: Vector = std::array::from_fn(|k| at[k].abs() - 0.5 * size_mm[k]);
                 let nearest = most(most(over[0], over[1]), over[2]);
-                if nearest <= 0.0 {
-                    -nearest
-                } else if OUTSIDE {
-                    -norm(over.map(|e| most(e, 0.0)))
-                } else {
-                    f64::NEG_INFINITY
-                }
+                if nearest <= 0.0 { -nearest } else { -norm(over.map(|e| most(e, 0.0))) }
             }
             Form::Rectangle { size_mm, thickness_mm } => {
                 let beside = beside(at, *size_mm);
                 if beside != [0.0; 2] {
-                    if OUTSIDE { edge(beside, z) } else { f64::NEG_INFINITY }
+                    edge(beside, z)
                 } else if z < -thickness_mm {
                     f64::NEG_INFINITY
                 } else {
                     -z
                 }
             }
-            Form::Relief(relief) => relief.over::<OUTSIDE>(at).map_or(f64::NEG_INFINITY, |o| o.depth_mm),
+            Form::Relief(relief) => relief.over(at).map_or(f64::NEG_INFINITY, |o| o.depth_mm),
         }
     }
 }

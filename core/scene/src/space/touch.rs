@@ -60,7 +60,7 @@ impl Shape {
     pub fn touch(&self, at: [f64; 3], last: Option<u8>, hysteresis_mm: f64) -> Option<Touch> {
         // Computing heights takes longest, so it is done once.
         let over = match self.form() {
-            Form::Relief(relief) => Some(relief.over::<true>(at)?),
+            Form::Relief(relief) => Some(relief.over(at)?),
             _ => None,
         };
         let depth_mm = over.as_ref().map_or_else(|| self.depth_mm(at), |o| o.depth_mm);

@@ -150,7 +150,7 @@ fn a_relief_is_touched_along_the_normal_of_its_heights() {
     // Far above, the relief is no nearer than its greatest height. That is a bound with room above
     // the 1 mm of the sine.
     let Form::Relief(relief) = shape.form() else { panic!() };
-    let [low, high] = relief.bounds_mm();
+    let [low, high] = relief.bounds_mm;
     assert!(low < -1.0 && high > 1.0 && high < 1.6);
     assert!((shape.depth_mm([0.0, 0.0, 50.0]) + 50.0 - high).abs() < 1e-9);
     // Beside the relief, the edge is the nearest. Lower than that nothing is felt. The edge at x = 15 is
@@ -176,16 +176,6 @@ fn shapes_that_cannot_be_are_refused() {
     assert!(error(Shape::relief(grid.clone(), None, nan, 1.0)).starts_with("heights times NaN"));
     assert!(error(Shape::relief(grid.clone(), None, 1e6, 1.0)).contains("within 100000 mm"));
     assert!(error(Shape::relief(grid, None, 1.0, nan)).starts_with("a relief NaN mm thick"));
-}
-
-#[test]
-fn a_hold_is_kept_in_a_state() {
-    let mut one = Some(Hold { entry: 70_000, feature: 3 });
-    let mut bytes = vec![0; State::measure(|s| one.keep(s))];
-    State::save(&mut bytes, |s| one.keep(s)).unwrap();
-    let mut other: Option<Hold> = None;
-    assert!(State::restore(&bytes, |s| other.keep(s)));
-    assert_eq!(other, Some(Hold { entry: 70_000, feature: 3 }));
 }
 
 fn any_shape() -> impl Strategy<Value = Shape> {

@@ -54,34 +54,3 @@ fn fine_surfaces_exceed_noise_and_coarse_ones_do_not_clip() {
         assert!(rms > noise || polished, "{}: {rms}, noise {noise}", surface.name);
     }
 }
-
-#[test]
-#[ignore = "writes a picture to look at: ASPERITY_LOOK names the file, a .ppm; prints how long pictures take"]
-fn a_sheet_of_tactile_images() {
-    let Ok(path) = std::env::var("ASPERITY_LOOK") else { return };
-    let [rows, columns] = IMAGE;
-    let surfaces = made_surfaces();
-    let mut pixels = vec![0_u8; 14 * columns * 8 * rows * 3];
-    let mut spent: Vec<[f64; 3]> = Vec::new();
-    for (n, surface) in surfaces.iter().enumerate() {
-        let began = std::time::Instant::now();
-        let patch = surface.patch((1024, 0.02), 1);
-        let made = began.elapsed().as_secs_f64();
-        let random = &mut Random::new(n as u64);
-        let press = Press { place_mm: [5.0, 6.0], turn: 0.2, depth_mm: 0.4 };
-        let skin = indentation(&patch, &press, Camera::USUAL.grid());
-        let touched = began.elapsed().as_secs_f64();
-        let image = Camera::USUAL.picture(&skin, random);
-        spent.push([made, touched - made, began.elapsed().as_secs_f64() - touched].map(|s| 1e3 * s));
-        for (y, line) in image.pixels.chunks_exact(3 * columns).enumerate() {
-            let to = 3 * (((n / 14) * rows + y) * 14 + n % 14) * columns;
-            pixels[to..to + line.len()].copy_from_slice(line);
-        }
-    }
-    for (surface, ms) in surfaces.iter().zip(&spent).step_by(14) {
-        println!("{}: {ms:.1?} ms for patch, press, camera", surface.name);
-    }
-    let mut file = format!("P6 {} {} 255\n", 14 * columns, 8 * rows).into_bytes();
-    file.extend(pixels);
-    std::fs::write(path, file).expect("a picture");
-}

@@ -206,28 +206,3 @@ fn some_neighbours_overlap_in_measured_statistics() {
     let [one, two, three] = [0, 1, 2].map(|n| found.iter().map(|of| of[n]).sum::<usize>());
     assert!((54..=62).contains(&one) && (12..=20).contains(&two) && (1..=5).contains(&three), "{found:?}");
 }
-
-#[test]
-#[ignore = "writes a picture to look at: ASPERITY_LOOK names the file, a .pgm"]
-fn a_sheet_of_all_surfaces() {
-    let Ok(path) = std::env::var("ASPERITY_LOOK") else { return };
-    let (edge, side) = (160, 512);
-    let surfaces = made_surfaces();
-    let (columns, rows) = (14, surfaces.len() / 14);
-    let mut pixels = vec![0_u8; columns * rows * edge * edge];
-    for (n, surface) in surfaces.iter().enumerate() {
-        let patch = surface.patch((side, 0.04), 1);
-        let slope = patch.rms_slope().max(1e-6);
-        for y in 0..edge {
-            for x in 0..edge {
-                let place = 0.08;
-                let dx = patch.sample(x as f64 * place, y as f64 * place).slope[0];
-                let shade = 128.0 + 60.0 * dx / slope;
-                pixels[((n / columns) * edge + y) * columns * edge + (n % columns) * edge + x] = shade as u8;
-            }
-        }
-    }
-    let mut file = format!("P5 {} {} 255\n", columns * edge, rows * edge).into_bytes();
-    file.extend(pixels);
-    std::fs::write(path, file).expect("a picture");
-}

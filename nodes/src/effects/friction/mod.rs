@@ -1,25 +1,19 @@
 //! `friction`: force against the motion along a surface.
 
-mod dahl;
-#[cfg(test)]
-mod energy_tests;
-pub mod law;
-mod lugre;
+mod law;
 #[cfg(test)]
 mod stick_slip_tests;
-mod viscous_coulomb;
 
+use crate::ports::{Doc, MM_S, N, ONE, control, number, texts};
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Input, Node, Param, Prepared, Processor,
-    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
+    Setup, State, Status, Tick,
 };
 
-pub use dahl::Dahl;
-pub use lugre::{LuGre, LuGreSettings};
-pub use viscous_coulomb::ViscousCoulomb;
+pub(super) use law::{LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
 
-use super::voices::{Voice, Voices};
-use super::{each, let_go, made, put, slot, vector};
+use super::voices::Voices;
+use super::{each, let_go, put, slot, vector};
 
 const SLOT: usize = 0;
 const VELOCITY: usize = 1;
@@ -34,77 +28,49 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// It is called in contact and once more to let go. When another law comes on, its bristles begin unbent.
 /// Where tangents change, bristles stay as they stand in space.
 pub struct Friction {
-    laws: Voices<Law>,
+    laws: Voices<Rubbing>,
     /// Tangents of the tick before, along which bristles are bent.
     tangents: [[f64; 3]; 2],
     dt_s: f64,
 }
 
-/// One of the laws.
-#[derive(Clone, Copy)]
-enum Law {
-    ViscousCoulomb(ViscousCoulomb),
-    Dahl(Dahl),
-    LuGre(LuGre),
-}
-
-impl Law {
-    fn read(settings: &Settings) -> Result<Self, Diagnostic> {
-        let number = |name| settings.number(name);
-        let law = match settings.form() {
-            "viscous_coulomb" => ViscousCoulomb::new(number("coefficient"), number("viscosity_s_per_mm"))
-                .map(Self::ViscousCoulomb),
-            "dahl" => Dahl::new(number("coefficient"), number("bristle_stiffness_n_per_mm")).map(Self::Dahl),
-            _ => LuGre::new(LuGreSettings {
-                static_coefficient: number("static_coefficient"),
-                kinetic_coefficient: number("kinetic_coefficient"),
+fn read(settings: &Settings) -> Result<Rubbing, Diagnostic> {
+    let number = |name| settings.number(name);
+    Ok(match settings.form() {
+        "viscous_coulomb" => Rubbing::viscous_coulomb(number("coefficient"), number("viscosity_s_per_mm")),
+        "dahl" => Rubbing::dahl(number("coefficient"), number("bristle_stiffness_n_per_mm")),
+        _ => {
+            let (most, kinetic) = (number("static_coefficient"), number("kinetic_coefficient"));
+            if most < kinetic {
+                let message = format!("a static coefficient of {most} is below the kinetic one of {kinetic}");
+                return Err(settings.node_error(message));
+            }
+            Rubbing::lugre(LuGreSettings {
+                static_coefficient: most,
+                kinetic_coefficient: kinetic,
                 stribeck_speed_mm_s: number("stribeck_speed_mm_s"),
                 bristle_stiffness_n_per_mm: number("bristle_stiffness_n_per_mm"),
                 bristle_damping_ns_per_m: number("bristle_damping_ns_per_m"),
                 viscosity_s_per_mm: number("viscosity_s_per_mm"),
             })
-            .map(Self::LuGre),
-        };
-        made(settings, law)
-    }
-
-    /// The law near rest, along the surface.
-    fn near_rest(self, settings: &Settings, normal_force_n: f64) -> asperity_node::Law {
-        match self {
-            Self::ViscousCoulomb(_) | Self::Dahl(_) if settings.number("coefficient") == 0.0 => {
-                asperity_node::Law::default()
-            }
-            Self::ViscousCoulomb(law) => law.law(normal_force_n),
-            Self::Dahl(law) => law.law(),
-            Self::LuGre(law) => law.law(normal_force_n),
         }
-    }
-
-    fn step(&mut self, velocity_mm_s: [f64; 2], normal_force_n: f64, dt_s: f64) -> [f64; 2] {
-        match self {
-            Self::ViscousCoulomb(law) => law.force_n(velocity_mm_s, normal_force_n),
-            Self::Dahl(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
-            Self::LuGre(law) => law.step(velocity_mm_s, normal_force_n, dt_s),
-        }
-    }
+    })
 }
 
 /// Forms of the laws in a scene, with their usual values.
 fn effect() -> Effect {
     let usual = LuGreSettings::default();
-    let coefficient = |name, usual| Param::number(name, usual, 0.0..=10.0, "friction over normal force");
+    let coefficient = |name, usual| number(name, usual, 0.0..=10.0, "").doc("friction over normal force");
     let bristle = |usual| {
-        Param::number("bristle_stiffness_n_per_mm", usual, 0.0..=1000.0, "stiffness of what sticks")
-            .unit("N/mm")
+        number("bristle_stiffness_n_per_mm", usual, 1e-3..=1000.0, "N/mm").doc("stiffness of what sticks")
     };
     let viscosity = |usual| {
-        Param::number("viscosity_s_per_mm", usual, 0.0..=10.0, "part of the normal force per speed")
-            .unit("s/mm")
+        number("viscosity_s_per_mm", usual, 0.0..=10.0, "s/mm").doc("part of the normal force per speed")
     };
     let viscous_coulomb =
         Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)")
             .field(coefficient("coefficient", 0.3))
-            .field(viscosity(ViscousCoulomb::VISCOSITY_S_PER_MM));
+            .field(viscosity(VISCOSITY_S_PER_MM));
     let dahl = Form::new("dahl", "dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)")
         .field(coefficient("coefficient", 0.3))
         .field(bristle(1.0));
@@ -116,18 +82,12 @@ fn effect() -> Effect {
     .field(coefficient("static_coefficient", usual.static_coefficient))
     .field(coefficient("kinetic_coefficient", usual.kinetic_coefficient))
     .field(
-        Param::number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.0..=1000.0, "where it slips")
-            .unit("mm/s"),
+        number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s").doc("where it slips"),
     )
     .field(bristle(usual.bristle_stiffness_n_per_mm))
     .field(
-        Param::number(
-            "bristle_damping_ns_per_m",
-            usual.bristle_damping_ns_per_m,
-            0.0..=1000.0,
-            "damping of what sticks",
-        )
-        .unit("N s/m"),
+        number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m")
+            .doc("damping of what sticks"),
     )
     .field(viscosity(usual.viscosity_s_per_mm));
     Effect::new("laws", Acts::Touching)
@@ -137,40 +97,10 @@ fn effect() -> Effect {
         .needs("velocity", "slide")
         .needs("force", "force")
         .needs("tangents", "tangents")
-        .check(|settings| Law::read(settings).map(drop))
+        .check(|settings| read(settings).map(drop))
         .law(Direction::Surface, |settings, normal_force_n| {
-            Law::read(settings)
-                .map_or_else(|_| asperity_node::Law::default(), |law| law.near_rest(settings, normal_force_n))
+            read(settings).map_or_else(|_| Law::default(), |law| law.law(normal_force_n))
         })
-}
-
-impl Law {
-    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
-        match self {
-            Self::ViscousCoulomb(_) => {}
-            Self::Dahl(law) => law.turn(from, to),
-            Self::LuGre(law) => law.turn(from, to),
-        }
-    }
-}
-
-impl Voice for Law {
-    fn reset(&mut self) {
-        match self {
-            Self::ViscousCoulomb(_) => {}
-            Self::Dahl(law) => law.reset(),
-            Self::LuGre(law) => law.reset(),
-        }
-    }
-
-    fn state(&mut self, state: &mut State<'_>) {
-        match self {
-            // As much room as a bristle takes.
-            Self::ViscousCoulomb(_) => _ = state.keep(&mut [0.0_f64; 2]),
-            Self::Dahl(law) => law.state(state),
-            Self::LuGre(law) => law.state(state),
-        }
-    }
 }
 
 impl Node for Friction {
@@ -181,18 +111,17 @@ impl Node for Friction {
         )
         .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
         .input(
-            Input::new("velocity", ShapeSpec::Control(2), Unit::MILLIMETRE_PER_SECOND).doc(
+            control("velocity", 2, MM_S).doc(
                 "along the two tangents, as it is: behind a low-pass friction drives what it should brake",
             ),
         )
-        .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
-        .input(Input::new("tangents", ShapeSpec::Control(6), Unit::NONE).or(0.0).doc(
+        .input(control("force", 1, N).doc("normal force"))
+        .input(control("tangents", 6, ONE).or(0.0).doc(
             "two directions along the surface, of length 1: x, y, z of the first, then of the second; \
              unconnected, x and y",
         ))
         .output(super::force("force on the stylus, x, y, z"))
-        .param(Param::texts(
-            "laws",
+        .param(texts("laws").doc(
             "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \
              \"viscous_coulomb(coefficient: 0.5)\"].",
         ))
@@ -203,7 +132,7 @@ impl Node for Friction {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let laws = each(setup, Law::read)?;
+        let laws = each(setup, read)?;
         let dt_s = f64::from(setup.every) / f64::from(setup.tick_hz);
         Ok(Prepared::new(Self { laws: Voices::new(laws), tangents: FLAT, dt_s }))
     }

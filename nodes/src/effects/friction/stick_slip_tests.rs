@@ -62,7 +62,7 @@ fn periods(pull: &[f64], rate: f64) -> (f64, f64, usize) {
 
 /// Spring force by ticks of the kernel. Between ticks the mass is integrated in steps too fine to matter.
 fn by_ticks(p: &Pull, s: LuGreSettings, tick_hz: f64, seconds: f64) -> Vec<f64> {
-    let (mut law, fine) = (LuGre::new(s).unwrap(), (200_000.0 / tick_hz) as u32);
+    let (mut law, fine) = (Rubbing::lugre(s), (200_000.0 / tick_hz) as u32);
     let (mut x, mut v, mut t, mut before) = (0.0_f64, 0.0, 0.0, 0.0);
     let dt = 1.0 / tick_hz / f64::from(fine);
     (0..(seconds * tick_hz) as usize)
@@ -168,7 +168,7 @@ fn stiffer_bristle_is_nearer_to_closed_form() {
 #[test]
 fn dahl_sticks_as_a_spring_and_does_not_slip_by_turns() {
     // Steady motion: the pull in the spring settles at F_c and the damper's part, with no swing left.
-    let (p, mut law, tick_hz) = (&PULL, Dahl::new(0.8, 10.0).unwrap(), 4000.0);
+    let (p, mut law, tick_hz) = (&PULL, Rubbing::dahl(0.8, 10.0), 4000.0);
     let (mut x, mut v, mut before, mut last) = (0.0_f64, 0.0, 0.0, Vec::new());
     let dt = 1.0 / tick_hz / 50.0;
     for k in 0..40_000 {

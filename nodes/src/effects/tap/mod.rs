@@ -4,50 +4,27 @@ mod transient;
 
 use std::path::PathBuf;
 
+use crate::ports::{Doc, MM_S, ONE, control, number, texts};
 use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
 use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Latency, Node, Param, Prepared, Processor,
-    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Settings, Setup,
+    State, Status, Tick,
 };
 
-use super::mix::Mix;
 use super::{TRIED_HZ, acceleration, files, made, one_each, pick, slot};
-pub use transient::{DecayingSinusoid, Recording, TapSettings, Taps, Transient};
+pub(crate) use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};
 
 const SLOT: usize = 0;
 const APPROACH: usize = 1;
 const MOMENT: usize = 2;
-/// Slots that sound at a time at full level.
-const MOST: usize = 6;
-/// Slots that are remembered: those that sound, those that fade, and others that were struck recently.
-const ROOM: usize = 12;
-/// Time without a sound after which a slot counts as never struck \[s\]. No tap holds the next off for
-/// longer.
-const FORGOTTEN_S: u64 = 1;
-
 /// Vibration of coming into contact: a transient for each contact, scaled by the speed of approach.
 ///
-/// Each slot has its taps, which ring out whatever is touched next. At most six slots sound at a time. At a
-/// seventh, the one that was struck first fades out in a millisecond.
+/// Taps of each slot ring out whatever is touched next.
 pub struct Tap {
-    kernels: Vec<Taps>,
-    /// Stands in the state for kernels that are not there.
-    spare: Option<Taps>,
-    struck: [Option<Struck>; ROOM],
-    mix: Mix,
+    taps: Taps,
     rate_hz: u32,
-    counts: [u64; 2],
-}
-
-/// A slot that was struck recently.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Struck {
-    slot: usize,
-    /// Sample of the strike.
-    at: u64,
-    /// Whether it fades.
-    released: bool,
+    count: u64,
 }
 
 /// Time of a moment within a tick: a sample, and the part of this sample that has passed.
@@ -59,46 +36,6 @@ fn sample(tick: u64, moment: f64, rate_hz: u32, tick_hz: u32) -> (u64, f64) {
     (u64::try_from(whole).unwrap_or(u64::MAX).saturating_add(further as u64), further.fract())
 }
 
-impl Tap {
-    /// Strikes a slot if there is room.
-    fn strike(&mut self, slot: usize, (sample, part): (u64, f64), speed_mm_s: f64) {
-        let forgotten = FORGOTTEN_S * u64::from(self.rate_hz);
-        let Self { kernels, struck, .. } = self;
-        for entry in struck.iter_mut() {
-            *entry = entry.filter(|s| {
-                let sounds = kernels.get(s.slot).is_some_and(Taps::sounds);
-                sounds || sample.saturating_sub(s.at) <= forgotten
-            });
-        }
-        let known = struck.iter().position(|s| s.is_some_and(|s| s.slot == slot));
-        let place = known.or_else(|| struck.iter().position(Option::is_none)).or_else(|| {
-            // A slot that is silent, but not forgotten yet.
-            let silent = |s: &Struck| kernels.get(s.slot).is_none_or(|k| !k.sounds());
-            let all = struck.iter().enumerate().filter_map(|(i, s)| Some((i, s.filter(silent)?)));
-            all.min_by_key(|(_, s)| s.at).map(|(i, _)| i)
-        });
-        let (Some(place), Some(kernel)) = (place, kernels.get_mut(slot)) else { return };
-        if known.is_none() {
-            // As if it had never been struck.
-            kernel.reset();
-        }
-        if !kernel.strike(sample, part, speed_mm_s) {
-            return;
-        }
-        self.counts[0] += 1;
-        struck[place] = Some(Struck { slot, at: sample, released: false });
-        let full = |s: &&mut Struck| !s.released && kernels.get(s.slot).is_some_and(Taps::sounds);
-        if struck.iter_mut().flatten().filter(full).count() > MOST
-            && let Some(first) = struck.iter_mut().flatten().filter(full).min_by_key(|s| s.at)
-        {
-            first.released = true;
-            let slot = first.slot;
-            self.counts[1] += 1;
-            kernels.get_mut(slot).into_iter().for_each(Taps::release);
-        }
-    }
-}
-
 /// Longest recording of a tap in samples: a minute and a half at 48 kHz.
 const MAX_RECORDED: u32 = 1 << 22;
 /// Largest value of a recording.
@@ -106,7 +43,7 @@ const MOST_M_S2: f32 = 1e6;
 
 fn effect() -> Effect {
     let usual = TapSettings::default();
-    let speed = |name, usual, range, doc| Param::number(name, usual, range, doc).unit("mm/s");
+    let speed = |name, usual, range, doc| number(name, usual, range, "mm/s").doc(doc);
     Effect::new("taps", Acts::Touching)
         .form(
             Form::new("", "(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)])")
@@ -115,22 +52,19 @@ fn effect() -> Effect {
                 .field(speed("min_speed_mm_s", usual.min_speed_mm_s, 0.0..=1000.0, "slower is silent"))
                 .field(speed("max_speed_mm_s", usual.max_speed_mm_s, 1.0..=10_000.0, "loudest from here on"))
                 .field(
-                    Param::number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "from one tap to the next")
-                        .unit("ms"),
+                    number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "ms")
+                        .doc("from one tap to the next"),
                 )
-                .field(
-                    Param::number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "quieter is over")
-                        .unit("m/s^2"),
-                ),
+                .field(number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "m/s^2").doc("quieter is over")),
         )
         .needs("approach", "approach")
         .needs("moment", "moment")
-        .check(|settings| match sound(settings)? {
-            Sound::Sinusoids(all) => {
-                let taps = Taps::new(&Transient::Sinusoids(all), of(settings), TRIED_HZ);
+        .check(|settings| match source(settings)? {
+            Source::Sinusoids(all) => {
+                let taps = Sound::new(&Transient::Sinusoids(all), of(settings), TRIED_HZ);
                 made(settings, taps).map(drop)
             }
-            Sound::Recorded { .. } => Ok(()),
+            Source::Recorded { .. } => Ok(()),
         })
 }
 
@@ -145,12 +79,12 @@ fn of(settings: &Settings) -> TapSettings {
 }
 
 /// Sinusoids, or a recording whose file is not read yet.
-enum Sound {
+enum Source {
     Sinusoids(Vec<DecayingSinusoid>),
     Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64, gain: f64 },
 }
 
-fn sound(settings: &Settings) -> Result<Sound, Diagnostic> {
+fn source(settings: &Settings) -> Result<Source, Diagnostic> {
     let TapSettings { min_speed_mm_s: least, max_speed_mm_s: most, .. } = of(settings);
     if least > most {
         let message = format!("`min_speed_mm_s` ({least}) must not be larger than `max_speed_mm_s` ({most})");
@@ -158,7 +92,7 @@ fn sound(settings: &Settings) -> Result<Sound, Diagnostic> {
     }
     match (settings.nested("sinusoids"), settings.nested("recording")) {
         (Some(list), None) => {
-            list.list()?.iter().map(sinusoid).collect::<Result<_, _>>().map(Sound::Sinusoids)
+            list.list()?.iter().map(sinusoid).collect::<Result<_, _>>().map(Source::Sinusoids)
         }
         (None, Some(value)) => recording(value),
         (Some(_), Some(second)) => {
@@ -182,21 +116,21 @@ fn sinusoid(item: &Value) -> Result<DecayingSinusoid, Diagnostic> {
     Ok(sinusoid)
 }
 
-fn recording(value: &Value) -> Result<Sound, Diagnostic> {
+fn recording(value: &Value) -> Result<Source, Diagnostic> {
     let mut record = value.record("recording")?;
     let file = record.required("file")?.path()?;
     let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
     let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
     let gain = record.optional("gain").map_or(Ok(1.0), |gain| gain.f64_in(0.0..=100.0, ""))?;
     record.finish()?;
-    Ok(Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
+    Ok(Source::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
 }
 
 /// The transient of a slot. A recording is read from its file: of several channels the first.
 fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
-    match sound(settings)? {
-        Sound::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids)),
-        Sound::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
+    match source(settings)? {
+        Source::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids)),
+        Source::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
             let wav = Wav::read(&file, MAX_RECORDED)?;
             let samples: Vec<f32> = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
             if let Some(x) = samples.iter().find(|x| !x.is_finite() || x.abs() > MOST_M_S2) {
@@ -219,20 +153,17 @@ impl Node for Tap {
         )
         .input(slot("which of `taps` is struck, from 0; below 0 none"))
         .input(
-            Input::new("approach", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND)
+            control("approach", 1, MM_S)
                 .wakes()
                 .doc("speed of approach in the tick of a contact, 0 in others"),
         )
-        .input(
-            Input::new("moment", ShapeSpec::Control(1), Unit::NONE)
-                .or(0.0)
-                .doc("the part of the tick at which the contact was, 0 to 1"),
-        )
+        .input(control("moment", 1, ONE).or(0.0).doc("the part of the tick at which the contact was, 0 to 1"))
         .output(acceleration().doc("the transients"))
-        .param(Param::texts(
-            "taps",
-            "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
-        ))
+        .param(
+            texts("taps").doc(
+                "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
+            ),
+        )
         .effect(effect())
         .timing(
             "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
@@ -242,19 +173,12 @@ impl Node for Tap {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let rate_hz = setup.audio_hz;
-        let kernels = one_each(setup, |settings| {
-            made(settings, Taps::new(&transient(settings)?, of(settings), rate_hz))
+        let sounds = one_each(setup, |settings| {
+            made(settings, Sound::new(&transient(settings)?, of(settings), rate_hz))
         })?;
-        let longest = kernels.iter().map(Taps::longest).max().unwrap_or(0);
+        let longest = sounds.iter().map(Sound::longest).max().unwrap_or(0);
         let tail = Latency::samples(i64::try_from(longest).unwrap_or(i64::MAX), rate_hz);
-        let it = Self {
-            spare: kernels.first().cloned(),
-            struck: [None; ROOM],
-            mix: Mix::new(setup),
-            rate_hz,
-            kernels,
-            counts: [0; 2],
-        };
+        let it = Self { taps: Taps::new(sounds, rate_hz), rate_hz, count: 0 };
         let latency = Latency::ratio(1, i64::from(setup.tick_hz));
         Ok(Prepared::new(it).latency(latency).tail(tail).files(files(setup)))
     }
@@ -264,74 +188,32 @@ impl Processor for Tap {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let approach = if tick.inputs.valid(APPROACH) { tick.inputs.value(APPROACH) } else { 0.0 };
         let came = approach > 0.0;
-        if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.kernels.len()) {
-            let place = sample(tick.index, tick.inputs.value(MOMENT), self.rate_hz, tick.tick_hz);
-            self.strike(slot, place, approach);
+        if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.taps.slots().len()) {
+            let (at, part) = sample(tick.index, tick.inputs.value(MOMENT), self.rate_hz, tick.tick_hz);
+            self.count += u64::from(self.taps.strike(slot, at, part, approach));
         }
-        let span = tick.samples(self.rate_hz);
-        let Self { kernels, struck, mix, .. } = self;
-        let mut any = false;
-        for s in struck.iter().flatten() {
-            let Some(kernel) = kernels.get_mut(s.slot).filter(|k| k.sounds()) else { continue };
-            if !any {
-                mix.begin((span.end - span.start) as usize);
-            }
-            any = true;
-            mix.add(1.0, |part| _ = kernel.process(span.start, part));
+        if self.taps.sounds() {
+            self.taps.process(tick.samples(self.rate_hz).start, tick.outputs.audio(0));
+            return Status::Continue;
         }
-        if any {
-            mix.write(tick.outputs.audio(0));
-        }
-        match (any, came) {
-            (true, _) => Status::Continue,
-            // Another contact of the very same speed would not be a change that wakes.
-            (false, true) => Status::Quiet,
-            (false, false) => Status::Asleep,
-        }
+        // Another contact of the very same speed would not be a change that wakes.
+        if came { Status::Quiet } else { Status::Asleep }
     }
 
     fn reset(&mut self) {
-        for s in self.struck.iter_mut().filter_map(Option::take) {
-            self.kernels.get_mut(s.slot).into_iter().for_each(Taps::reset);
-        }
+        self.taps.reset();
     }
 
-    /// Taps that sound, and recent strikes. A slot that is no longer there falls silent.
+    /// Taps that sound, and recent strikes.
     fn state(&mut self, state: &mut State<'_>) {
-        if state.restores() {
-            self.reset();
-        }
-        for entry in &mut self.struck {
-            let mut there = entry.is_some();
-            let mut s = entry.unwrap_or_default();
-            state.keep(&mut there).keep(&mut s.slot).keep(&mut s.at).keep(&mut s.released);
-            *entry = there.then_some(s);
-        }
-        let Self { kernels, spare, struck, .. } = self;
-        let Some(spare) = spare else { return };
-        for i in 0..ROOM {
-            let slot = struck[i].map(|s| s.slot);
-            let again = struck[..i].iter().flatten().any(|s| Some(s.slot) == slot);
-            state.require(!again || slot.is_none());
-            match slot.and_then(|slot| kernels.get_mut(slot)).filter(|_| !again) {
-                Some(kernel) => kernel.state(state),
-                None => {
-                    spare.state(state);
-                    spare.reset();
-                    struck[i] = None;
-                }
-            }
-        }
-        if state.restores() && state.failed() {
-            self.reset();
-        }
+        self.taps.state(state);
     }
 
     fn facts(&mut self) -> Vec<Fact> {
         vec![
-            Fact::count("slots", self.kernels.len() as u64),
-            Fact::count("taps", self.counts[0]),
-            Fact::count("cut_short", self.counts[1]),
+            Fact::count("slots", self.taps.slots().len() as u64),
+            Fact::count("taps", self.count),
+            Fact::count("cut_short", self.taps.cut_short()),
         ]
     }
 }

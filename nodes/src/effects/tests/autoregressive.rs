@@ -5,10 +5,9 @@ use std::sync::Arc;
 
 use asperity_autoregressive::{Synthesis, Texture};
 use asperity_dsp::{Conversion, FilterPhase, Resampler, Stft};
-use asperity_node::{Unit, random};
+use asperity_node::random;
 
-use super::bench::{Bench, Script, largest_step, refused, spans};
-use crate::effects;
+use super::bench::{Bench, largest_step, refused, spans};
 
 const MADE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/models/made_ar/");
 
@@ -16,26 +15,26 @@ fn model(name: &str, gain: &str) -> String {
     format!("autoregressive(model: {:?}, gain: {gain})", format!("{MADE}{name}.ron"))
 }
 
-fn script(play: impl Fn(u64) -> [f64; 4] + Send + Sync + 'static) -> Script {
-    let outputs = [
-        ("slot", 1, Unit::NONE),
-        ("speed", 1, Unit::MILLIMETRE_PER_SECOND),
-        ("force", 1, Unit::NEWTON),
-        ("level", 1, Unit::NONE),
-    ];
-    Script::new(&outputs, move |tick| play(tick).map(|x| vec![x]).to_vec())
+/// Slot, speed, force and level of a tick.
+type Told = [f64; 4];
+
+fn beside(
+    file: &str,
+    rates: (u32, u32),
+    texts: &str,
+    play: impl Fn(u64) -> Told + Send + Sync + 'static,
+) -> Bench {
+    let play = move |tick| play(tick).map(|x| vec![x]).to_vec();
+    Bench::beside(file, rates, "autoregressive", &[("models", texts)], "slot speed force level", play)
 }
 
 fn bench(
     tick_hz: u32,
     rate: u32,
     texts: &[String],
-    play: impl Fn(u64) -> [f64; 4] + Send + Sync + 'static,
+    play: impl Fn(u64) -> Told + Send + Sync + 'static,
 ) -> Bench {
-    let mut it =
-        Bench::new(tick_hz, rate, "autoregressive", &[("models", &format!("{texts:?}"))], script(play));
-    it.drop_wires("level");
-    it
+    beside("bench.ron", (tick_hz, rate), &format!("{texts:?}"), play)
 }
 
 fn texture(name: &str) -> Arc<Texture> {
@@ -260,11 +259,9 @@ fn the_toolkits_files_are_read_as_well_and_bad_ones_are_told() {
                <speedMod>50</speedMod><forceMod>1</forceMod></model></modelSet>";
     std::fs::write(dir.path().join("m.XML"), xml).unwrap();
     let graph = dir.path().join("g.ron");
-    let models = ("models", "[\"autoregressive(model: \\\"m.XML\\\")\"]");
+    let models = "[\"autoregressive(model: \\\"m.XML\\\")\"]";
     let play = |tick: u64| [0.0, speed(tick), force(tick), 1.0];
-    let mut bench =
-        Bench::beside(graph.to_str().unwrap(), 500, 48_000, "autoregressive", &[models], script(play));
-    bench.drop_wires("level");
+    let bench = beside(graph.to_str().unwrap(), (500, 48_000), models, play);
     let (out, _) = bench.run("it", 100);
     assert!(out.audio.iter().any(|y| y.abs() > 0.1));
     let engine = bench.engine("it", true).unwrap();
@@ -273,13 +270,12 @@ fn the_toolkits_files_are_read_as_well_and_bad_ones_are_told() {
         [dir.path().join("m.XML")]
     );
 
-    type Node = effects::Autoregressive;
-    let e = refused::<Node>(&[("models", "[\"autoregressive(model: \\\"no.ron\\\")\"]")]);
+    let e = refused("autoregressive", &[("models", "[\"autoregressive(model: \\\"no.ron\\\")\"]")]);
     assert!(e.starts_with("folder/no.ron: cannot read this file"), "{e}");
-    let e = refused::<Node>(&[("models", "[\"network\"]")]);
+    let e = refused("autoregressive", &[("models", "[\"network\"]")]);
     assert!(e.starts_with("folder/g.ron:1:") && e.contains("expected `autoregressive(...)`"), "{e}");
     std::fs::write(dir.path().join("half.xml"), xml.replace("1000", "1000.5")).unwrap();
     let text = format!("autoregressive(model: {:?})", dir.path().join("half.xml"));
-    let e = refused::<Node>(&[("models", &format!("[{text:?}]"))]);
+    let e = refused("autoregressive", &[("models", &format!("[{text:?}]"))]);
     assert!(e.contains("models of 1000.5 Hz"), "{e}");
 }

@@ -5,38 +5,11 @@ use std::sync::Arc;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::{
-    Buffer, Descriptor, Node, NodeKind, Output, Prepared, Processor, Resume, Setup, ShapeSpec, Source,
-    Status, Tick, Unit,
+    Buffer, Descriptor, NodeKind, Output, Prepared, Processor, Resume, Setup, Source, Status, Tick, UnitSpec,
 };
 
 /// Outputs of a script in a tick, a list for each of its outputs.
 type Play = Arc<dyn Fn(u64) -> Vec<Vec<f64>> + Send + Sync>;
-
-/// Controls that are functions of the tick.
-pub(super) struct Script {
-    descriptor: Descriptor,
-    play: Play,
-}
-
-impl Script {
-    /// Outputs by name, number of values and unit.
-    pub(super) fn new(
-        outputs: &[(&'static str, usize, Unit)],
-        play: impl Fn(u64) -> Vec<Vec<f64>> + Send + Sync + 'static,
-    ) -> Self {
-        let descriptor = Descriptor::new("script", "Controls.").resumes(Resume::Never);
-        let descriptor = outputs.iter().fold(descriptor, |d, (name, count, unit)| {
-            d.output(Output::new(*name, ShapeSpec::Control(*count), unit.clone()).doc("values"))
-        });
-        Self { descriptor, play: Arc::new(play) }
-    }
-
-    fn kind(&self) -> Arc<NodeKind> {
-        let play = self.play.clone();
-        let prepare = move |_: &Setup<'_>| Ok(Prepared::new(Playing(play.clone())));
-        Arc::new(NodeKind::new(self.descriptor.clone(), prepare))
-    }
-}
 
 struct Playing(Play);
 
@@ -50,31 +23,33 @@ impl Processor for Playing {
     fn reset(&mut self) {}
 }
 
-/// A script, the node `it` with an input of each of the script's names, and the nodes after it.
+/// A script, the node `it`, and the nodes after it.
 pub(super) struct Bench {
-    script: Arc<Script>,
+    script: Arc<NodeKind>,
     graph: GraphFile,
 }
 
 impl Bench {
+    /// A node whose inputs of these names follow a function of the tick. A name that is no input of the node
+    /// is one of a `level` behind it.
     pub(super) fn new(
-        tick_hz: u32,
-        audio_hz: u32,
+        rates: (u32, u32),
         kind: &str,
         settings: &[(&str, &str)],
-        script: Script,
+        names: &str,
+        play: impl Fn(u64) -> Vec<Vec<f64>> + Send + Sync + 'static,
     ) -> Self {
-        Self::beside("bench.ron", tick_hz, audio_hz, kind, settings, script)
+        Self::beside("bench.ron", rates, kind, settings, names, play)
     }
 
     /// The same, as if the graph were a file in a folder.
     pub(super) fn beside(
         file: &str,
-        tick_hz: u32,
-        audio_hz: u32,
+        (tick_hz, audio_hz): (u32, u32),
         kind: &str,
         settings: &[(&str, &str)],
-        script: Script,
+        names: &str,
+        play: impl Fn(u64) -> Vec<Vec<f64>> + Send + Sync + 'static,
     ) -> Self {
         let params: Vec<String> = settings.iter().map(|(name, value)| format!("{name}: {value}")).collect();
         let text = format!(
@@ -84,15 +59,23 @@ impl Bench {
         );
         let mut graph = GraphFile::parse(&Source::new(file, text)).unwrap();
         graph.add_node("script", "script", &[], "test").unwrap();
-        for output in &script.descriptor.outputs {
-            graph.add_wire(&format!("script.{}", output.name), &format!("it.{}", output.name), "test");
+        let mut script = Descriptor::new("script", "Controls.").resumes(Resume::Never);
+        for name in names.split_whitespace() {
+            let input = |kind: &str| {
+                let kind = crate::registry().get(kind).unwrap().clone();
+                kind.descriptor().inputs.iter().find(|input| input.name == name).cloned()
+            };
+            let own = input(kind);
+            if own.is_some() {
+                graph.add_wire(&format!("script.{name}"), &format!("it.{name}"), "test");
+            }
+            let input = own.or_else(|| input("level")).unwrap();
+            let UnitSpec::Is(unit) = input.unit else { panic!("{name}") };
+            script = script.output(Output::new(name.to_owned(), input.shape, unit).doc("values"));
         }
-        Self { script: Arc::new(script), graph }
-    }
-
-    /// Leaves out wires to an input that the node does not have.
-    pub(super) fn drop_wires(&mut self, to: &str) {
-        self.graph.wires.retain(|w| w.to.port.as_deref() != Some(to));
+        let play: Play = Arc::new(play);
+        let prepare = move |_: &Setup<'_>| Ok(Prepared::new(Playing(play.clone())));
+        Self { script: Arc::new(NodeKind::new(script, prepare)), graph }
     }
 
     /// Puts a `level` behind it.
@@ -104,7 +87,6 @@ impl Bench {
 
     /// Puts a `level` behind it that follows two outputs of the script.
     pub(super) fn behind_level(mut self) -> Self {
-        self.drop_wires("level");
         self = self.through_level();
         self.graph.add_wire("script.level", "level.level", "test");
         self.graph.add_wire("script.slot", "level.slot", "test");
@@ -125,7 +107,7 @@ impl Bench {
         graph.add_node("probe", "probe", &[], "test").unwrap();
         graph.add_wire(end, "probe", "test");
         let mut registry = crate::registry();
-        registry.add(self.script.kind());
+        registry.add(self.script.clone());
         let compiled = compile(&graph, &registry, asperity_graph::Options::default())
             .map_err(|e| e.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
         Ok(Engine::new(compiled, Options { sleep, ..Options::default() }))
@@ -186,19 +168,10 @@ pub(super) fn largest_step(x: &[f32]) -> f32 {
 }
 
 /// Error message of a graph of one node.
-pub(super) fn refused<N: Node>(settings: &[(&str, &str)]) -> String {
-    let kind = N::descriptor().kind;
-    let inputs: Vec<_> = N::descriptor().inputs;
-    let outputs: Vec<(&'static str, usize, Unit)> = inputs
-        .iter()
-        .map(|i| {
-            let ShapeSpec::Control(count) = i.shape else { panic!("{}", i.name) };
-            let asperity_node::UnitSpec::Is(unit) = &i.unit else { panic!("{}", i.name) };
-            (&*Box::leak(i.name.to_string().into_boxed_str()), count, unit.clone())
-        })
-        .collect();
-    let script = Script::new(&outputs, |_| Vec::new());
-    Bench::beside("folder/g.ron", 500, 48_000, &kind, settings, script)
+pub(super) fn refused(kind: &str, settings: &[(&str, &str)]) -> String {
+    let inputs = crate::registry().get(kind).unwrap().descriptor().inputs.clone();
+    let names: Vec<&str> = inputs.iter().map(|input| input.name.as_ref()).collect();
+    Bench::beside("folder/g.ron", (500, 48_000), kind, settings, &names.join(" "), |_| Vec::new())
         .engine("it", true)
         .expect_err("an error")
 }

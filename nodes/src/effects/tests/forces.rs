@@ -1,10 +1,7 @@
 //! `friction`, `viscosity` and `magnet`.
 
-use asperity_node::Unit;
-
-use super::bench::{Bench, Script, refused};
-use crate::effects;
-use crate::effects::friction::{Dahl, LuGre, LuGreSettings, ViscousCoulomb};
+use super::bench::{Bench, refused};
+use crate::effects::friction::{LuGreSettings, Rubbing};
 use crate::effects::magnet::Pull;
 use crate::effects::viscosity::Drag;
 
@@ -41,21 +38,17 @@ fn normal_force(tick: u64) -> f64 {
 /// Two directions at right angles, aslant.
 const TANGENTS: [f64; 6] = [0.6, 0.8, 0.0, -0.48, 0.36, 0.8];
 
+/// Inputs of `friction`.
+const INPUTS: &str = "slot velocity force tangents";
+
 const LAWS: &str = r#"["lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)",
     "viscous_coulomb(coefficient: 0.2)",
     "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)"]"#;
 
 fn friction(tick_hz: u32) -> Bench {
-    let outputs = [
-        ("slot", 1, Unit::NONE),
-        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
-        ("force", 1, Unit::NEWTON),
-        ("tangents", 6, Unit::NONE),
-    ];
-    let script = Script::new(&outputs, |tick| {
+    Bench::new((tick_hz, 48_000), "friction", &[("laws", LAWS)], INPUTS, |tick| {
         vec![vec![touched(tick)], velocity(tick).to_vec(), vec![normal_force(tick)], TANGENTS.to_vec()]
-    });
-    Bench::new(tick_hz, 48_000, "friction", &[("laws", LAWS)], script)
+    })
 }
 
 // Friction is its law along the tangents, starts anew with every contact and sleeps between contacts.
@@ -75,9 +68,9 @@ fn friction_follows_law_restarts_at_contact_and_sleeps() {
             };
             let (v, n) = (velocity(tick), normal_force(tick));
             let along = match touched(tick) {
-                0.0 => lugre.get_or_insert_with(|| LuGre::new(settings).unwrap()).step(v, n, dt),
-                1.0 => ViscousCoulomb::new(0.2, 0.004).unwrap().force_n(v, n),
-                2.0 | 2.7 => dahl.get_or_insert_with(|| Dahl::new(0.5, 2.0).unwrap()).step(v, n, dt),
+                0.0 => lugre.get_or_insert_with(|| Rubbing::lugre(settings)).step(v, n, dt),
+                1.0 => Rubbing::viscous_coulomb(0.2, 0.004).step(v, n, dt),
+                2.0 | 2.7 => dahl.get_or_insert_with(|| Rubbing::dahl(0.5, 2.0)).step(v, n, dt),
                 _ => [0.0; 2],
             };
             if touched(tick) != 0.0 {
@@ -101,7 +94,7 @@ fn friction_follows_law_restarts_at_contact_and_sleeps() {
 fn friction_every_third_tick_wakes_by_a_slot_between() {
     let mut engine = friction(1000).every(3).engine("it", true).unwrap();
     let run = super::bench::run(&mut engine, "it", 60);
-    let mut dahl = Dahl::new(0.5, 2.0).unwrap();
+    let mut dahl = Rubbing::dahl(0.5, 2.0);
     // The slot comes on at tick 10.
     for tick in (12..60).step_by(3) {
         let [u, v] = dahl.step(velocity(tick), normal_force(tick), 3e-3);
@@ -114,14 +107,8 @@ fn friction_every_third_tick_wakes_by_a_slot_between() {
 /// A hand goes round over a plane whose directions change from time to time, with the same velocity in space.
 #[test]
 fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
-    let outputs = [
-        ("slot", 1, Unit::NONE),
-        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
-        ("force", 1, Unit::NEWTON),
-        ("tangents", 6, Unit::NONE),
-    ];
     let forces = |slot: f64, turning: bool| {
-        let script = Script::new(&outputs, move |tick| {
+        let play = move |tick| {
             let [u, v] = velocity(tick);
             let (velocity, tangents) = match tick / 7 % 3 {
                 1 if turning => ([-u, -v], TANGENTS.map(|x| -x).to_vec()),
@@ -129,8 +116,8 @@ fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
                 _ => ([u, v], TANGENTS.to_vec()),
             };
             vec![vec![slot], velocity.to_vec(), vec![normal_force(tick)], tangents]
-        });
-        Bench::new(500, 48_000, "friction", &[("laws", LAWS)], script).run("it", 200).0.control
+        };
+        Bench::new((500, 48_000), "friction", &[("laws", LAWS)], INPUTS, play).run("it", 200).0.control
     };
     for slot in [0.0, 1.0, 2.0] {
         let (still, turning) = (forces(slot, false), forces(slot, true));
@@ -142,9 +129,9 @@ fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
 
 #[test]
 fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
-    let outputs = [("velocity", 2, Unit::MILLIMETRE_PER_SECOND), ("force", 1, Unit::NEWTON)];
-    let script = Script::new(&outputs, |_| vec![vec![30.0, -40.0], vec![2.0]]);
-    let (run, calls) = Bench::new(500, 48_000, "friction", &[("laws", LAWS)], script).run("it", 200);
+    let play = |_| vec![vec![30.0, -40.0], vec![2.0]];
+    let bench = Bench::new((500, 48_000), "friction", &[("laws", LAWS)], "velocity force", play);
+    let (run, calls) = bench.run("it", 200);
     // LuGre's in steady motion, against it.
     let [x, y, z] = run.control[199][..] else { panic!() };
     assert!(
@@ -152,26 +139,21 @@ fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
         "{x} {y} {z}"
     );
     assert_eq!(calls, 200);
-    let script = Script::new(&[("distance", 1, Unit::MILLIMETRE)], |_| vec![vec![0.3]]);
     let magnets = "[\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"]";
-    let (run, _) = Bench::new(500, 48_000, "magnet", &[("magnets", magnets)], script).run("it", 2);
+    let play = |_| vec![vec![0.3]];
+    let (run, _) =
+        Bench::new((500, 48_000), "magnet", &[("magnets", magnets)], "distance", play).run("it", 2);
     assert!(run.control[1][2] == -0.15 && run.control[1][..2].iter().all(|f| *f == 0.0), "{:?}", run.control);
 }
 
 #[test]
 fn what_is_no_direction_is_no_force() {
-    let outputs = [
-        ("slot", 1, Unit::NONE),
-        ("velocity", 2, Unit::MILLIMETRE_PER_SECOND),
-        ("force", 1, Unit::NEWTON),
-        ("tangents", 6, Unit::NONE),
-    ];
-    let script = Script::new(&outputs, |tick| {
+    let play = |tick| {
         let tangents = if tick % 2 == 0 { vec![f64::MAX; 6] } else { vec![1.0; 6] };
         vec![vec![0.0], vec![30.0, 0.0], vec![1e6], tangents]
-    });
-    let (run, _) =
-        Bench::new(500, 48_000, "friction", &[("laws", "[\"viscous_coulomb\"]")], script).run("it", 4);
+    };
+    let laws = ("laws", "[\"viscous_coulomb\"]");
+    let (run, _) = Bench::new((500, 48_000), "friction", &[laws], INPUTS, play).run("it", 4);
     assert_eq!(run.control[2], [0.0; 3]);
     assert_eq!(run.control[3], [-1.2e5; 3], "0.004 s/mm of a million newtons at 30 mm/s");
 }
@@ -179,13 +161,13 @@ fn what_is_no_direction_is_no_force() {
 #[test]
 fn drag_is_against_the_velocity_and_sleeps_outside() {
     let velocity = |tick: u64| [30.0 * (tick as f64 * 0.1).sin(), -400.0, 12.0];
-    let outputs = [("slot", 1, Unit::NONE), ("velocity", 3, Unit::MILLIMETRE_PER_SECOND)];
-    let script = Script::new(&outputs, move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()]);
+    let play = move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()];
     let drags = r#"["(viscosity_ns_per_m: 2)",
         "(viscosity_ns_per_m: 8, max_force_n: 1.5)",
         "(viscosity_ns_per_m: 0)"]"#;
-    let (run, calls) = Bench::new(500, 48_000, "viscosity", &[("drags", drags)], script).run("it", 250);
-    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most).unwrap());
+    let (run, calls) =
+        Bench::new((500, 48_000), "viscosity", &[("drags", drags)], "slot velocity", play).run("it", 250);
+    let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most));
     for (tick, force) in run.control.iter().enumerate() {
         let tick = tick as u64;
         let slot = touched(tick);
@@ -207,13 +189,13 @@ fn drag_is_against_the_velocity_and_sleeps_outside() {
 fn a_magnet_pulls_to_the_surface_from_both_sides() {
     let normal = [0.0, 0.6, 0.8];
     let distance = |tick: u64| 3.0 * (tick as f64 * 0.07).sin();
-    let outputs = [("slot", 1, Unit::NONE), ("distance", 1, Unit::MILLIMETRE), ("normal", 3, Unit::NONE)];
-    let script =
-        Script::new(&outputs, move |tick| vec![vec![touched(tick)], vec![distance(tick)], normal.to_vec()]);
+    let play = move |tick| vec![vec![touched(tick)], vec![distance(tick)], normal.to_vec()];
     let one = "\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"";
     let magnets = format!("[{one}, {one}, {one}]");
-    let (run, calls) = Bench::new(500, 48_000, "magnet", &[("magnets", &magnets)], script).run("it", 250);
-    let kernel = Pull::new(0.5, 0.4, 2.5).unwrap();
+    let settings = [("magnets", &*magnets)];
+    let (run, calls) =
+        Bench::new((500, 48_000), "magnet", &settings, "slot distance normal", play).run("it", 250);
+    let kernel = Pull::new(0.5, 0.4, 2.5);
     for (tick, force) in run.control.iter().enumerate() {
         let d = distance(tick as u64);
         if !(0.0..3.0).contains(&touched(tick as u64)) {
@@ -235,15 +217,19 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
 
 #[test]
 fn bad_text_error_names_position_slot_and_valid_values() {
-    let e = refused::<effects::Friction>(&[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
+    let e = refused("friction", &[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
     assert!(
         e.starts_with("folder/g.ron:1:") && e.contains("unknown friction `lugr` (did you mean `lugre`?"),
         "{e}"
     );
-    let e = refused::<effects::Friction>(&[("laws", "[\"dahl(coefficient: 11)\"]")]);
+    let e = refused("friction", &[("laws", "[\"dahl(coefficient: 11)\"]")]);
     assert!(e.contains("11 is out of range"), "{e}");
-    let e = refused::<effects::Viscosity>(&[("drags", "[\"(viscosity_ns_per_m: -1)\"]")]);
+    let e = refused("viscosity", &[("drags", "[\"(viscosity_ns_per_m: -1)\"]")]);
     assert!(e.contains("-1 N s/m is out of range"), "{e}");
-    let e = refused::<effects::Magnet>(&[("magnets", "[\"(stiffness_n_per_mm: 1)\"]")]);
+    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1, max_force_n: -1, reach_mm: 1)\"]")]);
+    assert!(e.contains("-1 N is out of range"), "{e}");
+    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1, max_force_n: 1, reach_mm: 0)\"]")]);
+    assert!(e.contains("0 mm is out of range"), "{e}");
+    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1)\"]")]);
     assert!(e.contains("max_force_n"), "{e}");
 }

@@ -4,26 +4,25 @@ use std::sync::Arc;
 
 use asperity_diagnostics::{Source, ron};
 use asperity_dsp::filter::Section;
-use asperity_node::Unit;
 use asperity_scene::Heights;
 
-use super::bench::{Bench, Script, largest_step, refused, spans};
-use crate::effects;
-use crate::effects::path::{Parts, Path, Smoothing};
+use super::bench::{Bench, largest_step, refused, spans};
+use crate::effects::gliding::Kernel as _;
+use crate::effects::path::{Parts, Path};
 use crate::effects::relief::{Follower, HeightSpline, ReliefSettings};
 use crate::effects::waveform::{Reader, WaveformQuantity, WaveformTable};
 
 /// Slot, place, stroke and level of a tick.
 type Told = (f64, [f64; 2], f64, f64);
 
-fn script(play: impl Fn(u64) -> Told + Send + Sync + 'static) -> Script {
-    let outputs = [
-        ("slot", 1, Unit::NONE),
-        ("place", 2, Unit::MILLIMETRE),
-        ("stroke", 1, Unit::NONE),
-        ("level", 1, Unit::NONE),
-    ];
-    Script::new(&outputs, move |tick| {
+fn beside(
+    file: &str,
+    rates: (u32, u32),
+    kind: &str,
+    settings: &[(&str, &str)],
+    play: impl Fn(u64) -> Told + Send + Sync + 'static,
+) -> Bench {
+    Bench::beside(file, rates, kind, settings, "slot place stroke level", move |tick| {
         let (slot, place, stroke, level) = play(tick);
         vec![vec![slot], place.to_vec(), vec![stroke], vec![level]]
     })
@@ -36,9 +35,7 @@ fn bench(
     settings: &[(&str, &str)],
     play: impl Fn(u64) -> Told + Send + Sync + 'static,
 ) -> Bench {
-    let mut it = Bench::new(tick_hz, rate, kind, settings, script(play));
-    it.drop_wires("level");
-    it
+    beside("bench.ron", (tick_hz, rate), kind, settings, play)
 }
 
 const LOOP: &str =
@@ -70,7 +67,7 @@ fn paths(
     tick_hz: u32,
     place: impl Fn(u64) -> [f64; 2],
 ) -> impl Iterator<Item = (u64, Path)> {
-    let mut path = Path::new(Smoothing::Parabola, tick_hz);
+    let mut path = Path::new(tick_hz);
     let begin = ticks.start;
     ticks.skip(1).map(move |tick| {
         let (now, before) = (place(tick), place(tick - 1));
@@ -257,18 +254,20 @@ fn no_slot_is_silent_and_texts_of_other_kinds_are_refused() {
         let sounds = run.audio[first as usize..][..len].iter().any(|y| *y != 0.0);
         assert_eq!(sounds, tick / 10 % 4 == 1, "tick {tick}");
     }
-    let e =
-        refused::<effects::Waveform>(&[("loops", "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]")]);
+    let e = refused("waveform", &[("loops", "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]")]);
     assert!(e.contains("expected `waveform(...)`"), "{e}");
-    let e = refused::<effects::Relief>(&[(
-        "reliefs",
-        "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]",
-    )]);
+    let e = refused(
+        "relief",
+        &[("reliefs", "[\"relief(heights: picture(file: \\\"no.png\\\", step_mm: 1, height_mm: 1))\"]")],
+    );
     assert!(e.starts_with("folder/no.png: cannot read this file"), "{e}");
-    let e = refused::<effects::Relief>(&[
-        ("reliefs", &format!("[{:?}]", format!("relief(heights: {HEIGHTS}, cutoff_hz: 19999)"))),
-        ("smooth_hz", "250.0"),
-    ]);
+    let e = refused(
+        "relief",
+        &[
+            ("reliefs", &format!("[{:?}]", format!("relief(heights: {HEIGHTS}, cutoff_hz: 19999)"))),
+            ("smooth_hz", "250.0"),
+        ],
+    );
     assert!(
         e.contains("smooth_hz") || e.contains("250 Hz is not between 0 and half the rate of 500 Hz"),
         "{e}"
@@ -296,9 +295,7 @@ fn recorded_waveform_at_its_speed_is_the_recording() {
     for (speed, hz) in [(80.0, 100.0), (160.0, 200.0)] {
         let play = move |tick: u64| (0.0, [speed * tick as f64 / 500.0, 0.0], 0.0, 1.0);
         let settings = [("loops", &*format!("[{text:?}]"))];
-        let mut bench =
-            Bench::beside(file.to_str().unwrap(), 500, 48_000, "waveform", &settings, script(play));
-        bench.drop_wires("level");
+        let bench = beside(file.to_str().unwrap(), (500, 48_000), "waveform", &settings, play);
         let (run, _) = bench.run("it", 300);
         // Half a second behind the beginning: its component at that frequency, and what is left.
         let part = &run.audio[4800..28_800];
@@ -315,6 +312,6 @@ fn recorded_waveform_at_its_speed_is_the_recording() {
         assert_eq!(it.files, [dir.path().join("felt.wav")]);
     }
     let missing = text.replace("felt", "gone");
-    let e = refused::<effects::Waveform>(&[("loops", &format!("[{missing:?}]"))]);
+    let e = refused("waveform", &[("loops", &format!("[{missing:?}]"))]);
     assert!(e.to_string().contains("gone.wav"), "{e}");
 }

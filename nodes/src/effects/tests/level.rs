@@ -5,7 +5,7 @@ use asperity_node::{
     Wiring,
 };
 
-use super::bench::{Bench, Run, Script, largest_step, run, spans};
+use super::bench::{Bench, Run, largest_step, run, spans};
 
 /// A gate at a rate of its own.
 fn level(rate_hz: u32, tick_hz: u32) -> Box<dyn Processor> {
@@ -112,22 +112,20 @@ fn a_level_that_is_not_to_be_trusted_goes_to_0() {
 
 #[test]
 fn what_serves_it_alone_sleeps_while_it_is_closed() {
-    let outputs = [("slot", 1, Unit::NONE), ("level", 1, Unit::NONE)];
-    let script = Script::new(&outputs, |tick| {
+    let play = |tick: u64| {
         let slot = if tick < 50 { 0.0 } else { -1.0 };
         let level = if (10..30).contains(&tick) || tick > 60 { 1.0 } else { 0.0 };
         vec![vec![slot], vec![level]]
-    });
+    };
     let sources = ("sources", "[\"(frequency_hz: 120, amplitude_m_s2: 2)\"]");
-    let bench = Bench::new(500, 48_000, "vibration", &[sources], script).behind_level();
+    let bench = Bench::new((500, 48_000), "vibration", &[sources], "slot level", play).behind_level();
     let (Run { audio, .. }, calls) = bench.run("level", 100);
     // Twenty ticks and the one in which the level falls.
     assert_eq!(calls, 21);
     assert!(audio[..960].iter().chain(&audio[31 * 96..]).all(|y| *y == 0.0));
     assert!(audio[15 * 96..30 * 96].iter().any(|y| *y > 1.0));
     // Unconnected, it lets all through.
-    let script = Script::new(&[("slot", 1, Unit::NONE)], |_| vec![vec![0.0]]);
-    let bench = Bench::new(500, 48_000, "vibration", &[sources], script);
+    let bench = Bench::new((500, 48_000), "vibration", &[sources], "slot", |_| vec![vec![0.0]]);
     let mut engine = bench.engine("it", true).unwrap();
     let plain = run(&mut engine, "it", 30);
     let through = bench.through_level();

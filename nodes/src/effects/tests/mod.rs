@@ -2,7 +2,6 @@
 
 mod autoregressive;
 mod bench;
-mod cost;
 mod forces;
 mod gliding;
 mod level;

@@ -2,26 +2,24 @@
 
 use std::f64::consts::TAU;
 
-use asperity_node::Unit;
-
-use super::bench::{Bench, Script, largest_step, refused};
-use crate::effects;
+use super::bench::{Bench, largest_step, refused};
 use crate::effects::vibration::Sine;
+use asperity_dsp::filter::Sample as _;
 
 const SOURCES: &str = r#"["(frequency_hz: 120, amplitude_m_s2: 2)",
     "(frequency_hz: 77.7, amplitude_m_s2: 3)",
     "(frequency_hz: 300, amplitude_m_s2: 1)"]"#;
 
 fn bench(tick_hz: u32, rate: u32, slot: impl Fn(u64) -> f64 + Send + Sync + 'static) -> Bench {
-    let script = Script::new(&[("slot", 1, Unit::NONE)], move |tick| vec![vec![slot(tick)]]);
-    Bench::new(tick_hz, rate, "vibration", &[("sources", SOURCES), ("fade_ms", "20")], script)
+    let settings = [("sources", SOURCES), ("fade_ms", "20")];
+    Bench::new((tick_hz, rate), "vibration", &settings, "slot", move |tick| vec![vec![slot(tick)]])
 }
 
 /// Samples of a source.
 fn source(hz: f64, amplitude: f64, rate: u32, count: usize) -> Vec<f32> {
     let mut out = vec![0.0; count];
     Sine::new(hz, amplitude, rate).unwrap().process(0, &mut out);
-    out
+    out.into_iter().map(f32::narrow).collect()
 }
 
 #[test]
@@ -89,11 +87,10 @@ fn a_slot_that_comes_back_turns_round_and_no_change_is_a_step() {
 
 #[test]
 fn what_cannot_sound_is_refused_at_the_rate_there_is() {
-    let e = refused::<effects::Vibration>(&[("sources", "[\"(frequency_hz: 21700, amplitude_m_s2: 2)\"]")]);
+    let e = refused("vibration", &[("sources", "[\"(frequency_hz: 21700, amplitude_m_s2: 2)\"]")]);
     assert!(e.contains("21700 Hz is out of range"), "{e}");
-    let script = Script::new(&[("slot", 1, Unit::NONE)], |_| vec![vec![0.0]]);
     let sources = "[\"(frequency_hz: 5000, amplitude_m_s2: 2)\"]";
-    let e =
-        Bench::new(500, 8000, "vibration", &[("sources", sources)], script).engine("it", true).unwrap_err();
+    let bench = Bench::new((500, 8000), "vibration", &[("sources", sources)], "slot", |_| vec![vec![0.0]]);
+    let e = bench.engine("it", true).unwrap_err();
     assert!(e.contains("a frequency of 5000 Hz"), "{e}");
 }

@@ -6,77 +6,20 @@ mod table;
 
 use std::path::PathBuf;
 
+use crate::ports::{Doc, choice, number};
 use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Input, Node, Param, Prepared, Processor, Resume,
-    Settings, Setup, ShapeSpec, State, Status, Tick, Unit,
-};
+use asperity_node::{Acts, Descriptor, Diagnostic, Effect, Form, Node, Prepared, Settings, Setup};
 
-use super::mix::Mix;
-use super::path::Parts;
-use super::shared::Shared;
-use super::track::Track;
-use super::voices::{Voice, Voices};
-use super::{acceleration, each, files, gain, made, slot};
-pub use reader::Reader;
-pub use table::{WaveformQuantity, WaveformTable};
-
-const SLOT: usize = 0;
-const PLACE: usize = 1;
-const STROKE: usize = 2;
+use super::gliding::{self, Gained};
+use super::{Made, each, gain, made, shared};
+pub(super) use reader::Reader;
+pub(super) use table::{WaveformQuantity, WaveformTable};
 
 /// A loop, drawn or recorded, that is read by distance: faster motion reads faster.
 ///
-/// The path between ticks goes through the middles of positions, along parabolas. A slot that comes on begins
-/// at its loop's beginning; the path goes on.
-pub struct Waveform {
-    loops: Voices<Loop>,
-    track: Track,
-    mix: Mix,
-    rate_hz: u32,
-    lag_s: f64,
-    tables: u64,
-}
-
-/// A loop with the state of its reading.
-#[derive(Clone)]
-struct Loop {
-    waveform: Reader,
-    gain: f64,
-}
-
-impl Voice for Loop {
-    fn reset(&mut self) {
-        self.waveform.reset();
-    }
-
-    fn state(&mut self, state: &mut State<'_>) {
-        self.waveform.state(state);
-    }
-}
-
-/// The position of the stylus along the surface, and the number of its stroke.
-pub(super) fn place() -> [Input; 2] {
-    [
-        Input::new("place", ShapeSpec::Control(2), Unit::MILLIMETRE).doc("of the stylus along the surface"),
-        Input::new("stroke", ShapeSpec::Control(1), Unit::NONE)
-            .or(0.0)
-            .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
-    ]
-}
-
-/// The low-pass for positions.
-pub(super) fn smooth_hz() -> Param {
-    Param::number(
-        "smooth_hz",
-        0.0,
-        0.0..=1000.0,
-        "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in coarse \
-         steps; 0 for none.",
-    )
-    .unit("Hz")
-}
+/// A slot that comes on begins at its loop's beginning; the path goes on.
+pub struct Waveform;
 
 /// Longest recording of a loop in samples.
 const MAX_RECORDED: u32 = 1 << 22;
@@ -89,38 +32,23 @@ fn effect() -> Effect {
                 .nested("segments")
                 .nested("recording")
                 .field(
-                    Param::number(
-                        "spacing_mm",
-                        0.05,
-                        1e-4..=100.0,
-                        "distance of the values made of segments",
-                    )
-                    .unit("mm"),
+                    number("spacing_mm", 0.05, 1e-4..=100.0, "mm")
+                        .doc("distance of the values made of segments"),
                 )
                 .field(
-                    Param::number("crossfade_mm", 0.0, 0.0..=1e5, "how much of the end fades into the start")
-                        .unit("mm"),
+                    number("crossfade_mm", 0.0, 0.0..=1e5, "mm")
+                        .doc("how much of the end fades into the start"),
                 )
-                .field(Param::choice("quantity", &["acceleration", "height"], "quantity of segments"))
+                .field(choice("quantity", &["acceleration", "height"]).doc("quantity of segments"))
                 .field(
-                    Param::number(
-                        "reference_speed_mm_s",
-                        100.0,
-                        0.1..=5000.0,
-                        "sounds as drawn at this speed",
-                    )
-                    .unit("mm/s"),
+                    number("reference_speed_mm_s", 100.0, 0.1..=5000.0, "mm/s")
+                        .doc("sounds as drawn at this speed"),
                 )
-                .field(Param::number("speed_exponent", 1.0, 0.0..=2.0, "the level's power of the speed"))
+                .field(number("speed_exponent", 1.0, 0.0..=2.0, "").doc("the level's power of the speed"))
                 .field(gain()),
         )
-        .needs("place", "place")
-        .needs("stroke", "stroke")
         .check(|settings| match values(settings)? {
-            Values::Segments(segments) => {
-                let (spacing, crossfade, quantity) = read_as(settings);
-                made(settings, WaveformTable::check_segments(&segments, spacing, crossfade, quantity))
-            }
+            Values::Segments(_) => table(settings).map(drop),
             Values::Recorded { .. } => Ok(()),
         })
 }
@@ -172,34 +100,26 @@ fn recording(value: &Value) -> Result<Values, Diagnostic> {
     Ok(Values::Recorded { file, speed_mm_s, full_scale_m_s2 })
 }
 
-/// Spacing and crossfade \[mm\] of segments, and the quantity of their values.
-fn read_as(settings: &Settings) -> (f64, f64, WaveformQuantity) {
-    let quantity = match settings.text("quantity") {
-        "height" => WaveformQuantity::Height,
-        _ => WaveformQuantity::Acceleration {
-            reference_speed_mm_s: settings.number("reference_speed_mm_s"),
-            speed_exponent: settings.number("speed_exponent"),
-        },
-    };
-    (settings.number("spacing_mm"), settings.number("crossfade_mm"), quantity)
-}
-
 /// The loop of a slot, ready to be read. A recording is read from its file.
 fn table(settings: &Settings) -> Result<WaveformTable, Diagnostic> {
-    let (spacing_mm, crossfade_mm, quantity) = read_as(settings);
+    let (spacing_mm, crossfade_mm) = (settings.number("spacing_mm"), settings.number("crossfade_mm"));
+    let acceleration = |reference_speed_mm_s| WaveformQuantity::Acceleration {
+        reference_speed_mm_s,
+        speed_exponent: settings.number("speed_exponent"),
+    };
     match values(settings)? {
         Values::Segments(segments) => {
+            let quantity = match settings.text("quantity") {
+                "height" => WaveformQuantity::Height,
+                _ => acceleration(settings.number("reference_speed_mm_s")),
+            };
             made(settings, WaveformTable::from_segments(&segments, spacing_mm, crossfade_mm, quantity))
         }
         Values::Recorded { file, speed_mm_s, full_scale_m_s2 } => {
             let wav = Wav::read(&file, MAX_RECORDED)?;
             let values: Vec<f64> = wav.channel(0).map(|x| full_scale_m_s2 * x).collect();
-            let quantity = WaveformQuantity::Acceleration {
-                reference_speed_mm_s: speed_mm_s,
-                speed_exponent: settings.number("speed_exponent"),
-            };
             let spacing_mm = speed_mm_s / f64::from(wav.rate_hz);
-            WaveformTable::new(&values, spacing_mm, crossfade_mm, quantity)
+            WaveformTable::new(&values, spacing_mm, crossfade_mm, acceleration(speed_mm_s))
                 .map_err(|e| Diagnostic::new(e.to_string()).in_file(&file))
         }
     }
@@ -207,86 +127,24 @@ fn table(settings: &Settings) -> Result<WaveformTable, Diagnostic> {
 
 impl Node for Waveform {
     fn descriptor() -> Descriptor {
-        let [place, stroke] = place();
-        Descriptor::new("waveform", "A texture from a loop that is read by the distance travelled.")
-            .input(slot("which of `loops`, from 0; below 0 none sounds"))
-            .input(place)
-            .input(stroke)
-            .output(acceleration().doc("the vibration of gliding"))
-            .param(Param::texts(
+        gliding::descriptor(
+            ("waveform", "A texture from a loop that is read by the distance travelled."),
+            "which of `loops`, from 0; below 0 none sounds",
+            (
                 "loops",
                 "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), \
                  waveform(..)]`, whose sum is one entry.",
-            ))
-            .param(smooth_hz())
-            .timing(
-                "a tick and a half less a sample; silent in the first tick after it wakes, which has no \
-                 speed yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
-            )
-            .resumes(Resume::Restart)
-            .effect(effect())
+            ),
+            effect(),
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let mut tables = Shared::default();
+        let mut tables = Made::default();
         let loops = each(setup, |settings| {
-            let table = tables.get(settings, || table(settings))?;
-            Ok(Loop { waveform: Reader::new(table), gain: settings.number("gain") })
+            let table = shared(&mut tables, settings.text_without("gain"), || table(settings))?;
+            Ok(Gained { kernel: Reader::new(table), gain: settings.number("gain") })
         })?;
-        let track = Track::new(setup, setup.params.number("smooth_hz"))?;
-        let latency = track.latency(setup);
-        let it = Self {
-            loops: Voices::new(loops),
-            lag_s: track.lag_s(),
-            track,
-            mix: Mix::new(setup),
-            rate_hz: setup.audio_hz,
-            tables: tables.count(),
-        };
-        Ok(Prepared::new(it).latency(latency).files(files(setup)))
-    }
-}
-
-impl Processor for Waveform {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let turned = self.loops.turn(tick.inputs.value(SLOT));
-        let place = tick.inputs.control(PLACE).try_into().unwrap_or([f64::NAN; 2]);
-        let path = self.track.advance(place, tick.inputs.value(STROKE)).copied();
-        let loops = self.loops.on();
-        let Some(path) = path.filter(|_| !loops.is_empty()) else { return Status::Quiet };
-        if self.track.begins() {
-            loops.iter_mut().for_each(|one| one.waveform.lift());
-        }
-        let span = tick.samples(self.rate_hz);
-        let parts = Parts::new(tick.index, span.start, self.rate_hz, tick.tick_hz);
-        self.mix.begin((span.end - span.start) as usize);
-        for one in loops {
-            self.mix.add(one.gain, |part| one.waveform.process(&path, &parts, part));
-        }
-        if turned || self.track.begins() {
-            self.mix.fade_in(&parts);
-        }
-        self.mix.write(tick.outputs.audio(0));
-        Status::Continue
-    }
-
-    fn reset(&mut self) {
-        self.loops.reset();
-        self.track.reset();
-    }
-
-    /// Last positions of the stylus, and position in its loop. Another loop continues at the same distance.
-    fn state(&mut self, state: &mut State<'_>) {
-        self.track.state(state);
-        self.loops.state(state);
-    }
-
-    fn facts(&mut self) -> Vec<Fact> {
-        let mut facts =
-            vec![Fact::count("slots", self.loops.count() as u64), Fact::count("tables", self.tables)];
-        if self.lag_s > 0.0 {
-            facts.push(Fact::number("response_lag", 1e3 * self.lag_s, "ms"));
-        }
-        facts
+        gliding::prepare(setup, loops, ("tables", tables.len() as u64))
     }
 }

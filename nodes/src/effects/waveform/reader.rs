@@ -28,11 +28,11 @@
 use asperity_numbers::Elementary as _;
 use std::sync::Arc;
 
-use asperity_dsp::filter::Sample;
 use asperity_state::State;
 
 use super::table::{WaveformQuantity, WaveformTable};
 use crate::effects::bounds::length;
+use crate::effects::gliding::Kernel;
 use crate::effects::path::{Parts, Path};
 
 /// Highest speed that counts for the level \[mm/s\].
@@ -42,7 +42,7 @@ const STILL_MM_S: f64 = 1.0;
 
 /// A table that is read along a path.
 #[derive(Clone, Debug)]
-pub struct Reader {
+pub(crate) struct Reader {
     table: Arc<WaveformTable>,
     /// Position in the loop, in mm.
     distance_mm: f64,
@@ -51,58 +51,8 @@ pub struct Reader {
 
 impl Reader {
     /// A reader at the table's beginning.
-    pub fn new(table: Arc<WaveformTable>) -> Self {
+    pub(crate) fn new(table: Arc<WaveformTable>) -> Self {
         Self { table, distance_mm: 0.0, last: None }
-    }
-
-    /// The table.
-    pub fn table(&self) -> &WaveformTable {
-        &self.table
-    }
-
-    /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
-    pub fn process<T: Sample>(&mut self, path: &Path, parts: &Parts, out: &mut [T]) {
-        let rate = parts.rate_hz();
-        for (n, out) in out.iter_mut().enumerate() {
-            let here = path.at(parts.at(n));
-            let way_mm = match self.last {
-                Some(last) => length(std::array::from_fn::<_, 2, _>(|i| here.position_mm[i] - last[i])),
-                None => length(here.velocity_mm_s) / rate,
-            };
-            self.last = Some(here.position_mm);
-            self.distance_mm += way_mm;
-            let loop_mm = self.table.length_mm();
-            if self.distance_mm >= loop_mm {
-                self.distance_mm %= loop_mm;
-            }
-            *out = T::narrow(self.level(way_mm * rate) * self.table.read(self.distance_mm, way_mm));
-        }
-    }
-
-    /// Forgets where the stylus was and goes on at the present position in the table. The stylus was put down
-    /// elsewhere, so the distance between does not count.
-    pub fn lift(&mut self) {
-        self.last = None;
-    }
-
-    /// Goes back to the table's beginning.
-    pub fn reset(&mut self) {
-        (self.distance_mm, self.last) = (0.0, None);
-    }
-
-    /// Position in the table. Another table continues at the same distance.
-    pub fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.distance_mm).keep(&mut self.last);
-        if state.restores() {
-            let sound = (0.0..1e9).contains(&self.distance_mm)
-                && self.last.is_none_or(|p| p.iter().all(|x| x.abs() < 1e12));
-            if sound {
-                self.distance_mm %= self.table.length_mm();
-            } else {
-                self.reset();
-            }
-            state.require(sound);
-        }
     }
 
     /// Factor of the table's values at a speed.
@@ -123,6 +73,53 @@ impl Reader {
                     still * ratio.power(speed_exponent)
                 }
             }
+        }
+    }
+}
+
+impl Kernel for Reader {
+    /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
+    fn process(&mut self, path: &Path, parts: &Parts, out: &mut [f64]) {
+        let rate = parts.rate_hz();
+        for (n, out) in out.iter_mut().enumerate() {
+            let here = path.at(parts.at(n));
+            let way_mm = match self.last {
+                Some(last) => length(std::array::from_fn::<_, 2, _>(|i| here.position_mm[i] - last[i])),
+                None => length(here.velocity_mm_s) / rate,
+            };
+            self.last = Some(here.position_mm);
+            self.distance_mm += way_mm;
+            let loop_mm = self.table.length_mm();
+            if self.distance_mm >= loop_mm {
+                self.distance_mm %= loop_mm;
+            }
+            *out = self.level(way_mm * rate) * self.table.read(self.distance_mm, way_mm);
+        }
+    }
+
+    /// Forgets where the stylus was and goes on at the present position in the table. The stylus was put down
+    /// elsewhere, so the distance between does not count.
+    fn lift(&mut self) {
+        self.last = None;
+    }
+
+    /// Goes back to the table's beginning.
+    fn reset(&mut self) {
+        (self.distance_mm, self.last) = (0.0, None);
+    }
+
+    /// Position in the table. Another table continues at the same distance.
+    fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.distance_mm).keep(&mut self.last);
+        if state.restores() {
+            let sound = (0.0..1e9).contains(&self.distance_mm)
+                && self.last.is_none_or(|p| p.iter().all(|x| x.abs() < 1e12));
+            if sound {
+                self.distance_mm %= self.table.length_mm();
+            } else {
+                self.reset();
+            }
+            state.require(sound);
         }
     }
 }

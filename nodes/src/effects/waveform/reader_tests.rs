@@ -3,8 +3,6 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::effects::bounds::EffectError;
-use crate::effects::path::Smoothing;
 
 const RATE: u32 = 48_000;
 const SPACING_MM: f64 = 0.05;
@@ -26,7 +24,7 @@ fn stroke(
     seconds: f64,
     speed: impl Fn(f64) -> (f64, f64),
 ) -> Vec<f64> {
-    let (mut path, mut waveform) = (Path::new(Smoothing::Hermite, tick_hz), Reader::new(table.clone()));
+    let (mut path, mut waveform) = (Path::new(tick_hz), Reader::new(table.clone()));
     let mut all = Vec::new();
     for tick in 0..(seconds * f64::from(tick_hz)) as u64 {
         let (place, v) = speed(tick as f64 / f64::from(tick_hz));
@@ -107,7 +105,8 @@ fn it_is_read_by_distance_whatever_the_speed_does_between_ticks() {
     let motion = |t: f64| (100.0 * t - 90.0 / 8.0 * (8.0 * t).sin(), 100.0 - 90.0 * (8.0 * t).cos());
     for tick_hz in [100, 500, 4000] {
         let x = stroke(&table, tick_hz, 1.0, motion);
-        let delay = Path::new(Smoothing::Hermite, tick_hz).delay_s(RATE);
+        let tick_s = 1.0 / f64::from(tick_hz);
+        let delay = 1.5 * tick_s - 1.0 / f64::from(RATE);
         let from = motion(-delay).0;
         let worst = x.iter().enumerate().skip(2 * (RATE / tick_hz) as usize).map(|(n, x)| {
             let distance = motion(n as f64 / f64::from(RATE) - delay).0 - from;
@@ -115,7 +114,8 @@ fn it_is_read_by_distance_whatever_the_speed_does_between_ticks() {
             (x - (TAU * distance).sin()).abs()
         });
         let worst = worst.fold(0.0, f64::max);
-        let most = if tick_hz == 100 { 0.006 } else { 0.002 };
+        // The path is off by an eighth of a tick's acceleration, of at most 720 mm/s^2, at both ends.
+        let most = 0.002 + TAU * 2.0 * 0.125 * 720.0 * tick_s * tick_s;
         assert!(worst < most, "{tick_hz} Hz: {worst}");
     }
 }
@@ -212,46 +212,21 @@ fn segments_are_the_means_of_their_lines() {
 }
 
 #[test]
-fn it_goes_on_from_its_state_and_begins_anew_on_a_reset() {
-    let table = wave(1000, 12.0, flat(100.0));
-    let mut path = Path::new(Smoothing::Hermite, 500);
-    path.advance([0.0; 2], [50.0, 50.0]);
-    path.advance([0.1, 0.1], [50.0, 50.0]);
-    let parts = Parts::new(1, 96, RATE, 500);
-    let (mut a, mut b) = ([0.0f32; 96], [0.0f32; 96]);
-    let mut one = Reader::new(table.clone());
-    one.process(&path, &parts, &mut a);
-    let mut bytes = vec![0; State::measure(|s| one.state(s))];
-    State::save(&mut bytes, |s| one.state(s)).unwrap();
-    let mut other = Reader::new(table);
-    assert!(State::restore(&bytes, |s| other.state(s)));
-    path.advance([0.2, 0.2], [50.0, 50.0]);
-    one.process(&path, &parts, &mut a);
-    other.process(&path, &parts, &mut b);
-    assert!(a == b && a.iter().any(|x| *x != 0.0));
-    other.reset();
-    assert_eq!((other.distance_mm, other.last), (0.0, None));
-    bytes[..8].copy_from_slice(&f64::NAN.to_le_bytes());
-    assert!(!State::restore(&bytes, |s| other.state(s)));
-    assert_eq!((other.distance_mm, other.last), (0.0, None));
-}
-
-#[test]
 fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let quantity = WaveformQuantity::Acceleration { reference_speed_mm_s: 0.1, speed_exponent: 2.0 };
     for table in [wave(4, 1.0, quantity), wave(5, 1.0, WaveformQuantity::Height), wave(1000, 499.0, quantity)]
     {
         let mut waveform = Reader::new(table);
-        let mut path = Path::new(Smoothing::Hermite, 500);
+        let mut path = Path::new(500);
         for (tick, x) in [f64::NAN, 1e300, -1e300, f64::INFINITY, 3.0, 3.1].into_iter().enumerate() {
             path.advance([x, 0.0], [-x, x]);
-            let mut out = [0.0f32; 96];
+            let mut out = [0.0f64; 96];
             waveform.process(&path, &Parts::new(tick as u64, 96 * tick as u64, RATE, 500), &mut out);
             assert!(out.iter().all(|x| x.is_finite()) && waveform.distance_mm < waveform.table.length_mm());
-            waveform.process(&path, &Parts::new(tick as u64, 0, RATE, 500), &mut [0.0f32; 0]);
+            waveform.process(&path, &Parts::new(tick as u64, 0, RATE, 500), &mut [0.0f64; 0]);
         }
     }
-    let refused = |values: &[f64], spacing: f64, fade: f64, quantity| -> EffectError {
+    let refused = |values: &[f64], spacing: f64, fade: f64, quantity| -> String {
         WaveformTable::new(values, spacing, fade, quantity).unwrap_err()
     };
     let good = [0.0, 1.0, 0.0, -1.0];
@@ -261,13 +236,6 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     refused(&good, 0.0, 0.0, flat(1.0));
     refused(&good, f64::NAN, 0.0, flat(1.0));
     refused(&good, 0.1, 0.21, flat(1.0));
-    refused(&good, 0.1, 0.0, flat(0.0));
-    refused(
-        &good,
-        0.1,
-        0.0,
-        WaveformQuantity::Acceleration { reference_speed_mm_s: 1.0, speed_exponent: 2.1 },
-    );
     let silent = Arc::new(WaveformTable::new(&[3.0; 100], 0.1, 5.0, WaveformQuantity::Height).unwrap());
     assert!(stroke(&silent, 500, 0.1, |t| (50.0 * t, 50.0)).iter().all(|x| *x == 0.0));
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use asperity_dsp::Complex;
 
 use super::kernel::{BEFORE, Kernel, TAPS};
-use crate::effects::bounds::EffectError;
+use crate::effects::bounds::{check, check_list};
 
 /// Fewest and most values of a table.
 const COUNT: (usize, usize) = (4, 1 << 22);
@@ -18,7 +18,7 @@ const CUT: f64 = 0.8;
 
 /// Quantity of a table's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum WaveformQuantity {
+pub(crate) enum WaveformQuantity {
     /// An acceleration \[m/s^2\].
     Acceleration {
         /// The speed at which it was recorded \[mm/s\], 0.1 to 5000.
@@ -33,7 +33,7 @@ pub enum WaveformQuantity {
 
 /// A loop of a texture, ready to be read at any speed.
 #[derive(Clone, Debug)]
-pub struct WaveformTable {
+pub(crate) struct WaveformTable {
     length_mm: f64,
     quantity: WaveformQuantity,
     /// Waves of the finest copy's band per mm.
@@ -54,84 +54,47 @@ impl WaveformTable {
     /// A loop from values `spacing_mm` apart. The last `crossfade_mm` are faded into the first. So the loop
     /// is shorter by them and has no seam; with 0 the values are a loop as they are. Over the fade the level
     /// is kept, however much the two are correlated. The mean is removed.
-    ///
-    /// # Errors
-    /// Fewer than 4 values or more than 2^22, one that is not finite or above 10^6, a spacing not from 10^-4
-    /// to 100 mm, a crossfade longer than half of the values, a quantity out of its ranges.
-    pub fn new(
+    pub(crate) fn new(
         values: &[f64],
         spacing_mm: f64,
         crossfade_mm: f64,
         quantity: WaveformQuantity,
-    ) -> Result<Self, EffectError> {
-        let (spacing, fade) = Self::check(values, spacing_mm, crossfade_mm, quantity)?;
+    ) -> Result<Self, String> {
+        check_list("values of a waveform", values.iter().copied(), COUNT)?;
+        let largest = values.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        check("a waveform's value", largest, (0.0, MOST), "")?;
+        let spacing = check("a waveform's spacing", spacing_mm, (1e-4, 100.0), "mm")?;
+        let half = 0.5 * values.len() as f64 * spacing;
+        let crossfade = check("a crossfade", crossfade_mm, (0.0, half), "mm")?;
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let mut looped: Vec<f64> = values.iter().map(|x| x - mean).collect();
-        close(&mut looped, fade);
+        close(&mut looped, ((crossfade / spacing).round() as usize).min(values.len() / 2));
         Ok(Self::of_loop(looped, spacing, quantity))
-    }
-
-    /// The spacing of values that can be a loop, and how many of them are faded.
-    fn check(
-        values: &[f64],
-        spacing_mm: f64,
-        crossfade_mm: f64,
-        quantity: WaveformQuantity,
-    ) -> Result<(f64, usize), EffectError> {
-        EffectError::check_list("values of a waveform", values.iter().copied(), COUNT)?;
-        let largest = values.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        EffectError::check("a waveform's value", largest, (0.0, MOST), "")?;
-        let spacing = EffectError::check("a waveform's spacing", spacing_mm, (1e-4, 100.0), "mm")?;
-        let half = 0.5 * values.len() as f64 * spacing;
-        let crossfade = EffectError::check("a crossfade", crossfade_mm, (0.0, half), "mm")?;
-        if let WaveformQuantity::Acceleration { reference_speed_mm_s, speed_exponent } = quantity {
-            EffectError::check("a reference speed", reference_speed_mm_s, (0.1, 5000.0), "mm/s")?;
-            EffectError::check("a speed's exponent", speed_exponent, (0.0, 2.0), "")?;
-        }
-        Ok((spacing, ((crossfade / spacing).round() as usize).min(values.len() / 2)))
     }
 
     /// The same from pairs of a distance in mm and a value, joined by straight lines. Each value of the table
     /// is the mean over `spacing_mm`.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new), and distances that do not rise.
-    pub fn from_segments(
+    pub(crate) fn from_segments(
         pairs: &[(f64, f64)],
         spacing_mm: f64,
         crossfade_mm: f64,
         quantity: WaveformQuantity,
-    ) -> Result<Self, EffectError> {
+    ) -> Result<Self, String> {
         let (values, cell) = Self::drawn(pairs, spacing_mm)?;
         Self::new(&values, cell, crossfade_mm, quantity)
     }
 
-    /// Checks whether [`from_segments`](Self::from_segments) would make a loop, without making one.
-    ///
-    /// # Errors
-    /// Those of [`from_segments`](Self::from_segments).
-    pub fn check_segments(
-        pairs: &[(f64, f64)],
-        spacing_mm: f64,
-        crossfade_mm: f64,
-        quantity: WaveformQuantity,
-    ) -> Result<(), EffectError> {
-        let (values, cell) = Self::drawn(pairs, spacing_mm)?;
-        Self::check(&values, cell, crossfade_mm, quantity).map(drop)
-    }
-
     /// The values of straight lines, and their spacing.
-    fn drawn(pairs: &[(f64, f64)], spacing_mm: f64) -> Result<(Vec<f64>, f64), EffectError> {
-        EffectError::check_list("distances", pairs.iter().map(|p| p.0), (2, COUNT.1))?;
-        EffectError::check_list("values of a waveform", pairs.iter().map(|p| p.1), (2, COUNT.1))?;
+    fn drawn(pairs: &[(f64, f64)], spacing_mm: f64) -> Result<(Vec<f64>, f64), String> {
+        check_list("distances", pairs.iter().map(|p| p.0), (2, COUNT.1))?;
+        check_list("values of a waveform", pairs.iter().map(|p| p.1), (2, COUNT.1))?;
         if let Some(index) = pairs.windows(2).position(|w| w[1].0 <= w[0].0) {
-            return Err(EffectError::Order { index: index + 1 });
+            return Err(format!("distance {} is not above the one before it", index + 2));
         }
-        let spacing = EffectError::check("a waveform's spacing", spacing_mm, (1e-4, 100.0), "mm")?;
+        let spacing = check("a waveform's spacing", spacing_mm, (1e-4, 100.0), "mm")?;
         let (from, to) = (pairs[0].0, pairs[pairs.len() - 1].0);
         let most = COUNT.1 as f64 * spacing;
-        let length =
-            EffectError::check("a waveform's length", to - from, (COUNT.0 as f64 * spacing, most), "mm")?;
+        let length = check("a waveform's length", to - from, (COUNT.0 as f64 * spacing, most), "mm")?;
         let count = (length / spacing).round().min(COUNT.1 as f64) as usize;
         // So that the whole is filled by cells of one size.
         let cell = length / count as f64;
@@ -151,12 +114,12 @@ impl WaveformTable {
     }
 
     /// Length of the loop in mm.
-    pub fn length_mm(&self) -> f64 {
+    pub(crate) fn length_mm(&self) -> f64 {
         self.length_mm
     }
 
     /// Quantity of the values.
-    pub fn quantity(&self) -> WaveformQuantity {
+    pub(crate) fn quantity(&self) -> WaveformQuantity {
         self.quantity
     }
 

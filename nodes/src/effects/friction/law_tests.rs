@@ -1,42 +1,18 @@
 //! For any input: no law gives energy, none trembles at rest, and all end with the normal force.
 
-use asperity_state::State;
 use proptest::prelude::*;
 
 use super::*;
-use crate::effects::bounds::EffectError;
 
-/// A law with a bristle, as these tests see it.
-trait Law {
-    fn step(&mut self, velocity: [f64; 2], normal: f64, dt: f64) -> [f64; 2];
-    fn stored_mj(&self) -> f64;
-    fn state(&mut self, state: &mut State<'_>);
-    fn reset(&mut self);
-    fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]);
+/// Energy in the bristle \[mJ\].
+fn stored_mj(law: &Rubbing) -> f64 {
+    let stiffness = match law.model {
+        Model::ViscousCoulomb { .. } => 0.0,
+        Model::Dahl { stiffness_n_per_mm, .. } => stiffness_n_per_mm,
+        Model::LuGre(s) => s.bristle_stiffness_n_per_mm,
+    };
+    0.5 * stiffness * dot(law.bent_mm, law.bent_mm)
 }
-
-macro_rules! laws {
-    ($($t:ty),*) => {$(
-        impl Law for $t {
-            fn step(&mut self, velocity: [f64; 2], normal: f64, dt: f64) -> [f64; 2] {
-                <$t>::step(self, velocity, normal, dt)
-            }
-            fn stored_mj(&self) -> f64 {
-                <$t>::stored_mj(self)
-            }
-            fn state(&mut self, state: &mut State<'_>) {
-                <$t>::state(self, state);
-            }
-            fn reset(&mut self) {
-                <$t>::reset(self);
-            }
-            fn turn(&mut self, from: &[[f64; 3]; 2], to: &[[f64; 3]; 2]) {
-                <$t>::turn(self, from, to);
-            }
-        }
-    )*};
-}
-laws!(Dahl, LuGre);
 
 fn settings() -> impl Strategy<Value = LuGreSettings> {
     (0.0..2.0f64, 0.0..3.0f64, 0.01..200.0f64, -3.0..3.0f64, -2.0..3.0f64, 0.0..0.01f64).prop_map(
@@ -65,8 +41,8 @@ fn ticks() -> impl Strategy<Value = Vec<([f64; 2], f64, f64)>> {
 /// Smallest energy of a tick: the energy that the law took, less the increase of the energy that its bristle
 /// stores \[mJ\]. Second, the sum of the absolute energies that it took and gave. In every tick for which
 /// there are angles, the surface turns to other tangents.
-fn taken(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], turns: &[[f64; 3]]) -> (f64, f64) {
-    let (mut least, mut sizes, mut stored) = (f64::INFINITY, 0.0, law.stored_mj());
+fn taken(law: &mut Rubbing, ticks: &[([f64; 2], f64, f64)], turns: &[[f64; 3]]) -> (f64, f64) {
+    let (mut least, mut sizes, mut stored) = (f64::INFINITY, 0.0, stored_mj(law));
     let mut before = tangents([0.0; 3]);
     for (tick, (velocity, normal, dt)) in ticks.iter().enumerate() {
         if let Some(angles) = turns.get(tick) {
@@ -76,8 +52,8 @@ fn taken(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], turns: &[[f64; 3]])
         }
         let force = law.step(*velocity, *normal, *dt);
         let part = -(force[0] * velocity[0] + force[1] * velocity[1]) * dt;
-        least = least.min(part - (law.stored_mj() - stored));
-        (sizes, stored) = (sizes + part.abs(), law.stored_mj());
+        least = least.min(part - (stored_mj(law) - stored));
+        (sizes, stored) = (sizes + part.abs(), stored_mj(law));
     }
     (least, sizes)
 }
@@ -89,14 +65,14 @@ proptest! {
     fn dahl_gives_no_energy(
         coefficient in 0.0..3.0f64, stiffness in -3.0..3.0f64, ticks in ticks(),
     ) {
-        let mut law = Dahl::new(coefficient, 10.0_f64.powf(stiffness)).unwrap();
+        let mut law = Rubbing::dahl(coefficient, 10.0_f64.powf(stiffness));
         let (least, sizes) = taken(&mut law, &ticks, &[]);
         prop_assert!(least >= -1e-12 * sizes - 1e-15, "{least} of {sizes}");
     }
 
     #[test]
     fn lugre_gives_no_energy(settings in settings(), ticks in ticks()) {
-        let mut law = LuGre::new(settings).unwrap();
+        let mut law = Rubbing::lugre(settings);
         let (least, sizes) = taken(&mut law, &ticks, &[]);
         prop_assert!(least >= -1e-12 * sizes - 1e-15, "{least} of {sizes}");
     }
@@ -105,9 +81,9 @@ proptest! {
     fn viscous_friction_gives_no_energy_in_any_tick(
         coefficient in 0.0..3.0f64, viscosity in 0.0..0.1f64, ticks in ticks(),
     ) {
-        let law = ViscousCoulomb::new(coefficient, viscosity).unwrap();
+        let mut law = Rubbing::viscous_coulomb(coefficient, viscosity);
         for (velocity, normal, _) in ticks {
-            let force = law.force_n(velocity, normal);
+            let force = law.step(velocity, normal, 0.0);
             prop_assert!(force[0] * velocity[0] + force[1] * velocity[1] <= 0.0);
             let most = coefficient.min(viscosity * velocity[0].hypot(velocity[1])) * normal;
             prop_assert!((force[0].hypot(force[1]) - most).abs() <= 1e-12 * most);
@@ -118,15 +94,15 @@ proptest! {
     fn rest_is_steady_and_no_normal_force_gives_no_force(
         settings in settings(), ticks in ticks(), normal in 0.0..3.0f64,
     ) {
-        let mut lugre = LuGre::new(settings).unwrap();
+        let mut lugre = Rubbing::lugre(settings);
         let mut dahl =
-            Dahl::new(settings.kinetic_coefficient, settings.bristle_stiffness_n_per_mm).unwrap();
+            Rubbing::dahl(settings.kinetic_coefficient, settings.bristle_stiffness_n_per_mm);
         rests(&mut lugre, &ticks, normal)?;
         rests(&mut dahl, &ticks, normal)?;
     }
 }
 
-fn rests(law: &mut impl Law, ticks: &[([f64; 2], f64, f64)], normal: f64) -> Result<(), TestCaseError> {
+fn rests(law: &mut Rubbing, ticks: &[([f64; 2], f64, f64)], normal: f64) -> Result<(), TestCaseError> {
     for (velocity, normal, dt) in ticks {
         law.step(*velocity, *normal, *dt);
     }
@@ -160,7 +136,7 @@ fn constant_damping_gives_energy_and_lugre_here_does_not() {
         ticks.extend(vec![([0.02, 0.0], 1.0, 1e-3); 500_000]);
         ticks.push(([5000.0, 0.0], 1.0, 1e-7));
     }
-    let ours = taken(&mut LuGre::new(s).unwrap(), &ticks, &[]);
+    let ours = taken(&mut Rubbing::lugre(s), &ticks, &[]);
     let constant = |viscous: f64| {
         let (mut z, mut worst) = (0.0_f64, f64::INFINITY);
         for (velocity, normal, dt) in &ticks {
@@ -185,7 +161,7 @@ fn steady_slip_has_the_stribeck_curve() {
     let s = LuGreSettings { viscosity_s_per_mm: 0.002, ..LuGreSettings::default() };
     for speed in [0.1, 3.0, 10.0, 25.0, 300.0] {
         for (angle, dt) in [(0.3_f64, 1e-4), (2.0, 1e-2)] {
-            let mut law = LuGre::new(s).unwrap();
+            let mut law = Rubbing::lugre(s);
             let way = [speed * angle.cos(), speed * angle.sin()];
             let mut force = [0.0; 2];
             for _ in 0..(60.0 / speed / dt) as u32 + 1000 {
@@ -202,49 +178,25 @@ fn steady_slip_has_the_stribeck_curve() {
 #[test]
 fn the_laws_at_rest_are_what_a_small_push_meets() {
     let s = LuGreSettings { viscosity_s_per_mm: 0.001, ..LuGreSettings::default() };
-    let (mut law, dt) = (LuGre::new(s).unwrap(), 1e-4);
+    let (mut law, dt) = (Rubbing::lugre(s), 1e-4);
     let stated = law.law(2.0);
     // One tick at 1e-3 mm/s from an unbent bristle: K x + B v.
     let force = -law.step([1e-3, 0.0], 2.0, dt)[0];
     let want = stated.stiffness_n_per_mm * 1e-3 * dt + 1e-3 * stated.damping_ns_per_m * 1e-3;
     assert!((force / want - 1.0).abs() < 1e-3, "{force} {want}");
     assert_eq!(law.law(0.0), asperity_node::Law::default());
-    let mut dahl = Dahl::new(0.5, 2.0).unwrap();
+    let mut dahl = Rubbing::dahl(0.5, 2.0);
     let force = -dahl.step([1e-3, 0.0], 2.0, dt)[0];
-    assert!((force / (dahl.law().stiffness_n_per_mm * 1e-3 * dt) - 1.0).abs() < 1e-3);
-}
-
-fn goes_on(law: &mut impl Law, other: &mut impl Law) {
-    law.step([30.0, -4.0], 1.0, 2e-3);
-    let mut bytes = vec![0; State::measure(|s| law.state(s))];
-    State::save(&mut bytes, |s| law.state(s)).unwrap();
-    assert!(State::restore(&bytes, |s| other.state(s)));
-    let (a, b) = (law.step([1.0, 2.0], 0.9, 1e-3), other.step([1.0, 2.0], 0.9, 1e-3));
-    assert!(a == b && a[0] != 0.0, "{a:?} {b:?}");
-    law.reset();
-    assert_eq!(law.step([0.0; 2], 1.0, 1e-3).map(f64::abs), [0.0; 2]);
-    // The first number of the state is the bristle's, behind its count.
-    bytes[8..16].copy_from_slice(&f64::NAN.to_le_bytes());
-    assert!(!State::restore(&bytes, |s| other.state(s)));
-    assert_eq!(other.step([0.0; 2], 1.0, 1e-3).map(f64::abs), [0.0; 2]);
+    assert!((force / (dahl.law(2.0).stiffness_n_per_mm * 1e-3 * dt) - 1.0).abs() < 1e-3);
 }
 
 #[test]
-fn a_law_goes_on_from_its_state_and_forgets_on_a_reset() {
-    let dahl = Dahl::new(0.5, 2.0).unwrap();
-    goes_on(&mut { dahl }, &mut { dahl });
-    let lugre = LuGre::new(LuGreSettings::default()).unwrap();
-    goes_on(&mut { lugre }, &mut { lugre });
-}
-
-#[test]
-fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
+fn forces_are_finite_whatever_comes() {
     let wild =
         [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, -f64::MAX, 5e-324, 1e-200, 0.0, 3.0, -40.0];
-    let mut lugre =
-        LuGre::new(LuGreSettings { kinetic_coefficient: 0.0, ..LuGreSettings::default() }).unwrap();
-    let mut dahl = Dahl::new(10.0, 1e-3).unwrap();
-    let viscous = ViscousCoulomb::new(1.0, 0.004).unwrap();
+    let mut lugre = Rubbing::lugre(LuGreSettings { kinetic_coefficient: 0.0, ..LuGreSettings::default() });
+    let mut dahl = Rubbing::dahl(10.0, 1e-3);
+    let mut viscous = Rubbing::viscous_coulomb(1.0, 0.004);
     for x in wild {
         for y in wild {
             for normal in wild {
@@ -252,7 +204,7 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
                     let forces = [
                         lugre.step([x, y], normal, dt),
                         dahl.step([x, y], normal, dt),
-                        viscous.force_n([x, y], normal),
+                        viscous.step([x, y], normal, dt),
                     ];
                     assert!(
                         forces.iter().flatten().all(|f| f.is_finite()),
@@ -262,18 +214,6 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
             }
         }
     }
-    let error = |change: fn(&mut LuGreSettings)| -> EffectError {
-        let mut s = LuGreSettings::default();
-        change(&mut s);
-        LuGre::new(s).unwrap_err()
-    };
-    assert!(error(|s| s.static_coefficient = 0.4).to_string().contains("from 0.5 to 10"));
-    assert!(error(|s| s.kinetic_coefficient = f64::NAN).to_string().contains("kinetic"));
-    error(|s| s.stribeck_speed_mm_s = 0.0);
-    error(|s| s.bristle_stiffness_n_per_mm = 0.0);
-    error(|s| s.bristle_damping_ns_per_m = f64::INFINITY);
-    error(|s| s.viscosity_s_per_mm = -1.0);
-    assert!(Dahl::new(f64::NAN, 1.0).is_err() && Dahl::new(0.5, 0.0).is_err());
 }
 
 /// Two directions of length 1 at right angles, from three angles.
@@ -296,10 +236,10 @@ proptest! {
         settings in settings(), ticks in ticks(),
         ways in proptest::collection::vec([-4.0..4.0f64, -4.0..4.0f64, -4.0..4.0f64], 80),
     ) {
-        let mut dahl = Dahl::new(settings.kinetic_coefficient, settings.bristle_stiffness_n_per_mm).unwrap();
+        let mut dahl = Rubbing::dahl(settings.kinetic_coefficient, settings.bristle_stiffness_n_per_mm);
         let (least, sizes) = taken(&mut dahl, &ticks, &ways);
         prop_assert!(least >= -1e-9 * (1.0 + sizes), "{least} of {sizes}");
-        let mut lugre = LuGre::new(settings).unwrap();
+        let mut lugre = Rubbing::lugre(settings);
         let (least, sizes) = taken(&mut lugre, &ticks, &ways);
         prop_assert!(least >= -1e-9 * (1.0 + sizes), "{least} of {sizes}");
     }
@@ -308,11 +248,11 @@ proptest! {
     fn a_bristle_stays_as_it_stands_in_space(
         bend in [-1.0..1.0f64, -1.0..1.0], angle in -4.0..4.0f64, way in [-4.0..4.0f64, -4.0..4.0, -4.0..4.0],
     ) {
-        let mut law = Dahl::new(1.0, 1.0).unwrap();
+        let mut law = Rubbing::dahl(1.0, 1.0);
         // Slowly bent, far from giving way: the force is that of a spring.
         law.step(bend, 1e6, 1e-3);
         let from = tangents(way);
-        let force = |law: &mut Dahl, t: [[f64; 3]; 2]| -> [f64; 3] {
+        let force = |law: &mut Rubbing, t: [[f64; 3]; 2]| -> [f64; 3] {
             let [u, v] = law.step([0.0; 2], 1e6, 1e-3);
             std::array::from_fn(|k| u * t[0][k] + v * t[1][k])
         };
@@ -327,5 +267,109 @@ proptest! {
         for k in 0..3 {
             prop_assert!((after[k] - before[k]).abs() < 1e-15, "{before:?} -> {after:?}");
         }
+    }
+}
+
+#[test]
+fn force_along_a_line_follows_closed_form_at_any_tick() {
+    // From rest F = F_c (1 - e^(-s0 x / F_c)); turning at F: F -> -F_c + (F_0 + F_c) e^(-s0 x / F_c).
+    for (dt, speed) in [(1e-4, 7.0), (2e-3, 30.0), (1e-2, 3.0)] {
+        let mut f = Rubbing::dahl(0.4, 2.0);
+        let (most, mut x, mut force) = (0.4 * 1.5, 0.0, 0.0);
+        while x < 0.5 {
+            force = f.step([0.0, speed], 1.5, dt)[1];
+            x += speed * dt;
+            let want = -most * (1.0 - (-2.0 * x / most).exp());
+            assert!((force - want).abs() < 1e-12, "{force}, not {want} after {x} mm");
+        }
+        let (turned, mut back) = (force, 0.0);
+        while back < 0.5 {
+            force = f.step([0.0, -speed], 1.5, dt)[1];
+            back += speed * dt;
+            let want = most + (turned - most) * (-2.0 * back / most).exp();
+            assert!((force - want).abs() < 1e-12, "{force}, not {want} after {back} mm back");
+        }
+    }
+}
+
+#[test]
+fn on_a_plane_it_follows_a_fine_integration_of_its_equation() {
+    let mut f = Rubbing::dahl(0.5, 3.0);
+    let (dt, mut z) = (1e-3, [0.0_f64; 2]);
+    for k in 0..600 {
+        let t = f64::from(k) * dt;
+        // A velocity that turns round and never rests, a normal force that swells.
+        let velocity = [40.0 * (9.0 * t).cos(), 25.0 * (14.0 * t).sin() + 5.0];
+        let normal = 1.0 + 0.5 * (7.0 * t).sin();
+        let force = f.step(velocity, normal, dt);
+        let most = 0.5 * normal / 3.0;
+        let size = z[0].hypot(z[1]);
+        if size > most {
+            z = z.map(|z| z * most / size);
+        }
+        for _ in 0..1000 {
+            let speed = velocity[0].hypot(velocity[1]);
+            // Heun's method, steps of a microsecond.
+            let slope = |z: [f64; 2]| [0, 1].map(|i| velocity[i] - speed * z[i] / most);
+            let first = slope(z);
+            let second = slope([0, 1].map(|i| z[i] + 1e-6 * first[i]));
+            z = [0, 1].map(|i| z[i] + 0.5e-6 * (first[i] + second[i]));
+        }
+        assert!((0..2).all(|i| (force[i] + 3.0 * z[i]).abs() < 1e-7), "{k}: {force:?} {z:?}");
+    }
+}
+
+#[test]
+fn falling_normal_force_releases_bristle_none_gives_zero() {
+    let mut f = Rubbing::dahl(0.5, 1.0);
+    for _ in 0..1000 {
+        f.step([30.0, 40.0], 2.0, 1e-3);
+    }
+    let held = f.step([0.0; 2], 2.0, 1e-3);
+    assert!((held[0] + 0.6).abs() < 1e-12 && (held[1] + 0.8).abs() < 1e-12, "{held:?}");
+    let less = f.step([0.0; 2], 1.0, 1e-3);
+    assert!((less[0] + 0.3).abs() < 1e-12 && (less[1] + 0.4).abs() < 1e-12, "{less:?}");
+    // It does not come back.
+    assert_eq!(f.step([0.0; 2], 2.0, 1e-3), less);
+    assert_eq!(f.step([30.0, 40.0], 0.0, 1e-3).map(f64::abs), [0.0; 2]);
+    assert_eq!((f.step([0.0; 2], 2.0, 1e-3).map(f64::abs), stored_mj(&f)), ([0.0; 2], 0.0));
+}
+
+#[test]
+fn it_is_drag_in_proportion_to_the_normal_force_up_to_coulombs() {
+    let mut f = Rubbing::viscous_coulomb(0.5, VISCOSITY_S_PER_MM);
+    // 2 N at 60 and 80 mm/s: 2 * 0.004 * 100 = 0.8 N against it.
+    let force = f.step([60.0, -80.0], 2.0, 0.0);
+    assert!((force[0] + 0.48).abs() < 1e-15 && (force[1] - 0.64).abs() < 1e-15, "{force:?}");
+    // Coulomb's from 125 mm/s on, and no step there.
+    let (below, above) = (f.step([124.999_999, 0.0], 2.0, 0.0)[0], f.step([125.000_001, 0.0], 2.0, 0.0)[0]);
+    assert!((below + 1.0).abs() < 1e-7 && (above + 1.0).abs() < 1e-15);
+    let fast = f.step([-6e4, 8e4], 2.0, 0.0);
+    assert!((fast[0] - 0.6).abs() < 1e-12 && (fast[1] + 0.8).abs() < 1e-12);
+    for still in [f.step([0.0; 2], 2.0, 0.0), f.step([50.0, 1.0], 0.0, 0.0), f.step([500.0, 1.0], -1.0, 0.0)]
+    {
+        assert_eq!(still.map(f64::abs), [0.0; 2]);
+    }
+}
+
+#[test]
+fn the_law_is_the_slope_at_rest() {
+    let mut f = Rubbing::viscous_coulomb(0.5, 0.004);
+    assert!((f.law(1.0).damping_ns_per_m - 4.0).abs() < 1e-12 && f.law(1.0).stiffness_n_per_mm == 0.0);
+    let slope = (f.step([-1e-6, 0.0], 1.7, 0.0)[0] - f.step([1e-6, 0.0], 1.7, 0.0)[0]) / 2e-9;
+    assert!((f.law(1.7).damping_ns_per_m - slope).abs() < 1e-9);
+    assert_eq!(Rubbing::viscous_coulomb(0.0, 0.004).law(1.0).damping_ns_per_m, 0.0);
+}
+
+#[test]
+fn what_is_not_finite_gives_no_friction() {
+    let mut f = Rubbing::viscous_coulomb(10.0, 10.0);
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for force in [f.step([bad, 1.0], 1.0, 0.0), f.step([1.0, 1.0], bad, 0.0)] {
+            assert_eq!(force.map(f64::abs), [0.0; 2]);
+        }
+    }
+    for v in [f64::MAX, f64::MIN_POSITIVE, 5e-324] {
+        assert!(f.step([v, -v], f64::MAX, 0.0).iter().all(|x| x.is_finite()));
     }
 }

@@ -1,16 +1,10 @@
 //! Finds which of many surfaces a point touches.
 
-mod block;
-mod build;
-mod item;
-mod tree;
-
 use asperity_diagnostics::Diagnostic;
 
 use super::surface::near;
+use super::tree::{Best, Tree};
 use super::{Hold, Surface, Touch, WORLD_MM};
-use block::Class;
-use tree::{Best, Tree};
 
 /// Largest number of entries in an index.
 pub const MOST_ENTRIES: usize = 1 << 20;
@@ -49,10 +43,10 @@ impl Contact {
 pub struct Index {
     entries: Vec<Entry>,
     hysteresis_mm: f64,
-    /// Trees over all surfaces.
-    touched: [Tree; 2],
-    /// Trees over the surfaces with a reach.
-    reaching: [Tree; 2],
+    /// All surfaces.
+    touched: Tree,
+    /// The surfaces with a reach.
+    reaching: Tree,
 }
 
 impl Index {
@@ -63,23 +57,19 @@ impl Index {
     /// # Errors
     /// There are more than [`MOST_ENTRIES`]. A reach or the hysteresis is not from 0 to [`WORLD_MM`].
     pub fn new(entries: Vec<Entry>, hysteresis_mm: f64) -> Result<Self, Diagnostic> {
+        let refused = |what: String, most: String| Err(Diagnostic::new(what).help(most));
         if entries.len() > MOST_ENTRIES {
-            return Err(Diagnostic::new(format!("{} surfaces", entries.len()))
-                .help(format!("at most {MOST_ENTRIES}")));
+            return refused(format!("{} surfaces", entries.len()), format!("at most {MOST_ENTRIES}"));
         }
-        let range = 0.0..=WORLD_MM;
+        let (range, world) = (0.0..=WORLD_MM, format!("from 0 to {WORLD_MM} mm"));
         if !range.contains(&hysteresis_mm) {
-            return Err(Diagnostic::new(format!("a hysteresis of {hysteresis_mm} mm"))
-                .help(format!("from 0 to {WORLD_MM} mm")));
+            return refused(format!("a hysteresis of {hysteresis_mm} mm"), world);
         }
-        if let Some((number, entry)) = entries.iter().enumerate().find(|(_, e)| !range.contains(&e.reach_mm))
-        {
-            return Err(Diagnostic::new(format!("surface {number} reaches {} mm", entry.reach_mm))
-                .help(format!("from 0 to {WORLD_MM} mm")));
+        let mut reaches = entries.iter().map(|entry| entry.reach_mm).enumerate();
+        if let Some((number, reach)) = reaches.find(|(_, reach)| !range.contains(reach)) {
+            return refused(format!("surface {number} reaches {reach} mm"), world);
         }
-        let classes = [Class::Sheets, Class::Solids];
-        let touched = classes.map(|class| build::tree(class, &entries, false));
-        let reaching = classes.map(|class| build::tree(class, &entries, true));
+        let (touched, reaching) = (Tree::new(&entries, false), Tree::new(&entries, true));
         Ok(Self { entries, hysteresis_mm, touched, reaching })
     }
 
@@ -95,7 +85,7 @@ impl Index {
 
     /// Size of the search trees in bytes, without the entries.
     pub fn bytes(&self) -> usize {
-        self.touched.iter().chain(&self.reaching).map(Tree::bytes).sum()
+        self.touched.bytes() + self.reaching.bytes()
     }
 
     /// Finds the surface that a point of the world touches. The held one stays while it is still touched
@@ -105,39 +95,38 @@ impl Index {
     /// [`Contact::hold`] of the tick before. An entry that does not exist counts as none. Nothing is
     /// allocated.
     pub fn deepest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search::<false>(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
+        self.search(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
     }
 
-    /// Counts the blocks and surfaces that [`deepest`](Self::deepest) looks at, as a measure of its cost.
+    /// Counts the nodes and surfaces that [`deepest`](Self::deepest) looks at, as a measure of its cost.
     #[cfg(test)]
     fn looks(&self, point_mm: [f64; 3], last: Option<Hold>) -> u32 {
         let mut best = self.best(point_mm, last, TOUCHED_MM, |_| TOUCHED_MM).1;
-        let search = |tree: &Tree| tree.search::<false>(point_mm, &self.entries, &mut best, |_| TOUCHED_MM);
-        self.touched.iter().for_each(search);
+        self.touched.search(point_mm, &self.entries, &mut best, |_| TOUCHED_MM);
         best.looks
     }
 
     /// Finds the same over entries with a reach, as far as they reach: the deepest that is touched, else
     /// the nearest. A held surface that is not touched gives way to any that is.
     pub fn nearest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search::<true>(&self.reaching, point_mm, last, f64::MIN, |e| {
+        self.search(&self.reaching, point_mm, last, f64::MIN, |e| {
             if e.reach_mm > 0.0 { -e.reach_mm } else { f64::INFINITY }
         })
     }
 
-    fn search<const REACHING: bool>(
+    fn search(
         &self,
-        trees: &[Tree; 2],
+        tree: &Tree,
         point: [f64; 3],
         last: Option<Hold>,
         least: f64,
-        felt: impl Fn(&Entry) -> f64 + Copy,
+        felt: fn(&Entry) -> f64,
     ) -> Option<Contact> {
         if !near(point) {
             return None;
         }
         let (held, mut best) = self.best(point, last, least, felt);
-        trees.iter().for_each(|tree| tree.search::<REACHING>(point, &self.entries, &mut best, felt));
+        tree.search(point, &self.entries, &mut best, felt);
         let Some(found) = best.found else { return held };
         let touch = self.entries.get(found as usize)?.surface.touch(point, None, self.hysteresis_mm)?;
         Some(Contact { entry: found, touch })
@@ -149,7 +138,7 @@ impl Index {
         point: [f64; 3],
         last: Option<Hold>,
         least: f64,
-        felt: impl Fn(&Entry) -> f64,
+        felt: fn(&Entry) -> f64,
     ) -> (Option<Contact>, Best) {
         let held = last.and_then(|hold| {
             let entry = self.entries.get(hold.entry as usize)?;
@@ -169,5 +158,5 @@ impl Index {
 }
 
 #[cfg(test)]
-#[path = "../index_tests.rs"]
+#[path = "index_tests.rs"]
 mod tests;

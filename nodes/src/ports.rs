@@ -1,0 +1,99 @@
+//! Ports and parameters in the forms that nodes have most often. Each takes its meaning by `doc`.
+
+use std::ops::RangeInclusive;
+
+use asperity_node::{Input, LayoutSpec, Output, Param, RateSpec, ShapeSpec, Unit};
+
+pub(crate) const ONE: Unit = Unit::NONE;
+pub(crate) const MM: Unit = Unit::MILLIMETRE;
+pub(crate) const MM_S: Unit = Unit::MILLIMETRE_PER_SECOND;
+pub(crate) const N: Unit = Unit::NEWTON;
+
+/// Values that are the same for a whole tick.
+pub(crate) fn control(name: &'static str, count: usize, unit: Unit) -> Input {
+    Input::new(name, ShapeSpec::Control(count), unit)
+}
+
+pub(crate) fn control_out(name: &'static str, count: usize, unit: Unit) -> Output {
+    Output::new(name, ShapeSpec::Control(count), unit)
+}
+
+/// Audio of any rate and unit; that of [`audio_out`] is the same.
+pub(crate) fn audio(name: &'static str) -> Input {
+    Input::new(name, ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_of('u')
+}
+
+pub(crate) fn audio_out(name: &'static str) -> Output {
+    Output::new(name, ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_of('u')
+}
+
+/// A signal of any type; that of [`like_out`] is the same.
+pub(crate) fn like(name: &'static str) -> Input {
+    Input::new(name, ShapeSpec::Like('s'), Unit::NONE).unit_of('u')
+}
+
+pub(crate) fn like_out(name: &'static str) -> Output {
+    Output::new(name, ShapeSpec::Like('s'), Unit::NONE).unit_of('u')
+}
+
+/// Frames of any layout; the outputs below have the same.
+pub(crate) fn magnitude() -> Input {
+    Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).unit_of('u')
+}
+
+pub(crate) fn spectrum_out() -> Output {
+    Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE).unit_of('u')
+}
+
+/// Audio at the frames' rate.
+pub(crate) fn signal_out() -> Output {
+    Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
+        .unit_of('u')
+        .doc("the signal at the frames' rate")
+}
+
+pub(crate) fn number(
+    name: &'static str,
+    default: f64,
+    range: RangeInclusive<f64>,
+    unit: &'static str,
+) -> Param {
+    Param::number(name, default, range, "").unit(unit)
+}
+
+pub(crate) fn integer(name: &'static str, default: i64, range: RangeInclusive<i64>) -> Param {
+    Param::integer(name, default, range, "")
+}
+
+pub(crate) fn choice(name: &'static str, words: &[&'static str]) -> Param {
+    Param::choice(name, words, "")
+}
+
+pub(crate) fn text(name: &'static str, default: &str) -> Param {
+    Param::text(name, default, "")
+}
+
+pub(crate) fn texts(name: &'static str) -> Param {
+    Param::texts(name, "")
+}
+
+pub(crate) fn file(name: &'static str) -> Param {
+    Param::file(name, "")
+}
+
+/// The seed of a node; the graph's where it is left out.
+pub(crate) fn seed() -> Param {
+    Param::integer("seed", 1, 0..=i64::MAX, "").optional()
+}
+
+/// Sets the meaning of a parameter.
+pub(crate) trait Doc {
+    fn doc(self, doc: &'static str) -> Self;
+}
+
+impl Doc for Param {
+    fn doc(mut self, doc: &'static str) -> Self {
+        self.doc = doc.into();
+        self
+    }
+}
