@@ -9,9 +9,9 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::Compiled;
 use asperity_node::{NodeKind, Registry};
 use asperity_sdk::{
-    Buffer, Complex, Config, Descriptor, Fact, FactValue, FrameLayout, FrameRate, InputRef, Inputs, Latency,
-    LayoutSpec, Node, Output, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup, Shape,
-    ShapeSpec, Status, Tick, Unit, Wiring,
+    Buffer, Complex, Config, Descriptor, FrameLayout, FrameRate, InputRef, Inputs, Latency, LayoutSpec, Node,
+    Output, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup, Shape, ShapeSpec, Status,
+    Tick, Unit, Wiring,
 };
 
 use crate::graph;
