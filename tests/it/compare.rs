@@ -249,7 +249,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--vectors rateless", "at which rate"),
         ("--vectors odd", "a multiple of 10"),
         ("--vectors index", "EOF while parsing an object"),
-        ("--vectors scores", "invalid type: string \"low\", expected f64 at line 1 column 37"),
+        ("--vectors scores", "invalid type: string \"low\", expected f64 at line 1 column 39"),
         ("--vectors silent", "all magnitudes are 0"),
         ("--phase spsy", "did you mean `spsi`?"),
         ("--phase gain", "`gain` is no phase-retrieval node"),

@@ -58,7 +58,7 @@ fn bad_magnitudes_are_refused_or_counted() {
         ("gain", "48000", "y.npy", "no phase-retrieval node"),
         ("spsi:sed=1", "48000", "y.npy", "did you mean `seed`?"),
         ("spsi:seed", "48000", "y.npy", "no `=`"),
-        ("griffin_lim:alpha=0.5", "2000", "y.npy", "`griffin_lim` has no parameter `alpha`"),
+        ("griffin_lim:alpha=0.5", "48000", "y.npy", "`griffin_lim` has no parameter `alpha`"),
         ("spsi", "48000", "y.mp3", ".wav or .npy"),
     ] {
         let ran = invert(dir.path(), phase, rate, out);
