@@ -71,7 +71,7 @@ fn a_delay_of_another_length_takes_over_what_it_keeps() {
 fn control_in_a_delay_arrives_after_its_length_changes() {
     let graph = || {
         harness::graph::of_lines(
-            "source: test_source(shape: control, count: 2, unit: \"N\"); it: delay; probe: probe
+            "source: test_source(shape: \"control\", count: 2, unit: \"N\"); it: delay; probe: probe
              source -> it -> probe",
         )
     };

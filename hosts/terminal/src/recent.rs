@@ -71,16 +71,15 @@ impl Trace {
             self.samples += 1;
             let begun = (self.samples * BINS_HZ).div_ceil(self.rate_hz);
             let new = ((begun - self.begun) as usize).min(BINS);
-            self.begun = begun;
-            self.bins.extend(std::iter::repeat_n(None, new));
-            if self.bins.len() > 2 * BINS {
-                self.bins.drain(..BINS);
+            if new > 0 {
+                self.begun = begun;
+                self.bins.extend(std::iter::repeat_n(None, new));
+                self.bins.drain(..self.bins.len().saturating_sub(BINS));
             }
             for bin in self.bins.iter_mut().rev().take(new.max(1)).filter(|_| x.is_finite()) {
                 *bin = Some(bin.map_or([x; 2], |[least, most]| [least.min(x), most.max(x)]));
             }
         }
-        self.bins.drain(..self.bins.len().saturating_sub(BINS));
     }
 
     /// Largest magnitude.
