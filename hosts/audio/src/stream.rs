@@ -213,6 +213,10 @@ impl Stream {
         if let Some(reason) = self.lost() {
             return Err(reason.to_owned());
         }
+        // PulseAudio calls when it is opened, and then perhaps not for almost two seconds.
+        for side in [Some(&self.output), self.input.as_ref()].into_iter().flatten() {
+            side.counts.last_ns.store(0, Relaxed);
+        }
         self.shared.playing_since.store(now_ns(), Relaxed);
         let streams = self.shared.streams.lock();
         streams.iter().try_for_each(|stream| stream.play().map_err(|error| error.to_string()))

@@ -30,7 +30,10 @@ struct Doubler;
 impl Processor for Doubler {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let first = tick.inputs.audio(0)[0];
-        assert!(first >= 0.0, "a panic");
+        if first < 0.0 {
+            // Without a message, which takes long on a busy machine.
+            std::panic::resume_unwind(Box::new("a panic"));
+        }
         if first > 100.0 {
             loop {
                 std::thread::park();

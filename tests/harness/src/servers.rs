@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use crate::alone::{again, beside_others, passed, real_time};
+use crate::alone::{again, passed, real_time};
 
 /// Longest time in which a server begins or ends, also on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(15);
@@ -116,17 +116,6 @@ fn first() -> Command {
 /// ```
 pub fn inside<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<Process> {
     let _alone = real_time();
-    inside_then(test, start)
-}
-
-/// The same while others of this kind run beside it: for those that count samples, measure no time, and leave
-/// the server its priority, which it gives away in freewheel.
-pub fn inside_beside_others<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<Process> {
-    let _beside = beside_others();
-    inside_then(test, start)
-}
-
-fn inside_then<S: Server>(test: &str, start: impl Fn() -> Option<S>) -> Option<Process> {
     if let Ok(pid) = std::env::var(INSIDE) {
         return Some(Process(pid.parse().expect("a process id")));
     }

@@ -5,7 +5,7 @@ mod custody;
 mod switch;
 
 use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use asperity_audio::{OpenError, Request};
@@ -74,15 +74,14 @@ impl std::fmt::Display for SessionError {
 
 impl std::error::Error for SessionError {}
 
-/// A lost device, until it is back.
+/// A lost device, until it is back. A thread opens it, which may take seconds.
 struct Loss {
     since: Instant,
-    /// When it was last looked for.
-    tried: Instant,
-    /// Why it could not be opened then; a new reason is told.
+    /// Why it could not be opened last; a new reason is told.
     reason: String,
-    /// Opens it, which may take seconds.
-    opening: Option<JoinHandle<Result<Card, OpenError>>>,
+    news: Receiver<Result<Card, OpenError>>,
+    /// Dropped with this, which ends the thread.
+    _waits: Arc<()>,
 }
 
 /// A run. Dropping it ramps the output down, as [`stop`](Session::stop) does.
@@ -112,17 +111,6 @@ pub struct Session {
     xruns: [u64; 2],
     /// Dropped last, when the output is down.
     custody: Custody,
-}
-
-impl Loss {
-    /// Notes why the device could not be opened, and tells a new reason.
-    fn failed(&mut self, reason: String, name: &str, notices: &mut Vec<String>) {
-        self.tried = Instant::now();
-        if self.reason != reason {
-            notices.push(format!("`{name}` is not back: {reason}"));
-            self.reason = reason;
-        }
-    }
 }
 
 /// Remains of a run.
@@ -222,8 +210,8 @@ impl Session {
         self.driver.as_ref().map(Driver::controls)
     }
 
-    /// Checks the device: handles a loss, reopens it. Call it some tens of times a
-    /// second. Returns notices for a person, each once.
+    /// Checks the device: handles a loss, reopens it. Call it some tens of times a second. Returns notices
+    /// for a person, each once.
     ///
     /// # Errors
     /// The system gives no thread.
@@ -400,32 +388,46 @@ impl Session {
         self.notices.push(format!("`{}` is lost: {reason}{what}", self.name));
         self.xruns = [self.xruns(), self.meters.xruns.get()];
         self.card = None;
-        let now = Instant::now();
-        self.loss = Some(Loss { since: now, tried: now, reason: String::new(), opening: None });
+        let (tell, news) = channel();
+        let waits = Arc::new(());
+        if self.options.reconnect {
+            let (request, mic) = (self.options.device.clone().unwrap_or_default(), self.mic.clone());
+            let waits = Arc::downgrade(&waits);
+            let open = move || {
+                let mut back = false;
+                while !back {
+                    std::thread::sleep(RETRY);
+                    if waits.strong_count() == 0 {
+                        return;
+                    }
+                    let card = Card::open(&request, mic.as_ref());
+                    back = card.is_ok();
+                    let _ = tell.send(card);
+                }
+            };
+            let thread = std::thread::Builder::new().name("asperity-open".into());
+            thread.spawn(open).map_err(SessionError::Thread)?;
+        }
+        self.loss = Some(Loss { since: Instant::now(), reason: String::new(), news, _waits: waits });
         // Ticks go on, for hands and forces.
         self.keep_time()
     }
 
-    /// Opens a lost device again, the same one, when it is there.
+    /// Takes a lost device when it is open again.
     fn come_back(&mut self) {
         let Some(loss) = &mut self.loss else { return };
-        if let Some(opening) = loss.opening.take_if(|opening| opening.is_finished()) {
-            match opening.join() {
-                Ok(Ok(card)) => {
-                    self.name = card.name();
-                    self.notices.push(format!("`{}` is back", self.name));
-                    self.custody.back(loss.since.elapsed());
-                    (self.card, self.loss) = (Some(card), None);
-                    return;
-                }
-                Ok(Err(error)) => loss.failed(error.to_string(), &self.name, &mut self.notices),
-                Err(_) => loss.failed("opening it failed".into(), &self.name, &mut self.notices),
+        match loss.news.try_recv() {
+            Ok(Ok(card)) => {
+                self.name = card.name();
+                self.notices.push(format!("`{}` is back", self.name));
+                self.custody.back(loss.since.elapsed());
+                (self.card, self.loss) = (Some(card), None);
             }
-        }
-        if loss.tried.elapsed() >= RETRY && self.options.reconnect && loss.opening.is_none() {
-            let (request, mic) = (self.options.device.clone(), self.mic.clone());
-            let open = move || Card::open(&request.unwrap_or_default(), mic.as_ref());
-            loss.opening = std::thread::Builder::new().name("asperity-open".into()).spawn(open).ok();
+            Ok(Err(error)) if error.reason != loss.reason => {
+                self.notices.push(format!("`{}` is not back: {error}", self.name));
+                loss.reason = error.reason;
+            }
+            _ => {}
         }
     }
 
