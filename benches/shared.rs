@@ -1,4 +1,4 @@
-//! What the benches share.
+//! A clock and the shipped graph, for several benches.
 #![allow(dead_code, unreachable_pub, reason = "each bench uses a part of it")]
 
 use std::time::Instant;

@@ -239,13 +239,12 @@ impl DeviceThread {
         self.signals.lost.store(0, Relaxed);
         let user = self.tick.lend();
         // SAFETY: the tick is not touched from here until `stop` has taken the callback back.
-        let handle = unsafe {
+        unsafe {
             (self.hd.set_rate)(c_ulong::from(SERVO_HZ));
             let handle = (self.hd.schedule)(tick::tick, user, DEFAULT_PRIORITY);
             (self.hd.start_scheduler)();
             handle
-        };
-        handle
+        }
     }
 
     /// Watches the servo until the source stops or the device is lost.
