@@ -156,8 +156,8 @@ const TICK_HZ: u32 = 500;
 /// Frames of a device's period.
 const PERIOD: u64 = 1024;
 
-/// A clock for ticks: told of the time of a callback \[ns\], if there is one, it answers when a frame is asked
-/// for.
+/// A clock for ticks: told of the time of a callback \[ns\], if there is one, it answers when a frame is
+/// asked for.
 type Clock<'a> = &'a mut dyn FnMut(Option<f64>, f64) -> f64;
 
 /// An hour of a device whose clock is off by `ppm`, and whose callbacks come late by 0 to 0.5 ms: frames
