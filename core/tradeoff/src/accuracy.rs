@@ -48,7 +48,7 @@ impl Truth {
 pub(crate) type Truths = HashMap<(usize, String, u64), Truth>;
 
 impl Prepared<'_> {
-    /// Measures accuracy and lag of a setting into its row. Returns the figures of the network's own magnitudes;
+    /// Measures accuracy and lag of a setting into its row. Returns figures of the network's own magnitudes;
     /// none where the run is to stop.
     pub(crate) fn accuracy(
         &self,
@@ -92,7 +92,7 @@ impl Prepared<'_> {
                         against_physics(&rendered, truth, setting.strength, &mut figures);
                         models.extend(of_model(&rendered, &truth.spectrograms));
                     }
-                    // Precision is compared on one stroke over one material only, since double precision is slow.
+                    // Double precision is slow, so only one stroke over one material is compared.
                     if let Some(double) = double.as_ref().filter(|_| std::mem::take(&mut compared)) {
                         let graph = over(double, registry, material, seed);
                         let mut wide = Chain::new(&graph, registry, strokes.clone(), options)?;
