@@ -63,6 +63,8 @@ struct Bounds {
     normals: Option<[Vector; 2]>,
     /// Whether there are solids: spheres and boxes.
     solid: bool,
+    /// Least and greatest coordinates of the centres, where all are spheres.
+    centres: Option<[Vector; 2]>,
     /// Largest possible depth.
     most: f64,
     /// Distance from which they are felt.
@@ -102,6 +104,7 @@ impl Bounds {
             high: [0, 1, 2].map(|k| middle[k] + half[k] + SLACK_MM),
             normals: (!solid).then_some([normal, normal]),
             solid,
+            centres: round.then_some([pose.place_mm(); 2]),
             most: depth + SLACK_MM,
             reach,
             lowest: number,
@@ -112,8 +115,9 @@ impl Bounds {
     fn with(&self, other: &Self) -> Self {
         let lower = |a: Vector, b: Vector| [0, 1, 2].map(|k| least(a[k], b[k]));
         let upper = |a: Vector, b: Vector| [0, 1, 2].map(|k| most(a[k], b[k]));
+        let around = |[a, b]: [Vector; 2], [c, d]: [Vector; 2]| [lower(a, c), upper(b, d)];
         let normals = match (self.normals, other.normals) {
-            (Some([a, b]), Some([c, d])) => Some([lower(a, c), upper(b, d)]),
+            (Some(one), Some(other)) => Some(around(one, other)),
             (one, other) => one.or(other),
         };
         Self {
@@ -121,6 +125,7 @@ impl Bounds {
             high: upper(self.high, other.high),
             normals,
             solid: self.solid || other.solid,
+            centres: self.centres.zip(other.centres).map(|(one, other)| around(one, other)),
             most: most(self.most, other.most),
             reach: most(self.reach, other.reach),
             lowest: self.lowest.min(other.lowest),
@@ -129,8 +134,9 @@ impl Bounds {
 
     /// Upper bound on the depth of the surfaces at a point; minus infinity where none is felt.
     ///
-    /// A solid is no deeper than the distance to the nearest way out of the box. Let a sheet have the normal
-    /// `n`. The depth below it is at most `n . (c - p)`, with `c` anywhere in the box.
+    /// A solid is no deeper than the distance to the nearest way out of the box, and a sphere is no deeper than
+    /// the largest radius less the distance to the centres. Let a sheet have the normal `n`. The depth below it
+    /// is at most `n . (c - p)`, with `c` anywhere in the box.
     #[inline]
     fn ceiling(&self, point: Vector) -> f64 {
         let within: Vector = std::array::from_fn(|k| least(point[k] - self.low[k], self.high[k] - point[k]));
@@ -145,6 +151,10 @@ impl Bounds {
             };
         }
         let mut bound = if self.solid { exit } else { f64::NEG_INFINITY };
+        if let Some([low, high]) = self.centres {
+            let off: Vector = std::array::from_fn(|k| most(most(low[k] - point[k], point[k] - high[k]), 0.0));
+            bound = least(bound, self.most - dot(off, off).sqrt());
+        }
         if let Some([from, to]) = &self.normals {
             let below = (0..3).map(|k| {
                 let (a, b) = (self.low[k] - point[k], self.high[k] - point[k]);
