@@ -204,7 +204,7 @@ fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
 /// The least even 2^a 3^b 5^c that is at least `count`.
 fn fast_len(count: usize) -> usize {
     let without = |mut n: usize, factor: usize| {
-        while n % factor == 0 {
+        while n.is_multiple_of(factor) {
             n /= factor;
         }
         n
