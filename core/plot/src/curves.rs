@@ -30,7 +30,7 @@ impl Curves {
         let plot = |curve: &Curve| Plot {
             heading: (curve.name.clone(), curve.remark.clone()),
             x_name: "Step".into(),
-            y: Scale { logarithmic: curve.points.iter().all(|p| !(p.1 <= 0.0)), range: None },
+            y: Scale { logarithmic: curve.points.iter().all(|p| p.1 > 0.0 || p.1.is_nan()), range: None },
             traces: vec![Trace { lines: vec![curve.points.clone()], ..Trace::default() }],
             ..Plot::default()
         };

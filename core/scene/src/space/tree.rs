@@ -134,9 +134,9 @@ impl Bounds {
 
     /// Upper bound on the depth of the surfaces at a point; minus infinity where none is felt.
     ///
-    /// A solid is no deeper than the distance to the nearest way out of the box, and a sphere is no deeper than
-    /// the largest radius less the distance to the centres. Let a sheet have the normal `n`. The depth below it
-    /// is at most `n . (c - p)`, with `c` anywhere in the box.
+    /// A solid is no deeper than the distance to the nearest way out of the box. A sphere is no deeper than
+    /// the largest radius less the distance to the centres. Let a sheet have the normal `n`. The depth below
+    /// it is at most `n . (c - p)`, with `c` anywhere in the box.
     #[inline]
     fn ceiling(&self, point: Vector) -> f64 {
         let within: Vector = std::array::from_fn(|k| least(point[k] - self.low[k], self.high[k] - point[k]));
