@@ -60,7 +60,7 @@ test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test live long:: -- --nocapture
 	ASPERITY_STABILITY=long ASPERITY_LONG_TICKS=10000000 PROPTEST_CASES=2000 \
 	    $(CARGO) test -p asperity --test stability -- --nocapture
-	ASPERITY_HOSTILE=60 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
+	ASPERITY_HOSTILE=180 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
 
 # Every reader, for so many seconds each.

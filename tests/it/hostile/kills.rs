@@ -44,7 +44,7 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
     let began = std::time::Instant::now();
     drop(made(3));
     let lasts = began.elapsed();
-    two_at_a_time(60 * times(), |number| {
+    two_at_a_time(20 * times(), |number| {
         let dir = tempfile::tempdir().expect("a folder");
         for (name, bytes) in ["o.wav", "t.npy", "v.npy"].iter().zip(&old) {
             fs::write(dir.path().join(name), bytes.as_ref().expect("bytes")).expect("a file");
@@ -81,7 +81,7 @@ fn killed_recording_is_recovered() {
        "out": (kind: "audio_out"),
             "ear": (kind: "file_out", params: (file: "ear.wav"))},
         wires: [("wave", "guard"), ("guard", "out"), ("guard", "ear")])"#;
-    two_at_a_time(6 * times(), |number| {
+    two_at_a_time(2 * times(), |number| {
         let dir = tempfile::tempdir().expect("a folder");
         fs::write(dir.path().join("g.ron"), text).expect("a graph");
         let mut command = asperity(dir.path());
@@ -115,7 +115,7 @@ fn killed_recording_is_recovered() {
 #[test]
 fn render_that_is_told_to_stop_keeps_whole_files() {
     let tally = Tally::new("stopped renders");
-    two_at_a_time(20 * times(), |number| {
+    two_at_a_time(8 * times(), |number| {
         let dir = tempfile::tempdir().expect("a folder");
         let mut command = asperity(dir.path());
         command.args(["render", &graph(), "--seconds", "500", "--out", "o.wav"]);

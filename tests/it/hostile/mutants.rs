@@ -190,7 +190,7 @@ fn damaged_file_is_refused_or_read_and_nothing_else() {
     let tally = Tally::new("damaged files");
     for reader in &READERS {
         let right = (reader.right)();
-        two_at_a_time(reader.mutants * times(), |number| {
+        two_at_a_time(reader.mutants * times() / 3, |number| {
             let dir = tempfile::tempdir().expect("a folder");
             let bytes = mutated(&right, &mut Seed(number.wrapping_mul(0x1_0001)));
             fs::write(dir.path().join(reader.name), bytes).expect("a file");
@@ -221,7 +221,7 @@ fn undamaged_file_is_read() {
 #[test]
 fn damaged_list_of_the_person_is_no_harm() {
     let tally = Tally::new("damaged lists");
-    two_at_a_time(40 * times(), |number| {
+    two_at_a_time(15 * times(), |number| {
         let dir = tempfile::tempdir().expect("a folder");
         let mut seed = Seed(number);
         let right = format!("{}\n/nowhere\n12 34 {}\n", dir.path().display(), dir.path().display());

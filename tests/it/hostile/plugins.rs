@@ -11,7 +11,7 @@ use super::mutants::mutated;
 fn damaged_plugin_ends_no_check() {
     let tally = Tally::new("damaged plugins");
     let right = fs::read(plugins::c("told")).expect("a plugin");
-    two_at_a_time(60 * times(), |number| {
+    two_at_a_time(20 * times(), |number| {
         let dir = tempfile::tempdir().expect("a folder");
         let mut seed = Seed(number + 7);
         let mut bytes = right.clone();
