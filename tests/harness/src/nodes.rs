@@ -102,15 +102,19 @@ fn faulty() -> Arc<NodeKind> {
     const RATE_HZ: u32 = 2500;
     let frame_rate = FrameRate::new(500, 1).expect("a rate");
     let layout = FrameLayout { rate_hz: RATE_HZ, length: 250, bins: 4, frame_rate };
-    let ways = &["nan", "panic", "error", "nan control", "inf frame"];
+    // A reset takes a copy of what it is told, and must not allocate: no `String`.
+    const WAYS: &[&str] = &["nan", "panic", "error", "nan control", "inf frame"];
     let it = Descriptor::new("faulty", "Fails when told to.")
         .output(audio("audio"))
         .output(control("control", 2))
         .output(Output::new("frame", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE))
         .param(Param::integer("from", 0, 0..=1_000_000, "First bad tick."))
         .param(Param::integer("to", 0, 0..=1_000_000, "First good tick after that."))
-        .param(Param::choice("how", ways, "How it fails."));
-    let told = |p: &Params| (p.integer("from") as u64..p.integer("to") as u64, p.text("how").to_owned());
+        .param(Param::choice("how", WAYS, "How it fails."));
+    let told = |p: &Params| {
+        let how = WAYS.iter().position(|way| *way == p.text("how"));
+        (p.integer("from") as u64..p.integer("to") as u64, how.map_or("", |at| WAYS[at]))
+    };
     kind(it, told, |(bad, how), tick| {
         tick.outputs.audio(0).fill(1.0);
         let k = tick.index as f64;
@@ -118,7 +122,7 @@ fn faulty() -> Arc<NodeKind> {
         let start = tick.samples(RATE_HZ).start;
         tick.outputs.magnitude(2, tick.index, start).fill(1.0);
         if bad.contains(&tick.index) {
-            match how.as_str() {
+            match *how {
                 "nan" => tick.outputs.audio(0)[7] = f32::NAN,
                 "nan control" => tick.outputs.control(1)[1] = f64::NAN,
                 "inf frame" => tick.outputs.magnitude(2, tick.index, start)[3] = f32::INFINITY,
