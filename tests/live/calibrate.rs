@@ -189,7 +189,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
         assert_eq!(files(dir.path()), ["mine.ron"], "{more:?}");
     }
     calibrate(dir.path(), "simulated:plant=hapcoil_two", &[]).refused("hapcoil_one");
-    calibrate(dir.path(), "simulated:plant=hapcoil_one,plant_colour=red", &[]).refused("plant_noise");
+    calibrate(dir.path(), "simulated:plant=hapcoil_one,plant_colour=red", &[]).refused("no `plant_colour`");
 }
 
 #[cfg(unix)]
