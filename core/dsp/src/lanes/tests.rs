@@ -2,33 +2,53 @@ use super::*;
 use crate::random::uniform;
 use std::f64::consts::TAU;
 
-/// A transform of something different in every place and lane.
-fn filled(len: usize) -> Fft<f64> {
-    let mut fft = Fft::new(len).unwrap();
-    for (n, x) in fft.points.iter_mut().enumerate() {
-        x.re = each(|l| uniform(0, n as u64, l as u64) - 0.5);
-        x.im = each(|l| uniform(1, n as u64, l as u64) - 0.5);
+/// Something different in every place and lane.
+fn work(len: usize) -> Work<f64> {
+    let mut work = Work::new(len);
+    for (row, part) in [&mut work.re, &mut work.im].into_iter().enumerate() {
+        for (n, lanes) in part.iter_mut().enumerate() {
+            for (l, x) in lanes.iter_mut().enumerate() {
+                *x = uniform(row as u64, n as u64, l as u64) - 0.5;
+            }
+        }
     }
-    fft
+    work
 }
 
 #[test]
 fn transform_of_each_lane_matches_its_definition() {
     for len in [1, 2, 3, 4, 5, 6, 7, 8, 12, 20, 25, 36, 49, 105, 125, 128, 441, 500] {
-        let mut fft = filled(len);
-        let before = fft.points.clone();
-        fft.run();
-        for k in (0..len).step_by(1 + len / 20) {
-            for l in 0..LANES {
-                let (mut re, mut im) = (0.0, 0.0);
-                for (n, x) in before.iter().enumerate() {
-                    let (sin, cos) = (-TAU * (n * k % len) as f64 / len as f64).sin_cos();
-                    let (a, b) = (x.re.0[l], x.im.0[l]);
-                    (re, im) = (re + a * cos - b * sin, im + a * sin + b * cos);
+        let fft = Fft::<f64>::new(len).unwrap();
+        for inverse in [false, true] {
+            let (before, mut after) = (work(len), work(len));
+            fft.run(Portable, &mut after, inverse);
+            for k in (0..len).step_by(1 + len / 20) {
+                for l in 0..LANES {
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for n in 0..len {
+                        let turns = (n * k % len) as f64 / len as f64;
+                        let (sin, cos) = (if inverse { TAU * turns } else { -TAU * turns }).sin_cos();
+                        let (a, b) = (before.re[n][l], before.im[n][l]);
+                        (re, im) = (re + a * cos - b * sin, im + a * sin + b * cos);
+                    }
+                    let off = (after.re[k][l] - re).abs().max((after.im[k][l] - im).abs());
+                    assert!(off < 2e-15 * len as f64, "{len} points, inverse {inverse}, bin {k}: {off}");
                 }
-                let off = (fft.points[k].re.0[l] - re).abs().max((fft.points[k].im.0[l] - im).abs());
-                assert!(off < 2e-15 * len as f64, "{len} points, bin {k}: {off}");
             }
+        }
+    }
+}
+
+#[test]
+fn forward_and_inverse_scale_by_the_length() {
+    for len in [50, 125, 400, 2205, 2400] {
+        let fft = Fft::<f64>::new(len).unwrap();
+        let (before, mut after) = (work(len), work(len));
+        fft.run(Portable, &mut after, false);
+        fft.run(Portable, &mut after, true);
+        for (a, b) in [(&after.re, &before.re), (&after.im, &before.im)] {
+            let off = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a / len as f64 - b).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-14, "{len}");
         }
     }
 }
