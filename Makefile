@@ -6,7 +6,7 @@ OUT ?= out
 # Where cargo puts programs that are not optimised for release.
 BUILT := $(or $(CARGO_TARGET_DIR),target)/debug
 
-.PHONY: test-demo setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -32,9 +32,11 @@ demo: setup
 	@echo "read       $(OUT)/demo.json  what it took"
 
 # Every test but the long ones. Those of the training are left out, since its framework takes long to build; with
-# `make test WITHOUT=` they run too.
+# `make test WITHOUT=` they run too. `BUILD=--all-targets` also builds the benches.
 WITHOUT ?= --exclude asperity-train
+BUILD ?=
 test: setup-tests
+	$(CARGO) test --workspace $(WITHOUT) $(BUILD) --no-run
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
 
 # The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
@@ -68,9 +70,12 @@ FUZZ_S ?= 600
 fuzz: setup-fuzz
 	CARGO="$(CARGO)" sh scripts/fuzz.sh $(FUZZ_S)
 
-lint: setup
+# Looks at the code without building it.
+format: setup
 	$(CARGO) fmt --all --check
 	sh scripts/words.sh
+
+lint: format
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 
 # One table: each node and the whole tick, beside a plain read of the network's weights.
