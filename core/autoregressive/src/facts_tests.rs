@@ -31,9 +31,16 @@ fn mixture_has_barycentric_weights() {
     let mut random = Random::new(3);
     for (name, file) in shipped() {
         let texture = &file.texture;
-        for &triangle in texture.triangles().corners() {
-            let weights = weights(&mut random);
+        for (triangle, weights) in texture
+            .triangles()
+            .corners()
+            .iter()
+            .flat_map(|triangle| [(*triangle, weights(&mut random)), (*triangle, [0.0, 1.0, 0.0])])
+        {
             let [speed, force] = within(texture, triangle, weights);
+            if speed == 0.0 || force == 0.0 {
+                continue;
+            }
             let found = texture.at(speed, force);
             let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
                 triangle.iter().zip(weights).map(|(i, w)| w * of(&texture.models()[*i])).sum()
@@ -56,65 +63,6 @@ fn mixture_has_barycentric_weights() {
     }
 }
 
-/// The nearest point of the convex hull, in parts of the ranges. Uses only the hull's sides: pairs of
-/// points with all others on one side.
-fn nearest_of_hull(points: &[Place], at: Place) -> Place {
-    let range = [0, 1].map(|k| {
-        let [low, high] = super::triangles::range(points.iter().map(|p| p[k]));
-        high - low
-    });
-    let mut nearest = (f64::INFINITY, at);
-    for a in points {
-        for b in points.iter().filter(|b| *b != a) {
-            let side = |p: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-            if points.iter().any(|p| side(p) < -1e-9) {
-                continue;
-            }
-            for i in 0..=20_000 {
-                let part = f64::from(i) / 20_000.0;
-                let p = [0, 1].map(|k| a[k] + part * (b[k] - a[k]));
-                let off = (0..2).map(|k| ((p[k] - at[k]) / range[k]).powi(2)).sum::<f64>();
-                nearest = if off < nearest.0 { (off, p) } else { nearest };
-            }
-        }
-    }
-    nearest.1
-}
-
-#[test]
-fn outside_the_hull_its_nearest_point_counts() {
-    let mut random = Random::new(8);
-    for (name, file) in shipped() {
-        // Without the silent corners the hull is no rectangle.
-        let models: Vec<Model> = file.texture.models().iter().filter(|m| m.variance > 0.0).cloned().collect();
-        let points: Vec<Place> = models.iter().map(Model::place).collect();
-        let texture = Texture::new(1000.0, models, None).unwrap();
-        let centre = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
-        let mut beyond = 0;
-        for _ in 0..60 {
-            let at = [random.range(1.0, 500.0), random.range(0.01, 6.0)];
-            let inside = texture.triangles().corners().iter().any(|t| {
-                let [a, b, c] = t.map(|i| points[i]);
-                let side = |p: Place, q: Place| {
-                    ((q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0])).signum()
-                };
-                side(a, b) == side(b, c) && side(b, c) == side(c, a)
-            });
-            if inside {
-                continue;
-            }
-            beyond += 1;
-            let edge = nearest_of_hull(&points, at);
-            let just_inside = [0, 1].map(|k| edge[k] + 1e-6 * (centre[k] - edge[k]));
-            let (found, want) = (texture.at(at[0], at[1]), texture.at(just_inside[0], just_inside[1]));
-            let level = |filter: &Filter| filter.deviation * filter.gain;
-            assert!((level(&found) / level(&want) - 1.0).abs() < 1e-3, "{name} at {at:?}, {edge:?}");
-            assert!(found.ar().iter().zip(want.ar()).all(|(x, y)| (x - y).abs() < 2e-3), "{name} at {at:?}");
-        }
-        assert!(beyond > 20, "{beyond}");
-    }
-}
-
 #[test]
 fn zero_variance_is_silent_to_the_last_bit() {
     for (name, file) in shipped() {
@@ -128,16 +76,16 @@ fn zero_variance_is_silent_to_the_last_bit() {
         }
     }
     // Moving and pressing within a triangle whose corners are all silent, beside one that sounds.
-    let places = [(10.0, 0.1, 0.0), (100.0, 0.1, 0.0), (10.0, 1.0, 0.0), (100.0, 1.0, 0.5)];
-    let models = places.map(|(speed_mm_s, force_n, variance)| Model {
+    let model = |[speed_mm_s, force_n, variance]: [f64; 3]| Model {
         ar: vec![-1.2, 0.9],
         ma: vec![0.3],
         variance,
         gain: 1.0,
         speed_mm_s,
         force_n,
-    });
-    let models = models.to_vec();
+    };
+    let places = [[10.0, 0.1, 0.0], [100.0, 0.1, 0.0], [10.0, 1.0, 0.0], [100.0, 1.0, 0.5]];
+    let models = places.map(model).to_vec();
     let corners = [[0, 1, 2], [1, 2, 3]];
     let mut synthesis = Synthesis::new(Arc::new(Texture::new(1000.0, models, Some(&corners)).unwrap()), 3);
     let mut out = vec![f32::NAN; 3000];
@@ -152,40 +100,6 @@ fn zero_variance_is_silent_to_the_last_bit() {
     synthesis.touch(30.0, 0.3);
     synthesis.process(3000, &mut out);
     assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
-}
-
-/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])`, written out. A texture without coefficients gives
-/// the noise itself.
-#[test]
-fn steady_signal_is_the_recursion() {
-    let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
-    let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
-    noise.touch(1.0, 1.0);
-    let mut e = vec![0.0f32; 6000];
-    noise.process(0, &mut e);
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for [speed, force] in [[60.0, 0.5], [150.0, 1.2], [400.0, 6.0]] {
-            let filter = texture.at(speed, force);
-            let mut synthesis = Synthesis::new(texture.clone(), 12);
-            synthesis.touch(speed, force);
-            let mut found = vec![0.0f32; 6000];
-            synthesis.process(0, &mut found);
-            let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
-            for n in 0..6000 {
-                excitation[n] = filter.deviation * f64::from(e[n]);
-                let sum = |c: &[f64], of: &[f64]| -> f64 {
-                    c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
-                };
-                let excited = excitation[n] + sum(filter.ma(), &excitation);
-                want[n] = filter.gain * excited - sum(filter.ar(), &want);
-            }
-            let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            for (n, (x, y)) in found.iter().zip(&want).enumerate() {
-                assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
-            }
-        }
-    }
 }
 
 /// A speed and force by the number of a jump.
@@ -330,62 +244,39 @@ fn rendered_third_octaves_match_the_closed_form() {
     assert!(places > 110);
 }
 
+/// Samples do not depend on how they are asked for. A signal that sleeps and starts anew equals one that
+/// went on and was reset there.
 #[test]
 fn noise_depends_on_the_sample_number_only() {
     let (_, file) = shipped().remove(2);
-    let texture = Arc::new(file.texture);
     let mut random = Random::new(9);
-    let touch = |synthesis: &mut Synthesis, n: usize| {
-        synthesis.touch(20.0 + 0.01 * n as f64, 1.0 + 0.0001 * n as f64);
-    };
-    // Samples do not depend on how they are asked for.
-    let mut whole = Synthesis::new(texture.clone(), 4);
-    let mut want = vec![0.0; 8000];
-    for (i, part) in want.chunks_mut(2).enumerate() {
-        touch(&mut whole, 2 * i);
-        whole.process(2 * i as u64, part);
-    }
-    // A signal that sleeps and starts anew equals one that went on and was reset there.
-    let mut awake = Synthesis::new(texture.clone(), 4);
-    let mut asleep = Synthesis::new(texture, 4);
-    let (mut a, mut b) = (vec![0.0; 2], vec![0.0; 2]);
-    let mut sleeps = true;
-    let (mut compared, mut nonzero) = (0, 0);
-    for tick in 0..4000 {
-        let was = sleeps;
-        if tick % 50 == 0 {
-            sleeps = random.chance(0.5);
+    let [mut whole, mut parts, mut awake, mut asleep] =
+        [0; 4].map(|_| Synthesis::new(Arc::new(file.texture.clone()), 4));
+    // Ticks of two samples. Some are asked for one sample at a time.
+    let tick = |synthesis: &mut Synthesis, n: u64, step: usize| {
+        synthesis.touch(20.0 + 0.02 * n as f64, 1.0 + 0.0002 * n as f64);
+        let mut out = [0.0; 2];
+        for (i, out) in out.chunks_mut(step).enumerate() {
+            synthesis.process(2 * n + i as u64, out);
         }
-        touch(&mut awake, 2 * tick);
-        if was && !sleeps {
+        out
+    };
+    let (mut sleeps, mut compared) = (true, 0);
+    for n in 0..4000 {
+        assert_eq!(tick(&mut whole, n, 2), tick(&mut parts, n, 1 + random.below(2)), "tick {n}");
+        let slept = sleeps;
+        sleeps = if n % 50 == 0 { random.chance(0.5) } else { sleeps };
+        if slept && !sleeps {
             awake.reset();
             asleep.reset();
         }
-        awake.process(2 * tick as u64, &mut a);
+        let out = tick(&mut awake, n, 2);
         if !sleeps {
-            touch(&mut asleep, 2 * tick);
-            asleep.process(2 * tick as u64, &mut b);
-            assert_eq!(a, b, "tick {tick}");
+            assert!(out[0] != 0.0 && tick(&mut asleep, n, 2) == out, "tick {n}");
             compared += 1;
-            nonzero += usize::from(a[0] != 0.0);
         }
     }
-    assert!(compared > 1000 && nonzero == compared && compared < 3000);
-    let mut again = Synthesis::new(whole.texture().clone().into(), 4);
-    let mut found = vec![0.0; 8000];
-    let mut at = 0;
-    while at < found.len() {
-        // Ticks are not cut. Some are asked for one sample at a time.
-        touch(&mut again, at);
-        if random.chance(0.5) {
-            again.process(at as u64, &mut found[at..at + 2]);
-        } else {
-            again.process(at as u64, &mut found[at..=at]);
-            again.process(at as u64 + 1, &mut found[at + 1..at + 2]);
-        }
-        at += 2;
-    }
-    assert_eq!(found, want);
+    assert!((1000..3000).contains(&compared));
 }
 
 #[test]

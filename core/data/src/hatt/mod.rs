@@ -176,6 +176,4 @@ fn weight(i: usize, n: usize) -> f64 {
 }
 
 #[cfg(test)]
-mod facts_tests;
-#[cfg(test)]
 mod tests;

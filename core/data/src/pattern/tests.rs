@@ -3,6 +3,20 @@ use crate::made;
 use asperity_texture::{Events, Harmonic, Wave};
 use std::f64::consts::{PI, TAU};
 
+/// Enough to find what is known.
+const QUICK: Effort = Effort {
+    seconds: [4.0, 8.0, 16.0],
+    spacings: 7,
+    rough: [&[-0.8, 0.0], &[0.4], &[0.2, 0.8]],
+    starts: [2, 1],
+    rounds: [4, 2],
+    draws: 1,
+};
+
+fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
+    found(pieces, network, &QUICK)
+}
+
 /// Magnitudes that fall with frequency.
 fn magnitudes() -> Vec<f64> {
     (0..BINS).map(|k| if k == 0 { 0.0 } else { 1.0 / (1.0 + (k as f64 / 30.0).powi(2)) }).collect()
@@ -185,7 +199,7 @@ fn wave_repeats_about_as_much_as_the_strokes() {
 #[test]
 fn made_grating_has_a_wave_and_sandpaper_bumps() {
     let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
-    let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings, None);
+    let of = |name: &str| find(&made::straight_strokes(&made::surface(name).unwrap(), &settings), None);
     let grating = of("square grating 1.2 mm");
     let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
     // A piece has a whole number of ridges; pieces differ by 3 %.
