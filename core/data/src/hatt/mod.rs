@@ -162,12 +162,7 @@ fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
             *sum += weight * p;
         }
     }
-    Example {
-        force: history.force,
-        velocity: history.velocity,
-        magnitudes: power.map(|p| p.sqrt() as f32),
-        other: None,
-    }
+    history.example(power.map(|p| p.sqrt() as f32))
 }
 
 /// Weight of sample `i` of a history of `n`, oldest first. The weights sum to 1.

@@ -23,11 +23,6 @@ const ENOUGH: f64 = 0.02;
 /// Bumps must leave less than this part of plain noise's error.
 const BETTER: f64 = 0.4;
 
-/// Logarithms of factors on the waves' shares to try.
-const FACTORS: [f64; 11] = [-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4];
-/// Equalisation of a wave's harmonic shares: 0 as found, 1 like the fundamental's. A ridge
-/// met a little early or late keeps its shape, but its high harmonics seem not to repeat.
-const ALIKE: [f64; 3] = [0.0, 0.5, 1.0];
 /// Factor of the step from round to round of the fine search.
 const FINER: f64 = 0.6;
 /// Longest anisotropy.
@@ -41,6 +36,11 @@ pub(super) struct Effort {
     pub(super) spacings: usize,
     /// Its exponents, and its deviations of intervals and of heights.
     pub(super) rough: [&'static [f64]; 3],
+    /// Logarithms of factors on the waves' shares to try.
+    pub(super) factors: &'static [f64],
+    /// Equalisation of a wave's harmonic shares: 0 as found, 1 like the fundamental's. A ridge met a little
+    /// early or late keeps its shape, but its high harmonics seem not to repeat.
+    pub(super) alike: &'static [f64],
     /// Points of the rough search from which the fine one begins, and points for the last one.
     pub(super) starts: [usize; 2],
     /// Rounds of the fine search and of the last one, whose first steps are the fine one's second.
@@ -55,6 +55,8 @@ impl Effort {
         seconds: [12.0, 24.0, 72.0],
         spacings: 12,
         rough: [&[-1.0, -0.5, 0.0, 0.5], &[0.2, 0.4, 0.8], &[0.0, 0.5, 1.0, 1.4]],
+        factors: &[-0.7, -0.35, -0.175, -0.09, -0.05, 0.0, 0.175, 0.35, 0.7, 1.05, 1.4],
+        alike: &[0.0, 0.5, 1.0],
         starts: [5, 2],
         rounds: [5, 4],
         draws: 3,
@@ -261,7 +263,7 @@ impl Fit<'_> {
             let plain = self.pattern(0.0, 0.0, None);
             return (self.error(&plain, 0, self.effort.seconds[2], f64::INFINITY), [0.0; 2]);
         }
-        let rough = all_of([FACTORS.to_vec(), ALIKE.to_vec()]);
+        let rough = all_of([self.effort.factors.to_vec(), self.effort.alike.to_vec()]);
         let found = self.search(rough, &WAVED, &|p| self.pattern(p[0], p[1], None));
         found.map_or((f64::INFINITY, [0.0; 2]), |(error, p)| (error, [p[0], p[1]]))
     }
@@ -306,7 +308,12 @@ impl Fit<'_> {
         if self.waves.is_empty() {
             return None;
         }
-        let rough = all_of([vec![0.0, 0.05, 0.15], vec![0.0, 0.6], FACTORS.to_vec(), ALIKE.to_vec()]);
+        let rough = all_of([
+            vec![0.0, 0.05, 0.15],
+            vec![0.0, 0.6],
+            self.effort.factors.to_vec(),
+            self.effort.alike.to_vec(),
+        ]);
         let make = |p: &[f64]| {
             let events = Events {
                 spacing_mm: None,

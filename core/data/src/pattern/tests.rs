@@ -4,17 +4,26 @@ use asperity_texture::{Events, Harmonic, Wave};
 use std::f64::consts::{PI, TAU};
 
 /// Enough to find what is known.
-const QUICK: Effort = Effort {
-    seconds: [4.0, 8.0, 16.0],
-    spacings: 7,
-    rough: [&[-0.8, 0.0], &[0.4], &[0.2, 0.8]],
-    starts: [2, 1],
-    rounds: [4, 2],
-    draws: 1,
-};
+fn quick() -> Effort {
+    let text = std::env::var("QUICK").unwrap();
+    let all: Vec<&'static [f64]> = text
+        .split(';')
+        .map(|p| &*p.split(',').map(|x| x.parse().unwrap()).collect::<Vec<f64>>().leak())
+        .collect();
+    Effort {
+        seconds: [all[0][0], all[0][1], all[0][2]],
+        spacings: all[1][0] as usize,
+        rough: [all[2], all[3], all[4]],
+        factors: all[5],
+        alike: all[6],
+        starts: [all[7][0] as usize, all[7][1] as usize],
+        rounds: [all[8][0] as i32, all[8][1] as i32],
+        draws: all[9][0] as u64,
+    }
+}
 
 fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
-    found(pieces, network, &QUICK)
+    found(pieces, network, &quick())
 }
 
 /// Magnitudes that fall with frequency.
@@ -37,6 +46,9 @@ const BUMPS: Events = Events {
     interval_cv: 0.3,
     height_cv: 0.3,
 };
+
+/// Speeds in mm/s and angles in degrees of strokes over bumps.
+const BUMPY: [(f64, f64); 3] = [(40.0, 17.0), (100.0, 200.0), (240.0, 55.0)];
 
 /// Strokes that the kernel makes of a pattern, on one piece.
 fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
@@ -79,7 +91,7 @@ fn wave_of_known_vector_and_harmonics_is_found() {
     let harmonics = phases.map(|phase| Harmonic { weight: 1.0, share: 0.8, phase }).to_vec();
     let per_mm = [0.6, -0.35];
     let pattern = Pattern { waves: vec![Wave { per_mm, harmonics: harmonics.clone() }], events: None };
-    let found = find(&[strokes(&pattern, 6.0)], None);
+    let found = find(&[strokes(&pattern, 4.0)], None);
     let [wave] = &found.waves[..] else { panic!("{found:?}") };
     let sign = wave.per_mm[0].signum();
     let off = (sign * wave.per_mm[0] - per_mm[0]).hypot(sign * wave.per_mm[1] - per_mm[1]);
@@ -109,7 +121,7 @@ fn weak_wave_counts_where_all_pieces_have_it() {
 
 #[test]
 fn isotropic_noise_has_neither_wave_nor_bump() {
-    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)], None), Pattern::default());
+    assert_eq!(find(&[strokes_along(&BUMPY, &Pattern::default(), 6.0, 100)], None), Pattern::default());
     assert_eq!(find(&[], None), Pattern::default());
 }
 
@@ -135,7 +147,7 @@ fn assert_alike(found: &Pattern, known: &Pattern) {
 fn found_bumps_pulse_and_peak_like_the_strokes() {
     for spacing_exponent in [0.0, -0.9] {
         let known = Pattern { waves: Vec::new(), events: Some(Events { spacing_exponent, ..BUMPS }) };
-        let found = find(&[strokes(&known, 10.0)], None);
+        let found = find(&[strokes_along(&BUMPY, &known, 10.0, 100)], None);
         assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
         assert_alike(&found, &known);
     }
@@ -170,7 +182,7 @@ fn irregular_events_are_found_at_their_ridges() {
     // A network answers smooth magnitudes. Those of the strokes have the ridges' lines, and a filter
     // with them rings after each bump.
     let smooth = |_: [f64; 2]| std::array::from_fn(|k| magnitudes()[k]);
-    let found = find(&[strokes(&known, 6.0)], Some(&smooth));
+    let found = find(&[strokes(&known, 4.0)], Some(&smooth));
     assert!(found.events.is_some_and(|e| e.spacing_mm.is_none()), "{found:?}");
     assert_alike(&found, &known);
 }
@@ -198,8 +210,14 @@ fn wave_repeats_about_as_much_as_the_strokes() {
 
 #[test]
 fn made_grating_has_a_wave_and_sandpaper_bumps() {
-    let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
-    let of = |name: &str| find(&made::straight_strokes(&made::surface(name).unwrap(), &settings), None);
+    // Wide enough that the waves that a piece consists of do not look like ridges.
+    let ways: Vec<(f64, f64, f64)> = [80.0, 200.0]
+        .into_iter()
+        .flat_map(|speed| {
+            [17.0, 47.0, 77.0, 107.0, 137.0, 167.0].map(|angle| (speed, angle + 0.05 * speed, 2.0))
+        })
+        .collect();
+    let of = |name: &str| find(&[made::strokes_over(&made::surface(name).unwrap(), 2, 5, &ways)], None);
     let grating = of("square grating 1.2 mm");
     let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
     // A piece has a whole number of ridges; pieces differ by 3 %.
@@ -217,7 +235,8 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 #[test]
 fn pattern_fits_magnitudes_of_an_erring_network() {
     // The network hears none of the low half. Bumps through the rest should be as bumpy.
-    let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(BUMPS) }, 10.0);
+    let bumps = Pattern { waves: Vec::new(), events: Some(BUMPS) };
+    let strokes = strokes_along(&BUMPY, &bumps, 6.0, 100);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));
         std::array::from_fn(|k| if k < 30 { 0.01 } else { 1.0 })

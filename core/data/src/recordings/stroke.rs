@@ -141,11 +141,10 @@ impl Recorded {
             let Some(magnitudes) = frame_at(frame.clone()) else { break };
             // The next frame is another signal of nearly the same touch.
             let other = frame_at(frame.end..2 * frame.end - frame.start);
-            let mut velocity = history.velocity;
+            let mut example = Example { other, ..history.example(magnitudes) };
             if !self.directed {
-                turn(&mut velocity, examples.len());
+                turn(&mut example.velocity, examples.len());
             }
-            let example = Example { force: history.force, velocity, magnitudes, other };
             examples.push(Timed { example, at_s: tick as f64 / RATE_HZ });
         }
         Ok(examples)
