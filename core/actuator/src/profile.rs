@@ -19,9 +19,8 @@ pub struct Quantity {
 
 /// An actuator: the figures that do not depend on its handle.
 ///
-/// In the file each value has a unit and a source, `m_a: (g: 4.4, source: "data sheet")`. With
-/// `estimate: true` it is an estimate. All fields are required. [`ActuatorProfile::parse`] lists the
-/// ranges.
+/// In the file each value has a unit and a source, `m_a: (g: 4.4, source: "data sheet")`. With `estimate:
+/// true` it is an estimate. All fields are required. [`ActuatorProfile::parse`] lists the ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuatorProfile {
     /// Name of the actuator.

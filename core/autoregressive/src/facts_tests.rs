@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_dsp::Stft;
 
-use super::fit::{Recording, Settings};
+use super::fit::{Recording, Settings, Why};
 use super::made_tests::{level, shipped};
 use super::{Filter, Model, Synthesis, Texture, line_spectrum};
 use asperity_numbers::Random;
@@ -58,83 +58,6 @@ fn mixture_has_barycentric_weights() {
                     let want = mean(&|m| line_spectrum::from_polynomial(&of(m)).unwrap()[i]);
                     assert!((w - want).abs() < 1e-8, "{name}: {w}, not {want}");
                 }
-            }
-        }
-    }
-}
-
-#[test]
-fn zero_variance_is_silent_to_the_last_bit() {
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        let mut synthesis = Synthesis::new(texture.clone(), 3);
-        let mut out = vec![f32::NAN; 500];
-        for m in texture.models().iter().filter(|m| m.variance == 0.0) {
-            synthesis.touch(m.speed_mm_s, m.force_n);
-            synthesis.process(0, &mut out);
-            assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{name}");
-        }
-    }
-    // Moving and pressing within a triangle whose corners are all silent, beside one that sounds.
-    let model = |[speed_mm_s, force_n, variance]: [f64; 3]| Model {
-        ar: vec![-1.2, 0.9],
-        ma: vec![0.3],
-        variance,
-        gain: 1.0,
-        speed_mm_s,
-        force_n,
-    };
-    let places = [[10.0, 0.1, 0.0], [100.0, 0.1, 0.0], [10.0, 1.0, 0.0], [100.0, 1.0, 0.5]];
-    let models = places.map(model).to_vec();
-    let corners = [[0, 1, 2], [1, 2, 3]];
-    let mut synthesis = Synthesis::new(Arc::new(Texture::new(1000.0, models, Some(&corners)).unwrap()), 3);
-    let mut out = vec![f32::NAN; 3000];
-    for (speed, force) in [(20.0, 0.2), (50.0, 0.3), (30.0, 0.79), (5.0, 0.05)] {
-        synthesis.touch(speed, force);
-        synthesis.process(0, &mut out);
-        assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{speed} {force}");
-    }
-    synthesis.touch(90.0, 0.9);
-    synthesis.process(0, &mut out);
-    assert!(out.iter().any(|x| x.abs() > 0.1));
-    synthesis.touch(30.0, 0.3);
-    synthesis.process(3000, &mut out);
-    assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
-}
-
-/// A speed and force by the number of a jump.
-type Jumps = fn(u64) -> Place;
-
-/// The recursion over the signal's own past, used once, grew without end: `ringing.ron` on all of
-/// these, `rough.ron` on the second.
-#[test]
-fn jumps_are_never_louder_than_the_loudest_place() {
-    let anywhere: Jumps = |k| {
-        let mut random = Random::new(k);
-        [random.range(1.0, 301.0), random.range(0.1, 3.1)]
-    };
-    let corners: Jumps = |k| if k % 2 == 0 { [20.0, 0.3] } else { [300.0, 3.0] };
-    let forces: Jumps = |k| if k % 2 == 0 { [300.0, 0.3] } else { [300.0, 3.0] };
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for (way, jumps) in [("anywhere", anywhere), ("two corners", corners), ("two forces", forces)] {
-            for samples in [1, 2, 4, 10] {
-                let mut synthesis = Synthesis::new(texture.clone(), 5);
-                let mut out = vec![0.0; 30_000];
-                let mut loudest: f64 = 0.0;
-                for (k, out) in out.chunks_mut(samples).enumerate() {
-                    let [speed, force] = jumps(k as u64);
-                    loudest = loudest.max(level(&texture.at(speed, force)));
-                    synthesis.touch(speed, force);
-                    synthesis.process((k * samples) as u64, out);
-                }
-                let square: f64 = out.iter().map(|x| f64::from(*x).powi(2)).sum();
-                let rms = (square / out.len() as f64).sqrt();
-                let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
-                // 30 s of a resonance of 6 Hz are off by up to 5 %. Normal noise does not reach 6
-                // deviations here.
-                let place = format!("{name}, {way}, every {samples}: {rms} and {peak}, not {loudest}");
-                assert!(rms < 1.15 * loudest && f64::from(peak) < 6.0 * loudest, "{place}");
             }
         }
     }
@@ -200,7 +123,7 @@ fn power(signal: &[f32]) -> Vec<f64> {
     power.into_iter().map(|p| p / count).collect()
 }
 
-/// At every corner and at a place in every triangle, over 120 s. In the band of 25 Hz, 5.8 Hz wide, the
+/// At every corner and at a place in every triangle, over 120 s. No sample reaches 6.5 deviations. In the band of 25 Hz, 5.8 Hz wide, the
 /// power of 120 s of noise has a deviation of 0.16 dB. All places have the same noise, so that it is
 /// one draw for all of them.
 #[test]
@@ -227,6 +150,8 @@ fn rendered_third_octaves_match_the_closed_form() {
             // The first second settles.
             let found = power(&out[1000..]);
             let filter = texture.at(speed, force);
+            let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+            assert!(f64::from(peak) < 6.5 * level(&filter), "{name}: {peak}");
             for band in 14..=26 {
                 let centre = 10f64.powf(f64::from(band) / 10.0);
                 let near = |k: &usize| (0.25 * *k as f64 / centre).log10().abs() < 0.05;
@@ -279,28 +204,6 @@ fn noise_depends_on_the_sample_number_only() {
     assert!((1000..3000).contains(&compared));
 }
 
-#[test]
-fn ten_minutes_stay_finite_and_at_their_level() {
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for m in texture.models().iter().filter(|m| m.variance > 0.0) {
-            let mut synthesis = Synthesis::new(texture.clone(), 77);
-            synthesis.touch(m.speed_mm_s, m.force_n);
-            let wanted = level(&texture.at(m.speed_mm_s, m.force_n));
-            let mut out = vec![0.0f32; 60_000];
-            let (mut squares, mut peak) = (0.0, 0.0f32);
-            for minute in 0..10 {
-                synthesis.process(60_000 * minute, &mut out);
-                squares += out.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-                peak = out.iter().fold(peak, |m, x| m.max(x.abs()));
-            }
-            let found = (squares / 600_000.0).sqrt();
-            assert!(found.is_finite() && f64::from(peak) < 6.5 * wanted, "{name}: {peak} of {wanted}");
-            assert!((20.0 * (found / wanted).log10()).abs() < 0.3, "{name}: {found}, not {wanted}");
-        }
-    }
-}
-
 /// The rendered signal is fitted. The fit sounds as the texture does.
 #[test]
 fn fit_of_a_rendering_is_its_texture() {
@@ -333,6 +236,14 @@ fn fit_of_a_rendering_is_its_texture() {
             acceleration_m_s2: vec![&acceleration],
         };
         let (fitted, report) = recording.fit(&Settings::default()).unwrap();
+        assert_eq!(
+            (fitted.models().len(), fitted.triangles().corners().len()),
+            (9, 8),
+            "{name}: {report:#?}"
+        );
+        // Most of each second on the way is neither place.
+        let unsteady = report.dropped_s(Why::Unsteady);
+        assert!((3.0..8.0).contains(&unsteady), "{name}: {unsteady} s");
         for [v, f] in corners {
             let (found, want) = (fitted.at(v, f), texture.at(v, f));
             let off = 20.0 * (level(&found) / level(&want)).log10();

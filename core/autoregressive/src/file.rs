@@ -152,8 +152,7 @@ impl TextureFile {
 }
 
 impl Texture {
-    /// Reads a texture from a file: of the Penn [toolkit] if its name ends in `.xml`, else a
-    /// [`TextureFile`].
+    /// Reads a texture from a file: of the Penn [toolkit] if its name ends in `.xml`, else a [`TextureFile`].
     ///
     /// # Errors
     /// A file that cannot be read, and all of [`toolkit::parse`] or [`TextureFile::parse`].

@@ -84,8 +84,7 @@ impl History {
     }
 }
 
-/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with
-/// speed.
+/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with speed.
 #[derive(Clone, Debug, Default)]
 struct Velocity {
     filters: [LowPass; 2],

@@ -9,10 +9,9 @@ pub(super) fn slopes(time: &[f64], position: &[[f64; 3]]) -> Vec<[f64; 3]> {
     x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
 }
 
-/// Slopes of the shape-preserving piecewise cubic (PCHIP) through `(x, y)`: F. N. Fritsch, J. Butland,
-/// "A method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput.
-/// 5, 1984, with three-point ends limited as there. `x` rises strictly. Both have one length, 2 or
-/// more.
+/// Slopes of the shape-preserving piecewise cubic (PCHIP) through `(x, y)`: F. N. Fritsch, J. Butland, "A
+/// method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984,
+/// with three-point ends limited as there. `x` rises strictly. Both have one length, 2 or more.
 fn pchip_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let step: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let secant: Vec<f64> = y.windows(2).zip(&step).map(|(w, h)| (w[1] - w[0]) / h).collect();

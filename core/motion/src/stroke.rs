@@ -64,8 +64,7 @@ pub struct StrokeParams {
 }
 
 impl Default for StrokeParams {
-    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with a sensor step of 0.055
-    /// mm.
+    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with a sensor step of 0.055 mm.
     fn default() -> Self {
         Self {
             shape: Shape::Zigzag,

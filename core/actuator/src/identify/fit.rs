@@ -100,8 +100,7 @@ impl Model {
         Self { latency: 0.0, ..*self }.gradient(hz).0
     }
 
-    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the
-    /// latency.
+    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the latency.
     pub(super) fn gradient(&self, hz: f64) -> (Complex64, [Complex64; EACH]) {
         let s = Complex64::new(0.0, TAU * hz);
         let (e, p, d) = self.parts(s);
@@ -255,50 +254,36 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     point
 }
 
-/// Half gradient and normal matrix of the cost: the sum of 2 |r|^2 / noise and the priors.
-struct Normal {
-    cost: f64,
-    gradient: Vec<f64>,
-    matrix: Vec<Vec<f64>>,
-}
+/// The cost, which is the sum of 2 |r|^2 / noise and the priors, with half its gradient and its normal matrix.
+type Normal = (f64, Vec<f64>, Vec<Vec<f64>>);
 
-struct Problem<'a> {
-    runs: &'a [Run],
-    coil: Coil,
-    beliefs: Vec<(f64, f64)>,
-    /// Factor on each recording's noise.
-    noise: Vec<f64>,
-}
-
-impl Problem<'_> {
-    fn normal(&self, at: &Point) -> Normal {
-        let len = at.len();
-        let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
-        for (n, run) in self.runs.iter().enumerate() {
-            let model = model(at, run, n, self.coil);
-            let place = places(n);
-            let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
-            cost += own;
-            for i in 0..EACH {
-                gradient[place[i]] += slope[i];
-                for j in 0..EACH {
-                    matrix[place[i]][place[j]] += square[i][j];
-                }
+/// The cost at a point. `beliefs` are the mean and standard deviation of each figure, `noise` is a factor on
+/// each recording's noise.
+fn normal(at: &Point, runs: &[Run], coil: Coil, beliefs: &[(f64, f64)], noise: &[f64]) -> Normal {
+    let (mut cost, mut gradient) = (0.0, vec![0.0; at.len()]);
+    let mut matrix = vec![gradient.clone(); at.len()];
+    for (n, run) in runs.iter().enumerate() {
+        let place = places(n);
+        let (own, slope, square) = one(&run.spectra, &model(at, run, n, coil), noise[n]);
+        cost += own;
+        for i in 0..EACH {
+            gradient[place[i]] += slope[i];
+            for j in 0..EACH {
+                matrix[place[i]][place[j]] += square[i][j];
             }
         }
-        for (i, (value, spread)) in self.beliefs.iter().enumerate() {
-            let off = (value - at[i]) / spread;
-            cost += off * off;
-            gradient[i] += off / spread;
-            matrix[i][i] += 1.0 / (spread * spread);
-        }
-        Normal { cost, gradient, matrix }
     }
+    for (i, (value, spread)) in beliefs.iter().enumerate() {
+        let off = (value - at[i]) / spread;
+        cost += off * off;
+        gradient[i] += off / spread;
+        matrix[i][i] += 1.0 / (spread * spread);
+    }
+    (cost, gradient, matrix)
 }
 
-type Square = [[f64; EACH]; EACH];
-
-fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Square) {
+/// The same of one recording, without priors.
+fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], [[f64; EACH]; EACH]) {
     let (mut cost, mut slope, mut square) = (0.0, [0.0; EACH], [[0.0; EACH]; EACH]);
     for band in &spectra.bands {
         let weight = 2.0 * spectra.independent / (band.noise * noise);
@@ -332,13 +317,13 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
     for (n, run) in runs.iter().enumerate() {
         beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
     }
-    let problem = Problem { runs, coil, beliefs, noise: noise.to_vec() };
-    let mut now = problem.normal(&at);
+    let normal = |at: &Point| normal(at, runs, coil, &beliefs, noise);
+    let (mut cost, mut gradient, mut matrix) = normal(&at);
     let mut lambda = 1e-3;
     for _ in 0..ITERATIONS {
-        let mut damped = now.matrix.clone();
+        let mut damped = matrix.clone();
         damped.iter_mut().enumerate().for_each(|(i, row)| row[i] *= 1.0 + lambda);
-        let Some(step) = solve(&damped, &now.gradient) else { break };
+        let Some(step) = solve(&damped, &gradient) else { break };
         let mut next = at.clone();
         for (i, (x, by)) in next.iter_mut().zip(&step).enumerate() {
             *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
@@ -346,10 +331,10 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         for (x, (least, most)) in next.iter_mut().zip(RANGES) {
             *x = x.clamp(least.log_e(), most.log_e());
         }
-        let there = problem.normal(&next);
-        if there.cost < now.cost {
-            let settled = now.cost - there.cost < 1e-9 * now.cost;
-            (at, now, lambda) = (next, there, (lambda * 0.2).max(1e-12));
+        let there = normal(&next);
+        if there.0 < cost {
+            let settled = cost - there.0 < 1e-9 * cost;
+            (at, lambda, (cost, gradient, matrix)) = (next, (lambda * 0.2).max(1e-12), there);
             if settled {
                 break;
             }
@@ -360,7 +345,7 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         }
     }
     let models = runs.iter().enumerate().map(|(n, run)| model(&at, run, n, coil)).collect();
-    Fitted { models, covariance: inverse(&now.matrix), at }
+    Fitted { models, covariance: inverse(&matrix), at }
 }
 
 impl Fitted {

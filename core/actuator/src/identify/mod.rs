@@ -34,7 +34,6 @@
 mod findings;
 mod fit;
 mod judge;
-mod profile;
 mod spectra;
 mod sweep;
 
@@ -45,8 +44,7 @@ use super::{ActuatorProfile, Drive};
 use fit::{Belief, Coil, Fitted, Run};
 use spectra::Spectra;
 
-pub use findings::{Estimate, Findings, Measurement, Point, Trust};
-pub use profile::write_profile;
+pub use findings::{Estimate, Findings, Measurement, Point, Trust, write_profile};
 pub use sweep::{Sweep, SweepSettings, SweepShape, raised_cosine};
 
 /// A drive and the acceleration of the handle, in step.

@@ -146,23 +146,22 @@ const TINY: f64 = 1e-30;
 /// Protects an actuator. The module describes how.
 ///
 /// Guaranteed for any input, as simulated with its [`Dynamics`]: every output is finite, at most
-/// [`Limits::peak`], and no further than [`Limits::slew_per_sample`] from the one before. The rms
-/// current over the thermal time constant is at most 1 % over the rating (for a voltage see below), and
-/// the mover stays within its stroke. The output's mean over T seconds is at most `8 peak / (2 pi
-/// dc_corner_hz T)`. A signal well within the limits is changed by the DC removal only, rounded to f32.
+/// [`Limits::peak`], and no further than [`Limits::slew_per_sample`] from the one before. The rms current
+/// over the thermal time constant is at most 1 % over the rating (for a voltage see below), and the mover
+/// stays within its stroke. The output's mean over T seconds is at most `8 peak / (2 pi dc_corner_hz T)`. A
+/// signal well within the limits is changed by the DC removal only, rounded to f32.
 ///
-/// A random search covered 28 694 actuators like the shipped one, 16 790 of them under a voltage, with
-/// inputs that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by
-/// turns. The farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its
-/// rating. A larger search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the
-/// swing was bounded by its heat, coils came up to 10 % over (`tests/heat.rs` keeps eight).
+/// A random search covered 28 694 actuators like the shipped one, 16 790 of them under a voltage, with inputs
+/// that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by turns. The
+/// farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its rating. A larger
+/// search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the swing was bounded by its
+/// heat, coils came up to 10 % over (`tests/heat.rs` keeps eight).
 ///
-/// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can
-/// read up to sqrt(2) of the rating just after a cold start.
+/// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can read up
+/// to sqrt(2) of the rating just after a cold start.
 ///
-/// 96 samples take 1.1 us (current) or 1.3 us (voltage) without limiting, 1.5 us or 1.8 us at five
-/// times the peak: medians on one of 2 cores of a shared server-class x86-64 with AVX-512, by
-/// `benches/actuator.rs`.
+/// 96 samples take 1.1 us (current) or 1.3 us (voltage) without limiting, 1.5 us or 1.8 us at five times the
+/// peak: medians on one of 2 cores of a shared server-class x86-64 with AVX-512, by `benches/actuator.rs`.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     fixed: Fixed,

@@ -62,9 +62,8 @@ pub struct Compared {
     pub seconds: f64,
     /// Bands from 25 Hz to 400 Hz, as far as the models' rate allows.
     pub bands: Vec<Band>,
-    /// Power density of the recording in (m/s^2)^2 / Hz, at 0 Hz,
-    /// [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ), .., as a mean over frames of 0.2 s. Empty where all
-    /// segments are shorter.
+    /// Power density of the recording in (m/s^2)^2 / Hz, at 0 Hz, [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ),
+    /// .., as a mean over frames of 0.2 s. Empty where all segments are shorter.
     pub density: Vec<f64>,
 }
 

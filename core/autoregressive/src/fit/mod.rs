@@ -1,22 +1,21 @@
-//! Fits a texture to a recording of force, speed and acceleration, as in Culbertson, Unwin and
-//! Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface
-//! interactions"): cut where it changes, fit each piece, merge pieces at one speed and force into a
-//! model, join the models by triangles.
+//! Fits a texture to a recording of force, speed and acceleration, as in Culbertson, Unwin and Kuchenbecker
+//! 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface interactions"): cut where
+//! it changes, fit each piece, merge pieces at one speed and force into a model, join the models by
+//! triangles.
 //!
 //! # Steps of a fit
 //!
-//! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis
-//!    changes for 20 ms. Clipped: one axis stays at its highest or lowest value for 1 ms; three blocks
-//!    before and behind go too. No contact, then slow: the mean of five blocks of the force, then of the
-//!    speed, is too low. Clicks: at most 50 ms within a second in which the power of the signal's
-//!    differences is 20 dB above that second's median; a block before and behind goes too. A straight line
-//!    replaces a click, so that no filter rings.
+//! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis changes
+//!    for 20 ms. Clipped: one axis stays at its highest or lowest value for 1 ms; three blocks before and
+//!    behind go too. No contact, then slow: the mean of five blocks of the force, then of the speed, is too
+//!    low. Clicks: at most 50 ms within a second in which the power of the signal's differences is 20 dB
+//!    above that second's median; a block before and behind goes too. A straight line replaces a click, so
+//!    that no filter rings.
 //! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz: slower
 //!    parts are the hand's motion and gravity. Several axes become one signal after DFT321 (Landin, Romano,
 //!    McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for haptic
-//!    rendering"), with the phase of the loudest axis and not of the sum, in which axes may cancel, in
-//!    frames of 0.1 s. [`asperity_dsp::resample`] then brings the signal to the models' rate, by default 1
-//!    kHz.
+//!    rendering"), with the phase of the loudest axis and not of the sum, in which axes may cancel, in frames
+//!    of 0.1 s. [`asperity_dsp::resample`] then brings the signal to the models' rate, by default 1 kHz.
 //! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its tolerance
 //!    around the middle of its range, the stretch is cut where the sum of squares gets least (binary
 //!    segmentation, Vostrikova 1981).

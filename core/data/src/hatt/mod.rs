@@ -1,7 +1,7 @@
-//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures
-//! as autoregressive models, with photographs (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
-//! hundred data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its
-//! licence forbids passing the files on; none are in this project.
+//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as
+//! autoregressive models, with photographs (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One hundred
+//! data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its licence
+//! forbids passing the files on; none are in this project.
 //!
 //! # What is looked for
 //!
@@ -13,11 +13,10 @@
 //!
 //! # What examples are
 //!
-//! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean
-//! square of all signals, from the models' [closed form](asperity_autoregressive): targets without
-//! noise. The 20 ms before a frame have weights 1, 2, .. 10, the newest most, so that a contact that
-//! began 6 ms ago counts for what it is. Speeds and forces outside the recordings count as the nearest
-//! recorded ones.
+//! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean square
+//! of all signals, from the models' [closed form](asperity_autoregressive): targets without noise. The 20 ms
+//! before a frame have weights 1, 2, .. 10, the newest most, so that a contact that began 6 ms ago counts for
+//! what it is. Speeds and forces outside the recordings count as the nearest recorded ones.
 //!
 //! A model of 1000 Hz says nothing above 500 Hz. Its magnitudes there are 0, as in the toolkit's own
 //! rendering. A network trained on them is silent there too.

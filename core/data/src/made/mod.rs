@@ -1,12 +1,11 @@
 //! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a
 //! simulated pen.
 //!
-//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to
-//! judge by. So no place and no stroke to judge by was ever seen. Two surfaces of each family are never
-//! trained on.
+//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge
+//! by. So no place and no stroke to judge by was ever seen. Two surfaces of each family are never trained on.
 //!
-//! A stroke is a line, a zigzag or a circle in any direction, of up to 300 mm/s and 3.5 N, with a
-//! swinging force. Without force the pen is in the air and feels nothing.
+//! A stroke is a line, a zigzag or a circle in any direction, of up to 300 mm/s and 3.5 N, with a swinging
+//! force. Without force the pen is in the air and feels nothing.
 
 mod expectations;
 mod ground;
@@ -75,8 +74,7 @@ fn unseen(number: usize) -> bool {
 /// Depth of the gel's press in mm.
 const DEPTH_MM: (f64, f64) = (0.2, 0.6);
 
-/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another
-/// camera.
+/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another camera.
 fn press(piece: &HeightField, count: usize, random: &mut Random, images: &mut Vec<Image>) {
     for _ in 0..count {
         let camera = Camera::another(random);
@@ -126,8 +124,7 @@ pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
     [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
 }
 
-/// Subjects of two lists of surfaces, made on all cores. `done` is called after each with the number
-/// done.
+/// Subjects of two lists of surfaces, made on all cores. `done` is called after each with the number done.
 ///
 /// # Errors
 /// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.

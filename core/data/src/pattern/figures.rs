@@ -22,8 +22,7 @@ pub struct Figures {
     /// Rms of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the
     /// analytic signal.
     pub modulation: f64,
-    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without ripples slower than 5
-    /// Hz.
+    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without ripples slower than 5 Hz.
     pub repetition: f64,
     /// The same for the wave.
     pub wave_repetition: f64,

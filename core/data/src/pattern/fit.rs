@@ -1,5 +1,4 @@
-//! Search by playing: how much of the waves repeats, and the bumps that make the kernel like the
-//! strokes.
+//! Search by playing: how much of the waves repeats, and the bumps that make the kernel like the strokes.
 
 use std::ops::Range;
 
@@ -68,9 +67,8 @@ type Varied = (f64, f64, f64);
 
 /// For waves: logarithm of the factor on their shares, and how equal they are made.
 const WAVED: [Varied; 2] = [(-1.0, 1.5, 0.2), (0.0, 1.0, 0.25)];
-/// For bumps with a spacing: logarithm in mm of the spacing at which equal bumps have the same
-/// kurtosis; its exponent; its anisotropy; deviations of intervals and heights; then the numbers for
-/// waves.
+/// For bumps with a spacing: logarithm in mm of the spacing at which equal bumps have the same kurtosis; its
+/// exponent; its anisotropy; deviations of intervals and heights; then the numbers for waves.
 const SPACED: [Varied; 8] = [
     (-3.5, 4.2, 0.25),
     (-2.0, 1.0, 0.4),

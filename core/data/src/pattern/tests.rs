@@ -162,8 +162,7 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
         .flat_map(|speed| [0.0, 45.0, 90.0, 135.0].map(|angle| (speed, angle + 0.1 * speed)))
         .collect();
     let found = find(&[strokes_along(&ways, &known, 6.0, 100)], None);
-    // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by
-    // chance.
+    // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by chance.
     for angle in [13.0, 58.0, 103.0, 148.0] {
         let [found, known] = [(&found, 1), (&known, 2)].map(|(pattern, seed)| {
             let x = rendered(pattern, &magnitudes(), &places(100.0, angle, 40.0), seed);

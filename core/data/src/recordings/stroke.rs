@@ -43,8 +43,7 @@ pub struct Recorded {
 /// An example and its time.
 pub(super) struct Timed {
     pub(super) example: Example,
-    /// Time of its newest history sample and the start of its frame, in seconds from the stroke's
-    /// beginning.
+    /// Time of its newest history sample and the start of its frame, in seconds from the stroke's beginning.
     at_s: f64,
 }
 

@@ -84,8 +84,7 @@ fn one_recording_notes_the_unknown_moving_mass() {
     assert!(!f.moving_mass_measured && (f.moving_mass.value / base.moving_mass.value - 1.0).abs() < 1e-3);
     assert_eq!(f.trust, Trust::Fair);
     assert!(f.notes.iter().any(|n| n.contains("cannot tell the moving mass")), "{:?}", f.notes);
-    // Too large by as much, but the intervals cover the truth, and the single recording's figures are
-    // right.
+    // Too large by as much, but the intervals cover the truth, and the single recording's figures are right.
     assert!(f.stiffness.value > 1.2 * truth.stiffness.value && f.stiffness.low < truth.stiffness.value);
     assert!(f.damping.low < truth.damping.value);
     let d = Dynamics::new(&truth, 100.0).unwrap();
