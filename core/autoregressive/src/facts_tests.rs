@@ -7,7 +7,8 @@ use asperity_dsp::Stft;
 
 use super::fit::{Recording, Settings, Why};
 use super::made_tests::{level, shipped};
-use super::{Filter, Model, Synthesis, Texture, line_spectrum};
+use super::testing::{bands, off_db};
+use super::{Model, Synthesis, Texture, line_spectrum};
 use asperity_numbers::Random;
 
 /// Speed and force.
@@ -248,24 +249,9 @@ fn fit_of_a_rendering_is_its_texture() {
             let (found, want) = (fitted.at(v, f), texture.at(v, f));
             let off = 20.0 * (level(&found) / level(&want)).log10();
             assert!(off.abs() < 1.0, "{name} at {v} mm/s, {f} N: {off} dB");
-            let worst = worst_band(&found, &want);
+            let worst = off_db(&bands(&found, 1000.0), &bands(&want, 1000.0), 1e-3);
             println!("{name} {v} {f}: level {off:.2}, band {worst:.2}, order {}", report.order);
             assert!(worst < limit, "{name} at {v} mm/s, {f} N: {worst} dB");
         }
     }
-}
-
-/// The largest difference in dB in third-octave bands that hold a thousandth of the power or more.
-fn worst_band(found: &Filter, want: &Filter) -> f64 {
-    let power = |filter: &Filter, centre: f64| {
-        let at = |i: i32| centre * 10f64.powf((f64::from(i) + 0.5) / 1000.0 - 0.05);
-        (0..100).map(|i| filter.power(TAU * at(i) / 1000.0) * at(i)).sum::<f64>()
-    };
-    let bands: Vec<[f64; 2]> = (14..=26)
-        .map(|band| 10f64.powf(f64::from(band) / 10.0))
-        .map(|centre| [power(found, centre), power(want, centre)])
-        .collect();
-    let whole: f64 = bands.iter().map(|b| b[1]).sum();
-    let held = bands.iter().filter(|b| b[1] > 1e-3 * whole);
-    held.map(|[x, y]| (10.0 * (x / y).log10()).abs()).fold(0.0, f64::max)
 }

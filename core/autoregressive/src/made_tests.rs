@@ -1,12 +1,12 @@
 //! Makes the textures of `graphs/models/made_ar` from resonances, zeros and levels that grow with speed
 //! and force. `ASPERITY_WRITE_TEXTURES=1` writes them.
 
-use std::f64::consts::{PI, TAU};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Source;
 
+use super::testing::{multiply, poles};
 use super::{Filter, Model, Texture, TextureFile, is_stable, line_spectrum, toolkit};
 
 const RATE_HZ: f64 = 1000.0;
@@ -78,24 +78,13 @@ const ALL: [Made; 3] = [
 
 /// `c_1 ..` of a polynomial with these pairs of roots and real roots, rounded to six digits after the point.
 fn polynomial(pairs: &[[f64; 2]], real: &[f64]) -> Vec<f64> {
-    let mut factors: Vec<[f64; 3]> = real.iter().map(|r| [1.0, -r, 0.0]).collect();
-    factors.extend(pairs.iter().map(|[hz, bandwidth_hz]| {
-        let radius = (-PI * bandwidth_hz / RATE_HZ).exp();
-        [1.0, -2.0 * radius * (TAU * hz / RATE_HZ).cos(), radius * radius]
-    }));
-    let mut product = vec![0.0; 2 * pairs.len() + real.len() + 1];
-    product[0] = 1.0;
-    for factor in factors {
-        for i in (0..product.len()).rev() {
-            let before = |k: usize| if i >= k { product[i - k] } else { 0.0 };
-            product[i] += factor[1] * before(1) + factor[2] * before(2);
-        }
+    let mut all = poles(pairs, RATE_HZ);
+    all.insert(0, 1.0);
+    for root in real {
+        multiply(&mut all, [-root, 0.0]);
+        all.pop();
     }
-    product[1..]
-        .iter()
-        .map(|c| (c * 1e6).round() * 1e-6)
-        .map(|c| format!("{c:.6}").parse().unwrap())
-        .collect()
+    all[1..].iter().map(|c| format!("{c:.6}").parse().unwrap()).collect()
 }
 
 fn model(sound: &Sound, [speed_mm_s, force_n]: [f64; 2], silent: bool) -> Model {

@@ -10,8 +10,6 @@
 mod example;
 pub mod felt;
 mod folder;
-#[cfg(test)]
-mod folder_testing;
 mod frames;
 pub mod hatt;
 mod history;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source};
 
-use super::interpolate::slopes;
+use super::trajectory::slopes;
 use super::{AxisMap, Column, Interpolation, Table, Trajectory};
 
 /// Largest time in a file, in seconds: room for a Unix time, none for one in milliseconds.

@@ -136,22 +136,16 @@ pub(super) struct Belief {
     pub(super) spread: f64,
 }
 
-/// One recording, ready to fit.
+/// One recording with first estimates, ready to fit.
 pub(super) struct Run {
     pub(super) spectra: Spectra,
-    pub(super) start: Start,
     pub(super) handle_mass: Belief,
-}
-
-/// First estimates from one recording.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Start {
     /// Acceleration per ampere at high frequencies \[m/s^2 per A\].
-    pub(super) gain: f64,
-    pub(super) natural_rad_s: f64,
-    pub(super) damping_ratio: f64,
-    pub(super) latency: f64,
-    pub(super) sign: f64,
+    gain: f64,
+    natural_rad_s: f64,
+    damping_ratio: f64,
+    latency: f64,
+    sign: f64,
 }
 
 /// The figures and their uncertainty.
@@ -167,17 +161,19 @@ fn shape(coil: Coil, natural: f64, zeta: f64, hz: f64) -> Complex64 {
     -s * s / (s * s + s * (2.0 * zeta * natural) + natural * natural) / coil.impedance(s)
 }
 
-/// Resonance, damping, gain and latency of one recording: the best of a grid by magnitude, then the
-/// latency that fits it best. Settles the bands of `spectra`.
-pub(super) fn start(spectra: &mut Spectra, coil: Coil) -> Start {
-    let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
-    spectra.settle(latency);
-    let shape = |natural, zeta, hz| shape(coil, natural, zeta, hz);
-    let (natural, zeta, gain) = grid(&spectra.bands, shape, spectra.band_hz());
-    let (latency, same) = spectra.latency(|hz| shape(natural, zeta, hz));
-    spectra.settle(latency);
-    let sign = if same { 1.0 } else { -1.0 };
-    Start { gain, natural_rad_s: natural, damping_ratio: zeta, latency, sign }
+impl Run {
+    /// Finds resonance, damping and gain, the best of a grid by magnitude, then the latency that fits them
+    /// best. Settles the bands of `spectra`.
+    pub(super) fn new(mut spectra: Spectra, handle_mass: Belief, coil: Coil) -> Self {
+        let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
+        spectra.settle(latency);
+        let shape = |natural, zeta, hz| shape(coil, natural, zeta, hz);
+        let (natural_rad_s, damping_ratio, gain) = grid(&spectra.bands, shape, spectra.band_hz());
+        let (latency, same) = spectra.latency(|hz| shape(natural_rad_s, damping_ratio, hz));
+        spectra.settle(latency);
+        let sign = if same { 1.0 } else { -1.0 };
+        Self { spectra, handle_mass, gain, natural_rad_s, damping_ratio, latency, sign }
+    }
 }
 
 fn grid(
@@ -221,7 +217,7 @@ fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
         damping: p[3].exp_e(),
         handle_mass: p[SHARED + OWN * n].exp_e(),
         latency: p[SHARED + OWN * n + 1],
-        sign: run.start.sign,
+        sign: run.sign,
     }
 }
 
@@ -229,8 +225,8 @@ fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
 /// believed one.
 fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let mean = |f: &dyn Fn(&Run) -> f64| runs.iter().map(f).sum::<f64>() / runs.len() as f64;
-    let force_factor = mean(&|r| r.start.gain * r.handle_mass.value);
-    let square = |r: &Run| r.start.natural_rad_s * r.start.natural_rad_s;
+    let force_factor = mean(&|r| r.gain * r.handle_mass.value);
+    let square = |r: &Run| r.natural_rad_s * r.natural_rad_s;
     let inverse = |r: &Run| 1.0 / r.handle_mass.value;
     let (light, heavy) = runs.iter().fold((&runs[0], &runs[0]), |(l, h), r| {
         (if inverse(r) > inverse(l) { r } else { l }, if inverse(r) < inverse(h) { r } else { h })
@@ -242,7 +238,7 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let stiffness = mean(&|r| square(r) / (1.0 / moving + inverse(r)));
     let damping = mean(&|r| {
         let u = 1.0 / moving + inverse(r);
-        let all = 2.0 * r.start.damping_ratio * r.start.natural_rad_s / u;
+        let all = 2.0 * r.damping_ratio * r.natural_rad_s / u;
         let emf =
             if coil.drive == Drive::Voltage { force_factor * force_factor / coil.resistance } else { 0.0 };
         (all - emf).max(0.1 * all)
@@ -250,7 +246,7 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let mut point = Point::with_capacity(SHARED + OWN * runs.len());
     let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
     point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
-    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
+    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.latency]));
     point
 }
 

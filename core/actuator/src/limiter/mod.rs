@@ -39,7 +39,7 @@ mod run;
 
 use super::{Drive, Dynamics, Plant, check};
 pub use guard::ChannelGuard;
-use run::{Fixed, Given, Run};
+use run::{Fixed, Run};
 
 /// Settings of a limiter. None can switch it off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -185,11 +185,9 @@ impl Limiter {
         settings: LimiterSettings,
     ) -> Result<Self, Diagnostic> {
         let s = settings;
-        let (least, most) = DC_CORNER_HZ.into_inner();
-        check("a DC removal's corner", s.dc_corner_hz, least, most, "Hz")?;
+        check("a DC removal's corner", s.dc_corner_hz, *DC_CORNER_HZ.start(), *DC_CORNER_HZ.end(), "Hz")?;
         check("a slew frequency", s.slew_hz, 500.0, 20_000.0, "Hz")?;
-        let (least, most) = RELEASE_S.into_inner();
-        check("a release time", s.release_s, least, most, "s")?;
+        check("a release time", s.release_s, *RELEASE_S.start(), *RELEASE_S.end(), "s")?;
         check("a muting time", s.mute_s, 0.001, 0.02, "s")?;
         check("an unmuting time", s.unmute_s, 0.001, 2.0, "s")?;
         let least = (16.0 * dynamics.natural_hz()).max(4000.0);
@@ -200,11 +198,8 @@ impl Limiter {
             Drive::Voltage => dynamics.peak_voltage,
         };
         // The largest f32 not above the peak.
-        let mut peak = exact_peak as f32;
-        if f64::from(peak) > exact_peak {
-            peak = peak.next_down();
-        }
-        let peak = f64::from(peak);
+        let peak = exact_peak as f32;
+        let peak = f64::from(if f64::from(peak) > exact_peak { peak.next_down() } else { peak });
         let slew = (TAU * s.slew_hz * peak / rate_hz).min(2.0 * peak);
         let (tau, mu) = (dynamics.thermal_time_constant, dynamics.reduced_mass());
         let natural = dynamics.natural_rad_s();
@@ -256,18 +251,7 @@ impl Limiter {
             thermal_time_constant: tau,
             stroke: dynamics.stroke,
         };
-        let plant = Plant::new(dynamics, drive, rate_hz);
-        let run = Run {
-            report: LimiterReport { least_gain: 1.0, ..LimiterReport::default() },
-            good: 0.0,
-            bearable: 1.0,
-            dc: 0.0,
-            gain: 1.0,
-            mute: 1.0,
-            asked: plant.clone(),
-            power: 0.0,
-            given: Given::new(plant),
-        };
+        let run = Run::new(Plant::new(dynamics, drive, rate_hz));
         Ok(Self { fixed, drive, rate_hz, limits, run, muted: false })
     }
 
@@ -386,9 +370,8 @@ impl Limiter {
     ///
     /// The next output may differ from the last by up to the slew.
     pub fn reset(&mut self) {
-        let run = &mut self.run;
-        (run.good, run.dc, run.power, run.gain, run.bearable) = (0.0, 0.0, 0.0, 1.0, 1.0);
-        run.asked.reset();
+        let Run { report, given, mute, asked, .. } = self.run.clone();
+        self.run = Run { report, given, mute, ..Run::new(asked) };
     }
 }
 

@@ -342,9 +342,9 @@ impl Recording<'_> {
         }
         for (name, samples, limit, unit) in channels {
             // NaN is in no range.
-            if let Some(at) = samples.iter().position(|x| !(-limit..=limit).contains(x)) {
-                let (x, t) = (samples[at], at as f64 / self.rate_hz);
-                let what = format!("the {name} is {x} at sample {at}, at {t:.4} s");
+            let bad = samples.iter().enumerate().find(|(_, x)| !(-limit..=limit).contains(*x));
+            if let Some((at, x)) = bad {
+                let what = format!("the {name} is {x} at sample {at}, at {:.4} s", at as f64 / self.rate_hz);
                 return refuse(what, format!("a finite number between -{limit} and {limit} {unit}"));
             }
         }
@@ -391,12 +391,9 @@ impl Settings {
 
 /// The error where no piece is left.
 fn nothing(blocks: &Blocks, report: &Report, settings: &Settings) -> Diagnostic {
-    let parts: Vec<String> = Why::ALL
-        .iter()
-        .map(|&why| (why, report.dropped_s(why)))
-        .filter(|(_, seconds)| *seconds > 0.0)
-        .map(|(why, seconds)| format!("{seconds:.2} s {why}"))
-        .collect();
+    let dropped = Why::ALL.iter().map(|&why| (why, report.dropped_s(why)));
+    let dropped = dropped.filter(|(_, seconds)| *seconds > 0.0);
+    let parts: Vec<String> = dropped.map(|(why, seconds)| format!("{seconds:.2} s {why}")).collect();
     let [speed, force] = blocks.greatest();
     let help = if report.dropped_s(Why::Still) > 0.9 * report.duration_s {
         "the acceleration never changes: is it the right channel?".to_owned()

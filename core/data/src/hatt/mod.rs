@@ -78,9 +78,7 @@ pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnost
     for picture in files.iter().filter(|f| folder::is_picture(f)) {
         let name = key(picture);
         let owner = found.iter_mut().filter(|m| name.starts_with(&m.key)).max_by_key(|m| m.key.len());
-        if let Some(owner) = owner {
-            owner.pictures.push(picture.clone());
-        }
+        owner.into_iter().for_each(|owner| owner.pictures.push(picture.clone()));
     }
     let mut seeds = Random::new(settings.seed);
     let seeded: Vec<(Found, u64)> = found.into_iter().map(|material| (material, seeds.bits())).collect();
@@ -111,10 +109,10 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
 
 /// The part of a file's name that counts.
 fn key(path: &Path) -> String {
-    let plain: String =
-        folder::stem(path).chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    let stem = folder::stem(path);
+    let plain: String = stem.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     let rest = PREFIXES.iter().find_map(|p| plain.strip_prefix(p)).filter(|rest| !rest.is_empty());
-    rest.map_or(plain.clone(), str::to_owned)
+    rest.map(str::to_owned).unwrap_or(plain)
 }
 
 /// A file's name for people.
@@ -122,8 +120,8 @@ fn title(path: &Path) -> String {
     let stem = folder::stem(path);
     let lower = stem.to_ascii_lowercase();
     let rest = PREFIXES.iter().find_map(|p| {
-        let separated = lower.strip_prefix(p)?.starts_with(['_', ' ', '-']);
-        separated.then(|| stem.get(p.len() + 1..)).flatten().filter(|rest| !rest.is_empty())
+        let rest = lower.strip_prefix(p)?.strip_prefix(['_', ' ', '-']).filter(|rest| !rest.is_empty())?;
+        stem.get(stem.len() - rest.len()..)
     });
     rest.unwrap_or(&stem).replace('_', " ")
 }
@@ -137,8 +135,8 @@ fn subject(material: &Found, settings: &Settings, seed: u64) -> Result<Subject, 
     let mut seeds = Random::new(seed);
     let mut draw = |count: usize| -> Vec<Example> {
         let mut random = Random::new(seeds.bits());
-        let one = |_| example(&History::draw(&mut random), &material.texture, &frames);
-        (0..count).map(one).collect()
+        let histories = (0..count).map(|_| History::draw(&mut random));
+        histories.map(|history| example(&history, &material.texture, &frames)).collect()
     };
     let [train, held] = settings.examples;
     let (images, notes) = folder::pictures(&material.pictures)?;

@@ -82,21 +82,17 @@ const SPACED: [Varied; 8] = [
 /// For bumps at ridges: deviations of places and heights; then the numbers for waves.
 const AT_RIDGES: [Varied; 4] = [(0.0, 0.3, 0.05), (0.0, 1.5, 0.25), WAVED[0], WAVED[1]];
 
-/// Passages of about one speed, in the order of the strokes, with the [logs] of each.
-struct Class<'p> {
-    all: Vec<(&'p Passage, [f64; 3])>,
-}
+/// A passage with the [logs] of it or of its rendering.
+type Told<'p> = (&'p Passage, [f64; 3]);
 
-impl<'p> Class<'p> {
-    /// The first `most_s` seconds.
-    fn first(&self, most_s: f64) -> impl Iterator<Item = (&'p Passage, [f64; 3])> {
-        let mut seconds = 0.0;
-        let few = move |(p, _): &(&Passage, [f64; 3])| {
-            seconds += p.seconds;
-            seconds - p.seconds < most_s
-        };
-        self.all.iter().copied().take_while(few)
-    }
+/// The passages of the first `most_s` seconds of a class.
+fn first<'p>(class: &[Told<'p>], most_s: f64) -> impl Iterator<Item = Told<'p>> {
+    let mut seconds = 0.0;
+    let few = move |(p, _): &Told<'_>| {
+        seconds += p.seconds;
+        seconds - p.seconds < most_s
+    };
+    class.iter().copied().take_while(few)
 }
 
 /// Logarithms of modulation and kurtosis, and repetition.
@@ -110,8 +106,8 @@ fn logs(figures: &Figures, waves: bool) -> [f64; 3] {
 ///
 /// Bumps are chance, so means over passages are compared. They may not repeat too much; too little
 /// repetition is left to waves.
-fn off_by_chance(found: &[(&Passage, [f64; 3])], truth: &[(&Passage, [f64; 3])]) -> [f64; 3] {
-    let means = |of: &[(&Passage, [f64; 3])]| -> [f64; 3] {
+fn off_by_chance(found: &[Told<'_>], truth: &[Told<'_>]) -> [f64; 3] {
+    let means = |of: &[Told<'_>]| -> [f64; 3] {
         std::array::from_fn(|figure| of.iter().map(|(_, x)| x[figure]).sum::<f64>() / of.len().max(1) as f64)
     };
     let (found, truth) = (means(found), means(truth));
@@ -120,7 +116,7 @@ fn off_by_chance(found: &[(&Passage, [f64; 3])], truth: &[(&Passage, [f64; 3])])
 
 /// The same beside waves. Waves differ in each direction, so each passage is compared with its own
 /// truth. Sizes are averaged, so that no direction counts alone.
-fn off_by_direction(found: &[(&Passage, [f64; 3])], truth: &[[f64; 3]]) -> [f64; 3] {
+fn off_by_direction(found: &[Told<'_>], truth: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|figure| {
         let off = found.iter().zip(truth).map(|((_, found), truth)| (found[figure] - truth[figure]).abs());
         off.sum::<f64>() / found.len().max(1) as f64
@@ -134,7 +130,8 @@ fn height_kurtosis(interval_cv: f64, height_cv: f64) -> f64 {
     (1.0 + interval_cv * interval_cv) * (1.0 + height_cv * height_cv).powi(4)
 }
 
-fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
+/// Passages of about one speed each, in the order of the strokes.
+fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Vec<Told<'p>>> {
     let mut sorted = passages.to_vec();
     sorted.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
     let mut classes = Vec::new();
@@ -142,8 +139,7 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
         let most = CLASS * slowest.speed_mm_s;
         let rest = sorted.split_off(sorted.partition_point(|p| p.speed_mm_s < most));
         let within = |p: &&&Passage| (sorted[0].speed_mm_s..most).contains(&p.speed_mm_s);
-        let all: Vec<_> = passages.iter().filter(within).map(|p| (*p, logs(&p.figures, waves))).collect();
-        classes.push(Class { all });
+        classes.push(passages.iter().filter(within).map(|p| (*p, logs(&p.figures, waves))).collect());
         sorted = rest;
     }
     classes
@@ -152,7 +148,7 @@ fn classes<'p>(passages: &[&'p Passage], waves: bool) -> Vec<Class<'p>> {
 /// Change of ln(kurtosis) with direction: its parts with cos 2t and sin 2t of the angle t to x, by
 /// least squares beside a mean for each class. And their F ratio: explained over remaining variance,
 /// each by its degrees of freedom. None if there are too few directions.
-fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Option<([f64; 2], f64)> {
+fn grain(classes: &[Vec<Told<'_>>]) -> Option<([f64; 2], f64)> {
     let (mut cc, mut cs, mut ss, mut ck, mut sk, mut kk) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut free = -2.0;
     for class in classes {
@@ -181,8 +177,7 @@ fn grain<'a>(classes: impl Iterator<Item = &'a [(&'a Passage, [f64; 3])]>) -> Op
 pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool, effort: &Effort) -> Pattern {
     let classes = classes(passages, !waves.is_empty());
     // Beside waves only the waves have a direction.
-    let grain = grain(classes.iter().map(|class| &class.all[..]));
-    let grain = grain.filter(|(_, f)| waves.is_empty() && *f > GRAIN_F).map(|(grain, _)| grain);
+    let grain = grain(&classes).filter(|(_, f)| waves.is_empty() && *f > GRAIN_F).map(|(grain, _)| grain);
     let fit = Fit { waves, classes, grain, effort };
     if fit.classes.is_empty() {
         return fit.pattern(0.0, 0.0, None);
@@ -201,7 +196,7 @@ pub(super) fn find(passages: &[&Passage], waves: &[Wave], spaced: bool, effort: 
 /// Waves and classes of passages for a search.
 struct Fit<'p> {
     waves: &'p [Wave],
-    classes: Vec<Class<'p>>,
+    classes: Vec<Vec<Told<'p>>>,
     /// Change of the strokes' kurtosis with direction, if certain.
     grain: Option<[f64; 2]>,
     effort: &'p Effort,
@@ -229,8 +224,7 @@ impl Fit<'_> {
         let mut sum = 0.0;
         let mut all = Vec::new();
         for (c, class) in self.classes.iter().enumerate() {
-            let (found, truth): (Vec<_>, Vec<_>) = class
-                .first(seconds)
+            let (found, truth): (Vec<_>, Vec<_>) = first(class, seconds)
                 .enumerate()
                 .filter_map(|(n, (p, truth))| {
                     let seed = 1_000_000 * draw + (c * 1000 + n) as u64;
@@ -238,8 +232,7 @@ impl Fit<'_> {
                     Some(((p, logs(&Figures::of(&samples)?, waves)), truth))
                 })
                 .unzip();
-            let off =
-                if waves { off_by_direction(&found, &truth) } else { off_by_chance(&found, &class.all) };
+            let off = if waves { off_by_direction(&found, &truth) } else { off_by_chance(&found, class) };
             let off = off.into_iter().zip(SCALES).map(|(off, scale)| off / scale);
             // A large error at one speed counts more than small ones at all.
             sum += off.map(|off| off.powi(4)).sum::<f64>() / self.classes.len() as f64;
@@ -250,7 +243,7 @@ impl Fit<'_> {
         }
         // Few strokes have too few directions.
         let enough = seconds >= self.effort.seconds[1];
-        let found = enough.then(|| grain(all.iter().map(Vec::as_slice))).flatten();
+        let found = enough.then(|| grain(&all)).flatten();
         let off = self.grain.zip(found).map_or([0.0; 2], |(a, (b, _))| [a[0] - b[0], a[1] - b[1]]);
         sum + off.iter().map(|off| (off / GRAIN_SCALE).powi(4)).sum::<f64>()
     }
@@ -409,11 +402,10 @@ fn all_of<const N: usize>(axes: [Vec<f64>; N]) -> Vec<Vec<f64>> {
 /// first harmonic `(1 - sqrt(1 - e^2)) / e`.
 fn ellipse(grain: [f64; 2]) -> [f64; 2] {
     let h = grain[0].hypot(grain[1]).min(1.0);
-    if h > 0.0 {
-        within(grain.map(|x| -2.0 * x / grain[0].hypot(grain[1]) * h / (1.0 + h * h)))
-    } else {
-        grain
+    if h == 0.0 {
+        return grain;
     }
+    within(grain.map(|x| -2.0 * x / grain[0].hypot(grain[1]) * h / (1.0 + h * h)))
 }
 
 /// Limits an anisotropy's length.

@@ -6,7 +6,7 @@ use asperity_diagnostics::Source;
 
 use super::*;
 use crate::example::Example;
-use crate::folder_testing::picture;
+use crate::folder::write_picture as picture;
 
 /// A table with a column for each name, from a function of time.
 fn table(names: &str, rate_hz: f64, duration_s: f64, row: impl Fn(f64) -> Vec<f64>) -> String {
