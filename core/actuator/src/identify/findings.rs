@@ -245,7 +245,7 @@ pub fn write_profile(findings: &Findings, base: &ActuatorProfile, date: Option<&
         let _ = writeln!(text, "// Note: {}.", one_line(note));
     }
     let _ = writeln!(text, "ActuatorProfile(\n    version: 1,\n    name: {:?},", base.name);
-    for ((name, quantity), (_, unit, say, _, _, si)) in base.quantities().into_iter().zip(FIELDS) {
+    for ((name, quantity), (_, unit, say, _, _, si, _)) in base.quantities().into_iter().zip(FIELDS) {
         let (value, source, estimate) = match measured(findings, name) {
             Some(estimate) => {
                 let value = estimate.times(1.0 / si);

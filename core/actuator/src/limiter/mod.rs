@@ -155,7 +155,7 @@ const TINY: f64 = 1e-30;
 /// that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by turns. The
 /// farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its rating. A larger
 /// search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the swing was bounded by its
-/// heat, coils came up to 10 % over (`tests/heat.rs` keeps eight).
+/// heat, coils came up to 10 % over (`tests/past.rs` keeps eight).
 ///
 /// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can read up
 /// to sqrt(2) of the rating just after a cold start.

@@ -9,10 +9,9 @@ use super::super::testing::{hapcoil, lock_in};
 use super::*;
 
 mod guard;
-mod heat;
 mod judge;
+mod past;
 mod promises;
-mod stroke;
 
 use judge::Judge;
 

@@ -3,37 +3,25 @@
 //! it changes, fit each piece, merge pieces at one speed and force into a model, join the models by
 //! triangles.
 //!
-//! # Steps of a fit
+//! `docs/autoregressive.md` lists the steps. In detail:
 //!
-//! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis changes
-//!    for 20 ms. Clipped: one axis stays at its highest or lowest value for 1 ms; three blocks before and
-//!    behind go too. No contact, then slow: the mean of five blocks of the force, then of the speed, is too
-//!    low. Clicks: at most 50 ms within a second in which the power of the signal's differences is 20 dB
-//!    above that second's median; a block before and behind goes too. A straight line replaces a click, so
-//!    that no filter rings.
-//! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz: slower
-//!    parts are the hand's motion and gravity. Several axes become one signal after DFT321 (Landin, Romano,
-//!    McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for haptic
-//!    rendering"), with the phase of the loudest axis and not of the sum, in which axes may cancel, in frames
-//!    of 0.1 s. [`asperity_dsp::resample`] then brings the signal to the models' rate, by default 1 kHz.
-//! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its tolerance
-//!    around the middle of its range, the stretch is cut where the sum of squares gets least (binary
-//!    segmentation, Vostrikova 1981).
-//! 4. Each stretch is cut where its spectrum changes, by the generalised likelihood ratio of autoregressive
-//!    models (Appel and Brandt 1983), again by binary segmentation: where `n ln s0^2 - n1 ln s1^2 - n2 ln
-//!    s2^2 > (8 + 2) ln n`, Schwarz's criterion, with `s^2` the residual variance of a model of order 8 over
-//!    all samples and over those on either side. A residual more than 40 dB below the signal counts as that.
-//! 5. The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
-//!    spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
-//! 6. Burg's method (1975) fits stable models of each order to each piece. One order serves all pieces: that
-//!    with the least sum of the [criterion](Criterion).
-//! 7. Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.
-//! 8. Pieces that differ by less than the tolerances in speed and force are merged, the longest first. Line
-//!    spectral frequencies, speed, force and mean square become means, weighted by length. A piece less than
-//!    a tenth as long as one within three tolerances is the way to or from it: it joins that model but does
-//!    not count.
-//! 9. Delaunay's triangulation joins the models, without border triangles thinner than a hundredth of their
-//!    length: beyond three models of nearly equal force the nearest counts.
+//! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at its
+//!   highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the mean of
+//!   five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
+//!   differences is 20 dB above that second's median; a block before and behind goes too. A straight line
+//!   replaces a click, so that no filter rings.
+//! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional
+//!   reduction of high-frequency accelerations for haptic rendering"), with the phase of the loudest axis and
+//!   not of the sum, in which axes may cancel.
+//! - Stretches are cut by binary segmentation (Vostrikova 1981): by speed and force where the sum of squares
+//!   gets least, then by spectrum where `n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n` (Appel and Brandt
+//!   1983, with Schwarz's criterion). `s^2` is the residual variance of a model of order 8 over all samples and
+//!   over those on either side. A residual more than 40 dB below the signal counts as that.
+//! - The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
+//!   spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
+//! - Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.
+//! - Border triangles thinner than a hundredth of their length are left out: beyond three models of nearly
+//!   equal force the nearest counts.
 //!
 //! Fitted models have no moving-average part (q = 0). [`Recording::compare`] tells how good a fit is.
 //!
