@@ -133,8 +133,8 @@ impl TextureFile {
             triangles = format!("    triangles: [\n{triangles}    ],\n");
         }
         let text = format!(
-            "Autoregressive(\n    version: 1,\n    description: {},\n    origin: {},\n    rate_hz: {:?},\n    \
-             models: [\n{models}    ],\n{triangles})\n",
+            "Autoregressive(\n    version: 1,\n    description: {},\n    origin: {},\n    \
+             rate_hz: {:?},\n    models: [\n{models}    ],\n{triangles})\n",
             quoted(&self.description),
             quoted(&self.origin),
             self.texture.rate_hz()

@@ -81,8 +81,8 @@ impl Filter {
     }
 }
 
-/// Whether all roots of `1 + a_1 z^-1 + ..` lie within the unit circle. The step-down recursion tells: every reflection
-/// coefficient is smaller than 1. False for coefficients that are not finite.
+/// Whether all roots of `1 + a_1 z^-1 + ..` lie within the unit circle. The step-down recursion tells: every
+/// reflection coefficient is smaller than 1. False for coefficients that are not finite.
 pub fn is_stable(a: &[f64]) -> bool {
     let mut lower = a.to_vec();
     while let Some(k) = lower.pop() {

@@ -10,8 +10,8 @@ use super::{Sample, Tremor, quantise};
 /// Travelled part of the way, 0 to 1, at the part `s` of the time of a minimum-jerk movement. `s` is clamped
 /// to 0..=1.
 ///
-/// T. Flash, N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical model", J.
-/// Neuroscience 5(7), 1985. The movement with the least squared jerk over a distance in a given time is a
+/// T. Flash, N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical model",
+/// J. Neuroscience 5(7), 1985. The movement with the least squared jerk over a distance in a given time is a
 /// straight line travelled as 10 s^3 - 15 s^4 + 6 s^5.
 pub fn minimum_jerk(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);

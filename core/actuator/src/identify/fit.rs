@@ -250,7 +250,8 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     point
 }
 
-/// The cost, which is the sum of 2 |r|^2 / noise and the priors, with half its gradient and its normal matrix.
+/// The cost, which is the sum of 2 |r|^2 / noise and the priors, with half its gradient and its normal
+/// matrix.
 type Normal = (f64, Vec<f64>, Vec<Vec<f64>>);
 
 /// The cost at a point. `beliefs` are the mean and standard deviation of each figure, `noise` is a factor on

@@ -5,18 +5,18 @@
 //!
 //! `docs/autoregressive.md` lists the steps. In detail:
 //!
-//! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at its
-//!   highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the mean of
-//!   five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
+//! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at
+//!   its highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the
+//!   mean of five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
 //!   differences is 20 dB above that second's median; a block before and behind goes too. A straight line
 //!   replaces a click, so that no filter rings.
 //! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional
 //!   reduction of high-frequency accelerations for haptic rendering"), with the phase of the loudest axis and
 //!   not of the sum, in which axes may cancel.
 //! - Stretches are cut by binary segmentation (Vostrikova 1981): by speed and force where the sum of squares
-//!   gets least, then by spectrum where `n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n` (Appel and Brandt
-//!   1983, with Schwarz's criterion). `s^2` is the residual variance of a model of order 8 over all samples and
-//!   over those on either side. A residual more than 40 dB below the signal counts as that.
+//!   gets least, then by spectrum where `n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n` (Appel and
+//!   Brandt 1983, with Schwarz's criterion). `s^2` is the residual variance of a model of order 8 over all
+//!   samples and over those on either side. A residual more than 40 dB below the signal counts as that.
 //! - The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
 //!   spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
 //! - Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.

@@ -109,6 +109,12 @@ impl Tape {
     }
 }
 
+/// Findings of one recording or more.
+fn identified(tapes: &[Tape], base: &ActuatorProfile, settings: IdentifySettings) -> Findings {
+    let recordings: Vec<Recording<'_>> = tapes.iter().map(Tape::recording).collect();
+    identify(&recordings, base, settings).unwrap()
+}
+
 /// Delays `x` by any number of samples, by the phase of its spectrum.
 fn delayed(x: &[f64], samples: f64) -> Vec<f64> {
     let len = (x.len() + 4096).next_multiple_of(2048);
