@@ -3,8 +3,7 @@
 use super::super::triangles::range;
 use super::blocks::{Blocks, Span};
 use super::burg::Lattice;
-use super::report::Why;
-use super::{Settings, Tolerance};
+use super::{Settings, Tolerance, Why};
 use asperity_numbers::Elementary as _;
 
 /// Order of the models that compare spectra.
