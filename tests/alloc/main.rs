@@ -8,7 +8,6 @@ mod kernels;
 mod networks;
 mod rig;
 mod swap;
-mod swap_kept;
 mod swap_long;
 mod swap_plugins;
 mod ticks;

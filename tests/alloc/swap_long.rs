@@ -130,7 +130,7 @@ fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_graph_takes_the_place_of_any_other_without_a_click(

@@ -7,7 +7,7 @@ use harness::{any_node, graph};
 
 /// Ticks of one run; `ASPERITY_LONG_TICKS` asks for more.
 fn ticks() -> u64 {
-    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(20_000)
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(6_000)
 }
 
 /// A change of a running graph saves, restores, sets and resets nodes on the tick thread.

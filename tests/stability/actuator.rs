@@ -5,7 +5,7 @@ use asperity_checks::{Effort, Piece, Place, Sound, Stop, Subject, limited};
 use asperity_node::{Param, Status};
 use proptest::prelude::*;
 
-use crate::{broken, called, fails, graph, holds, plugin, scene, subject};
+use crate::{broken, called, fails, graph, holds, holds_on, plugin, subject};
 
 /// A mutant whose output is changed sample by sample: by the sample, its number from the first that was asked
 /// for, and the sample before it.
@@ -155,11 +155,9 @@ fn the_mean_and_the_stroke_are_held() {
 #[test]
 fn own_limits() {
     let graphs = ["texture.ron", "heravi2024.ron", "voltage_amplifier.ron", "live.ron"].map(graph);
-    for graph in graphs.iter().chain(&["every_effect.ron", "side_by_side.ron"].map(scene)) {
-        holds("own_limits", &subject(Some(graph)));
-    }
-    let graph = graph("texture.ron");
-    let subject = subject(Some(&graph));
+    holds_on("own_limits", &graphs);
+    holds_on("own_limits", &["scenes/every_effect.ron", "scenes/side_by_side.ron"].map(graph));
+    let subject = subject(Some(&graphs[0]));
     fails("own_limits", &in_place(&subject, |x, _| x), "over the peak");
     fails("own_limits", &in_place(&subject, |x, _| x.clamp(-0.1, 0.1)), "over the slew");
 }

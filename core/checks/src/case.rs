@@ -2,26 +2,6 @@
 
 use crate::subject::Subject;
 
-/// The result of a case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Everything that must hold holds.
-    Holds,
-    /// Something does not.
-    Fails,
-    /// The subject has nothing that the case is about.
-    NotApplicable,
-}
-
-/// A verdict and its reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Figures where the case holds, else the reason.
-    pub found: String,
-}
-
 /// Why a case does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stop {
@@ -37,15 +17,6 @@ impl Stop {
     pub fn after(self, about: &str) -> Self {
         match self {
             Self::Failed(why) => Self::Failed(format!("{about}: {why}")),
-            other => other,
-        }
-    }
-
-    /// Adds to the reason of a failure.
-    #[must_use]
-    pub(crate) fn and(self, more: &str) -> Self {
-        match self {
-            Self::Failed(why) => Self::Failed(format!("{why}, {more}")),
             other => other,
         }
     }
@@ -157,13 +128,11 @@ impl Family {
 
 impl Case {
     /// Runs the case.
-    pub fn run(&self, subject: &Subject<'_>) -> Outcome {
-        let (verdict, found) = match (self.run)(subject) {
-            Ok(found) => (Verdict::Holds, found),
-            Err(Stop::Failed(found)) => (Verdict::Fails, found),
-            Err(Stop::NotApplicable(found)) => (Verdict::NotApplicable, found),
-        };
-        Outcome { verdict, found }
+    ///
+    /// # Errors
+    /// It does not hold, or says nothing here.
+    pub fn run(&self, subject: &Subject<'_>) -> Found {
+        (self.run)(subject)
     }
 }
 

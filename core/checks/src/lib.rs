@@ -24,7 +24,7 @@ mod wall;
 pub mod wrap;
 
 pub use buffers::{finite, same};
-pub use case::{Case, Found, Outcome, Stop, Verdict, not_applicable};
+pub use case::{Case, Found, Stop, not_applicable};
 pub use families::autoregressive as textures;
 pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, decibels, drawn, limited, node_cases};
 pub use node::{TickTime, tick_time};

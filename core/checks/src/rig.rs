@@ -94,7 +94,7 @@ impl Rig {
     /// No graph; no stylus in it; a change that it refuses.
     pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Stop> {
         let (mut graph, kinds) =
-            Self::with_stylus(subject.its_graph()?, subject.registry(), &motion).or_else(not_applicable)?;
+            Self::with_stylus(subject.its_graph()?, &subject.registry, &motion).or_else(not_applicable)?;
         for change in changes {
             graph.set(change, ORIGIN)?;
         }
@@ -124,7 +124,7 @@ impl Rig {
 
     /// A graph whose stylus [`place`](Self::place) moves from tick to tick.
     pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
-        let (graph, kinds) = Self::with_fed_stylus(graph, subject.registry())?;
+        let (graph, kinds) = Self::with_fed_stylus(graph, &subject.registry)?;
         Self::of(subject, &graph, &kinds)
     }
 

@@ -11,7 +11,7 @@ use self::nodes::{INJECTORS, injected, injected_all, registry};
 
 /// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
 fn ticks() -> u64 {
-    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(100_000)
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(30_000)
 }
 
 /// Part of the graph that no fault reaches.

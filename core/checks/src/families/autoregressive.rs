@@ -37,7 +37,7 @@ fn own_models(subject: &Subject<'_>) -> Found {
             let models = voices.iter().flat_map(|v| v.texture.models());
             let at = models.map(|m| [m.speed_mm_s, m.force_n]).filter(|at| at[0] > 0.0 && at[1] > 0.0);
             let at: Vec<[f64; 2]> = at.collect();
-            let step = if subject.allowed() == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
+            let step = if subject.effort == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
             for at in at.iter().step_by(step) {
                 worst = worst.max(at_vertex(bench, slot, voices, *at, seconds)?);
                 vertices += 1;

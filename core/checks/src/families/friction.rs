@@ -306,7 +306,7 @@ const MORE: [(&str, &str); 3] = [
 fn laws(subject: &Subject<'_>) -> Vec<Rub> {
     let fits = |d: &&Descriptor| ports(d).is_some() && !has_to_be_set(d, &[]);
     let mut all = Vec::new();
-    for d in subject.registry().iter().map(|kind| kind.descriptor()).filter(fits) {
+    for d in subject.registry.iter().map(|kind| kind.descriptor()).filter(fits) {
         let kind = d.kind.to_string();
         let Some(effect) = &d.effect else {
             all.push(Rub { name: kind.clone(), kind, params: Vec::new(), tells: None });

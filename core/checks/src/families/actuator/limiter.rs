@@ -198,7 +198,7 @@ pub fn limited(
     let ends = ends(pieces);
     while let Some(piece) = pieces.get(ends.partition_point(|end| *end <= at)) {
         rig.engine.feed_control(hand, 0, &[0.0], piece.trusted);
-        let told = |e: Stop| e.and(&format!("in {piece:?} of {place:?}"));
+        let told = |e: Stop| e.after(&format!("in {piece:?} of {place:?}"));
         rig.run(1, |rig, _| {
             let samples = rig.drive().next().unwrap_or_default();
             at += samples.len() as u64;
@@ -207,7 +207,7 @@ pub fn limited(
         speed.store(judge.speed.to_bits(), Ordering::Relaxed);
         rig.sound().map_err(told)?;
     }
-    judge.verdict(settings.map(|it| it.1)).map_err(|e| e.and(&format!("{place:?}")))?;
+    judge.verdict(settings.map(|it| it.1)).map_err(|e| e.after(&format!("{place:?}")))?;
     Ok(Some(judge.stood))
 }
 
@@ -367,7 +367,7 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
         let frames = d.outputs.iter().any(|o| matches!(o.shape, ShapeSpec::Magnitude(_)));
         frames && graph.nodes.iter().any(|n| n.kind == d.kind)
     };
-    let networks: Vec<Arc<NodeKind>> = subject.registry().iter().filter(asks).cloned().collect();
+    let networks: Vec<Arc<NodeKind>> = subject.registry.iter().filter(asks).cloned().collect();
     let worse = networks.iter().fold(subject.clone(), |all, kind| all.with(spoiled(kind.clone())));
     let mut found = Vec::new();
     let runs = [("as it is", subject), ("nonsense", &worse)];
@@ -376,16 +376,16 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
         let mut judges = judges(&rig)?;
         rig.run(rig.ticks(subject.by_effort(4.0, 12.0, 300.0)), |rig, tick| {
             let mut drives = judges.iter_mut().zip(rig.drive());
-            let told = |e: Stop| e.and(&format!("tick {tick}, {name}"));
+            let told = |e: Stop| e.after(&format!("tick {tick}, {name}"));
             drives.try_for_each(|(judge, y)| y.iter().try_for_each(|y| judge.see(*y))).map_err(told)
         })?;
         let mut most = Stood::default();
         for judge in &judges {
             // `limiter_random` checks the mean.
-            judge.verdict(None).map_err(|e| e.and(name))?;
+            judge.verdict(None).map_err(|e| e.after(name))?;
             most = most.max(judge.stood);
         }
-        rig.sound().map_err(|e| e.and(name))?;
+        rig.sound().map_err(|e| e.after(name))?;
         let Stood { peak, stroke, rms, .. } = most;
         found.push(format!(
             "{name}: {peak:.3} of the peak, {stroke:.3} of the stroke, {rms:.3} of the rated current"

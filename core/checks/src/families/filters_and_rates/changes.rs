@@ -158,7 +158,7 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
     let turn = |n: u64| (100 * n % u64::from(RATE_HZ)) as f64 / f64::from(RATE_HZ);
     let tone = samples(move |n| (0.1 * (TAU * turn(n)).sin()) as f32);
     let mut all: Vec<(String, CaseGraph, f64, &[&str])> = Vec::new();
-    for kind in filters(subject.registry()) {
+    for kind in filters(&subject.registry) {
         let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone(), &[])?;
         all.push((kind.kind, graph, STEEPEST, &[]));
     }

@@ -170,7 +170,7 @@ fn noise(seed: u64, n: u64) -> f32 {
 const TICKS_HZ: [u32; 6] = [500, 100, 4000, 2500, 333, 997];
 
 fn any_tick_length(subject: &Subject<'_>) -> Found {
-    let kinds = filters(subject.registry());
+    let kinds = filters(&subject.registry);
     let (mut compared, mut worst) = (0, 0.0_f64);
     // Loud, then silent, then quiet: so that nodes limit and sleep.
     let sound = samples(|n| noise(3, n) * [2.0, 0.0, 0.1][(n / 7001 % 3) as usize]);
@@ -282,7 +282,7 @@ const GRAPH_S: f64 = 6.0;
 const SOUND_S: f64 = 1.0;
 
 fn tails_of_kinds(subject: &Subject<'_>) -> Found {
-    let kinds = filters(subject.registry());
+    let kinds = filters(&subject.registry);
     if kinds.is_empty() {
         return not_applicable("there is no filter");
     }

@@ -94,7 +94,7 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
     // Kinds that need a file, a material or a place are left out.
     let simple = |d: &&Descriptor| d.params.iter().all(|p| p.default.is_some() || p.optional);
     let kinds: Vec<&Descriptor> =
-        players.iter().chain(subject.registry().iter()).map(|k| k.descriptor()).filter(simple).collect();
+        players.iter().chain(subject.registry.iter()).map(|k| k.descriptor()).filter(simple).collect();
     let mut types = Types::new(audio_hz);
     let mut wires = Vec::new();
     // Inputs from later nodes: loops.

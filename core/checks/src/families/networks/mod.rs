@@ -189,7 +189,7 @@ fn spoiled(inner: Arc<NodeKind>, plan: Arc<[Wrong]>) -> Arc<NodeKind> {
 /// All troubles, or with effort `quick` the first and the endless ones.
 fn chosen(subject: &Subject<'_>, mut all: Vec<Wrong>) -> Vec<Wrong> {
     let first = all.first().map(|w| w.what);
-    let quick = subject.allowed() == Effort::Quick;
+    let quick = subject.effort == Effort::Quick;
     all.retain(|w| !quick || Some(w.what) == first || w.seconds.is_infinite());
     all
 }

@@ -35,7 +35,7 @@ pub(crate) struct Method {
 pub(crate) fn methods(subject: &Subject<'_>, settings: bool) -> Result<Vec<Method>, Stop> {
     let mut all = Vec::new();
     // No case knows a value for a parameter that has to be set.
-    for d in subject.registry().iter().map(|k| k.descriptor()).filter(|d| !has_to_be_set(d, &[])) {
+    for d in subject.registry.iter().map(|k| k.descriptor()).filter(|d| !has_to_be_set(d, &[])) {
         all.extend(Method::of(d, None));
         for p in d.params.iter().filter(|_| settings) {
             match (&p.kind, &p.default) {
@@ -60,7 +60,7 @@ pub(crate) fn methods_with(subject: &Subject<'_>, param: &str, words: [&str; 2])
         Some(ParamKind::Choice(known)) => words.iter().all(|w| known.iter().any(|k| k == w)),
         _ => false,
     };
-    let all = subject.registry().iter().map(|k| k.descriptor()).filter(known);
+    let all = subject.registry.iter().map(|k| k.descriptor()).filter(known);
     let [one, other] = words.map(|word| Some((param, word)));
     all.filter_map(|d| Some([Method::of(d, one)?, Method::of(d, other)?])).collect()
 }
@@ -102,7 +102,7 @@ impl Method {
         if self.spectrum {
             // A window that a method is set to is that of its overlap-add too, where it has one.
             let known = |p: &&(&str, &str)| {
-                let kind = subject.registry().get("overlap_add");
+                let kind = subject.registry.get("overlap_add");
                 kind.is_some_and(|k| k.descriptor().params.iter().any(|q| q.name == p.0))
             };
             let same: Vec<(&str, &str)> = params.iter().filter(known).copied().collect();

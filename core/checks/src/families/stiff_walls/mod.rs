@@ -357,7 +357,7 @@ fn under_a_hand(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
     let curve = wall.curve(near);
     let bound = near.needed_ns_per_m(0.0);
     let (mut worst, mut trembles, mut fastest) = (f64::MIN, 0.0_f64, 0.0_f64);
-    let hands = hands(subject.allowed());
+    let hands = hands(subject.effort);
     for hand in &hands {
         // A third of the wall's force where Hooke's law ends.
         let push_n = 0.3 * near.law.stiffness_n_per_mm * near.deep_mm;
