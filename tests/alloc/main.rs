@@ -2,9 +2,7 @@
 //! counted.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
-mod autoregressive;
 mod conformance;
-mod kernels;
 mod networks;
 mod rig;
 mod swap;

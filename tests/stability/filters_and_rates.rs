@@ -100,7 +100,7 @@ fn tail_of_filters() {
     let endless: Change = |y, _, _| y.iter_mut().for_each(|y| *y += 1e-20);
     holds_but_for(
         "tail_of_filters",
-        &[("gain", denormal, "is denormal in tick"), ("actuator_inverse", endless, "is not silent until")],
+        &[("gain", denormal, "is denormal in tick"), ("actuator_inverse", endless, "its tail it sounds")],
     );
 }
 

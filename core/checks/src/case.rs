@@ -82,6 +82,51 @@ macro_rules! ensure {
     };
 }
 
+/// Largest values of the figures of a case.
+#[derive(Debug, Default)]
+pub(crate) struct Figures {
+    /// Where the figures are from now on, if that is to be told.
+    pub about: String,
+    all: Vec<(&'static str, f64, String)>,
+}
+
+impl Figures {
+    /// Notes a figure. `what` stands behind it in texts.
+    pub(crate) fn note(&mut self, value: f64, what: &'static str) {
+        match self.all.iter_mut().find(|it| it.0 == what) {
+            Some(it) if it.1 >= value => {}
+            Some(it) => (it.1, it.2) = (value, self.about.clone()),
+            None => self.all.push((what, value, self.about.clone())),
+        }
+    }
+
+    /// Notes a figure, which must be at most `bound`.
+    pub(crate) fn at_most(&mut self, value: f64, bound: f64, what: &'static str) -> Result<(), Stop> {
+        self.note(value, what);
+        ensure!(value <= bound, "{} {what}; the bound is {}", short(value), short(bound));
+        Ok(())
+    }
+}
+
+impl std::fmt::Display for Figures {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (i, (what, value, about)) in self.all.iter().enumerate() {
+            let about = if about.is_empty() { String::new() } else { format!(" ({about})") };
+            write!(f, "{}{} {what}{about}", if i == 0 { "at most " } else { ", " }, short(*value))?;
+        }
+        Ok(())
+    }
+}
+
+/// A number with about four digits.
+fn short(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".into(),
+        0.01..1e5 => format!("{x:.3}"),
+        _ => format!("{x:.2e}"),
+    }
+}
+
 /// Something hard, and what must hold in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {

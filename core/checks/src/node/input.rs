@@ -3,9 +3,8 @@
 use asperity_node::{Buffer, FactValue, Fault, Param, ParamKind, Shape, random};
 
 use super::main;
-use super::place::{Conditions, Place};
 use super::signal::Signal;
-use super::stand::{Stand, Trace, UNWRITTEN, described, is_well};
+use super::stand::{Conditions, Place, Stand, Trace, UNWRITTEN, USUAL, described};
 use crate::buffers::words;
 use crate::case::{Found, Stop, not_applicable};
 use crate::subject::Subject;
@@ -16,15 +15,8 @@ const TICKS: u64 = 300;
 const RECOVERY_S: u64 = 1;
 
 /// A place with the longest frames, and hops of 88 and 89 samples.
-const LONG: Conditions = Conditions {
-    tick_hz: 500,
-    audio_hz: 44_100,
-    every: 1,
-    source_hz: 44_100,
-    frames: (44_100, 4410, 2206),
-    like: asperity_node::ShapeSpec::Audio(asperity_node::RateSpec::Graph),
-    without: 0,
-};
+const LONG: Conditions =
+    Conditions { audio_hz: 44_100, source_hz: 44_100, frames: (44_100, 4410, 2206), ..USUAL };
 
 /// The main place, and the one with long frames where the kind takes it.
 fn places(subject: &Subject<'_>) -> Result<Vec<Place>, Stop> {
@@ -49,13 +41,9 @@ pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
 fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
     let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
     let mut last = good;
-    let mut trace = Trace::new(stand.outputs.len(), 0);
     for tick in 0..end {
         stand.play(if (bad..good).contains(&tick) { Signal::Bad } else { Signal::Random });
-        stand.set_up(tick);
-        let answer = stand.call(tick);
-        stand.conclude(answer);
-        trace.push(answer, &stand.outputs);
+        let answer = stand.run_tick(tick);
         let wrong = answer.is_err() || stand.not_finite().is_some();
         if answer == Err(Fault::Panicked) {
             bail!("panicked at tick {tick}");
@@ -76,7 +64,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
 
 pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
-    if !place.inputs.iter().any(|w| w.connected) {
+    if !place.node.inputs.iter().any(|i| i.from.is_some()) {
         return not_applicable("it has no inputs");
     }
     let hz = u64::from(place.conditions.tick_hz);
@@ -98,14 +86,12 @@ pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
 
 pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
-    let frames = |w: &asperity_node::Wiring| {
-        matches!(w.port.as_ref().map(|p| p.shape), Some(Shape::Magnitude(_) | Shape::Spectrum(_)))
-    };
-    if !place.inputs.iter().any(frames) {
+    let mut shapes = place.node.inputs.iter().filter_map(|i| Some(i.port.as_ref()?.shape));
+    if !shapes.any(|shape| matches!(shape, Shape::Magnitude(_) | Shape::Spectrum(_))) {
         return not_applicable("it takes no frames");
     }
     let mut stand = place.stand(subject, Signal::Random, false)?;
-    let mut trace = Trace::new(stand.outputs.len(), 0);
+    let mut trace = Trace::default();
     for tick in 0..800 {
         stand.muted = match tick {
             0..100 | 200..400 => true,
@@ -127,7 +113,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             stand.mark();
             let before = stand.inputs.clone();
             let answer = stand.call(tick);
-            if let Some(wrong) = untouched(&stand, &before, place.gate).or_else(|| whole(&stand)) {
+            if let Some(wrong) = untouched(&stand, &before, place.node.gate).or_else(|| whole(&stand)) {
                 bail!("{wrong} at tick {tick} ({})", place.conditions);
             }
             stand.conclude(answer);
@@ -136,7 +122,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             bail!("wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks");
         }
     }
-    match places[0].outputs.is_empty() {
+    match places[0].node.outputs.is_empty() {
         true => Ok("it has no outputs; inputs untouched".into()),
         false => Ok(format!("{TICKS} ticks")),
     }
@@ -221,14 +207,12 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
                     stand.ask(&told, |it| it.set_parameter(i, value))?;
                 }
             }
-            stand.set_up(tick);
-            let answer = stand.call(tick);
-            stand.conclude(answer);
+            let answer = stand.run_tick(tick);
             let here = || format!("at tick {tick} ({})", place.conditions);
             if let Err(fault) = answer {
                 bail!("{} {}", described(fault), here());
             }
-            ensure!(stand.outputs.iter().all(is_well), "put out what is not finite {}", here());
+            ensure!(stand.not_finite().is_none(), "put out what is not finite {}", here());
         }
     }
     Ok(format!("{} ticks", subject.ticks))

@@ -10,14 +10,13 @@
 mod cost;
 mod input;
 mod memory;
-mod place;
 mod rates;
 mod signal;
 mod stand;
 
 pub use cost::{TickTime, tick_time};
-pub(crate) use place::Place;
 pub(crate) use signal::{Feed, Signal};
+pub(crate) use stand::Place;
 
 use crate::case::{Case, Family, Found, Stop};
 use crate::subject::Subject;

@@ -3,8 +3,8 @@
 use asperity_node::{LayoutSpec, RateSpec, Shape, ShapeSpec};
 
 use super::main;
-use super::place::{Conditions, Place};
 use super::signal::Signal;
+use super::stand::{Conditions, Place, USUAL};
 use crate::case::{Found, not_applicable};
 use crate::subject::Subject;
 
@@ -16,17 +16,14 @@ fn run(subject: &Subject<'_>, places: &[Conditions]) -> Found {
     let (mut ran, mut refused) = (0, Vec::new());
     for conditions in places {
         subject.doing(&conditions.to_string());
-        let place = match Place::settle(subject, conditions) {
-            Ok(place) => place,
-            Err(why) => {
-                refused.push(format!("{conditions}: {why}"));
-                continue;
+        match Place::settle(subject, conditions) {
+            Err(why) => refused.push(format!("{conditions}: {why}")),
+            Ok(place) => {
+                ran += 1;
+                let ticks = TICKS * u64::from(conditions.every);
+                let run = place.stand(subject, Signal::Random, false)?.run(0..ticks);
+                ensure!(run.wrong.is_none(), "{} ({conditions})", run.wrong.unwrap_or_default());
             }
-        };
-        ran += 1;
-        let ticks = TICKS * u64::from(conditions.every);
-        if let Some(wrong) = place.stand(subject, Signal::Random, false)?.run(0..ticks).wrong {
-            bail!("{wrong} ({conditions})");
         }
     }
     match (ran, refused.first()) {
@@ -39,24 +36,17 @@ fn run(subject: &Subject<'_>, places: &[Conditions]) -> Found {
 pub(super) fn rates(subject: &Subject<'_>) -> Found {
     let main = main(subject)?;
     let first = main.conditions;
-    let mut places = Vec::new();
-    let sources = [8000, 2500, 44_100, 500, 16_000];
-    let mut at = |tick_hz, audio_hz| {
-        let source_hz = sources[places.len() % sources.len()];
-        places.push(Conditions { tick_hz, audio_hz, source_hz, ..first });
-    };
-    for tick_hz in [100, 333, 500, 1000, 4000] {
-        for audio_hz in [8000, 44_100, 48_000, 192_000] {
-            at(tick_hz, audio_hz);
-        }
-    }
-    for tick_hz in [250, 700, 2500] {
-        for audio_hz in [22_050, 96_000] {
-            at(tick_hz, audio_hz);
-        }
-    }
-    let ports = || main.inputs.iter().chain(&main.outputs).filter_map(|w| w.port.as_ref());
-    let audio = ports().any(|p| matches!(p.shape, Shape::Audio { .. }));
+    let usual =
+        [100, 333, 500, 1000, 4000].map(|hz| [8000, 44_100, 48_000, 192_000].map(|audio| (hz, audio)));
+    let odd = [250, 700, 2500].map(|hz| [22_050, 96_000].map(|audio| (hz, audio)));
+    let rates = usual.into_iter().flatten().chain(odd.into_iter().flatten());
+    let sources = [8000, 2500, 44_100, 500, 16_000].into_iter().cycle();
+    let place = |((tick_hz, audio_hz), source_hz)| Conditions { tick_hz, audio_hz, source_hz, ..first };
+    let mut places: Vec<Conditions> = rates.zip(sources).map(place).collect();
+    let node = &main.node;
+    let inputs = node.inputs.iter().filter_map(|i| i.port.as_ref());
+    let mut ports = inputs.chain(node.outputs.iter().map(|o| &o.port));
+    let audio = ports.any(|p| matches!(p.shape, Shape::Audio { .. }));
     let like = main.kind.descriptor().inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Like(_)));
     if like && audio {
         let control = Conditions { like: ShapeSpec::Control(2), ..first };
@@ -88,7 +78,7 @@ pub(super) fn layouts(subject: &Subject<'_>) -> Found {
     ];
     let mut places = Vec::new();
     for frames in frames {
-        let at = Conditions { frames, ..Conditions::default() };
+        let at = Conditions { frames, ..USUAL };
         places.extend([500, 333, 1000].map(|tick_hz| Conditions { tick_hz, ..at }));
         if frames.0 == 44_100 {
             places.push(Conditions { audio_hz: 44_100, ..at });
@@ -101,7 +91,7 @@ pub(super) fn unconnected(subject: &Subject<'_>) -> Found {
     let main = main(subject)?;
     let inputs = &main.kind.descriptor().inputs;
     let optional: Vec<usize> =
-        (0..main.inputs.len().min(64)).filter(|&i| inputs.get(i).is_some_and(|p| p.optional)).collect();
+        (0..main.node.inputs.len().min(64)).filter(|&i| inputs.get(i).is_some_and(|p| p.optional)).collect();
     if optional.is_empty() {
         return not_applicable("no input is optional");
     }

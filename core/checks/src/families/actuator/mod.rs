@@ -3,7 +3,7 @@
 mod inverse;
 mod limiter;
 
-pub use limiter::{Piece, Place, Sound, Stood, limited};
+pub use limiter::{Piece, Place, Sound, limited};
 
 use std::path::Path;
 
