@@ -1,8 +1,8 @@
 //! The inverse, the limiter, and what they do to a simulated actuator.
 
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
-use asperity_checks::{Effort, Piece, Place, Sound, Stop, Subject, limited};
-use asperity_node::{Param, Status};
+use asperity_checks::{Piece, Place, Sound, Stop, Subject, limited};
+use asperity_node::Status;
 use proptest::prelude::*;
 
 use crate::{broken, called, fails, graph, holds, holds_on, plugin, subject};
@@ -60,19 +60,6 @@ fn inverse_band() {
     for (mutant, why) in [(louder, "dB off what is stated"), (bright, "times what was asked")] {
         let kind = mutant.kind("actuator_inverse").expect("the kind");
         fails("inverse_band", &subject.clone().with(plugin(&kind, "an_inverse", |d| d)), why);
-    }
-}
-
-#[test]
-fn an_inverse_or_a_limiter_that_has_to_be_set_is_left_out() {
-    let built_in = subject(None).effort(Effort::Quick);
-    let mut subject = built_in.clone();
-    for (like, name) in [("actuator_inverse", "an_inverse"), ("limiter", "a_limiter")] {
-        let amplifier = Param::text("amplifier", "", "Which one.").required();
-        subject = subject.with(plugin(&built_in.kind(like).expect("the kind"), name, |d| d.param(amplifier)));
-    }
-    for case in ["inverse_band", "inverse_off", "full_scale_at_resonance", "limiter_random"] {
-        holds(case, &subject);
     }
 }
 

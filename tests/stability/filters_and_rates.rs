@@ -1,11 +1,11 @@
 //! Rates, tails, changes, and clocks that are off.
 
-use asperity_checks::{Effort, Subject};
+use asperity_checks::Subject;
 use asperity_live::{Dll, RemoteClock};
 use asperity_node::random::uniform;
-use asperity_node::{Fault, Param, Tick, time};
+use asperity_node::{Fault, Tick, time};
 
-use crate::{broken, called, fails, graph, holds, holds_on, plugin, subject};
+use crate::{broken, called, fails, graph, holds, holds_on, subject};
 
 /// A mutant that fails in some ticks.
 fn failing<'g>(subject: &Subject<'g>, kind: &str, when: fn(&mut Tick<'_>) -> bool) -> Subject<'g> {
@@ -71,17 +71,6 @@ fn uneven_hops() {
         "uneven_hops",
         &[("overlap_add", quiet, "off the level"), ("overlap_add", loud_where_long, "at 44100 Hz, 500")],
     );
-}
-
-#[test]
-fn phase_retrieval_with_required_parameter_is_left_out() {
-    let built_in = subject(None);
-    let weights = Param::file("weights", "What it has learned.").required();
-    let more = plugin(&built_in.kind("spsi").expect("the kind"), "learned_phase", |d| d.param(weights));
-    let subject = built_in.with(more).effort(Effort::Quick);
-    for case in ["uneven_hops", "rates_of_kinds"] {
-        holds(case, &subject);
-    }
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Friction and drag: forces that only take energy.
 
-use asperity_checks::{Effort, Subject};
-use asperity_node::{Param, Tick};
+use asperity_checks::Subject;
+use asperity_node::Tick;
 
-use crate::{broken, fails, graph, holds, holds_on, plugin, pushing, subject};
+use crate::{broken, fails, graph, holds, holds_on, pushing, subject};
 
 /// Where the node of friction has its velocity and the normal force.
 const VELOCITY: usize = 1;
@@ -93,16 +93,4 @@ fn own() {
         }
     });
     fails("own_friction", &drives, "of its energy at first");
-}
-
-#[test]
-fn friction_with_required_parameter_is_left_out() {
-    let built_in = subject(None);
-    let which = Param::text("surface", "", "What rubs.").required();
-    let more = plugin(&built_in.kind("viscosity").expect("the kind"), "a_drag", |d| d.param(which));
-    let subject = built_in.with(more).effort(Effort::Quick);
-    for case in ["friction_takes_energy", "friction_is_quiet_at_rest", "friction_inside_its_bound"] {
-        let found = holds(case, &subject);
-        assert!(!found.contains("a_drag"), "{case}: {found}");
-    }
 }

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use asperity_checks::wrap::{Process, with_memory, wrap};
 use asperity_checks::{Effort, Found, Stop, Subject, cases};
 use asperity_graph::GraphFile;
-use asperity_node::{Descriptor, NodeKind, Setup, Tick};
+use asperity_node::{Descriptor, NodeKind, Param, Setup, Tick};
 use harness::registry;
 
 /// The folder of the shipped graphs.
@@ -152,5 +152,29 @@ fn breaks(name: &str, case: impl Fn(&Subject<'_>) -> Found, mutant: &Subject<'_>
     match case(&mutant.clone().effort(mutant.effort.min(Effort::Full))) {
         Err(Stop::Failed(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
         other => panic!("{name} does not see the mutant: {other:?}"),
+    }
+}
+
+/// No case knows a value for a parameter that has to be set.
+#[test]
+fn kinds_with_a_required_parameter_are_left_out() {
+    let built_in = subject(None);
+    for (like, name, cases) in [
+        ("actuator_inverse", "an_inverse", &["inverse_band", "inverse_off"][..]),
+        ("limiter", "a_limiter", &["full_scale_at_resonance", "limiter_random"]),
+        ("spsi", "learned_phase", &["uneven_hops", "rates_of_kinds"]),
+        (
+            "viscosity",
+            "a_drag",
+            &["friction_takes_energy", "friction_is_quiet_at_rest", "friction_inside_its_bound"],
+        ),
+    ] {
+        let which = Param::text("which", "", "Which one.").required();
+        let more = plugin(&built_in.kind(like).expect("the kind"), name, |d| d.param(which));
+        let subject = built_in.clone().with(more).effort(Effort::Quick);
+        for case in cases {
+            let found = holds(case, &subject);
+            assert!(!found.contains(name), "{case}: {found}");
+        }
     }
 }

@@ -108,7 +108,7 @@ fn network_steady() {
     let phase = pulsing.nodes.iter_mut().find(|node| node.id == "phase").expect("the node");
     (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
     pulsing.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
-    fails("network_steady", &subject(Some(&pulsing)), "the envelope repeats by");
+    fails("network_steady", &subject(Some(&pulsing)), "more repetition than of noise");
     // What repeats with place must not pulse either: a library of gratings alone.
     let library = Library::read(harness::graphs("models/surfaces/materials.ron")).expect("the library");
     let mut gratings = library.materials().to_vec();

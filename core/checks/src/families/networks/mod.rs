@@ -18,7 +18,7 @@ use asperity_node::{Buffer, NodeKind, PortType, Shape, Unit};
 use crate::buffers::{denormals, same};
 use crate::case::{Case, Family, Found, Stop, not_applicable};
 use crate::played::Motion;
-use crate::rig::{DriveLimits, Rig, number, values};
+use crate::rig::{Rig, number, values};
 use crate::subject::{Effort, Subject};
 use crate::wrap::{misled, wrap};
 
@@ -350,7 +350,7 @@ struct Beside {
     culprits: Vec<usize>,
     /// Networks, and nodes that depend on them.
     touched: Vec<bool>,
-    limits: Vec<Option<DriveLimits>>,
+    limits: Vec<Option<[f64; 2]>>,
     last: Vec<f64>,
     /// Largest sample of the drive with the trouble.
     largest: f64,
@@ -420,7 +420,7 @@ impl Beside {
             for &x in samples {
                 let x = f64::from(x);
                 ensure!(x.is_finite(), "{now}: the drive is not finite");
-                if let Some(DriveLimits { peak, step: most }) = *limits {
+                if let Some([peak, most]) = *limits {
                     let step = (x - *last).abs();
                     // The bounded sample is f32: half a unit in its last place on either side.
                     let room = 1e-6 * peak;
