@@ -35,7 +35,7 @@ pub fn apart(a: &[f32], b: &[f32]) -> f32 {
 }
 
 pub fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
-    &report.nodes.iter().find(|n| n.id == id).unwrap_or_else(|| panic!("no {id}: {report}")).change
+    &report.nodes.iter().find(|n| n.0 == id).unwrap_or_else(|| panic!("no {id}: {report}")).1
 }
 
 /// Why a node is rebuilt; nothing where it is not.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use asperity_diagnostics::Source;
-use asperity_engine::{Change, Finished, MAX_SWAPS, ParameterError, SwapError};
+use asperity_engine::{Change, Finished, MAX_SWAPS, SwapError};
 use asperity_graph::{GraphFile, compile};
 use asperity_node::NodeKind;
 use harness::counting::allocations;
@@ -215,18 +215,18 @@ fn a_live_parameter_is_set_in_the_next_tick_and_checked_before() {
     rig.controller.set_parameter("g", "sign", 1.0).unwrap();
     assert_eq!(rig.run(1).last(), [-0.25; TICK]);
     let mut set = |node, param, value| rig.controller.set_parameter(node, param, value).unwrap_err();
-    assert_eq!(set("x", "gain", 1.0), ParameterError::NoNode("x".into()));
+    assert_eq!(set("x", "gain", 1.0), "there is no node `x`");
     let live = "`g.fixed` cannot change while the node runs; what can: gain, sign";
-    assert_eq!(set("g", "fixed", 1.0).to_string(), live);
-    assert_eq!(set("g", "gain", 2.5).to_string(), "`gain` cannot be 2.5: it takes a number from 0.0 to 2.0");
+    assert_eq!(set("g", "fixed", 1.0), live);
+    assert_eq!(set("g", "gain", 2.5), "`gain` cannot be 2.5: it takes a number from 0.0 to 2.0");
     for (param, value) in [("gain", f64::NAN), ("sign", 0.5), ("sign", 2.0)] {
-        assert!(matches!(set("g", param, value), ParameterError::OutOfRange { .. }));
+        assert!(set("g", param, value).contains("it takes a"));
     }
     // A graph in which only the live parameter differs keeps the node; one that agrees with what was set
     // sets nothing.
     assert_eq!(rig.swap(&with(0.25, 0)).to_string(), "`g.sign` set to 0, 3 nodes kept");
     let report = rig.swap(&with(0.75, 0));
-    assert_eq!((change(&report, "g"), report.parameters[0].value), (&Change::Kept, 0.75));
+    assert_eq!((change(&report, "g"), report.parameters[0].1), (&Change::Kept, 0.75));
     assert_eq!(rig.run(1).last(), [0.75; TICK]);
     // The built-in gain is live, and goes there in a straight line.
     let plain = "t: tone(hz: 0.0); g: gain; out: probe; t -> g -> out";

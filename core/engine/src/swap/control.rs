@@ -3,14 +3,14 @@
 use std::fmt;
 use std::sync::Arc;
 
-use asperity_graph::{Compiled, LiveParam, Schedule, ScheduledNode};
+use asperity_graph::{Compiled, LiveParam, Schedule};
 use asperity_node::{ParamKind, Prepared};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::build::{Running, build};
 use super::plan::{Point, live_values, plan};
-use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
+use super::report::{Change, Finished, SwapError, SwapReport};
 use super::takeover::{Command, Link, Set, Swap};
 
 /// Most swaps in progress. Each is taken over when the one before has faded.
@@ -102,23 +102,17 @@ impl Controller {
         let running = Running { schedule: &old, sizes: &self.sizes, live: &self.live };
         let swap = build(number, &running, compiled, &fates, &points);
         let new = swap.body.schedule.clone();
-        let origin = |node: &ScheduledNode, change| NodeChange {
-            id: node.id.clone(),
-            kind: node.kind.clone(),
-            change,
-        };
-        let nodes = new.nodes.iter().zip(&fates).map(|(node, fate)| origin(node, fate.change.clone()));
-        let gone = (0..old.nodes.len()).filter(|i| !fates.iter().any(|f| f.old == Some(*i)));
+        let nodes = new.nodes.iter().zip(&fates).map(|(node, fate)| (node.id.clone(), fate.change.clone()));
+        let gone = old.nodes.iter().enumerate().filter(|(i, _)| !fates.iter().any(|f| f.old == Some(*i)));
         let parameter = |set: &Set| {
             let node = &new.nodes[set.node];
             let live = node.live.iter().find(|l| l.index == set.param);
-            let param = live.map(|l| l.name.clone()).unwrap_or_default();
-            ParameterChange { node: node.id.clone(), param, value: set.value }
+            (format!("{}.{}", node.id, live.map_or("", |l| &l.name)), set.value)
         };
         let on_kept = |p: &&Point| p.reader.is_none_or(|(j, _)| fates[j].kept().is_some());
         let report = SwapReport {
             number,
-            nodes: nodes.chain(gone.map(|i| origin(&old.nodes[i], Change::Removed))).collect(),
+            nodes: nodes.chain(gone.map(|(_, node)| (node.id.clone(), Change::Removed))).collect(),
             parameters: swap.sets.iter().map(parameter).collect(),
             crossfades: points.iter().filter(on_kept).count(),
         };
@@ -137,20 +131,22 @@ impl Controller {
     /// [`swap`](Self::swap) sets it to what the new graph says.
     ///
     /// # Errors
-    /// [`ParameterError`] says what to do; nothing is sent then.
-    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), ParameterError> {
-        let at = self.schedule.index_of(node).ok_or_else(|| ParameterError::NoNode(node.to_owned()))?;
+    /// The text says what to do; nothing is sent then.
+    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), String> {
+        let at = self.schedule.index_of(node).ok_or_else(|| format!("there is no node `{node}`"))?;
         let live = &self.schedule.nodes[at].live;
         let Some(k) = live.iter().position(|l| l.name == param) else {
-            let live = live.iter().map(|l| l.name.clone()).collect();
-            return Err(ParameterError::NotLive { node: node.to_owned(), param: param.to_owned(), live });
+            let others: Vec<&str> = live.iter().map(|l| l.name.as_str()).collect();
+            let others = if others.is_empty() { "" } else { &format!("; what can: {}", others.join(", ")) };
+            return Err(format!("`{node}.{param}` cannot change while the node runs{others}"));
         };
         check(&live[k], value)?;
         if !self.commands.read_is_held() {
-            return Err(ParameterError::Stopped);
+            return Err("the engine is gone".into());
         }
         let set = Set { node: at, param: live[k].index, value };
-        self.commands.try_push(Command::Set(set)).map_err(|_| ParameterError::Busy)?;
+        let full = |_| "too much waits for the next tick: try again";
+        self.commands.try_push(Command::Set(set)).map_err(full)?;
         self.live[at][k] = value;
         Ok(())
     }
@@ -173,7 +169,7 @@ impl Controller {
 }
 
 /// Whether a live parameter may take a value.
-fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
+fn check(live: &LiveParam, value: f64) -> Result<(), String> {
     let whole = |least: f64, most: f64| {
         let fits = value.fract() == 0.0 && (least..=most).contains(&value);
         (fits, format!("a whole number from {least} to {most}"))
@@ -189,5 +185,5 @@ fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
             (false, "nothing while the node runs".into())
         }
     };
-    if fits { Ok(()) } else { Err(ParameterError::OutOfRange { param: live.name.clone(), value, takes }) }
+    if fits { Ok(()) } else { Err(format!("`{}` cannot be {value}: it takes {takes}", live.name)) }
 }

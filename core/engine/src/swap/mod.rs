@@ -20,5 +20,5 @@ mod takeover;
 pub(crate) use build::{buffers, fed_audio};
 pub use control::{Controller, MAX_SWAPS};
 pub use crossfade::CROSSFADE_S;
-pub use report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
+pub use report::{Change, Finished, SwapError, SwapReport};
 pub(crate) use takeover::Link;
