@@ -1,4 +1,4 @@
-//! Random graphs.
+//! Graphs of any shape, and a graph beside itself.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -12,12 +12,31 @@ use asperity_node::{
     ShapeSpec, Unit, UnitSpec, Var,
 };
 
-use crate::buffers::finite;
-use crate::case::{Found, Stop};
-use crate::families::often;
-use crate::played::{Played, samples};
+use super::often;
+use crate::buffers::{finite, same};
+use crate::case::{Case, Family, Found, Stop};
+use crate::played::{Motion, Played, samples};
 use crate::rig::Rig;
 use crate::subject::Subject;
+
+const GRAPHS: Family = Family("graphs");
+
+pub(super) const CASES: &[Case] = &[
+    GRAPHS.kinds(
+        "random_graphs",
+        random,
+        "random graphs of up to 40 nodes of any kinds. Most parameters and wires fit, some do not",
+        "a graph that loads runs for 60 ticks, finite and without a fault, except numbers beyond all \
+         bounds in a loop, which are contained. A graph that does not load is refused with a reason and a \
+         place in its file",
+    ),
+    GRAPHS.graph(
+        "same_bytes",
+        same_bytes,
+        "the graph is compiled and run twice, tick by tick side by side",
+        "every output of every node is the same in every tick, to the bit",
+    ),
+];
 
 /// Most nodes of a graph.
 const MOST: usize = 40;
@@ -249,7 +268,7 @@ impl Drawn {
     }
 }
 
-pub(super) fn run(subject: &Subject<'_>) -> Found {
+fn random(subject: &Subject<'_>) -> Found {
     let graphs = subject.by_effort(100, 1500, 100_000);
     let (mut ran, mut nodes, mut loops, mut beyond) = (0_u64, 0, 0, 0);
     let mut refused = BTreeMap::new();
@@ -432,4 +451,35 @@ impl<'d> Types<'d> {
         let specs = d.inputs.iter().map(|i| &i.shape).chain(d.outputs.iter().map(|o| &o.shape));
         specs.into_iter().any(|spec| matches!(bound.shape(spec, self.audio_hz), Some(Known::Audio(_))))
     }
+}
+
+/// The first output that differs.
+fn differs(a: &Rig, b: &Rig) -> Option<String> {
+    let differ = |i, o| match (a.engine.output(i, o), b.engine.output(i, o)) {
+        (Some(a), Some(b)) => !same(a, b),
+        (a, b) => a.is_some() != b.is_some(),
+    };
+    a.outputs().find(|(i, o)| differ(*i, *o)).map(|(i, o)| a.name(i, o))
+}
+
+fn same_bytes(subject: &Subject<'_>) -> Found {
+    let hz = f64::from(subject.its_graph()?.tick_hz);
+    let motion: Motion = Arc::new(move |tick| {
+        let t = tick as f64 / hz;
+        // On and off the surface, slow and fast, here and there.
+        [30.0 * (2.0 * t).sin() * t.cos(), 30.0 * t.sin(), 1.0 - 3.0 * (1.3 * t).sin().abs()]
+    });
+    let rig = || Rig::moved_if_possible(subject, motion.clone());
+    let (mut one, mut other) = (rig()?, rig()?);
+    let ticks = one.ticks(subject.by_effort(3.0, 10.0, 120.0));
+    one.run(ticks, |one, tick| {
+        other.engine.tick();
+        match differs(one, &other) {
+            Some(output) => bail!("`{output}` differs in tick {tick}"),
+            None => Ok(()),
+        }
+    })?;
+    let outputs: usize = one.schedule.nodes.iter().map(|n| n.outputs.len()).sum();
+    ensure!(one.schedule == other.schedule, "the schedules differ");
+    Ok(format!("{outputs} outputs are the same in each of {ticks} ticks"))
 }
