@@ -101,8 +101,8 @@ impl Rig {
         }
     }
 
-    /// A graph with a played stylus in place of each node that moves one, and the kinds that it needs. Without
-    /// a motion [`place`](Self::place) moves the stylus from tick to tick. Such a node has an output
+    /// A graph with a played stylus in place of each node that moves one, and the kinds that it needs.
+    /// Without a motion [`place`](Self::place) moves the stylus from tick to tick. Such a node has an output
     /// `position` of three values and no input that needs a wire.
     ///
     /// # Errors
@@ -207,8 +207,7 @@ impl Rig {
         self.drives.iter().map(|&(node, input)| samples(self.engine.input(node, input)))
     }
 
-    /// Largest sample and step from sample to sample of each [drive](Self::drive), where the limiter before it
-    /// states them \[A or V\].
+    /// Largest sample and step of each [drive](Self::drive) that its limiter states \[A or V\].
     pub(crate) fn drive_limits(&self) -> Vec<Option<[f64; 2]>> {
         let told = |&(node, input): &(usize, usize)| {
             let (limiter, _) = self.schedule.nodes.get(node)?.inputs.get(input)?.from?;

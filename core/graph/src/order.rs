@@ -1,4 +1,4 @@
-//! The order of a tick, and when nodes may sleep in it: for the compiler, and for an engine between two graphs.
+//! The order of a tick, and when nodes may sleep: for the compiler, and for an engine between two graphs.
 
 use std::collections::BTreeSet;
 

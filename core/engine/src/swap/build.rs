@@ -221,7 +221,7 @@ impl<'a> Sides<'a> {
             Waiting { runs: true, reads, ..Waiting::default() }
         }));
         steps(&all).unwrap_or_else(|| {
-            // If gates wait for each other, nothing waits for them: their answers are those of the tick before.
+            // Gates wait for each other: their answers are those of the tick before.
             all.iter_mut().for_each(|node| node.gate_sets.clear());
             let found = steps(&all);
             debug_assert!(found.is_some(), "steps wait for each other");

@@ -45,8 +45,8 @@ enum Kind {
     BreaksTwice,
 }
 
-/// A node that decides when to fail. It counts all calls since it was made, so that a reset is no return to the
-/// same fault.
+/// A node that decides when to fail. It counts all calls since it was made, so that a reset is no return to
+/// the same fault.
 struct Chance {
     kind: Kind,
     number: usize,

@@ -136,7 +136,7 @@ fn change(
             let bound = 1.01 * steps + 2.0 * loudest * steepest;
             ensure!(
                 step <= bound,
-                "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make {bound:.4} at most"
+                "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade give {bound:.4}"
             );
             changed = true;
             figures.note(step / bound.max(f64::MIN_POSITIVE), "of the largest step that is allowed");
