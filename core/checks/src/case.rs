@@ -186,6 +186,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn figures_tell_the_largest_and_where_it_is() {
+        let mut figures = Figures::default();
+        figures.at_most(0.5, 1.0, "N").unwrap();
+        figures.about = "there".into();
+        let wrong = figures.at_most(2e-7, 1e-7, "mm").unwrap_err();
+        assert_eq!(wrong, Stop::Failed("2.00e-7 mm; the bound is 1.00e-7".into()));
+        figures.at_most(0.25, 1.0, "N").unwrap();
+        assert_eq!(figures.to_string(), "at most 0.500 N, 2.00e-7 mm (there)");
+        assert!(figures.at_most(f64::NAN, 1.0, "N").is_err());
+    }
+
+    #[test]
     fn items_without_the_case_leave_it_to_the_others() {
         let no = |why: &str| not_applicable::<i32>(why);
         assert_eq!(applicable([no("a"), Ok(1), no("b"), Ok(2)], "c"), Ok(vec![1, 2]));
