@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use asperity_checks::{Heap, Outcome, Subject, Touched, Verdict, node_cases, tick_time};
+use asperity_checks::{Heap, Stop, Subject, Touched, node_cases, tick_time};
 use asperity_graph::GraphFile;
 use asperity_node::{NodeKind, Param, ParamKind};
 use harness::counting::{bind, own};
@@ -24,7 +24,9 @@ impl Heap for Allocations {
 /// A kind with the parameters it must be given. Fewer random ticks than `asperity plugin check` has.
 fn subject(kind: &Arc<NodeKind>) -> Subject<'static> {
     let file = |p: &str| harness::graphs(p).display().to_string();
-    let subject = Subject::one(kind.clone()).ticks(3000).heap(&Allocations);
+    let mut subject = Subject::one(kind.clone());
+    subject.ticks = 3000;
+    subject.heap = Some(&Allocations);
     match &*kind.descriptor().kind {
         "texture_network" => subject
             .set("model", file("models/surfaces/texture.onnx"))
@@ -57,10 +59,10 @@ fn check(names: &[&str]) {
         }
         for (name, subject) in &subjects {
             for case in node_cases().iter().filter(|c| names.contains(&c.name) && !is_meant(name, c.name)) {
-                let Outcome { verdict, found } = case.run(subject);
-                println!("{name:20} {:16} {verdict:?} {found}", case.name);
-                if verdict == Verdict::Fails {
-                    wrong.push(format!("{name}: {}: {found}", case.name));
+                let found = case.run(subject);
+                println!("{name:20} {:16} {found:?}", case.name);
+                if let Err(Stop::Failed(why)) = found {
+                    wrong.push(format!("{name}: {}: {why}", case.name));
                 }
             }
         }

@@ -2,13 +2,10 @@
 //! counted.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
-mod autoregressive;
 mod conformance;
-mod kernels;
 mod networks;
 mod rig;
 mod swap;
-mod swap_kept;
 mod swap_long;
 mod swap_plugins;
 mod ticks;

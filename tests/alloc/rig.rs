@@ -1,6 +1,6 @@
 //! An engine that is changed while it runs, and what is heard of it. No tick of it may allocate or free.
 
-use asperity_engine::{Controller, Engine, Options, SwapReport};
+use asperity_engine::{Change, Controller, Engine, NodeReport, Options, SwapReport};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_node::Buffer;
 use harness::counting::allocations;
@@ -24,11 +24,23 @@ pub fn compiled(lines: &str) -> Compiled {
     compiled_file(&of_lines(lines))
 }
 
-/// The same with changes as for `--set`.
-pub fn compiled_with(lines: &str, changes: &[&str]) -> Compiled {
-    let mut graph = of_lines(lines);
-    changes.iter().for_each(|change| graph.set(change, "test").expect("a change"));
-    compiled_file(&graph)
+/// Output of a fresh engine in so many ticks.
+pub fn fresh(lines: &str, ticks: usize) -> Vec<f32> {
+    Rig::new(lines).run(ticks).heard.clone()
+}
+
+/// Largest difference of two signals.
+pub fn apart(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+pub fn change<'a>(report: &'a SwapReport, id: &str) -> &'a Change {
+    &report.nodes.iter().find(|n| n.0 == id).unwrap_or_else(|| panic!("no {id}: {report}")).1
+}
+
+/// Why a node is rebuilt; nothing where it is not.
+pub fn why<'a>(report: &'a SwapReport, id: &str) -> Option<&'a str> {
+    if let Change::Rebuilt { why, .. } = change(report, id) { Some(why) } else { None }
 }
 
 /// An engine with its controller, and what can be heard of it.
@@ -91,19 +103,36 @@ impl Rig {
     }
 
     pub fn swap(&mut self, lines: &str) -> SwapReport {
-        self.controller.swap(compiled(lines), &[]).expect("it is sent")
+        self.swap_to(compiled(lines), &[])
+    }
+
+    /// Sends a graph of which these nodes are said to have changed.
+    pub fn swap_to(&mut self, compiled: Compiled, changed: &[&str]) -> SwapReport {
+        let changed: Vec<String> = changed.iter().map(ToString::to_string).collect();
+        self.controller.swap(compiled, &changed).expect("it is sent")
+    }
+
+    /// Nodes that began anew, for each swap that is over.
+    pub fn anew(&mut self) -> Vec<Vec<String>> {
+        self.controller.collect().into_iter().map(|swap| swap.anew).collect()
     }
 
     pub fn node(&self, id: &str) -> usize {
         self.engine.schedule().index_of(id).unwrap_or_else(|| panic!("no node {id}"))
     }
 
-    pub fn calls(&self, id: &str) -> u64 {
-        self.engine.report(self.node(id)).expect("a report").calls
+    pub fn report(&self, id: &str) -> &NodeReport {
+        self.engine.report(self.node(id)).expect("a report")
     }
 
+    pub fn calls(&self, id: &str) -> u64 {
+        self.report(id).calls
+    }
+
+    /// The value that a node puts out, or that a sink reads.
     pub fn control(&self, id: &str) -> f64 {
-        match self.engine.output(self.node(id), 0) {
+        let node = self.node(id);
+        match self.engine.output(node, 0).or_else(|| self.engine.input(node, 0)) {
             Some(Buffer::Control { values, .. }) => values[0],
             other => panic!("no control: {other:?}"),
         }

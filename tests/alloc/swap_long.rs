@@ -20,81 +20,56 @@ type Draw = (usize, usize, usize, usize);
 /// `names` deals out ids, so that graphs share some of them, in other places.
 fn made(draws: &[Draw], names: &[usize], feedback: Option<usize>, forgetful: bool) -> Made {
     let mut lines = String::new();
-    // Peak and step of every node so far.
-    let mut levels: Vec<(f32, f32)> = Vec::new();
-    let (mut ids, mut lates): (Vec<String>, Vec<bool>) = (Vec::new(), Vec::new());
-    let id = |i: usize, kind: usize, which: usize| match kind {
-        // A delay that grows longer has nothing to put out for a while, which this test is not about.
-        3 => format!("n{}d{which}", names[i]),
-        _ => format!("n{}", names[i]),
-    };
+    // Id, peak and step of every node so far, and whether it is late.
+    let mut nodes: Vec<(String, f32, f32, bool)> = Vec::new();
     for (i, &(kind, which, a, b)) in draws.iter().enumerate() {
-        let late = |k: usize| lates.get(k % i.max(1)).copied().unwrap_or(false);
+        let read = |k: usize| nodes.get(k % i.max(1)).cloned().unwrap_or_default();
+        let ((from, peak, step, late), (other, other_peak, other_step, other_late)) = (read(a), read(b));
         let kind = match kind {
             _ if i == 0 => 0,
             // A delay that wakes behind a gate has a step of its own to put out.
-            4 if late(a) => 6,
+            4 if late => 6,
             _ => kind,
         };
-        let is_late = kind == 3 || (kind > 0 && late(a)) || (kind == 2 && late(b));
-        let id = id(i, kind, which);
-        let name = |k: usize| format!("{}.out", ids[k % i.max(1)]);
-        let level = |k: usize| levels[k % i.max(1)];
-        let (text, out) = match kind {
+        // A delay that grows longer has nothing to put out for a while, which this test is not about.
+        let id = if kind == 3 { format!("n{}d{which}", names[i]) } else { format!("n{}", names[i]) };
+        let is_late = kind == 3 || (kind > 0 && late) || (kind == 2 && other_late);
+        let (mut now, wire) = ((peak, step), format!("; {from}.out -> {id}"));
+        let node = match kind {
             0 => {
-                let (hz, amplitude) = ([30.0, 55.0, 90.0][which], [1.0, 0.5, -0.7][which]);
-                let step = 1.31e-4 * hz as f32;
-                (format!("{id}: tone(hz: {hz:?}, level: {amplitude:?})\n"), (1.0, step))
+                let (hz, level) = ([30.0, 55.0, 90.0][which], [1.0, 0.5, -0.7][which]);
+                now = (1.0, 1.31e-4 * hz as f32);
+                format!("tone(hz: {hz:?}, level: {level:?})")
             }
-            1 => {
-                let gain = [1.0, -0.5, 0.3][which];
-                (format!("{id}: scale(by: {gain:?})\n{} -> {id}\n", name(a)), level(a))
-            }
+            1 => format!("scale(by: {:?}){wire}", [1.0, -0.5, 0.3][which]),
             2 => {
-                let text = format!("{id}: mix\n{} -> {id}.in1\n{} -> {id}.in2\n", name(a), name(b));
-                (text, (level(a).0 + level(b).0, level(a).1 + level(b).1))
+                now = (peak + other_peak, step + other_step);
+                format!("mix{wire}.in1; {other}.out -> {id}.in2")
             }
-            3 => {
-                let ms = [0.5, 3.0, 20.0][which];
-                (format!("{id}: delay(delay_ms: {ms:?})\n{} -> {id}\n", name(a)), level(a))
-            }
+            3 => format!("delay(delay_ms: {:?}){wire}", [0.5, 3.0, 20.0][which]),
             4 => {
-                let speed = [10.0, 0.0, 6.0][which];
-                let text = format!(
-                    "v{i}: level(value: {speed:?})\nu{i}: gain(unit: \"mm/s\")\nv{i} -> u{i}\nu{i} -> \
-                     {id}.speed\n\
-                     {id}: speed_gate\n{} -> {id}.in\n",
-                    name(a)
-                );
-                (text, level(a))
+                let speed =
+                    format!("v{i}: level(value: {:?}); u{i}: gain(unit: \"mm/s\")", [10.0, 0.0, 6.0][which]);
+                format!("speed_gate{wire}.in; {speed}; v{i} -> u{i} -> {id}.speed")
             }
             5 if forgetful => {
-                let part = [0.5, 0.01, 0.1][which];
                 let kind = ["one_pole", "forgetful", "one_pole"][b % 3];
-                (format!("{id}: {kind}(part: {part:?})\n{} -> {id}\n", name(a)), level(a))
+                format!("{kind}(part: {:?}){wire}", [0.5, 0.01, 0.1][which])
             }
-            _ => (format!("{id}: tracked(version: {which})\n{} -> {id}\n", name(a)), level(a)),
+            _ => format!("tracked(version: {which}){wire}"),
         };
-        lines += &text;
-        levels.push(out);
-        ids.push(id);
-        lates.push(is_late);
+        lines += &format!("{id}: {node}\n");
+        nodes.push((id, now.0, now.1, is_late));
     }
-    let last = format!("{}.out", ids[draws.len() - 1]);
-    let (mut peak, mut step) = levels[draws.len() - 1];
-    match feedback {
-        None => lines += &format!("out: file_out(file: \"x.wav\")\n{last} -> out\n"),
-        Some(which) => {
-            let ms = [2.0, 3.0, 4.0][which];
-            lines += &format!(
-                "fm: mix\nfg: scale(by: 0.4)\nfd{which}: delay(delay_ms: {ms:?})\nout: file_out(file: \
-                 \"x.wav\")\n\
-                 {last} -> fm.in1\nfd{which} -> fm.in2\nfm -> fg\nfg -> fd{which}\nfm -> out\n"
-            );
-            (peak, step) = (peak / 0.6, step / 0.6);
-        }
-    }
-    Made { lines, peak, step }
+    let (last, peak, step, _) = nodes.pop().expect("a node");
+    lines += "out: file_out(file: \"x.wav\")\n";
+    let Some(which) = feedback else {
+        return Made { lines: lines + &format!("{last}.out -> out"), peak, step };
+    };
+    let delay = format!("fd{which}: delay(delay_ms: {:?})", [2.0, 3.0, 4.0][which]);
+    lines += &format!("fm: mix; fg: scale(by: 0.4); {delay}; {last}.out -> fm.in1; fd{which} -> fm.in2; ");
+    lines += &format!("fm -> fg -> fd{which}; fm -> out");
+    Made { lines, peak: peak / 0.6, step: step / 0.6 }
 }
 
 fn any_graph(forgetful: bool) -> impl Strategy<Value = Made> {
@@ -130,7 +105,7 @@ fn swap_through(graphs: &[Made], waits: &[usize]) -> Rig {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_graph_takes_the_place_of_any_other_without_a_click(

@@ -3,22 +3,80 @@
 
 use std::cell::Cell;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use asperity_checks::wrap::stateless;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Latency, Node, Output, Param, Prepared, Processor, RateSpec, Registry,
-    Resume, Setup, ShapeSpec, State, Status, Tick, Unit,
+    Descriptor, Input, Latency, NodeKind, Output, Param, Params, Prepared, Processor, RateSpec, Registry,
+    Resume, ShapeSpec, State, Status, Tick, Unit,
 };
 
 const AUDIO: ShapeSpec = ShapeSpec::Audio(RateSpec::Graph);
+const CONTROL: ShapeSpec = ShapeSpec::Control(1);
+
+/// A kind as functions of its memory.
+struct Toy<M> {
+    fresh: fn(&Params) -> M,
+    process: fn(&mut M, &mut Tick<'_>) -> Status,
+    clear: fn(&mut M),
+    keep: fn(&mut M, &mut State<'_>),
+    set: fn(&mut M, usize, f64),
+    wants: bool,
+    latency: Latency,
+}
+
+impl<M: Send + 'static> Toy<M> {
+    fn new(fresh: fn(&Params) -> M, process: fn(&mut M, &mut Tick<'_>) -> Status) -> Self {
+        let (clear, keep, set): (fn(&mut M), fn(&mut M, &mut State<'_>), fn(&mut M, usize, f64)) =
+            (|_| {}, |_, _| {}, |_, _, _| {});
+        Self { fresh, process, clear, keep, set, wants: true, latency: Latency::ZERO }
+    }
+
+    fn made(self, descriptor: Descriptor) -> Arc<NodeKind> {
+        let toy = Arc::new(self);
+        Arc::new(NodeKind::new(descriptor, move |setup| {
+            let made = Made { now: (toy.fresh)(setup.params), toy: toy.clone() };
+            Ok(Prepared::new(made).latency(toy.latency))
+        }))
+    }
+}
+
+struct Made<M> {
+    toy: Arc<Toy<M>>,
+    now: M,
+}
+
+impl<M: Send> Processor for Made<M> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        (self.toy.process)(&mut self.now, tick)
+    }
+
+    fn reset(&mut self) {
+        (self.toy.clear)(&mut self.now);
+    }
+
+    fn wants(&mut self, _: &mut Tick<'_>) -> bool {
+        self.toy.wants
+    }
+
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        (self.toy.set)(&mut self.now, index, value);
+    }
+
+    fn state(&mut self, state: &mut State<'_>) {
+        (self.toy.keep)(&mut self.now, state);
+    }
+}
 
 /// A node that passes audio on.
-fn passes(kind: &'static str, docs: &'static str) -> Descriptor {
-    Descriptor::new(kind, docs).input(Input::new("in", AUDIO, Unit::NONE)).output(Output::new(
-        "out",
-        AUDIO,
-        Unit::NONE,
-    ))
+fn passes(kind: &'static str) -> Descriptor {
+    let out = Output::new("out", AUDIO, Unit::NONE);
+    Descriptor::new(kind, "Passes on.").input(Input::new("in", AUDIO, Unit::NONE)).output(out)
+}
+
+/// A node that gives a force.
+fn control(kind: &'static str) -> Descriptor {
+    Descriptor::new(kind, "A force.").output(Output::new("out", CONTROL, Unit::NEWTON))
 }
 
 /// A parameter that changes nothing.
@@ -33,200 +91,104 @@ fn scaled(tick: &mut Tick<'_>, by: f32) -> Status {
     Status::Continue
 }
 
-/// A one-pole low-pass that hands its memory on; `KEEPS` false forgets to.
-struct OnePole<const KEEPS: bool> {
-    part: f32,
-    memory: f32,
+/// A one-pole low-pass that hands its memory on, or forgets to.
+fn one_pole(kind: &'static str, keeps: bool) -> Arc<NodeKind> {
+    let toy = Toy::<(f32, f32)>::new(
+        |p| (p.number("part") as f32, 0.0),
+        |(part, memory), tick| {
+            for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
+                *memory += *part * (x - *memory);
+                *y = *memory;
+            }
+            Status::Continue
+        },
+    );
+    let kept = Toy {
+        keep: |it: &mut (f32, f32), state| _ = state.keep(&mut it.1),
+        ..Toy::new(toy.fresh, toy.process)
+    };
+    let toy = Toy { clear: |it: &mut (f32, f32)| it.1 = 0.0, ..if keeps { kept } else { toy } };
+    let part = Param::number("part", 0.001, 0.0..=1.0, "Part of a new sample.");
+    toy.made(passes(kind).param(part).resumes(Resume::Never))
 }
 
-impl<const KEEPS: bool> Node for OnePole<KEEPS> {
-    fn descriptor() -> Descriptor {
-        passes(if KEEPS { "one_pole" } else { "forgetful" }, "A low-pass.")
-            .param(Param::number("part", 0.001, 0.0..=1.0, "Part of a new sample."))
-            .param(Param::integer("taps", 1, 1..=9, "Only makes the state longer."))
-            .resumes(Resume::Never)
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self { part: setup.params.number("part") as f32, memory: 0.0 }))
-    }
-}
-
-impl<const KEEPS: bool> Processor for OnePole<KEEPS> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        for (y, x) in tick.outputs.audio(0).iter_mut().zip(tick.inputs.audio(0)) {
-            self.memory += self.part * (x - self.memory);
-            *y = self.memory;
-        }
-        Status::Continue
-    }
-
-    fn reset(&mut self) {
-        self.memory = 0.0;
-    }
-
-    fn state(&mut self, state: &mut State<'_>) {
-        if KEEPS {
-            state.keep(&mut self.memory);
-        }
-    }
-}
+/// Calls, a list, and the first bad tick.
+type TapsMemory = (f64, Vec<f64>, u64);
 
 /// Counts its calls, and fails from a tick on; it has a list besides, of a length that may not fit another's.
-struct Taps {
-    calls: f64,
-    taps: Vec<f64>,
-    fails_from: u64,
-}
-
-impl Node for Taps {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("taps", "Counts its calls.")
-            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
-            .param(Param::integer("taps", 1, 1..=9, "How many."))
-            .param(Param::integer("fails_from", 1_000_000, 0..=1_000_000, "Its first bad tick."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let p = setup.params;
-        let taps = vec![0.0; p.integer("taps") as usize];
-        Ok(Prepared::new(Self { calls: 0.0, taps, fails_from: p.integer("fails_from") as u64 }))
-    }
-}
-
-impl Processor for Taps {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.calls += 1.0;
-        tick.outputs.set(0, self.calls);
-        if tick.index >= self.fails_from { Status::Error(1) } else { Status::Continue }
-    }
-
-    fn reset(&mut self) {
-        self.calls = 0.0;
-        self.taps.fill(0.0);
-    }
-
-    fn state(&mut self, state: &mut State<'_>) {
-        state.keep(&mut self.calls).keep(&mut self.taps);
-    }
+fn taps() -> Arc<NodeKind> {
+    let toy = Toy::<TapsMemory>::new(
+        |p| (0.0, vec![0.0; p.integer("taps") as usize], p.integer("fails_from") as u64),
+        |(calls, _, fails_from), tick| {
+            *calls += 1.0;
+            tick.outputs.set(0, *calls);
+            if tick.index >= *fails_from { Status::Error(1) } else { Status::Continue }
+        },
+    );
+    let descriptor = control("taps")
+        .param(Param::integer("taps", 1, 1..=9, "How many."))
+        .param(Param::integer("fails_from", 1_000_000, 0..=1_000_000, "Its first bad tick."));
+    let toy = Toy { keep: |it: &mut TapsMemory, state| _ = state.keep(&mut it.0).keep(&mut it.1), ..toy };
+    Toy { clear: |it: &mut TapsMemory| it.0 = 0.0, ..toy }.made(descriptor)
 }
 
 /// Puts out 15 ms later what comes in, and hands nothing on.
-struct Late(Vec<f32>);
-
-impl Node for Late {
-    fn descriptor() -> Descriptor {
-        passes("late", "A delay that forgets.").param(version("version", 9))
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(vec![0.0; 720])).latency(Latency::ratio(15, 1000)))
-    }
+fn late() -> Arc<NodeKind> {
+    let toy = Toy::<Vec<f32>>::new(
+        |_| vec![0.0; 720],
+        |line, tick| {
+            let input = tick.inputs.audio(0);
+            tick.outputs.audio(0).copy_from_slice(&line[..input.len()]);
+            line.rotate_left(input.len());
+            let end = line.len() - input.len();
+            line[end..].copy_from_slice(input);
+            Status::Continue
+        },
+    );
+    let latency = Latency::ratio(15, 1000);
+    Toy { latency, clear: |line: &mut Vec<f32>| line.fill(0.0), ..toy }
+        .made(passes("late").param(version("version", 9)))
 }
 
-impl Processor for Late {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let input = tick.inputs.audio(0);
-        tick.outputs.audio(0).copy_from_slice(&self.0[..input.len()]);
-        self.0.rotate_left(input.len());
-        let end = self.0.len() - input.len();
-        self.0[end..].copy_from_slice(input);
-        Status::Continue
-    }
-
-    fn reset(&mut self) {
-        self.0.fill(0.0);
-    }
-}
-
-/// Lets its upstream sleep for good, asked every third tick.
-struct Shut;
-
-impl Node for Shut {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("shut", "A gate that stays closed.")
-            .input(Input::new("in", ShapeSpec::Control(1), Unit::NEWTON))
-            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
-            .gates("in")
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Shut {
-    fn wants(&mut self, _: &mut Tick<'_>) -> bool {
-        false
-    }
-
-    fn process(&mut self, _: &mut Tick<'_>) -> Status {
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
+/// Lets its upstream sleep for good.
+fn shut() -> Arc<NodeKind> {
+    let descriptor = control("shut").input(Input::new("in", CONTROL, Unit::NEWTON)).gates("in");
+    Toy { wants: false, ..Toy::<()>::new(|_| (), |(), _| Status::Continue) }.made(descriptor)
 }
 
 /// A gain that may change while it runs.
-struct LiveGain(f32);
-
-impl Node for LiveGain {
-    fn descriptor() -> Descriptor {
-        passes("live_gain", "A gain.")
-            .param(version("fixed", 9))
-            .param(Param::number("gain", 1.0, 0.0..=2.0, "The factor.").live())
-            .param(Param::choice("sign", &["plus", "minus"], "Its sign.").live())
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let sign = if setup.params.text("sign") == "minus" { -1.0 } else { 1.0 };
-        Ok(Prepared::new(Self(sign * setup.params.number("gain") as f32)))
-    }
+fn live_gain() -> Arc<NodeKind> {
+    let toy = Toy::<f32>::new(
+        |p| p.number("gain") as f32 * if p.text("sign") == "minus" { -1.0 } else { 1.0 },
+        |gain, tick| scaled(tick, *gain),
+    );
+    let set: fn(&mut f32, usize, f64) = |gain, index, value| match index {
+        1 => *gain = gain.signum() * value as f32,
+        2 => *gain = gain.abs() * if value == 1.0 { -1.0 } else { 1.0 },
+        _ => {}
+    };
+    let descriptor = passes("live_gain")
+        .param(version("fixed", 9))
+        .param(Param::number("gain", 1.0, 0.0..=2.0, "The factor.").live())
+        .param(Param::choice("sign", &["plus", "minus"], "Its sign.").live());
+    Toy { set, ..toy }.made(descriptor)
 }
 
-impl Processor for LiveGain {
-    fn set_parameter(&mut self, index: usize, value: f64) {
-        match index {
-            1 => self.0 = self.0.signum() * value as f32,
-            2 => self.0 = self.0.abs() * if value == 1.0 { -1.0 } else { 1.0 },
-            _ => {}
-        }
-    }
-
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        scaled(tick, self.0)
-    }
-
-    fn reset(&mut self) {}
-}
-
-/// A value that stands in the graph; `LIVE` or not.
-struct Level<const LIVE: bool>(f64);
-
-impl<const LIVE: bool> Node for Level<LIVE> {
-    fn descriptor() -> Descriptor {
-        let value = Param::number("value", 0.0, -100.0..=100.0, "The value.");
-        Descriptor::new(if LIVE { "live_level" } else { "level" }, "A control that stays.")
-            .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON))
-            .param(if LIVE { value.live() } else { value })
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(setup.params.number("value"))))
-    }
-}
-
-impl<const LIVE: bool> Processor for Level<LIVE> {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        tick.outputs.set(0, self.0);
-        Status::Asleep
-    }
-
-    fn set_parameter(&mut self, _: usize, value: f64) {
-        self.0 = value;
-    }
-
-    fn reset(&mut self) {}
+/// A value that stands in the graph; live or not.
+fn level(kind: &'static str, live: bool) -> Arc<NodeKind> {
+    let toy = Toy::<f64>::new(
+        |p| p.number("value"),
+        |level, tick| {
+            tick.outputs.set(0, *level);
+            Status::Asleep
+        },
+    );
+    let value = Param::number("value", 0.0, -100.0..=100.0, "The value.");
+    Toy { set: |level, _, value| *level = value, ..toy }.made(control(kind).param(if live {
+        value.live()
+    } else {
+        value
+    }))
 }
 
 thread_local! {
@@ -261,7 +223,7 @@ impl Drop for Tracked {
 }
 
 /// Adds these kinds.
-pub fn with_tones(registry: Registry) -> Registry {
+pub fn with_tones(mut registry: Registry) -> Registry {
     // A sine by the sample's number, so that it is the same whenever it began.
     let hz = Param::number("hz", 100.0, 0.0..=20_000.0, "Its frequency; a quarter of a turn ahead at 0.");
     let tone = Descriptor::new("tone", "A sine.")
@@ -281,7 +243,7 @@ pub fn with_tones(registry: Registry) -> Registry {
         }
     });
     // A gain that may not change while it runs.
-    let scale = passes("scale", "A gain.").param(Param::number("by", 1.0, -1e6..=1e6, "The factor."));
+    let scale = passes("scale").param(Param::number("by", 1.0, -1e6..=1e6, "The factor."));
     let scale = stateless(scale, |setup| {
         let by = setup.params.number("by") as f32;
         move |tick| scaled(tick, by)
@@ -292,8 +254,7 @@ pub fn with_tones(registry: Registry) -> Registry {
         .output(Output::new("out", AUDIO, Unit::AMPERE).limited());
     let amps = stateless(amps, |_| |tick| scaled(tick, 1.0));
     // Passes audio on, and is counted for as long as it lives.
-    let counted = passes("tracked", "Passes on.").param(version("version", 1_000_000));
-    let counted = stateless(counted, |_| {
+    let counted = stateless(passes("tracked").param(version("version", 1_000_000)), |_| {
         let mut memory = Tracked::new();
         move |tick| {
             TRACKED_CALLS.set(TRACKED_CALLS.get() + 1);
@@ -302,16 +263,10 @@ pub fn with_tones(registry: Registry) -> Registry {
             scaled(tick, 1.0)
         }
     });
-    let mut registry = registry
-        .with::<OnePole<true>>()
-        .with::<OnePole<false>>()
-        .with::<Taps>()
-        .with::<LiveGain>()
-        .with::<Late>()
-        .with::<Shut>()
-        .with::<Level<false>>()
-        .with::<Level<true>>();
-    for kind in [tone, scale, amps, counted] {
+    let levels = [level("level", false), level("live_level", true)];
+    let poles = [one_pole("one_pole", true), one_pole("forgetful", false)];
+    let others = [taps(), late(), shut(), live_gain(), tone, scale, amps, counted];
+    for kind in levels.into_iter().chain(poles).chain(others) {
         registry.add(kind);
     }
     registry

@@ -4,14 +4,14 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use asperity_autoregressive::{Filter, Model, Texture, TextureFile, is_stable, line_spectrum};
-use asperity_checks::textures::{Bench, Voice, Way, across, draw, radius, silent_after, square, stay};
-use asperity_checks::{Found, Stop, Subject, Verdict, decibels, ensure};
+use asperity_checks::textures::{Bench, Heard, Voice, Way, across, draw, radius, silent_after, square, stay};
+use asperity_checks::{Found, Stop, Subject, decibels, ensure};
 use asperity_graph::GraphFile;
 use asperity_node::{Fault, Setup, Status, random};
 
 use tempfile::TempDir;
 
-use crate::{breaks, called, case, fails, graph, holds, passes, scene as shipped, sounding, subject};
+use crate::{breaks, called, fails, graph, holds, passes, run, sounding, subject};
 
 const KIND: &str = "autoregressive";
 
@@ -105,38 +105,50 @@ fn unit(of: u64) -> f64 {
     (random::bits(31, of) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
+/// Runs a bench at a place. Answers by how much its level is off \[dB\].
+///
+/// # Errors
+/// It is off by more than `most`.
+fn level(heard: &mut Heard, seconds: f64, wanted: f64, most: f64, place: &str) -> Result<f64, Stop> {
+    let off = decibels(heard.square(seconds)?, wanted);
+    ensure!(off.abs() <= most, "{place} the level is {off:+.1} dB off");
+    Ok(off.abs())
+}
+
+/// Checks that a bench is silent, and that no sample was denormal.
+fn silent(heard: &mut Heard, when: &str) -> Result<(), Stop> {
+    let rest = heard.square(1.0)?;
+    ensure!(rest == 0.0, "not silent {when}: {:.1e} m/s^2", rest.sqrt());
+    ensure!(heard.denormals == 0, "{} samples are denormal", heard.denormals);
+    Ok(())
+}
+
 /// Two models between which mixtures of coefficients are unstable. Everywhere on the edge that joins them
 /// the level is that of the mixture of line spectral frequencies in closed form, within 1.5 dB.
 fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
     // Sharp resonances that lie apart: their coefficients' mean has roots beyond the unit circle.
-    let one = poles(&[(0.98, 50.0), (0.98, 120.0), (0.98, 190.0), (0.98, 260.0)]);
-    let other = poles(&[(0.98, 90.0), (0.98, 170.0), (0.98, 330.0), (0.98, 400.0)]);
+    let one = poles(&[50.0, 120.0, 190.0, 260.0].map(|hz| (0.98, hz)));
+    let other = poles(&[90.0, 170.0, 330.0, 400.0].map(|hz| (0.98, hz)));
     let part = |i: u32| f64::from(i) / 8.0;
     let mixed = |x: &[f64], y: &[f64], w: f64| -> Vec<f64> {
         x.iter().zip(y).map(|(x, y)| x + w * (y - x)).collect()
     };
     let unstable = (1..8).filter(|i| !is_stable(&mixed(&one, &other, part(*i)))).count();
     ensure!(unstable > 0, "the models of this case are not hard");
-    let lines = |ar: &[f64]| {
-        line_spectrum::from_polynomial(ar)
-            .ok_or_else(|| Stop::Failed("a model of this case is unstable".to_owned()))
-    };
-    let (from, to) = (lines(&one)?, lines(&other)?);
+    let [from, to] = [&one, &other].map(|ar| line_spectrum::from_polynomial(ar).expect("a stable model"));
     let models = vec![model(one, 1.0, [50.0, 1.0]), model(other, 1.0, [250.0, 1.0])];
     let variance = |w: f64| models[0].variance + w * (models[1].variance - models[0].variance);
     let (bench, _file) = made(subject, models.clone())?;
-    let seconds = subject.by_effort(10.0, 30.0, 600.0);
+    let seconds = subject.by_effort(10.0, 20.0, 600.0);
     let (mut worst, mut loudest) = (0.0_f64, 0.0_f64);
-    for i in 0..=8 {
-        let w = part(i);
+    for w in (0..=8).map(part) {
         let mut ar = vec![0.0; from.len()];
         line_spectrum::to_polynomial(&mixed(&from, &to, w), &mut ar);
         let wanted = square(&Filter::new(&ar, &[], variance(w).sqrt()));
         let mut heard = bench.begin(0, stay([50.0 + 200.0 * w, 1.0]))?;
         heard.square(1.0)?;
-        let off = decibels(heard.square(seconds)?, wanted);
-        ensure!(off.abs() <= 1.5, "at {w} of the edge the level is {off:+.1} dB off");
-        (worst, loudest) = (worst.max(off.abs()), loudest.max(wanted.sqrt()));
+        worst = worst.max(level(&mut heard, seconds, wanted, 1.5, &format!("at {w} of the edge"))?);
+        loudest = loudest.max(wanted.sqrt());
     }
     Ok(format!(
         "mixtures of coefficients are unstable at {unstable} of 7 places; levels are within {worst:.2} \
@@ -150,33 +162,23 @@ fn unstable_edges_hold(subject: &Subject<'_>) -> Found {
 fn poles_at_0_999_hold(subject: &Subject<'_>) -> Found {
     let eight: Vec<(f64, f64)> = (0..8).map(|i| (0.999, 40.0 + 50.0 * f64::from(i))).collect();
     let seconds = subject.by_effort(100.0, 300.0, 3600.0);
+    let silence = silent_after(0.999, RATE_HZ, 1.0);
     let mut worst = 0.0_f64;
-    let mut last = 0.0_f64;
     for of in [&eight[2..3], &eight[..]] {
         let (bench, _file) = made(subject, vec![model(poles(of), 1.0, [100.0, 1.0])])?;
         let end = (seconds + 10.0) * f64::from(bench.hz[0]);
         let mut heard = bench.begin(0, move |tick| [if (tick as f64) < end { 100.0 } else { 0.0 }, 1.0])?;
         heard.square(10.0)?;
-        let off = decibels(heard.square(seconds)?, 1.0);
-        ensure!(off.abs() <= 1.5, "{} pairs: the level is {off:+.1} dB off", of.len());
-        worst = worst.max(off.abs());
+        let pairs = format!("{} pairs:", of.len());
+        worst = worst.max(level(&mut heard, seconds, 1.0, 1.5, &pairs)?);
         // 0.999^7000 is -60.8 dB; what was there when it was let go may have been 8 dB louder than the mean.
         heard.square(7.0)?;
         let left = decibels(heard.square(0.1)?, 1.0);
-        ensure!(left < -50.0, "{} pairs: 7 s after it was let go there is {left:.0} dB left", of.len());
-        let silence = silent_after(0.999, RATE_HZ, 1.0);
+        ensure!(left < -50.0, "{pairs} 7 s after it was let go there is {left:.0} dB left");
         heard.square(silence - 7.1)?;
-        let rest = heard.square(1.0)?;
-        ensure!(
-            rest == 0.0,
-            "{} pairs: not silent {silence:.0} s after it was let go: {:.1e} m/s^2",
-            of.len(),
-            rest.sqrt()
-        );
-        ensure!(heard.denormals == 0, "{} samples are denormal", heard.denormals);
-        last = silence;
+        silent(&mut heard, &format!("{silence:.0} s after it was let go, {pairs}"))?;
     }
-    Ok(format!("levels are within {worst:.2} dB; silent {last:.0} s after they are let go"))
+    Ok(format!("levels are within {worst:.2} dB; silent {silence:.0} s after they are let go"))
 }
 
 /// Models without variance beside one that sounds, and ways between them. The silent ones give zeros. On the
@@ -188,9 +190,7 @@ fn zero_variance_hold(subject: &Subject<'_>) -> Found {
     let models = vec![at(20.0, 0.2, 0.0), at(220.0, 0.2, 0.0), at(20.0, 2.2, 0.0), at(220.0, 2.2, 1.0)];
     let (bench, _file) = made(subject, models.clone())?;
     for m in models.iter().filter(|m| m.variance == 0.0) {
-        let mut heard = bench.begin(0, stay([m.speed_mm_s, m.force_n]))?;
-        let square = heard.square(2.0)?;
-        ensure!(square == 0.0, "{:.1e} m/s^2 at a model without variance", square.sqrt());
+        silent(&mut bench.begin(0, stay([m.speed_mm_s, m.force_n]))?, "at a model without variance")?;
     }
     // On the edge to a silent one the variance is mixed linearly.
     let seconds = subject.by_effort(5.0, 20.0, 600.0);
@@ -198,61 +198,52 @@ fn zero_variance_hold(subject: &Subject<'_>) -> Found {
     for part in [0.1, 0.5, 0.9] {
         let mut heard = bench.begin(0, stay([20.0 + 200.0 * part, 2.2]))?;
         heard.square(1.0)?;
-        let off = decibels(heard.square(seconds)?, part);
-        ensure!(off.abs() <= 1.5, "{part} of the way to the one that sounds the level is {off:+.1} dB off");
-        worst = worst.max(off.abs());
+        let place = format!("{part} of the way to the one that sounds");
+        worst = worst.max(level(&mut heard, seconds, part, 1.5, &place)?);
     }
     let silence = silent_after(radius(&ar), RATE_HZ, 1.0);
     let mut heard = bench.begin(0, |tick| if tick < 1000 { [220.0, 2.2] } else { [20.0, 0.2] })?;
-    let sounded = heard.square(2.0)?;
+    ensure!(heard.square(2.0)? > 0.1, "nothing sounds on the way to a silent model");
     heard.square(silence)?;
-    let rest = heard.square(1.0)?;
-    ensure!(
-        sounded > 0.1 && rest == 0.0,
-        "{:.1e} m/s^2 is left {silence:.1} s after the way to a silent model",
-        rest.sqrt()
-    );
-    ensure!(heard.denormals == 0, "{} samples are denormal", heard.denormals);
+    silent(&mut heard, &format!("{silence:.1} s after the way to a silent model"))?;
     Ok(format!("levels between are within {worst:.2} dB; what sounded is gone within {silence:.1} s"))
 }
 
-/// Models all over the plane, with four random resonances each.
-fn scattered() -> Vec<Model> {
-    let of = |i: u64| {
+/// Speed and force jump across all triangles in every tick, at 100, 500 and 1000 Hz, between 20 models all
+/// over the plane with poles of radius 0.98 to 0.999. The rms is at most 1.15 times that of the loudest
+/// place, since rotations keep lengths. No sample is beyond 7 times it.
+fn fast_walks_hold(subject: &Subject<'_>) -> Found {
+    let scattered = |i: u64| {
         let number = |k: u64| unit(100 * i + k);
         let pairs: Vec<(f64, f64)> =
-            (0..4).map(|j| ([0.98, 0.99, 0.995, 0.999][j as usize], 30.0 + 380.0 * number(j))).collect();
+            (0..4).zip([0.98, 0.99, 0.995, 0.999]).map(|(j, r)| (r, 30.0 + 380.0 * number(j))).collect();
         let at =
             [20.0 + 60.0 * (i / 4) as f64 + 5.0 * number(8), 0.3 + 0.9 * (i % 4) as f64 + 0.1 * number(9)];
         model(poles(&pairs), 0.2 + number(10), at)
     };
-    (0..20).map(of).collect()
-}
-
-/// Speed and force jump across all triangles in every tick, at 100, 500 and 1000 Hz, between 20 models with
-/// poles of radius 0.98 to 0.999. The rms is at most 1.15 times that of the loudest place, since rotations
-/// keep lengths. No sample is beyond 7 times it.
-fn fast_walks_hold(subject: &Subject<'_>) -> Found {
-    let models = scattered();
-    let seconds = subject.by_effort(10.0, 60.0, 600.0);
+    let models: Vec<Model> = (0..20).map(scattered).collect();
+    let seconds = subject.by_effort(10.0, 30.0, 600.0);
+    let turns =
+        |one: [f64; 2], other: [f64; 2]| -> Way { Arc::new(move |k| if k % 2 == 0 { one } else { other }) };
     let anywhere: Way = Arc::new(|k| [1.0 + 330.0 * unit(2 * k), 0.1 + 3.2 * unit(2 * k + 1)]);
-    let corners: Way = Arc::new(|k| if k % 2 == 0 { [20.0, 0.3] } else { [300.0, 3.0] });
-    let forces: Way = Arc::new(|k| if k % 2 == 0 { [200.0, 0.3] } else { [200.0, 3.0] });
+    let ways = [
+        ("anywhere", anywhere),
+        ("between two corners", turns([20.0, 0.3], [300.0, 3.0])),
+        ("between two forces", turns([200.0, 0.3], [200.0, 3.0])),
+    ];
     let mut worst = [0.0_f64; 2];
     for tick_hz in [100, 500, 1000] {
         let (mut bench, _file) = made(subject, models.clone())?;
         bench.hz[0] = tick_hz;
-        for (name, way) in
-            [("anywhere", &anywhere), ("between two corners", &corners), ("between two forces", &forces)]
-        {
+        for (name, way) in &ways {
             let (rms, peak) = across(&bench, 0, way, seconds, 1.15, 7.0)
                 .map_err(|e| e.after(&format!("{name}, {tick_hz} times a second")))?;
             worst = [worst[0].max(rms), worst[1].max(peak)];
         }
     }
+    let [rms, peak] = worst;
     Ok(format!(
-        "at most {:.2} times the root mean square of the loudest place, samples of {:.1} times it",
-        worst[0], worst[1]
+        "at most {rms:.2} times the root mean square of the loudest place, samples of {peak:.1} times it"
     ))
 }
 
@@ -261,11 +252,8 @@ fn fast_walks_hold(subject: &Subject<'_>) -> Found {
 fn every_vertex_hold(subject: &Subject<'_>) -> Found {
     let of = |i: u64| {
         let pairs: Vec<(f64, f64)> = (0..3).map(|j| (0.97, 30.0 + 380.0 * unit(100 * i + j + 50))).collect();
-        model(
-            poles(&pairs),
-            0.1 + unit(i),
-            [30.0 + 80.0 * (i / 3) as f64 + 3.0 * unit(i), 0.4 + (i % 3) as f64],
-        )
+        let at = [30.0 + 80.0 * (i / 3) as f64 + 3.0 * unit(i), 0.4 + (i % 3) as f64];
+        model(poles(&pairs), 0.1 + unit(i), at)
     };
     let models: Vec<Model> = (0..12).map(of).collect();
     let (bench, _file) = made(subject, models.clone())?;
@@ -275,11 +263,10 @@ fn every_vertex_hold(subject: &Subject<'_>) -> Found {
         let mut heard = bench.begin(0, stay([m.speed_mm_s, m.force_n]))?;
         heard.square(0.5)?;
         for when in ["first", "second", "last"] {
-            let off = decibels(heard.square(third)?, square(&m.filter()));
             // Four deviations of the draw, where there is little time.
             let limit = (4.3 * 4.0 * draw(&m.filter(), RATE_HZ, third)).max(1.0);
-            ensure!(off.abs() <= limit, "vertex {i}: the level is {off:+.1} dB off in the {when} third");
-            worst = worst.max(off.abs());
+            let place = format!("vertex {i} in the {when} third:");
+            worst = worst.max(level(&mut heard, third, square(&m.filter()), limit, &place)?);
         }
     }
     Ok(format!("levels at {} vertices for {:.0} s each are within {worst:.2} dB", models.len(), 3.0 * third))
@@ -291,57 +278,52 @@ fn unstable_edges() {
     breaks("unstable_edges", unstable_edges_hold, &recursion(by_coefficients), "of the edge the level is");
 }
 
+/// A case holds, and fails for textures whose samples are changed by the number of the tick.
+fn holds_but_for(name: &str, case: fn(&Subject<'_>) -> Found, mutants: &[(fn(f32, u64) -> f32, &str)]) {
+    let subject = subject(None);
+    passes(name, case, &subject);
+    for &(change, why) in mutants {
+        let mutant =
+            sounding(&subject, KIND, move |out, tick| out.iter_mut().for_each(|x| *x = change(*x, tick)));
+        breaks(name, case, &mutant, why);
+    }
+}
+
+/// Something of the signal stays for ever; and it is too loud.
 #[test]
 fn poles_at_0_999() {
-    let subject = subject(None);
-    passes("poles_at_0_999", poles_at_0_999_hold, &subject);
-    // Something of the signal stays for ever.
-    let lasting = sounding(&subject, KIND, |out, _| out.iter_mut().for_each(|x| *x += 1e-12));
-    breaks("poles_at_0_999", poles_at_0_999_hold, &lasting, "not silent");
-    let loud = sounding(&subject, KIND, |out, _| out.iter_mut().for_each(|x| *x *= 1.3));
-    breaks("poles_at_0_999", poles_at_0_999_hold, &loud, "the level is");
+    let case = poles_at_0_999_hold;
+    holds_but_for("poles", case, &[(|x, _| x + 1e-12, "not silent"), (|x, _| 1.3 * x, "the level is")]);
 }
 
 #[test]
 fn zero_variance() {
-    let subject = subject(None);
-    passes("zero_variance", zero_variance_hold, &subject);
-    let hum =
-        sounding(&subject, KIND, |out, tick| out.iter_mut().for_each(|x| *x += 1e-9 * (tick % 2) as f32));
-    breaks("zero_variance", zero_variance_hold, &hum, "at a model without variance");
+    let hum = |x, tick| x + 1e-9 * (tick % 2) as f32;
+    holds_but_for("zero variance", zero_variance_hold, &[(hum, "at a model without variance")]);
 }
 
 /// As the kind did before: each filter on the way is stable, and the walk is not.
 #[test]
 fn fast_walks() {
     passes("fast_walks", fast_walks_hold, &subject(None));
-    breaks(
-        "fast_walks",
-        fast_walks_hold,
-        &recursion(|texture, speed, force| texture.at(speed, force)),
-        "times a second: ",
-    );
+    let walks = recursion(|texture, speed, force| texture.at(speed, force));
+    breaks("fast_walks", fast_walks_hold, &walks, "times a second: ");
 }
 
+/// A level that creeps: 2 dB in a quarter of a minute.
 #[test]
 fn every_vertex() {
-    let subject = subject(None);
-    passes("every_vertex", every_vertex_hold, &subject);
-    // A level that creeps: 2 dB in a quarter of a minute.
-    let creeps = sounding(&subject, KIND, |out, tick| {
-        let gain = 1.0 + (tick as f32 / 30_000.0).min(1.0);
-        out.iter_mut().for_each(|x| *x *= gain);
-    });
-    breaks("every_vertex", every_vertex_hold, &creeps, "third");
+    let creeps = |x, tick| x * (1.0 + (tick as f32 / 30_000.0).min(1.0));
+    holds_but_for("every vertex", every_vertex_hold, &[(creeps, "third")]);
 }
 
 #[test]
 fn own_models() {
-    let every = shipped("every_effect.ron");
+    let every = graph("scenes/every_effect.ron");
     let with_models = subject(Some(&every));
     holds("own_models", &with_models);
     let loud = sounding(&with_models, KIND, |out, _| out.iter_mut().for_each(|x| *x *= 2.0));
     fails("own_models", &loud, "the level is");
     let without = graph("texture.ron");
-    assert_eq!(case("own_models").run(&subject(Some(&without))).verdict, Verdict::NotApplicable);
+    assert!(matches!(run("own_models", &subject(Some(&without))), Err(Stop::NotApplicable(_))));
 }

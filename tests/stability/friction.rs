@@ -1,9 +1,9 @@
 //! Friction and drag: forces that only take energy.
 
-use asperity_checks::{Effort, Subject};
-use asperity_node::{Param, Tick};
+use asperity_checks::Subject;
+use asperity_node::Tick;
 
-use crate::{broken, fails, holds, plugin, scene, subject};
+use crate::{broken, fails, graph, holds, holds_on, pushing, subject};
 
 /// Where the node of friction has its velocity and the normal force.
 const VELOCITY: usize = 1;
@@ -27,9 +27,7 @@ fn takes_energy() {
     let subject = subject(None);
     holds("friction_takes_energy", &subject);
     fails("friction_takes_energy", &late(&subject), "has given");
-    let drag = broken(&subject, "viscosity", |(): &mut (), tick| {
-        tick.outputs.control(0).iter_mut().for_each(|f| *f = -*f);
-    });
+    let drag = pushing(&subject, "viscosity", |f| -f);
     fails("friction_takes_energy", &drag, "viscosity: (viscosity_ns_per_m: 2, max_force_n: 1.5) at 100 Hz");
 }
 
@@ -59,9 +57,7 @@ fn inside_its_bound() {
     });
     fails("friction_inside_its_bound", &drives, "of its energy at first");
     // Twice as strong as it says.
-    let strong = friction(&subject, |tick, _| {
-        tick.outputs.control(0).iter_mut().for_each(|f| *f *= 2.0);
-    });
+    let strong = pushing(&subject, "friction", |f| 2.0 * f);
     fails("friction_inside_its_bound", &strong, "at rest, not");
     // Trembles by itself once the device has come to rest, or nearly.
     let trembles = friction(&subject, |tick, _| {
@@ -77,19 +73,15 @@ fn inside_its_bound() {
 fn beyond_its_bound() {
     let subject = subject(None);
     holds("friction_beyond_its_bound", &subject);
-    let unlimited = broken(&subject, "force_limiter", |(): &mut (), tick| {
-        tick.outputs.control(0).iter_mut().for_each(|f| *f *= 10.0);
-    });
+    let unlimited = pushing(&subject, "force_limiter", |f| 10.0 * f);
     fails("friction_beyond_its_bound", &unlimited, "mm/s; the bound is");
 }
 
 #[test]
 fn own() {
-    for graph in [scene("every_effect.ron"), scene("side_by_side.ron")] {
-        holds("own_friction", &subject(Some(&graph)));
-    }
-    let graph = scene("side_by_side.ron");
-    let subject = subject(Some(&graph));
+    let graphs = ["scenes/side_by_side.ron", "scenes/every_effect.ron"].map(graph);
+    holds_on("own_friction", &graphs);
+    let subject = subject(Some(&graphs[0]));
     fails("own_friction", &late(&subject), "has given");
     // Pushes along what has set off at 80 to 101 mm/s, as the device does and no way that is rubbed.
     let drives = broken(&subject, "friction", |(before, slides): &mut (f64, bool), tick| {
@@ -101,16 +93,4 @@ fn own() {
         }
     });
     fails("own_friction", &drives, "of its energy at first");
-}
-
-#[test]
-fn friction_with_required_parameter_is_left_out() {
-    let built_in = subject(None);
-    let which = Param::text("surface", "", "What rubs.").required();
-    let more = plugin(&built_in.kind("viscosity").expect("the kind"), "a_drag", |d| d.param(which));
-    let subject = built_in.with(more).effort(Effort::Quick);
-    for case in ["friction_takes_energy", "friction_is_quiet_at_rest", "friction_inside_its_bound"] {
-        let found = holds(case, &subject);
-        assert!(!found.contains("a_drag"), "{case}: {found}");
-    }
 }

@@ -7,7 +7,7 @@ use asperity_node::{Fault, Status, Tick};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestError, TestRng, TestRunner};
 
-use crate::{broken, called, fails, graph, holds, scene, subject};
+use crate::{broken, called, fails, graph, holds, holds_on, subject};
 
 /// A mutant that does something else in its 30th call.
 fn once(
@@ -43,11 +43,9 @@ fn random_graphs() {
 #[test]
 fn same_bytes() {
     let graphs = ["texture.ron", "heravi2024.ron", "live.ron", "haply.ron"].map(graph);
-    for graph in graphs.iter().chain(&["every_effect.ron", "side_by_side.ron"].map(scene)) {
-        holds("same_bytes", &subject(Some(graph)));
-    }
-    let graph = graph("texture.ron");
-    let subject = subject(Some(&graph));
+    holds_on("same_bytes", &graphs);
+    holds_on("same_bytes", &["scenes/every_effect.ron", "scenes/side_by_side.ron"].map(graph));
+    let subject = subject(Some(&graphs[0]));
     static CALLS: AtomicU64 = AtomicU64::new(0);
     // What it answers follows from how often any node of its kind was called.
     let shared = broken(&subject, "virtual_floor", |(): &mut (), tick| {

@@ -20,14 +20,17 @@ mod stiff_walls;
 use std::sync::Arc;
 
 use asperity_checks::wrap::{Process, with_memory, wrap};
-use asperity_checks::{Case, Effort, Found, Outcome, Stop, Subject, Verdict, cases};
+use asperity_checks::{Effort, Found, Stop, Subject, cases};
 use asperity_graph::GraphFile;
-use asperity_node::{Descriptor, NodeKind, Setup, Tick};
-use harness::graph::lowered;
+use asperity_node::{Descriptor, NodeKind, Param, Setup, Tick};
 use harness::registry;
 
 /// The folder of the shipped graphs.
 const GRAPHS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs");
+
+/// Counts the bytes that readers and nodes hold.
+#[global_allocator]
+static ALLOCATOR: harness::counting::Counting = harness::counting::Counting;
 
 /// Effort of the cases; `ASPERITY_STABILITY=long` asks for the most.
 fn effort() -> Effort {
@@ -38,25 +41,23 @@ fn effort() -> Effort {
     }
 }
 
-/// A case by its name.
-fn case(name: &str) -> &'static Case {
-    cases().into_iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case `{name}`"))
-}
-
-/// A shipped graph.
+/// A shipped graph, or the graph of a shipped scene. Behind its name may be changes as for `--set`.
 fn graph(name: &str) -> GraphFile {
-    GraphFile::read(harness::graphs(name)).expect("a shipped graph")
-}
-
-/// The graph of a shipped scene.
-fn scene(name: &str) -> GraphFile {
-    lowered(&harness::graphs("scenes").join(name))
+    let mut words = name.split(' ');
+    let path = harness::graphs(words.next().unwrap_or_default());
+    let mut graph = match name.starts_with("scenes/") {
+        true => harness::graph::lowered(&path),
+        false => GraphFile::read(path).expect("a shipped graph"),
+    };
+    words.for_each(|change| graph.set(change, "the test").expect("a change"));
+    graph
 }
 
 /// The built-in kinds, perhaps with a graph.
 fn subject(graph: Option<&GraphFile>) -> Subject<'_> {
-    let subject = Subject::new(registry()).effort(effort());
-    if let Some(graph) = graph { subject.graph(graph) } else { subject }
+    let mut subject = Subject::new(registry()).effort(effort());
+    subject.graph = graph;
+    subject
 }
 
 /// A mutant: the outputs of a kind are changed after each call. The change has a memory for each node, which
@@ -90,6 +91,17 @@ fn sounding<'g>(
     })
 }
 
+/// A mutant: the values of a kind's first output are changed.
+fn pushing<'g>(
+    subject: &Subject<'g>,
+    kind: &str,
+    change: impl Fn(f64) -> f64 + Clone + Send + Sync + 'static,
+) -> Subject<'g> {
+    broken(subject, kind, move |(): &mut (), tick| {
+        tick.outputs.control(0).iter_mut().for_each(|x| *x = change(*x));
+    })
+}
+
 /// A kind as of a plugin: like another, with another name and more in its descriptor.
 fn plugin(
     like: &Arc<NodeKind>,
@@ -103,42 +115,66 @@ fn plugin(
     Arc::new(kind.with_ports(move |config, _| ports.ports(config)))
 }
 
+/// Runs a case, by its name.
+fn run(name: &str, subject: &Subject<'_>) -> Found {
+    let case = cases().into_iter().find(|case| case.name == name);
+    case.unwrap_or_else(|| panic!("there is no case `{name}`")).run(subject)
+}
+
 /// Asserts that a case holds. Answers its figures.
 fn holds(name: &str, subject: &Subject<'_>) -> String {
-    let Outcome { verdict, found } = case(name).run(subject);
-    assert_eq!(verdict, Verdict::Holds, "{name}: {found}");
-    println!("{name}: {found}");
-    found
+    passes(name, |subject| run(name, subject), subject)
+}
+
+/// Asserts that a case holds for graphs: with full effort for the first, briefly for the others.
+fn holds_on(name: &str, graphs: &[GraphFile]) {
+    for (i, graph) in graphs.iter().enumerate() {
+        let brief = i > 0 && effort() == Effort::Full;
+        let subject = subject(Some(graph));
+        holds(name, &if brief { subject.effort(Effort::Quick) } else { subject });
+    }
 }
 
 /// Asserts that a case fails for a mutant, for a reason with these words. Its effort is `Full` at most.
 fn fails(name: &str, mutant: &Subject<'_>, why: &str) {
-    let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
-    let Outcome { verdict, found } = case(name).run(&brief);
-    assert_eq!(verdict, Verdict::Fails, "{name} does not see the mutant: {found}");
-    assert!(found.contains(why), "{name} fails for another reason: {found}");
+    breaks(name, |subject| run(name, subject), mutant, why);
 }
 
-/// Counts the bytes that readers and nodes hold.
-#[global_allocator]
-static ALLOCATOR: harness::counting::Counting = harness::counting::Counting;
+/// The same of a case that lives in this program alone.
+fn passes(name: &str, case: impl Fn(&Subject<'_>) -> Found, subject: &Subject<'_>) -> String {
+    let found = case(subject).unwrap_or_else(|wrong| panic!("{name}: {wrong:?}"));
+    println!("{name}: {found}");
+    found
+}
 
-/// A case that lives here alone.
-type Own = fn(&Subject<'_>) -> Found;
-
-/// Asserts that a case of this program holds.
-fn passes(name: &str, case: Own, subject: &Subject<'_>) {
-    match case(subject) {
-        Ok(found) => println!("{name}: {found}"),
-        Err(wrong) => panic!("{name}: {wrong:?}"),
+/// The same of a case that lives in this program alone.
+fn breaks(name: &str, case: impl Fn(&Subject<'_>) -> Found, mutant: &Subject<'_>, why: &str) {
+    match case(&mutant.clone().effort(mutant.effort.min(Effort::Full))) {
+        Err(Stop::Failed(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
+        other => panic!("{name} does not see the mutant: {other:?}"),
     }
 }
 
-/// Asserts that a case of this program fails for a mutant, for a reason with these words.
-fn breaks(name: &str, case: Own, mutant: &Subject<'_>, why: &str) {
-    let brief = mutant.clone().effort(mutant.allowed().min(Effort::Full));
-    match case(&brief) {
-        Err(Stop::Failed(found)) => assert!(found.contains(why), "{name} fails for another reason: {found}"),
-        other => panic!("{name} does not see the mutant: {other:?}"),
+/// No case knows a value for a parameter that has to be set.
+#[test]
+fn kinds_with_a_required_parameter_are_left_out() {
+    let built_in = subject(None);
+    for (like, name, cases) in [
+        ("actuator_inverse", "an_inverse", &["inverse_band", "inverse_off"][..]),
+        ("limiter", "a_limiter", &["full_scale_at_resonance", "limiter_random"]),
+        ("spsi", "learned_phase", &["uneven_hops", "rates_of_kinds"]),
+        (
+            "viscosity",
+            "a_drag",
+            &["friction_takes_energy", "friction_is_quiet_at_rest", "friction_inside_its_bound"],
+        ),
+    ] {
+        let which = Param::text("which", "", "Which one.").required();
+        let more = plugin(&built_in.kind(like).expect("the kind"), name, |d| d.param(which));
+        let subject = built_in.clone().with(more).effort(Effort::Quick);
+        for case in cases {
+            let found = holds(case, &subject);
+            assert!(!found.contains(name), "{case}: {found}");
+        }
     }
 }

@@ -1,9 +1,8 @@
 //! Motions that no hand makes, and places that come late, twice or not at all.
 
 use asperity_checks::Subject;
-use asperity_graph::GraphFile;
 
-use crate::{broken, fails, graph, holds, scene, subject};
+use crate::{broken, fails, graph, holds, holds_on, subject};
 
 #[test]
 fn teleport() {
@@ -24,16 +23,7 @@ fn teleport() {
 
 /// The shipped graphs that say most: the recommended one, one of overlap-add, and a scene.
 fn everywhere(case: &str) {
-    for graph in [graph("texture.ron"), graph("voltage_amplifier.ron"), scene("every_effect.ron")] {
-        holds(case, &subject(Some(&graph)));
-    }
-}
-
-/// The recommended graph, changed.
-fn changed(change: &str) -> GraphFile {
-    let mut graph = graph("texture.ron");
-    graph.set(change, "the test").expect("a change");
-    graph
+    holds_on(case, &["texture.ron", "voltage_amplifier.ron", "scenes/every_effect.ron"].map(graph));
 }
 
 /// Velocities that are spoilt in the tick after one that was lost or not to be trusted.
@@ -53,10 +43,10 @@ fn after_a_gap<'g>(subject: &Subject<'g>) -> Subject<'g> {
 #[test]
 fn one_count_at_rest() {
     everywhere("one_count_at_rest");
-    let fast = changed("motion.cutoff_hz=40");
+    let fast = graph("texture.ron motion.cutoff_hz=40");
     fails("one_count_at_rest", &subject(Some(&fast)), "opens the gate");
     // A gate that would not notice a filter that tells twice the speed.
-    let deaf = changed("gate.speed_mm_s=30");
+    let deaf = graph("texture.ron gate.speed_mm_s=30");
     let twice = broken(&subject(Some(&deaf)), "velocity", |(): &mut (), tick| {
         (0..2).for_each(|output| tick.outputs.control(output).iter_mut().for_each(|v| *v *= 2.0));
     });
@@ -66,7 +56,7 @@ fn one_count_at_rest() {
 #[test]
 fn around_the_gate() {
     everywhere("around_the_gate");
-    let without = changed("gate.hysteresis=1");
+    let without = graph("texture.ron gate.hysteresis=1");
     fails("around_the_gate", &subject(Some(&without)), "the gate changes");
     // A gate that opens at once and for good.
     let graph = graph("texture.ron");
@@ -78,9 +68,8 @@ fn around_the_gate() {
 fn sampling_times() {
     everywhere("sampling_times");
     // As it was: a tick of 10 ms was held to what one of 2 ms does.
-    let slow = changed("tick_hz=100");
-    holds("sampling_times", &subject(Some(&slow)));
-    let raw = changed("motion.cutoff_hz=0");
+    holds("sampling_times", &subject(Some(&graph("texture.ron tick_hz=100"))));
+    let raw = graph("texture.ron motion.cutoff_hz=0");
     fails("sampling_times", &subject(Some(&raw)), "are allowed");
 }
 

@@ -5,7 +5,7 @@ use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Fault};
 use asperity_texture::Library;
 
-use crate::{broken, called, effort, fails, graph, holds, scene, sounding, subject};
+use crate::{broken, called, effort, fails, graph, holds, holds_on, sounding, subject};
 
 /// Shipped graphs that are looked at where there is time.
 const SHIPPED: [&str; 4] = ["heravi2024.ron", "heravi2024_500hz.ron", "voltage_amplifier.ron", "live.ron"];
@@ -15,9 +15,7 @@ const RECOMMENDED: [&str; 3] = ["heravi2024_scatter.ron", "voltage_amplifier.ron
 /// A case holds for the graph of a learned texture, for one of every effect, and for others where there is
 /// time.
 fn holds_for(name: &str, others: &[&str]) {
-    for graph in [graph("texture.ron"), scene("every_effect.ron")] {
-        holds(name, &subject(Some(&graph)));
-    }
+    holds_on(name, &["texture.ron", "scenes/every_effect.ron"].map(graph));
     if effort() == Effort::Long {
         for file in others {
             holds(name, &subject(Some(&graph(file))));
@@ -110,7 +108,7 @@ fn network_steady() {
     let phase = pulsing.nodes.iter_mut().find(|node| node.id == "phase").expect("the node");
     (phase.kind, phase.params) = ("sample_commit".into(), Vec::new());
     pulsing.wires.retain(|wire| wire.to.node != "phase" || wire.from.port.is_none());
-    fails("network_steady", &subject(Some(&pulsing)), "the envelope repeats by");
+    fails("network_steady", &subject(Some(&pulsing)), "more repetition than of noise");
     // What repeats with place must not pulse either: a library of gratings alone.
     let library = Library::read(harness::graphs("models/surfaces/materials.ron")).expect("the library");
     let mut gratings = library.materials().to_vec();

@@ -32,30 +32,47 @@ fn mutant(kind: &str, make: impl Fn(&Setup<'_>) -> Process + Send + Sync + 'stat
     called(&subject(None), kind, make)
 }
 
-/// Change of a spectrum by a mutant: with the input, the frame's number and first sample, and the
-/// spectrum.
-type Change = fn(&mut f64, &[f32], (u64, u64), &mut [Complex<f32>]);
+/// A spectrum that a mutant changes.
+struct Call<'a> {
+    /// A number to remember something in.
+    memory: &'a mut f64,
+    /// Whether the node computes in single precision.
+    single: bool,
+    magnitudes: &'a [f32],
+    /// The frame's number and first sample.
+    frame: (u64, u64),
+    out: &'a mut [Complex<f32>],
+}
 
-/// `phase_vocoder` whose spectra are changed, with a number to remember something in.
-fn changed(change: Change) -> Subject<'static> {
-    mutant("phase_vocoder", move |_| {
+impl Call<'_> {
+    /// Lets each bin run on by so many turns.
+    fn turn(&mut self, turns: impl Fn(f64) -> f64) {
+        for (k, z) in self.out.iter_mut().enumerate() {
+            let (sin, cos) = (TAU * turns(k as f64).fract()).sin_cos();
+            *z *= Complex::new(cos as f32, sin as f32);
+        }
+    }
+
+    /// Multiplies the bins whose size is so.
+    fn scale(&mut self, by: f32, of: impl Fn(f64) -> bool) {
+        self.out.iter_mut().filter(|z| of(f64::from(z.norm()))).for_each(|z| *z *= by);
+    }
+}
+
+/// A kind whose spectra are changed.
+fn changed(kind: &str, change: fn(Call<'_>)) -> Subject<'static> {
+    mutant(kind, move |setup| {
+        let single = setup.params.text("precision") == "f32";
         let mut memory = 0.0;
         Box::new(move |node, tick| {
             let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
             let status = node.run(tick)?;
             let out = tick.outputs.spectrum(0, frame.index, frame.start);
-            change(&mut memory, frame.bins, (frame.index, frame.start), out);
+            let (magnitudes, frame) = (frame.bins, (frame.index, frame.start));
+            change(Call { memory: &mut memory, single, magnitudes, frame, out });
             Ok(status)
         })
     })
-}
-
-/// Lets every bin run on by so many samples.
-fn turn(spectrum: &mut [Complex<f32>], samples: f64, len: f64) {
-    for (k, z) in spectrum.iter_mut().enumerate() {
-        let (sin, cos) = (TAU * (k as f64 * samples / len).fract()).sin_cos();
-        *z *= Complex::new(cos as f32, sin as f32);
-    }
 }
 
 #[test]
@@ -65,45 +82,86 @@ fn phase_silence() {
     fails("phase_silence", &hum, "before its tone begins");
 }
 
-#[test]
-fn phase_spectra() {
-    holds("phase_spectra", &all());
-    let loud = changed(|_, _, _, out| out.iter_mut().for_each(|z| *z *= 2.0));
-    fails("phase_spectra", &loud, "the energy is");
+/// A case holds, and fails for a kind whose spectra are changed.
+fn holds_but_for(case: &str, kind: &str, change: fn(Call<'_>), why: &str) {
+    holds(case, &all());
+    fails(case, &changed(kind, change), why);
 }
 
 #[test]
+fn phase_spectra() {
+    holds_but_for("phase_spectra", "phase_vocoder", |mut it| it.scale(2.0, |_| true), "the energy is");
+}
+
+/// Frames that take turns are never got over.
+#[test]
 fn phase_alternating() {
-    holds("phase_alternating", &all());
-    // Frames that take turns are never got over.
-    let hurt = changed(|before, given, _, out| {
-        let now = f64::from(given.iter().fold(0.0, |m: f32, x| m.max(*x)));
-        *before = if *before < 0.0 || now == 0.0 { -1.0 } else { now };
-        if *before < 0.0 {
-            out.iter_mut().for_each(|z| *z *= 0.8);
-        }
-    });
-    fails("phase_alternating", &hurt, "the level is");
+    let change = |mut it: Call<'_>| {
+        let now = f64::from(it.magnitudes.iter().fold(0.0, |m: f32, x| m.max(*x)));
+        *it.memory = if *it.memory < 0.0 || now == 0.0 { -1.0 } else { now };
+        let hurt = *it.memory < 0.0;
+        it.scale(0.8, |_| hurt);
+    };
+    holds_but_for("phase_alternating", "phase_vocoder", change, "the level is");
 }
 
 #[test]
 fn phase_units() {
-    holds("phase_units", &all());
-    let absolute = changed(|_, _, _, out| {
-        out.iter_mut().filter(|z| z.norm() < 1e-15).for_each(|z| *z = Complex::default());
-    });
-    fails("phase_units", &absolute, "a tone of 1e-30");
+    let absolute = |mut it: Call<'_>| it.scale(0.0, |size| size < 1e-15);
+    holds_but_for("phase_units", "phase_vocoder", absolute, "a tone of 1e-30");
 }
 
+/// A billionth of what there ever was is nothing.
 #[test]
 fn phase_levels() {
-    holds("phase_levels", &all());
-    // What is a billionth of what there ever was is nothing.
-    let dazzled = changed(|most, given, _, out| {
-        *most = given.iter().fold(*most, |m, x| m.max(f64::from(*x)));
-        out.iter_mut().filter(|z| f64::from(z.norm()) < 2e-9 * *most).for_each(|z| *z = Complex::default());
-    });
-    fails("phase_levels", &dazzled, "the level is");
+    let dazzled = |mut it: Call<'_>| {
+        *it.memory = it.magnitudes.iter().fold(*it.memory, |m, x| m.max(f64::from(*x)));
+        let most = *it.memory;
+        it.scale(0.0, |size| size < 2e-9 * most);
+    };
+    holds_but_for("phase_levels", "phase_vocoder", dazzled, "the level is");
+}
+
+/// Every hop is taken for 88 samples.
+#[test]
+fn phase_hop_88_89() {
+    let even = |mut it: Call<'_>| {
+        let ahead = it.frame.1 as f64 - 88.0 * it.frame.0 as f64;
+        it.turn(|k| -k * ahead / 4410.0);
+    };
+    holds_but_for("phase_hop_88_89", "spsi", even, "at 44.1 kHz");
+}
+
+/// The frame's first sample in single precision.
+#[test]
+fn phase_after_a_day() {
+    let coarse = |mut it: Call<'_>| {
+        let off = f64::from(it.frame.1 as f32) - it.frame.1 as f64;
+        it.turn(|k| k * off / 250.0);
+    };
+    holds_but_for("phase_after_a_day", "phase_vocoder", coarse, "spectral convergence is");
+}
+
+/// A tone that is 0.05 Hz higher after ten seconds.
+#[test]
+fn phase_for_a_day() {
+    let creeps = |mut it: Call<'_>| {
+        let later = it.frame.0.saturating_sub(2500) as f64 / 250.0;
+        it.turn(|_| 0.05 * later);
+    };
+    holds_but_for("phase_for_a_day", "spsi", creeps, "0.01 Hz");
+}
+
+/// In single precision a phase that is added up and never wrapped.
+#[test]
+fn phase_against_f64() {
+    let adds_up = |mut it: Call<'_>| {
+        *it.memory = f64::from(*it.memory as f32 + 1000.3);
+        let exact = 1000.3_f32 as f64 * (it.frame.0 + 1) as f64;
+        let by = if it.single { *it.memory - exact } else { 0.0 };
+        it.turn(|_| by);
+    };
+    holds_but_for("phase_against_f64", "spsi", adds_up, "dB apart");
 }
 
 #[test]
@@ -138,68 +196,4 @@ fn phase_missing_frames() {
         })
     });
     fails("phase_missing_frames", &stuck, "without frames it is not silent");
-}
-
-#[test]
-fn phase_hop_88_89() {
-    holds("phase_hop_88_89", &all());
-    // Every hop is taken for 88 samples.
-    let even = mutant("spsi", |_| {
-        Box::new(|node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
-            let status = node.run(tick)?;
-            let ahead = frame.start as f64 - 88.0 * frame.index as f64;
-            turn(tick.outputs.spectrum(0, frame.index, frame.start), -ahead, 4410.0);
-            Ok(status)
-        })
-    });
-    fails("phase_hop_88_89", &even, "at 44.1 kHz");
-}
-
-#[test]
-fn phase_after_a_day() {
-    holds("phase_after_a_day", &all());
-    // The frame's first sample in single precision.
-    let coarse = changed(|_, _, (_, start), out| turn(out, f64::from(start as f32) - start as f64, 250.0));
-    fails("phase_after_a_day", &coarse, "spectral convergence is");
-}
-
-#[test]
-fn phase_for_a_day() {
-    holds("phase_for_a_day", &all());
-    // A tone that is 0.05 Hz higher after ten seconds.
-    let creeps = mutant("spsi", |_| {
-        Box::new(|node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
-            let status = node.run(tick)?;
-            let later = frame.index.saturating_sub(2500) as f64 / 250.0;
-            let (sin, cos) = (TAU * (0.05 * later).fract()).sin_cos();
-            let by = Complex::new(cos as f32, sin as f32);
-            tick.outputs.spectrum(0, frame.index, frame.start).iter_mut().for_each(|z| *z *= by);
-            Ok(status)
-        })
-    });
-    fails("phase_for_a_day", &creeps, "0.01 Hz");
-}
-
-#[test]
-fn phase_against_f64() {
-    holds("phase_against_f64", &all());
-    // In single precision a phase that is added up and never wrapped.
-    let adds_up = mutant("spsi", |setup| {
-        let single = setup.params.text("precision") == "f32";
-        let mut turns = 0.0_f32;
-        Box::new(move |node, tick| {
-            let Some(frame) = tick.inputs.magnitude(0) else { return node.run(tick) };
-            let status = node.run(tick)?;
-            turns += 1000.3;
-            let exact = 1000.3_f32 as f64 * (frame.index + 1) as f64;
-            let by = if single { f64::from(turns) - exact } else { 0.0 };
-            let (sin, cos) = (TAU * by.fract()).sin_cos();
-            let by = Complex::new(cos as f32, sin as f32);
-            tick.outputs.spectrum(0, frame.index, frame.start).iter_mut().for_each(|z| *z *= by);
-            Ok(status)
-        })
-    });
-    fails("phase_against_f64", &adds_up, "dB apart");
 }

@@ -1,35 +1,31 @@
 //! The numbers that a wire carries in a tick.
 
-use std::iter::once;
+use std::iter::{empty, once};
 use std::num::FpCategory;
 
 use asperity_node::Buffer;
 
-/// Calls `each` with the class of every number. A frame that did not come has none.
-fn look(buffer: &Buffer, mut each: impl FnMut(FpCategory)) {
+/// The class of every number. A frame that did not come has none.
+fn classes(buffer: &Buffer) -> Box<dyn Iterator<Item = FpCategory> + '_> {
     match buffer {
-        Buffer::Control { values, .. } => values.iter().for_each(|x| each(x.classify())),
-        Buffer::Audio { samples, len, .. } => samples.iter().take(*len).for_each(|x| each(x.classify())),
-        Buffer::Magnitude { bins, frame: Some(_), .. } => bins.iter().for_each(|x| each(x.classify())),
+        Buffer::Control { values, .. } => Box::new(values.iter().map(|x| x.classify())),
+        Buffer::Audio { samples, len, .. } => Box::new(samples.iter().take(*len).map(|x| x.classify())),
+        Buffer::Magnitude { bins, frame: Some(_), .. } => Box::new(bins.iter().map(|x| x.classify())),
         Buffer::Spectrum { bins, frame: Some(_), .. } => {
-            bins.iter().flat_map(|z| [z.re, z.im]).for_each(|x| each(x.classify()));
+            Box::new(bins.iter().flat_map(|z| [z.re, z.im]).map(f32::classify))
         }
-        Buffer::Magnitude { frame: None, .. } | Buffer::Spectrum { frame: None, .. } => {}
+        Buffer::Magnitude { frame: None, .. } | Buffer::Spectrum { frame: None, .. } => Box::new(empty()),
     }
 }
 
 /// Whether every number is finite.
 pub fn finite(buffer: &Buffer) -> bool {
-    let mut finite = true;
-    look(buffer, |class| finite &= !matches!(class, FpCategory::Nan | FpCategory::Infinite));
-    finite
+    !classes(buffer).any(|class| matches!(class, FpCategory::Nan | FpCategory::Infinite))
 }
 
 /// Number of denormal numbers.
 pub(crate) fn denormals(buffer: &Buffer) -> u64 {
-    let mut count = 0;
-    look(buffer, |class| count += u64::from(class == FpCategory::Subnormal));
-    count
+    classes(buffer).filter(|class| *class == FpCategory::Subnormal).count() as u64
 }
 
 /// A buffer's content in words: its type, the number of its frame, and the bits of each number that is heard.

@@ -2,26 +2,6 @@
 
 use crate::subject::Subject;
 
-/// The result of a case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Everything that must hold holds.
-    Holds,
-    /// Something does not.
-    Fails,
-    /// The subject has nothing that the case is about.
-    NotApplicable,
-}
-
-/// A verdict and its reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Figures where the case holds, else the reason.
-    pub found: String,
-}
-
 /// Why a case does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stop {
@@ -37,15 +17,6 @@ impl Stop {
     pub fn after(self, about: &str) -> Self {
         match self {
             Self::Failed(why) => Self::Failed(format!("{about}: {why}")),
-            other => other,
-        }
-    }
-
-    /// Adds to the reason of a failure.
-    #[must_use]
-    pub(crate) fn and(self, more: &str) -> Self {
-        match self {
-            Self::Failed(why) => Self::Failed(format!("{why}, {more}")),
             other => other,
         }
     }
@@ -111,6 +82,51 @@ macro_rules! ensure {
     };
 }
 
+/// Largest values of the figures of a case.
+#[derive(Debug, Default)]
+pub(crate) struct Figures {
+    /// Where the figures are from now on, if that is to be told.
+    pub about: String,
+    all: Vec<(&'static str, f64, String)>,
+}
+
+impl Figures {
+    /// Notes a figure. `what` stands behind it in texts.
+    pub(crate) fn note(&mut self, value: f64, what: &'static str) {
+        match self.all.iter_mut().find(|it| it.0 == what) {
+            Some(it) if it.1 >= value => {}
+            Some(it) => (it.1, it.2) = (value, self.about.clone()),
+            None => self.all.push((what, value, self.about.clone())),
+        }
+    }
+
+    /// Notes a figure, which must be at most `bound`.
+    pub(crate) fn at_most(&mut self, value: f64, bound: f64, what: &'static str) -> Result<(), Stop> {
+        self.note(value, what);
+        ensure!(value <= bound, "{} {what}; the bound is {}", short(value), short(bound));
+        Ok(())
+    }
+}
+
+impl std::fmt::Display for Figures {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (i, (what, value, about)) in self.all.iter().enumerate() {
+            let about = if about.is_empty() { String::new() } else { format!(" ({about})") };
+            write!(f, "{}{} {what}{about}", if i == 0 { "at most " } else { ", " }, short(*value))?;
+        }
+        Ok(())
+    }
+}
+
+/// A number with about four digits.
+fn short(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".into(),
+        0.01..1e5 => format!("{x:.3}"),
+        _ => format!("{x:.2e}"),
+    }
+}
+
 /// Something hard, and what must hold in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
@@ -157,19 +173,29 @@ impl Family {
 
 impl Case {
     /// Runs the case.
-    pub fn run(&self, subject: &Subject<'_>) -> Outcome {
-        let (verdict, found) = match (self.run)(subject) {
-            Ok(found) => (Verdict::Holds, found),
-            Err(Stop::Failed(found)) => (Verdict::Fails, found),
-            Err(Stop::NotApplicable(found)) => (Verdict::NotApplicable, found),
-        };
-        Outcome { verdict, found }
+    ///
+    /// # Errors
+    /// It does not hold, or says nothing here.
+    pub fn run(&self, subject: &Subject<'_>) -> Found {
+        (self.run)(subject)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn figures_tell_the_largest_and_where_it_is() {
+        let mut figures = Figures::default();
+        figures.at_most(0.5, 1.0, "N").unwrap();
+        figures.about = "there".into();
+        let wrong = figures.at_most(2e-7, 1e-7, "mm").unwrap_err();
+        assert_eq!(wrong, Stop::Failed("2.00e-7 mm; the bound is 1.00e-7".into()));
+        figures.at_most(0.25, 1.0, "N").unwrap();
+        assert_eq!(figures.to_string(), "at most 0.500 N, 2.00e-7 mm (there)");
+        assert!(figures.at_most(f64::NAN, 1.0, "N").is_err());
+    }
 
     #[test]
     fn items_without_the_case_leave_it_to_the_others() {

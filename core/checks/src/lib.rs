@@ -24,9 +24,9 @@ mod wall;
 pub mod wrap;
 
 pub use buffers::{finite, same};
-pub use case::{Case, Found, Outcome, Stop, Verdict, not_applicable};
+pub use case::{Case, Found, Stop, not_applicable};
 pub use families::autoregressive as textures;
-pub use families::{Became, Drawn, Piece, Place, Sound, Stood, cases, decibels, drawn, limited, node_cases};
+pub use families::{Became, Drawn, Piece, Place, Sound, cases, decibels, drawn, limited, node_cases};
 pub use node::{TickTime, tick_time};
 pub use rig::Rig;
 pub use subject::{Effort, Heap, Subject, Touched, Witness};

@@ -63,15 +63,6 @@ impl CaseGraph {
     }
 }
 
-/// Limits of a drive, as its limiter states them.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct DriveLimits {
-    /// Largest sample \[A or V\].
-    pub peak: f64,
-    /// Largest step from sample to sample \[A or V\].
-    pub step: f64,
-}
-
 /// A graph that runs, and its outputs to devices.
 pub struct Rig {
     /// Runs the graph.
@@ -93,8 +84,9 @@ impl Rig {
     /// # Errors
     /// No graph; no stylus in it; a change that it refuses.
     pub fn new(subject: &Subject<'_>, motion: Motion, changes: &[&str]) -> Result<Self, Stop> {
+        let graph = subject.its_graph()?;
         let (mut graph, kinds) =
-            Self::with_stylus(subject.its_graph()?, subject.registry(), &motion).or_else(not_applicable)?;
+            Self::with_stylus(graph, &subject.registry, Some(&motion)).or_else(not_applicable)?;
         for change in changes {
             graph.set(change, ORIGIN)?;
         }
@@ -109,31 +101,45 @@ impl Rig {
         }
     }
 
-    /// A graph with a played stylus in place of each node that moves one, and the kinds that it needs. Such a
-    /// node has an output `position` of three values and no input that needs a wire.
+    /// A graph with a played stylus in place of each node that moves one, and the kinds that it needs.
+    /// Without a motion [`place`](Self::place) moves the stylus from tick to tick. Such a node has an output
+    /// `position` of three values and no input that needs a wire.
     ///
     /// # Errors
     /// Nothing in the graph moves a stylus.
     pub fn with_stylus(
         graph: &GraphFile,
         registry: &Registry,
-        motion: &Motion,
+        motion: Option<&Motion>,
     ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), String> {
-        with_stylus_of(graph, registry, |name, like| Played::stylus(name, like, motion.clone()))
+        let mut graph = graph.clone();
+        let mut kinds = Vec::new();
+        for node in &mut graph.nodes {
+            let Some(kind) = registry.get(&node.kind) else { continue };
+            let d = kind.descriptor();
+            let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
+                && d.inputs.iter().all(|i| i.optional || i.host_fed);
+            if !moves {
+                continue;
+            }
+            let name = format!("{} from memory", node.kind);
+            kinds.push(match motion {
+                Some(motion) => Played::stylus(&name, d, motion.clone()),
+                None => Played::fed_stylus(&name, d),
+            });
+            node.kind = name;
+            node.params.clear();
+            // The played stylus has none of the inputs of a device.
+            let id = node.id.clone();
+            graph.wires.retain(|w| w.to.node != id);
+        }
+        if kinds.is_empty() { Err("nothing in this graph moves a stylus".into()) } else { Ok((graph, kinds)) }
     }
 
     /// A graph whose stylus [`place`](Self::place) moves from tick to tick.
     pub(crate) fn fed(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
-        let (graph, kinds) = Self::with_fed_stylus(graph, subject.registry())?;
+        let (graph, kinds) = Self::with_stylus(graph, &subject.registry, None).or_else(not_applicable)?;
         Self::of(subject, &graph, &kinds)
-    }
-
-    /// The graph and the kinds of [`fed`](Self::fed).
-    pub(crate) fn with_fed_stylus(
-        graph: &GraphFile,
-        registry: &Registry,
-    ) -> Result<(GraphFile, Vec<Arc<NodeKind>>), Stop> {
-        with_stylus_of(graph, registry, Played::fed_stylus).or_else(not_applicable)
     }
 
     /// Sets the place of each fed stylus from the next tick on \[mm\], and whether it is valid.
@@ -201,12 +207,12 @@ impl Rig {
         self.drives.iter().map(|&(node, input)| samples(self.engine.input(node, input)))
     }
 
-    /// Limits of each [drive](Self::drive), where the node before it states them.
-    pub(crate) fn drive_limits(&self) -> Vec<Option<DriveLimits>> {
+    /// Largest sample and step of each [drive](Self::drive) that its limiter states \[A or V\].
+    pub(crate) fn drive_limits(&self) -> Vec<Option<[f64; 2]>> {
         let told = |&(node, input): &(usize, usize)| {
             let (limiter, _) = self.schedule.nodes.get(node)?.inputs.get(input)?.from?;
             let facts = &self.schedule.nodes.get(limiter)?.facts;
-            Some(DriveLimits { peak: number(facts, "limit")?, step: number(facts, "limit_step")? })
+            Some([number(facts, "limit")?, number(facts, "limit_step")?])
         };
         self.drives.iter().map(told).collect()
     }
@@ -264,32 +270,6 @@ impl Rig {
     pub(crate) fn values(&self, node: usize, output: usize) -> &[f64] {
         values(self.engine.output(node, output))
     }
-}
-
-fn with_stylus_of(
-    graph: &GraphFile,
-    registry: &Registry,
-    make: impl Fn(&str, &Descriptor) -> Arc<NodeKind>,
-) -> Result<(GraphFile, Vec<Arc<NodeKind>>), String> {
-    let mut graph = graph.clone();
-    let mut kinds = Vec::new();
-    for node in &mut graph.nodes {
-        let Some(kind) = registry.get(&node.kind) else { continue };
-        let d = kind.descriptor();
-        let moves = d.outputs.iter().any(|o| o.name == "position" && o.shape == ShapeSpec::Control(3))
-            && d.inputs.iter().all(|i| i.optional || i.host_fed);
-        if !moves {
-            continue;
-        }
-        let name = format!("{} from memory", node.kind);
-        kinds.push(make(&name, d));
-        node.kind = name;
-        node.params.clear();
-        // The played stylus has none of the inputs of a device.
-        let id = node.id.clone();
-        graph.wires.retain(|w| w.to.node != id);
-    }
-    if kinds.is_empty() { Err("nothing in this graph moves a stylus".into()) } else { Ok((graph, kinds)) }
 }
 
 impl From<Compiled> for Rig {

@@ -62,14 +62,20 @@ fn examples(d: &Descriptor) -> Vec<(String, String)> {
 /// Kinds of nodes, and perhaps a graph of them. Cases of the family `node` look at one kind only.
 #[derive(Clone)]
 pub struct Subject<'a> {
-    registry: Registry,
-    graph: Option<&'a GraphFile>,
-    effort: Effort,
+    /// All kinds.
+    pub registry: Registry,
+    /// A graph of these kinds.
+    pub graph: Option<&'a GraphFile>,
+    /// How long a case may take.
+    pub effort: Effort,
+    /// Number of random ticks.
+    pub ticks: u64,
+    /// Counts allocations.
+    pub heap: Option<&'a dyn Heap>,
+    /// Hears about the progress.
+    pub witness: Option<&'a dyn Witness>,
     one: Option<Arc<NodeKind>>,
     pub(crate) settings: Vec<(String, String)>,
-    pub(crate) ticks: u64,
-    pub(crate) heap: Option<&'a dyn Heap>,
-    witness: Option<&'a dyn Witness>,
     pub(crate) main: OnceCell<Result<Place, String>>,
 }
 
@@ -81,17 +87,17 @@ impl std::fmt::Debug for Subject<'_> {
 }
 
 impl<'a> Subject<'a> {
-    /// Kinds without a graph.
+    /// Kinds without a graph. Each case takes a second or less, and 100 000 random ticks.
     pub fn new(registry: Registry) -> Self {
         Self {
             registry,
             graph: None,
             effort: Effort::Quick,
-            one: None,
-            settings: Vec::new(),
             ticks: 100_000,
             heap: None,
             witness: None,
+            one: None,
+            settings: Vec::new(),
             main: OnceCell::new(),
         }
     }
@@ -103,18 +109,10 @@ impl<'a> Subject<'a> {
         Self { one: Some(kind), settings, ..Self::new(Registry::new()) }
     }
 
-    /// Adds a graph of these kinds.
+    /// Sets the effort.
     #[must_use]
-    pub fn graph(mut self, graph: &'a GraphFile) -> Self {
-        self.graph = Some(graph);
-        self
-    }
-
-    /// Sets how long a case may take; [`Effort::Quick`] without it.
-    #[must_use]
-    pub fn effort(mut self, effort: Effort) -> Self {
-        self.effort = effort;
-        self
+    pub fn effort(self, effort: Effort) -> Self {
+        Self { effort, ..self }
     }
 
     /// Adds a kind, or replaces the one of its name.
@@ -132,32 +130,6 @@ impl<'a> Subject<'a> {
         self.settings.push((name, value.into()));
         self.main = OnceCell::new();
         self
-    }
-
-    /// Sets the number of random ticks; 100 000 without it.
-    #[must_use]
-    pub fn ticks(mut self, ticks: u64) -> Self {
-        self.ticks = ticks;
-        self
-    }
-
-    /// Has allocations counted.
-    #[must_use]
-    pub fn heap(mut self, heap: &'a dyn Heap) -> Self {
-        self.heap = Some(heap);
-        self
-    }
-
-    /// Tells a witness about the progress.
-    #[must_use]
-    pub fn witness(mut self, witness: &'a dyn Witness) -> Self {
-        self.witness = Some(witness);
-        self
-    }
-
-    /// All kinds.
-    pub fn registry(&self) -> &Registry {
-        &self.registry
     }
 
     /// A kind by its name.
@@ -180,11 +152,6 @@ impl<'a> Subject<'a> {
     /// None was given.
     pub fn its_graph(&self) -> Result<&'a GraphFile, Stop> {
         self.graph.map_or_else(|| not_applicable("no graph was given"), Ok)
-    }
-
-    /// How long a case may take.
-    pub fn allowed(&self) -> Effort {
-        self.effort
     }
 
     /// One of three values, by the effort.

@@ -56,8 +56,8 @@ impl Wall {
 
     /// The force of a graph.
     pub(crate) fn new(subject: &Subject<'_>, graph: &GraphFile) -> Result<Self, Stop> {
-        let registry = subject.registry();
-        let (mut graph, kinds) = Rig::with_fed_stylus(graph, registry)?;
+        let registry = &subject.registry;
+        let (mut graph, kinds) = Rig::with_stylus(graph, registry, None).or_else(not_applicable)?;
         let is_sink = |kind: &str| registry.get(kind).is_some_and(|k| k.descriptor().sink);
         let sinks = graph.nodes.iter().filter(|n| is_sink(&n.kind)).map(|n| n.id.clone());
         let sinks: Vec<String> = sinks.collect();

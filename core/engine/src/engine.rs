@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use asperity_graph::{Compiled, Schedule};
+use asperity_graph::{Compiled, Schedule, Step};
 use asperity_node::{Buffer, Fact, Shape, time};
 
 use crate::panics::install_silent_hook;
 use crate::slot::{NodeReport, Now, Slot, is_finite};
-use crate::swap::{self, Controller, Link, Run};
+use crate::swap::{self, Controller, Link};
 use crate::telemetry::{Clock, NoClock, Watch};
 use asperity_numbers::denormals::Flushed;
 
@@ -47,7 +47,8 @@ pub(crate) struct Body {
     pub(crate) buffers: Vec<Buffer>,
     /// Slots of the schedule's nodes. During and after a swap there are more after them.
     pub(crate) slots: Vec<Slot>,
-    pub(crate) steps: Vec<Run>,
+    /// During a swap, a slot after the last one stands for a crossfade.
+    pub(crate) steps: Vec<Step>,
     /// Audio buffers that the host fills every tick.
     pub(crate) fed_audio: Vec<usize>,
 }
@@ -58,7 +59,7 @@ impl Body {
         Self {
             buffers: swap::buffers(&schedule),
             slots: schedule.nodes.iter().zip(nodes).map(|(n, p)| Slot::new(n, p.processor)).collect(),
-            steps: schedule.steps.iter().map(|s| (*s).into()).collect(),
+            steps: schedule.steps.clone(),
             fed_audio: swap::fed_audio(&schedule),
             schedule: Arc::new(schedule),
         }
@@ -124,26 +125,24 @@ impl Engine {
         let watch = &Watch { clock, limit_ns: self.options.limit_ns };
         let mut before = if C::TIMES { clock.now_ns() } else { 0 };
         for step in steps.iter() {
-            if let (true, Run::Process(i) | Run::Wants(i) | Run::Absorb(i)) = (C::TIMES, *step) {
+            let (Step::Process(i) | Step::Wants(i) | Step::Absorb(i)) = *step;
+            if let Some(point) = i.checked_sub(slots.len()) {
+                self.link.iter().for_each(|link| link.fade(point, buffers));
+                before = if C::TIMES { clock.now_ns() } else { 0 };
+                continue;
+            }
+            if C::TIMES {
                 clock.enters(i);
             }
+            let wanted = wanted(slots, i);
             match *step {
-                Run::Process(i) => {
-                    let wanted = wanted(slots, i);
-                    slots[i].run(buffers, now, wanted, watch);
-                }
-                Run::Wants(i) => {
-                    let wanted = wanted(slots, i);
-                    slots[i].ask(buffers, now, wanted, watch);
-                }
-                Run::Absorb(i) => slots[i].absorb(buffers, now, watch),
-                Run::Fade(point) => self.link.iter().for_each(|link| link.fade(point, buffers)),
+                Step::Process(_) => slots[i].run(buffers, now, wanted, watch),
+                Step::Wants(_) => slots[i].ask(buffers, now, wanted, watch),
+                Step::Absorb(_) => slots[i].absorb(buffers, now, watch),
             }
             if C::TIMES {
                 let after = clock.now_ns();
-                if let Run::Process(i) | Run::Wants(i) | Run::Absorb(i) = *step
-                    && let Some(spent) = spent_ns.get_mut(i)
-                {
+                if let Some(spent) = spent_ns.get_mut(i) {
                     *spent += after.saturating_sub(before);
                 }
                 before = after;

@@ -18,8 +18,5 @@ mod telemetry;
 pub use asperity_numbers::denormals::Flushed;
 pub use engine::{Engine, Options};
 pub use slot::{FAULT_FADE_S, FAULT_FORGIVEN_S, FAULTS_BEFORE_QUARANTINE, NodeReport};
-pub use swap::{
-    CROSSFADE_S, Change, Controller, Finished, MAX_SWAPS, NodeChange, ParameterChange, ParameterError,
-    SwapError, SwapReport,
-};
+pub use swap::{CROSSFADE_S, Change, Controller, Finished, MAX_SWAPS, SwapError, SwapReport};
 pub use telemetry::{Clock, NoClock};

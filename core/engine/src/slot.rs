@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use asperity_graph::ScheduledNode;
+use asperity_graph::{GateSets, ScheduledNode};
 use asperity_node::{Buffer, Fault, InputRef, Inputs, Outputs, Processor, Resume, Shape, Status, Tick, time};
 
 use crate::fade::Fade;
@@ -32,9 +32,6 @@ pub struct NodeReport {
     /// Whether it is no longer called.
     pub quarantined: bool,
 }
-
-/// Sets of gates: a node is wanted while all gates of one set are open.
-pub(crate) type GateSets = Box<[Box<[usize]>]>;
 
 pub(crate) struct Slot {
     pub(crate) processor: Box<dyn Processor>,
@@ -93,7 +90,7 @@ impl Slot {
             secondary: node.outputs.iter().map(|o| o.secondary).collect(),
             fades: shapes.iter().map(|s| Fade::new(rate(s) as f32 * FAULT_FADE_S)).collect(),
             every: u64::from(node.every),
-            gate_sets: node.gate_sets.iter().map(|way| way.clone().into()).collect(),
+            gate_sets: node.gate_sets.clone(),
             resume: node.resume,
             closes_cycle: node.closes_cycle,
             wants: true,

@@ -6,6 +6,7 @@
 
 mod compile;
 mod format;
+mod order;
 mod params;
 mod schedule;
 mod slots;
@@ -13,8 +14,9 @@ mod write;
 
 pub use compile::{Compiled, Options, compile};
 pub use format::{EVERY, Endpoint, GraphFile, NodeDecl, PluginDecl, Setting, WireDecl};
+pub use order::{GateSets, Waiting, gate_sets, steps};
 pub use params::check_settings;
 pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
-    Step, topological_order,
+    Step,
 };

@@ -1,10 +1,11 @@
 //! The compiler's result: plain data that can be printed, compared and run.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 
 use asperity_node::{Fact, InputRef, Latency, ParamKind, Params, PortType, Resume, Role};
+
+use crate::GateSets;
 
 /// A compiled graph.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,9 +57,8 @@ pub struct ScheduledNode {
     /// Outputs in the descriptor's order.
     pub outputs: Vec<ScheduledOutput>,
     pub buffers: Range<usize>,
-    /// Sets of gates that let it sleep: it runs while all gates of one set are open. Empty for a node
-    /// that always runs.
-    pub gate_sets: Vec<Vec<usize>>,
+    /// Gates that let it sleep.
+    pub gate_sets: GateSets,
     /// Behaviour on waking.
     pub resume: Resume,
     pub sink: bool,
@@ -196,28 +196,4 @@ impl Schedule {
     pub fn allocating(&self) -> Vec<&str> {
         self.nodes.iter().filter(|n| !n.allocation_free).map(|n| n.id.as_str()).collect()
     }
-}
-
-/// Orders the wanted vertices so that each comes after those `before` it. Of several that may come next, the
-/// lowest number comes first. Vertices on a cycle, and all after them, are left out.
-pub fn topological_order(before: &[BTreeSet<usize>], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
-    let mut missing: Vec<usize> = before.iter().map(|b| b.iter().filter(|&&v| wanted(v)).count()).collect();
-    let mut after: Vec<Vec<usize>> = vec![Vec::new(); before.len()];
-    for (v, b) in before.iter().enumerate().filter(|(v, _)| wanted(*v)) {
-        for &u in b.iter().filter(|&&u| wanted(u)) {
-            after[u].push(v);
-        }
-    }
-    let mut ready: BTreeSet<usize> = (0..before.len()).filter(|&v| wanted(v) && missing[v] == 0).collect();
-    let mut out = Vec::new();
-    while let Some(v) = ready.pop_first() {
-        out.push(v);
-        for &w in &after[v] {
-            missing[w] -= 1;
-            if missing[w] == 0 {
-                ready.insert(w);
-            }
-        }
-    }
-    out
 }

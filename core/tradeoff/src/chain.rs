@@ -134,7 +134,7 @@ impl Chain {
         let motion: Motion = Arc::new(move |tick| {
             paths.get(chosen.load(Ordering::Relaxed)).map_or([0.0; 3], |at| at(tick as f64 / tick_hz))
         });
-        let (graph, kinds) = Rig::with_stylus(graph, registry, &motion)
+        let (graph, kinds) = Rig::with_stylus(graph, registry, Some(&motion))
             .map_err(|why| Diagnostic::new(why).in_file(graph.source.path()))?;
         let subject = Subject::new(registry.clone());
         let compiled = subject.compiled(&graph, &kinds).map_err(Diagnostic::new)?;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use asperity_checks::{Effort, Subject, Verdict};
+use asperity_checks::{Stop, Subject};
 use asperity_data::made::Ground;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, NodeDecl};
@@ -166,17 +166,16 @@ impl Prepared<'_> {
         let mut row = Box::new(self.row(setting));
         let model = self.accuracy(&mut row, setting, registry, truths, monitor)?;
         let Some(model) = model else { return Ok(None) };
-        let subject = Subject::new(registry.clone()).graph(&setting.graph).effort(Effort::Quick);
+        let mut subject = Subject::new(registry.clone());
+        subject.graph = Some(&setting.graph);
         for case in &self.cases {
             if monitor.stopped() {
                 return Ok(None);
             }
-            let (verdict, why) = match catch_unwind(AssertUnwindSafe(|| case.run(&subject))) {
-                Ok(outcome) => (outcome.verdict, outcome.found),
-                Err(_) => (Verdict::Fails, "it panicked".into()),
-            };
-            row.cases += usize::from(verdict != Verdict::NotApplicable);
-            if verdict == Verdict::Fails {
+            let found = catch_unwind(AssertUnwindSafe(|| case.run(&subject)));
+            let found = found.unwrap_or_else(|_| Err(Stop::Failed("it panicked".into())));
+            row.cases += usize::from(!matches!(found, Err(Stop::NotApplicable(_))));
+            if let Err(Stop::Failed(why)) = found {
                 row.fails.insert(case.name.to_owned(), why);
             }
             monitor.advanced(1);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use asperity_engine::{Controller, Engine, Finished, Options, ParameterError, SwapError, SwapReport};
+use asperity_engine::{Controller, Engine, Finished, Options, SwapError, SwapReport};
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_node::{Params, Role};
 use parking_lot::Mutex;
@@ -219,8 +219,8 @@ impl GraphController {
     /// Sets a live parameter; see [`Controller::set_parameter`].
     ///
     /// # Errors
-    /// [`ParameterError`] says what to do; nothing is sent then.
-    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), ParameterError> {
+    /// The text says what to do; nothing is sent then.
+    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), String> {
         self.controller.set_parameter(node, param, value)?;
         let nodes = &mut self.sent.layout.nodes;
         let live =

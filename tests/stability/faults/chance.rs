@@ -11,63 +11,39 @@ use self::nodes::{INJECTORS, injected, injected_all, registry};
 
 /// Ticks of a run; `ASPERITY_LONG_TICKS` asks for others.
 fn ticks() -> u64 {
-    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(100_000)
+    std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse().ok()).unwrap_or(30_000)
 }
 
 /// Part of the graph that no fault reaches.
-const CLEAN: (&str, &str) = (
-    r#""stylus": (kind: "stroke", params: (duration_s: 1e6, shape: circle)),
-    "motion": (kind: "velocity"), "speed": (kind: "probe"),
-       "tone": (kind: "sine", params: (frequency_hz: 80, amplitude: 0.1)), "guard": (kind: "limiter"),
-       "clean": (kind: "audio_out"),"#,
-    r#"("stylus.position", "motion.position"), ("motion.speed", "speed"), ("tone", "guard"), ("guard",
-    "clean"),"#,
-);
+const CLEAN: &str = "stylus: stroke(duration_s: 1e6, shape: circle); motion: velocity; speed: probe; \
+    tone: sine(frequency_hz: 80, amplitude: 0.1); guard: limiter; clean: audio_out; \
+    stylus.position -> motion.position; motion.speed -> speed; tone -> guard -> clean";
 
-fn engine(nodes: &str, wires: &str) -> Engine {
-    harness::graph::engine(&harness::graph::of(nodes, wires), &registry())
+fn engine(lines: &str) -> Engine {
+    harness::graph::engine(&harness::graph::of_lines(lines), &registry())
 }
 
 /// A graph of injectors, each of which fails in one of so many calls: as sources of audio, controls and
 /// frames, as gates, in a cycle, asleep now and then; and what is to go on beside them.
 fn faulty(one_in: u64) -> Engine {
-    let (mut nodes, mut wires) = (CLEAN.0.to_owned(), CLEAN.1.to_owned());
-    let (mut mixed, mut forces) = (0, 0);
+    let mut lines = CLEAN.to_owned();
     for n in 0..INJECTORS {
-        let params = format!("params: (number: {n}, one_in: {one_in})");
-        let (kind, of) = match n % 4 {
-            0 | 1 => ("chance", format!("{n}.audio")),
+        let (kind, of, more) = match n % 4 {
+            0 => ("chance", "audio", format!("{n}.control -> forces.in{}", n / 4 + 1)),
+            1 => ("chance", "audio", String::new()),
             2 => {
-                nodes +=
-                    &format!(r#""tone {n}": (kind: "chance", params: (number: {n}, one_in: 1000000000)),"#);
-                wires += &format!(r#"("tone {n}.audio", "{n}.in"),"#);
-                ("chance_gate", format!("{n}.out"))
+                let tone = format!("tone {n}: chance(number: {n}, one_in: 1000000000)");
+                ("chance_gate", "out", format!("{tone}; tone {n}.audio -> {n}.in"))
             }
-            _ => {
-                nodes += &format!(r#""loop {n}": (kind: "gain", params: (gain: 0.5)),"#);
-                wires += &format!(r#"("{n}", "loop {n}"), ("loop {n}", "{n}.in"),"#);
-                ("chance_loop", format!("{n}.out"))
-            }
+            _ => ("chance_loop", "out", format!("loop {n}: gain(gain: 0.5); {n} -> loop {n} -> {n}.in")),
         };
-        nodes += &format!(
-            r#""{n}": (kind: "{kind}", {params}), "gain {n}": (kind: "gain", params: (gain: 0.01)),"#
-        );
-        mixed += 1;
-        wires += &format!(r#"("{of}", "gain {n}"), ("gain {n}", "mix.in{mixed}"),"#);
-        if n % 4 == 0 {
-            forces += 1;
-            wires += &format!(r#"("{n}.control", "forces.in{forces}"),"#);
-        }
+        lines += &format!("; {n}: {kind}(number: {n}, one_in: {one_in}); gain {n}: gain(gain: 0.01); {more}");
+        lines += &format!("; {n}.{of} -> gain {n} -> mix.in{}", n + 1);
     }
-    nodes += &format!(
-        r#""mix": (kind: "mix", params: (inputs: {mixed})), "limiter": (kind: "limiter"),
-        "out": (kind: "audio_out"),
-           "forces": (kind: "mix", params: (inputs: {forces})), "force": (kind: "probe"),
-           "phase": (kind: "spsi"), "sum": (kind: "overlap_add"), "heard": (kind: "probe"),"#
-    );
-    wires += r#"("mix", "limiter"), ("limiter", "out"), ("forces", "force"), ("0.frame", "phase"),
-    ("phase", "sum"), ("sum", "heard"),"#;
-    engine(&nodes, &wires)
+    lines += &format!("; mix: mix(inputs: {INJECTORS}); forces: mix(inputs: {})", INJECTORS / 4);
+    lines += "; limiter: limiter; out: audio_out; force: probe; phase: spsi; sum: overlap_add; heard: probe; \
+              mix -> limiter -> out; forces -> force; 0.frame -> phase -> sum -> heard";
+    engine(&lines)
 }
 
 /// An engine as a host sees it: how it ticks, and how many faults it counts.
@@ -107,26 +83,21 @@ fn step(host: &mut Host<'_>, alone: &mut Engine, watched: &[(usize, usize, usize
 /// Whether an engine whose nodes fail goes on as it should for so many ticks, put back to the start every so
 /// often. Answers how many faults there were.
 fn endures(mut host: Host<'_>, ticks: u64, reset_every: u64) -> Result<u64, String> {
-    let mut alone = engine(CLEAN.0, CLEAN.1);
-    let nodes = alone.schedule().nodes.clone();
-    let watched: Vec<(usize, usize, usize)> = nodes
-        .iter()
-        .enumerate()
-        .flat_map(|(there, node)| (0..node.outputs.len()).map(move |output| (there, output)))
-        .map(|(there, output)| {
-            (host.engine.schedule().index_of(&nodes[there].id).expect("it is in both"), there, output)
-        })
-        .collect();
+    let mut alone = engine(CLEAN);
+    let mut watched = Vec::new();
+    for (there, node) in alone.schedule().nodes.iter().enumerate() {
+        let here = host.engine.schedule().index_of(&node.id).expect("it is in both");
+        watched.extend((0..node.outputs.len()).map(|output| (here, there, output)));
+    }
     let faults_before = (host.counted)(&host.engine) as i64 - injected_all() as i64;
-    let mut run = |from: u64, to: u64| -> Result<(), String> {
-        for tick in from..to {
+    let mut run = |from: u64, to: u64| {
+        (from..to).try_for_each(|tick| {
             if tick.is_multiple_of(reset_every) {
                 host.engine.reset();
                 alone.reset();
             }
-            step(&mut host, &mut alone, &watched)?;
-        }
-        Ok(())
+            step(&mut host, &mut alone, &watched)
+        })
     };
     // What a first panic sets up stays.
     run(0, ticks / 10)?;
@@ -171,7 +142,7 @@ fn frequent_faults_are_contained_and_counted_without_leak() {
 /// As it was: the node was taken out of the graph, and the second fault was in no count.
 #[test]
 fn a_panic_in_the_reset_that_follows_a_panic_is_counted_too() {
-    let mut engine = engine(r#""it": (kind: "breaks_twice"), "p": (kind: "probe"),"#, r#"("it", "p")"#);
+    let mut engine = engine("it: breaks_twice; p: probe; it -> p");
     (0..3).for_each(|_| engine.tick());
     let it = engine.schedule().index_of("it").expect("the node");
     let report = engine.report(it).expect("a report").clone();

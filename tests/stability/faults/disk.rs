@@ -77,7 +77,7 @@ impl Place {
 
     /// Runs the writer's command here.
     pub(super) fn run(&self, writer: &Writer, fails: Fails) -> Ended {
-        let mut command = (writer.command)(self.dir.path());
+        let mut command = writer.command(self.dir.path());
         command.current_dir(self.dir.path()).env("TMPDIR", self.dir.path().join("tmp"));
         let says = tempfile::NamedTempFile::new().expect("a file");
         if let Some(library) = library() {

@@ -95,13 +95,10 @@ fn falls_silent(heard: &[f64]) -> Result<(), String> {
 
 /// Whether a node's fault is counted, and named.
 fn is_counted(view: &View, node: usize) -> Result<(), String> {
-    let seen = view.nodes.get(node).ok_or("there is no such node")?;
-    let counted = seen.faults == 1 && view.faults == 1 && seen.last_fault == DOES_NOT_COME_BACK;
-    if counted {
-        Ok(())
-    } else {
-        Err(format!("{} faults of all, of the node {}, last: {}", view.faults, seen.faults, seen.last_fault))
-    }
+    let (all, seen) = (view.faults, &view.nodes[node]);
+    let counted = seen.faults == 1 && all == 1 && seen.last_fault == DOES_NOT_COME_BACK;
+    let wrong = || format!("{all} faults of all, of the node {}, last: {}", seen.faults, seen.last_fault);
+    if counted { Ok(()) } else { Err(wrong()) }
 }
 
 /// The tick thread is in a call that does not end. The ring runs dry, and there is nobody to fill it.
@@ -137,23 +134,24 @@ fn spinning_node_is_silenced_counted_and_left_behind() {
         // Mutants: a driver that plays what it has again, one that holds the last sample, one that cuts it
         // off; a view that does not count.
         let loud = one.iter().rposition(|y| y.abs() > 0.03).expect("a wave");
-        let again: Vec<f64> =
-            one[..loud].iter().chain(one[loud - 960..loud].iter().cycle().take(48_000)).copied().collect();
-        falls_silent(&again).unwrap_err();
-        let held: Vec<f64> =
-            one[..loud].iter().copied().chain(std::iter::repeat_n(one[loud - 1], 48_000)).collect();
-        falls_silent(&held).unwrap_err();
-        let cut: Vec<f64> = one[..loud].iter().copied().chain(std::iter::repeat_n(0.0, 48_000)).collect();
-        falls_silent(&cut).unwrap_err();
+        for rest in [&one[loud - 960..loud], &[one[loud - 1]], &[0.0]] {
+            let rest = rest.iter().cycle().take(48_000);
+            falls_silent(&one[..loud].iter().chain(rest).copied().collect::<Vec<_>>()).unwrap_err();
+        }
         is_counted(&View { faults: 0, ..view }, bad).unwrap_err();
         Ok(())
     });
 }
 
-/// Waits for the end of a program that is told to stop as by Ctrl-C; its exit code and what it said.
-fn ends_on_ctrl_c(mut child: Child, patience: Duration) -> Result<(Option<i32>, String), String> {
+/// Tells a program to stop, as by Ctrl-C.
+fn ctrl_c(child: &Child) {
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.is_ok_and(|sent| sent.success()), "it is gone already");
+}
+
+/// Waits for the end of a program that is told to stop; its exit code and what it said.
+fn ends_on_ctrl_c(mut child: Child, patience: Duration) -> Result<(Option<i32>, String), String> {
+    ctrl_c(&child);
     let began = Instant::now();
     while child.try_wait().expect("a program").is_none() {
         if began.elapsed() > patience {
@@ -261,8 +259,7 @@ fn a_render_with_a_plugin_that_spins_ends_on_the_third_ctrl_c() {
     let child = quietly(asperity(dir.path()).args(args));
     std::thread::sleep(Duration::from_secs(2));
     for _ in 0..2 {
-        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-        assert!(sent.is_ok_and(|sent| sent.success()), "it is gone already");
+        ctrl_c(&child);
         std::thread::sleep(Duration::from_millis(500));
     }
     let (code, said) = ends_on_ctrl_c(child, PATIENCE).unwrap();

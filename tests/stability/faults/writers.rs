@@ -14,11 +14,27 @@ pub(super) struct Writer {
     pub(super) name: &'static str,
     /// Puts what it reads into a folder.
     pub(super) prepare: fn(&Path),
-    /// Makes the command, which is run in that folder.
-    pub(super) command: fn(&Path) -> Command,
+    /// Arguments of the program, between which stand spaces; of a mutant a line of the shell.
+    line: &'static str,
     pub(super) makes: &'static [Made],
     /// Whether it plays in real time, so that what it writes differs from run to run.
     pub(super) live: bool,
+}
+
+impl Writer {
+    /// The command, which is run in that folder.
+    pub(super) fn command(&self, dir: &Path) -> Command {
+        if self.name == MUTANT {
+            let mut command = Command::new("sh");
+            command.args(["-c", self.line]);
+            return command;
+        }
+        let mut command = asperity(dir);
+        // The list of what was made is kept where it can be; here it is not, so that the files alone are
+        // counted.
+        command.args(self.line.split(' ')).env("XDG_STATE_HOME", "/dev/null");
+        command
+    }
 }
 
 /// A file or folder that a command makes, and how one sees that it is whole.
@@ -30,6 +46,16 @@ pub(super) struct Made {
 
 const fn file(name: &'static str, whole: fn(&Path) -> bool) -> Made {
     Made { name, whole, folder: false }
+}
+
+/// A command that does not play.
+const fn writer(
+    name: &'static str,
+    prepare: fn(&Path),
+    line: &'static str,
+    makes: &'static [Made],
+) -> Writer {
+    Writer { name, prepare, line, makes, live: false }
 }
 
 const GRAPH: &str = r#"Graph(
@@ -56,21 +82,13 @@ fn write(dir: &Path, name: &str, bytes: impl AsRef<[u8]>) {
     std::fs::write(dir.join(name), bytes).expect("a file");
 }
 
-/// The program with arguments, between which stand spaces.
-fn command(dir: &Path, args: &str) -> Command {
-    let mut command = asperity(dir);
-    // The list of what was made is kept where it can be; here it is not, so that the files alone are counted.
-    command.args(args.split(' ')).env("XDG_STATE_HOME", "/dev/null");
-    command
-}
-
 fn graph(dir: &Path) {
     write(dir, "g.ron", GRAPH);
 }
 
 fn magnitudes(dir: &Path) {
     let file = std::fs::File::create(dir.join("m.npy")).expect("a file");
-    npy::write_f32(file, &[300, 101], &[0.5; 30_300]).expect("a file");
+    npy::write_f32(file, &[60, 101], &[0.5; 6060]).expect("a file");
 }
 
 /// Two seconds of a stroke at one speed, over what is nearly noise.
@@ -90,7 +108,7 @@ fn tradeoff(dir: &Path) {
     let text = format!(
         r#"Tradeoff(
             version: 1, graph: {graph:?},
-            strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 1.0, approach_s: 0.1)],
+            strokes: [(name: "circle", shape: circle, speed_mm_s: 80.0, seconds: 0.5, approach_s: 0.1)],
             materials: ["canvas"], strength: 0.25, steps: 10,
             grids: [(name: "frames", knobs: {{"texture.bins": [50]}})],
             times: (turns: 2, turn_ms: 20, batch: 2),
@@ -174,8 +192,6 @@ fn is_plugin(path: &Path) -> bool {
     text(&path.join("Cargo.toml")).ends_with('\n') && !text(&path.join("src/lib.rs")).is_empty()
 }
 
-const CARD: &str = "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60";
-
 /// Files of a trade-off: two pictures of each figure, its results, and the file that it resumes from.
 macro_rules! tradeoff {
     ($($figure:literal)*) => {
@@ -197,131 +213,105 @@ static TRADEOFF: [Made; 26] = tradeoff!("pitch" "spectrum" "perceptual" "modulat
     "steadiness" "bands" "level" "convergence" "precision");
 
 /// Files of mutants: `out` is a copy of `new`, by the shell.
-pub(super) const MUTANT_MAKES: &[Made] =
+const MUTANT_MAKES: &[Made] =
     &[file("out", |path| std::fs::read(path).is_ok_and(|bytes| bytes == [b'n'; 1000]))];
 
-/// A mutant that a command of the shell makes of `new`.
-pub(super) fn mutant(command: fn(&Path) -> Command) -> Writer {
-    let prepare = |dir: &Path| write(dir, "new", [b'n'; 1000]);
-    Writer { name: "mutant", prepare, command, makes: MUTANT_MAKES, live: false }
-}
+const MUTANT: &str = "mutant";
 
-pub(super) fn sh(text: &str) -> Command {
-    let mut command = Command::new("sh");
-    command.args(["-c", text]);
-    command
+/// A mutant that a line of the shell makes of `new`.
+pub(super) fn mutant(line: &'static str) -> Writer {
+    writer(MUTANT, |dir| write(dir, "new", [b'n'; 1000]), line, MUTANT_MAKES)
 }
 
 /// All of them, but for the training of models, which is another program.
 pub(super) static WRITERS: [Writer; 12] = [
-    Writer {
-        name: "render",
-        prepare: graph,
-        command: |dir| {
-            let files = "--out o.wav --plot p.svg --report r.json";
-            command(dir, &format!("render --overwrite g.ron --seconds 0.3 {files} --quiet"))
-        },
-        makes: &[
+    writer(
+        "render",
+        graph,
+        "render --overwrite g.ron --seconds 0.3 --out o.wav --plot p.svg --report r.json --quiet",
+        &[
             file("o.wav", is_sound),
             file("p.svg", is_picture),
             file("r.json", is_json),
             file("kept.npy", is_array),
             file("seen.csv", is_table),
         ],
-        live: false,
-    },
-    Writer {
-        name: "invert",
-        prepare: magnitudes,
-        command: |dir| command(dir, "invert --phase spsi --magnitudes m.npy --rate 5000 --out y.npy"),
-        makes: &[file("y.npy", is_array)],
-        live: false,
-    },
-    Writer {
-        name: "compare",
-        prepare: |dir| {
+    ),
+    writer(
+        "invert",
+        magnitudes,
+        "invert --phase spsi --magnitudes m.npy --rate 5000 --out y.npy",
+        &[file("y.npy", is_array)],
+    ),
+    writer(
+        "compare",
+        |dir| {
             std::fs::create_dir(dir.join("v")).expect("a folder");
             magnitudes(dir);
             std::fs::rename(dir.join("m.npy"), dir.join("v/flat_5000.mag.npy")).expect("a file");
         },
-        command: |dir| command(dir, "compare --vectors v --svg c.svg --csv c.csv --quiet"),
-        makes: &[file("c.svg", is_picture), file("c.csv", is_table)],
-        live: false,
-    },
+        "compare --vectors v --svg c.svg --csv c.csv --quiet",
+        &[file("c.svg", is_picture), file("c.csv", is_table)],
+    ),
+    writer("graph", graph, "graph g.ron --svg g.svg", &[file("g.svg", is_picture)]),
+    writer(
+        "scene expand",
+        |dir| write(dir, "s.ron", SCENE),
+        "scene expand s.ron --out x.ron",
+        &[file("x.ron", is_ron)],
+    ),
+    writer(
+        "fit-ar",
+        recording,
+        "fit-ar s.csv --order 4 --out t.ron --plot t.svg",
+        &[file("t.ron", is_ron), file("t.svg", is_picture)],
+    ),
+    writer(
+        "encode",
+        library,
+        "encode --library l.ron felt.png --description Felt.",
+        &[file("l.ron", is_library)],
+    ),
+    writer("plugin new", |_| (), "plugin new mine", &[Made { name: "mine", whole: is_plugin, folder: true }]),
     Writer {
-        name: "graph",
-        prepare: graph,
-        command: |dir| command(dir, "graph g.ron --svg g.svg"),
-        makes: &[file("g.svg", is_picture)],
-        live: false,
-    },
-    Writer {
-        name: "scene expand",
-        prepare: |dir| write(dir, "s.ron", SCENE),
-        command: |dir| command(dir, "scene expand s.ron --out x.ron"),
-        makes: &[file("x.ron", is_ron)],
-        live: false,
-    },
-    Writer {
-        name: "fit-ar",
-        prepare: recording,
-        command: |dir| command(dir, "fit-ar s.csv --order 4 --out t.ron --plot t.svg"),
-        makes: &[file("t.ron", is_ron), file("t.svg", is_picture)],
-        live: false,
-    },
-    Writer {
-        name: "encode",
-        prepare: library,
-        command: |dir| command(dir, "encode --library l.ron felt.png --description Felt."),
-        makes: &[file("l.ron", is_library)],
-        live: false,
-    },
-    Writer {
-        name: "plugin new",
-        prepare: |_| (),
-        command: |dir| command(dir, "plugin new mine"),
-        makes: &[Made { name: "mine", whole: is_plugin, folder: true }],
-        live: false,
-    },
-    Writer {
-        name: "calibrate",
-        prepare: |_| (),
-        command: |dir| {
-            let card = format!("--device {CARD} --accelerometer-full-scale 100");
-            let files = "--base haptuator_mark_ii --out a.ron --plot a.svg";
-            command(dir, &format!("calibrate {card} --handle-mass-g 60 --seconds 2 {files}"))
-        },
-        makes: &[file("a.ron", is_ron), file("a.svg", is_picture)],
         live: true,
+        ..writer(
+            "calibrate",
+            |_| (),
+            "calibrate --device simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,\
+             plant_handle_g=60 --accelerometer-full-scale 100 --base haptuator_mark_ii --out a.ron \
+             --plot a.svg --handle-mass-g 60 --seconds 2",
+            &[file("a.ron", is_ron), file("a.svg", is_picture)],
+        )
     },
     Writer {
-        name: "run",
-        prepare: graph,
-        command: |dir| {
-            let card = "--device simulated:frames=64 --seconds 1";
-            command(dir, &format!("run g.ron --overwrite {card} --quiet --report r.json"))
-        },
-        makes: &[file("r.json", is_json), file("kept.npy", is_array), file("seen.csv", is_table)],
         live: true,
+        ..writer(
+            "run",
+            graph,
+            "run g.ron --overwrite --device simulated:frames=64 --seconds 1 --quiet --report r.json",
+            &[file("r.json", is_json), file("kept.npy", is_array), file("seen.csv", is_table)],
+        )
     },
     Writer {
-        name: "tradeoff",
-        prepare: tradeoff,
-        command: |dir| command(dir, "tradeoff tradeoff.ron --out . --no-cases --quiet"),
-        makes: TRADEOFF.split_at(2).1,
         live: true,
+        ..writer(
+            "tradeoff",
+            tradeoff,
+            "tradeoff tradeoff.ron --out . --no-cases --quiet",
+            TRADEOFF.split_at(2).1,
+        )
     },
-    Writer {
-        name: "tradeoff merge",
-        prepare: |dir| {
+    writer(
+        "tradeoff merge",
+        |dir| {
             std::fs::create_dir(dir.join("shard")).expect("a folder");
-            std::fs::copy(graphs("tradeoffs/results.json"), dir.join("shard/results.json"))
-                .expect("the shipped results");
+            let results = graphs("tradeoffs/results.json");
+            std::fs::copy(results, dir.join("shard/results.json")).expect("the shipped results");
         },
-        command: |dir| command(dir, "tradeoff merge shard --out ."),
-        makes: TRADEOFF.split_at(TRADEOFF.len() - 1).0,
-        live: false,
-    },
+        "tradeoff merge shard --out .",
+        TRADEOFF.split_at(TRADEOFF.len() - 1).0,
+    ),
 ];
 
 /// A file that is cut anywhere is not taken for a whole one.

@@ -7,7 +7,7 @@ use asperity_graph::NodeDecl;
 use asperity_node::{Settings, Unit, random};
 
 use super::phase::decibels;
-use crate::case::{Case, Family, Found, Stop, not_applicable};
+use crate::case::{Case, Family, Figures, Found, Stop, not_applicable};
 use crate::played::{Played, Values};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::{Effort, Subject};
@@ -30,17 +30,16 @@ fn own_models(subject: &Subject<'_>) -> Found {
     }
     let seconds = subject.by_effort(4.0, 10.0, 600.0);
     let most = subject.by_effort(2, 8, usize::MAX);
-    let (mut worst, mut across_all, mut vertices, mut slots) = (0.0_f64, 0.0_f64, 0, 0);
+    let (mut figures, mut slots) = (Figures::default(), 0);
     for bench in &benches {
         for (slot, voices) in bench.slots.iter().enumerate().take(most) {
             slots += 1;
             let models = voices.iter().flat_map(|v| v.texture.models());
             let at = models.map(|m| [m.speed_mm_s, m.force_n]).filter(|at| at[0] > 0.0 && at[1] > 0.0);
             let at: Vec<[f64; 2]> = at.collect();
-            let step = if subject.allowed() == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
+            let step = if subject.effort == Effort::Long { 1 } else { at.len().div_ceil(6).max(1) };
             for at in at.iter().step_by(step) {
-                worst = worst.max(at_vertex(bench, slot, voices, *at, seconds)?);
-                vertices += 1;
+                figures.note(at_vertex(bench, slot, voices, *at, seconds)?, "dB off at a vertex");
             }
             let corners = at.clone();
             let way: Way = Arc::new(move |tick| {
@@ -49,14 +48,11 @@ fn own_models(subject: &Subject<'_>) -> Found {
             });
             let (rms, _) = across(bench, slot, &way, seconds, 1.3, 9.0)
                 .map_err(|e| e.after(&format!("slot {slot}, across all models")))?;
-            across_all = across_all.max(rms);
+            figures.note(rms, "times the loudest place, across all");
             let_go(bench, slot, voices, &at)?;
         }
     }
-    Ok(format!(
-        "{slots} slots: levels at {vertices} vertices are within {worst:.2} dB, across them \
-         {across_all:.2} times the loudest place at most"
-    ))
+    Ok(format!("{slots} slots: {figures}"))
 }
 
 /// Error of the level at a vertex \[dB\].

@@ -11,7 +11,7 @@ use asperity_diagnostics::ron;
 use asperity_node::{Descriptor, Effect, Law, Output, Settings, ShapeSpec, Source, Unit, UnitSpec, random};
 use asperity_scene::bound::{Passivity, Sampling};
 
-use crate::case::{Case, Family, Found, Stop, applicable, not_applicable};
+use crate::case::{Case, Family, Figures, Found, Stop, applicable, not_applicable};
 use crate::handle::{Device, Handle, Loop};
 use crate::played::Played;
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
@@ -64,12 +64,12 @@ pub(super) const CASES: &[Case] = &[
     ),
 ];
 
-/// A check of a law under a normal force. It answers a figure.
-type About = fn(&mut Rubbed, &Rub, f64, &Subject<'_>) -> Result<f64, Stop>;
+/// A check of a law under a normal force \[N\].
+type About = fn(&mut Rubbed, f64, &Subject<'_>, &mut Figures) -> Result<(), Stop>;
 
-/// Checks all laws at all rates and normal forces. The largest figure is told.
+/// Checks all laws at all rates and normal forces.
 fn each(subject: &Subject<'_>, normals_n: &[f64], limit_n: Option<f64>, about: About) -> Found {
-    let laws = laws(subject);
+    let (laws, mut figures) = (laws(subject), Figures::default());
     if laws.is_empty() {
         return not_applicable("there is no kind of friction or drag");
     }
@@ -78,21 +78,39 @@ fn each(subject: &Subject<'_>, normals_n: &[f64], limit_n: Option<f64>, about: A
         &[100, 250, 500, 1000, 2000, 4000],
         &[100, 125, 200, 250, 333, 400, 500, 700, 1000, 1500, 2000, 3000, 4000],
     );
-    let mut found = Vec::new();
     for rub in &laws {
-        let mut most = f64::MIN;
+        figures.about.clone_from(&rub.name);
         for &tick_hz in rates {
             let mut it = Rubbed::new(subject, rub, tick_hz, limit_n)?;
             for &normal in normals_n {
-                let figure = about(&mut it, rub, normal, subject)
+                about(&mut it, normal, subject, &mut figures)
                     .map_err(|e| e.after(&format!("{} at {tick_hz} Hz, {normal:e} N", rub.name)))?;
-                most = most.max(figure);
             }
             it.rig.sound()?;
         }
-        found.push(format!("{} {most:.3e}", rub.name));
     }
-    Ok(format!("at {} rates, at most: {}", rates.len(), found.join(", ")))
+    let names: Vec<&str> = laws.iter().map(|rub| rub.name.as_str()).collect();
+    Ok(format!("{} at {} rates: {figures}", names.join(", "), rates.len()))
+}
+
+/// The energy that a force has taken so far, and all that went to and fro \[mJ\].
+#[derive(Default)]
+struct Balance {
+    sum: f64,
+    sizes: f64,
+    /// Energy that does not count.
+    slack: f64,
+}
+
+impl Balance {
+    /// Adds what a force has taken along a way. At no time may it have given more than it took.
+    fn add(&mut self, taken: f64) -> Result<(), Stop> {
+        self.sum += taken;
+        self.sizes += taken.abs();
+        let Self { sum, sizes, slack } = *self;
+        ensure!(sum >= -1e-9 * sizes - slack, "it has given {:.3e} mJ of {sizes:.3e}", -sum);
+        Ok(())
+    }
 }
 
 /// Place on a surface by time \[mm\], and a factor of the normal force. All ways begin at rest at 0.
@@ -118,34 +136,26 @@ const WAYS: [Way; 6] = [
     },
 ];
 
-/// Answers the largest energy that the force has given by any time, as a part of what went to and fro.
-fn takes(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Stop> {
+fn takes(it: &mut Rubbed, normal_n: f64, subject: &Subject<'_>, figures: &mut Figures) -> Result<(), Stop> {
     let ticks = (subject.by_effort(0.3, 1.0, 20.0) * f64::from(it.tick_hz)) as u64;
-    let mut worst = f64::MIN;
     for way in WAYS {
         it.begin(normal_n);
-        let (mut before, mut sum, mut sizes) = ([0.0; 2], 0.0, 0.0);
-        let tick_s = it.tick_s();
+        let (mut before, mut balance) = ([0.0; 2], Balance::default());
         for tick in 1..=ticks {
-            let (place, part) = way(tick as f64 * tick_s);
+            let (place, part) = way(tick as f64 * it.tick_s());
             let force = it.at(place, part * normal_n);
             ensure!(force.iter().all(|f| f.is_finite()), "the force is not finite");
             let taken: f64 = (0..2).map(|k| -force[k] * (place[k] - before[k])).sum();
             before = place;
-            sum += taken;
-            sizes += taken.abs();
-            ensure!(sum >= -1e-9 * sizes, "after {tick} ticks it has given {:.3e} mJ of {sizes:.3e}", -sum);
-            if sizes > 0.0 {
-                worst = worst.max(-sum / sizes);
-            }
+            balance.add(taken).map_err(|e| e.after(&format!("after {tick} ticks")))?;
+            figures.note(-balance.sum / balance.sizes.max(f64::MIN_POSITIVE), "of its energy given");
         }
     }
-    Ok(worst)
+    Ok(())
 }
 
-/// Answers the largest force as a part of what stiffness and damping at rest give.
-fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Stop> {
-    let law = it.law(rub, normal_n)?;
+fn quiet(it: &mut Rubbed, normal_n: f64, _: &Subject<'_>, figures: &mut Figures) -> Result<(), Stop> {
+    let law = it.law(normal_n)?;
     let size = 1e-9 * normal_n;
     let most = (law.stiffness_n_per_mm + 1e-3 * law.damping_ns_per_m / it.tick_s()) * size;
     it.begin(normal_n);
@@ -154,8 +164,7 @@ fn quiet(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> R
         let x = if tick.is_multiple_of(2) { size } else { 0.0 };
         largest = largest.max(it.at([x, 0.0], normal_n)[0].abs());
     }
-    ensure!(largest <= 1.01 * most, "it answers with {largest:.3e} N; the law at rest says {most:.3e}");
-    Ok(largest / most)
+    figures.at_most(largest / most, 1.01, "of what the law at rest says")
 }
 
 /// Figures of a slide into rest.
@@ -207,11 +216,9 @@ fn needed(law: Law, tick_hz: f64) -> f64 {
     Passivity::of(law, Sampling { tick_hz, delay_s: 0.0 }, 0.0).needed_ns_per_m
 }
 
-/// Answers the changes of sign as a part of those allowed.
-fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> Result<f64, Stop> {
-    let law = it.law(rub, normal_n)?;
+fn inside(it: &mut Rubbed, normal_n: f64, _: &Subject<'_>, figures: &mut Figures) -> Result<(), Stop> {
+    let law = it.law(normal_n)?;
     let (tick_hz, bound) = (f64::from(it.tick_hz), needed(law, f64::from(it.tick_hz)));
-    let mut figure = 0.0;
     for part in [1.05, 1.5] {
         let device = Device { mass_kg: MASS_KG, damping_ns_per_m: part * bound, friction_n: 0.0 };
         let k = 1e3 * law.stiffness_n_per_mm;
@@ -235,17 +242,16 @@ fn inside(it: &mut Rubbed, rub: &Rub, normal_n: f64, _subject: &Subject<'_>) -> 
             ensure!(signs <= bound, "its force changes its sign {turns} times; the bound is {bound:.0}");
             let rests = rest_s >= 4.0 || last_mm_s <= 1e-4 * SPEED_MM_S;
             ensure!(rests, "it still moves with {last_mm_s:.3e} mm/s after {rest_s:.2} s");
-            figure = signs / bound;
+            figures.note(signs / bound, "of the changes of sign that are allowed");
         }
     }
-    Ok(figure)
+    Ok(())
 }
 
 /// Force limit of a device \[N\].
 const LIMIT_N: f64 = 3.3;
 
-/// Answers the speed that is left, as a part of its bound.
-fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> Result<f64, Stop> {
+fn beyond(it: &mut Rubbed, normal_n: f64, subject: &Subject<'_>, figures: &mut Figures) -> Result<(), Stop> {
     let tick_hz = f64::from(it.tick_hz);
     let device = Device { mass_kg: MASS_KG, damping_ns_per_m: 0.1, friction_n: 0.0 };
     let (mass, damping) = (device.mass_kg, device.damping_ns_per_m);
@@ -256,7 +262,8 @@ fn beyond(it: &mut Rubbed, _rub: &Rub, normal_n: f64, subject: &Subject<'_>) -> 
     it.begin(normal_n);
     let fastest = slide(|x| it.at([x, 0.0], normal_n)[0], device, tick_hz, times).last_mm_s;
     ensure!(fastest <= bound, "{fastest:.1} mm/s; the bound is {bound:.1}");
-    Ok(fastest / bound)
+    figures.note(fastest / bound, "of the speed that may be left");
+    Ok(())
 }
 
 /// A law of friction or drag.
@@ -267,14 +274,6 @@ struct Rub {
     params: Vec<(String, String)>,
     /// The effect and its settings, where the kind tells its law.
     tells: Option<(Effect, Settings)>,
-}
-
-impl Rub {
-    /// Its law at rest by the normal force, where the kind tells it.
-    fn law(&self, normal_n: f64) -> Option<Law> {
-        let (effect, settings) = self.tells.as_ref()?;
-        Some(effect.law_of(settings, normal_n)?.1)
-    }
 }
 
 /// Number of values of its velocity, and whether it takes a normal force. None for another kind.
@@ -306,7 +305,7 @@ const MORE: [(&str, &str); 3] = [
 fn laws(subject: &Subject<'_>) -> Vec<Rub> {
     let fits = |d: &&Descriptor| ports(d).is_some() && !has_to_be_set(d, &[]);
     let mut all = Vec::new();
-    for d in subject.registry().iter().map(|kind| kind.descriptor()).filter(fits) {
+    for d in subject.registry.iter().map(|kind| kind.descriptor()).filter(fits) {
         let kind = d.kind.to_string();
         let Some(effect) = &d.effect else {
             all.push(Rub { name: kind.clone(), kind, params: Vec::new(), tells: None });
@@ -337,7 +336,8 @@ fn law_at_rest(mut force: impl FnMut(f64) -> f64, step_mm: f64, tick_s: f64) -> 
 }
 
 /// A law that runs alone with a stylus.
-struct Rubbed {
+struct Rubbed<'r> {
+    rub: &'r Rub,
     rig: Rig,
     /// Nodes of the normal force and of the force.
     normal: Option<usize>,
@@ -345,14 +345,11 @@ struct Rubbed {
     tick_hz: u32,
 }
 
-impl Rubbed {
+impl<'r> Rubbed<'r> {
     /// A graph of the law at a rate, behind a limiter of `limit_n` \[N\] if there is one.
-    fn new(subject: &Subject<'_>, rub: &Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Stop> {
-        let like = Descriptor::new("stylus", "").output(Output::new(
-            "position",
-            ShapeSpec::Control(3),
-            Unit::MILLIMETRE,
-        ));
+    fn new(subject: &Subject<'_>, rub: &'r Rub, tick_hz: u32, limit_n: Option<f64>) -> Result<Self, Stop> {
+        let position = Output::new("position", ShapeSpec::Control(3), Unit::MILLIMETRE);
+        let like = Descriptor::new("stylus", "").output(position);
         let slot = Played::control("slot from memory", 1, Unit::NONE, Arc::new(|_, to| to.fill(0.0)));
         let (axes, takes) = ports(subject.kind(&rub.kind)?.descriptor()).unwrap_or((2, false));
         let params: Vec<(&str, &str)> =
@@ -380,7 +377,7 @@ impl Rubbed {
         let graph = graph.node("probe", "probe", &[])?.wire(&format!("{last}.force"), "probe");
         let rig = graph.rig(subject)?;
         let force = rig.schedule.index_of(last).ok_or_else(|| "the force is not built".to_owned())?;
-        Ok(Self { normal: rig.schedule.index_of("normal"), rig, force, tick_hz })
+        Ok(Self { rub, normal: rig.schedule.index_of("normal"), rig, force, tick_hz })
     }
 
     fn tick_s(&self) -> f64 {
@@ -406,11 +403,13 @@ impl Rubbed {
     }
 
     /// Measures the law at rest under a normal force. Fails where it is not the known law.
-    fn law(&mut self, rub: &Rub, normal_n: f64) -> Result<Law, Stop> {
+    fn law(&mut self, normal_n: f64) -> Result<Law, Stop> {
         self.begin(normal_n);
         let tick_s = self.tick_s();
         let found = law_at_rest(|x| self.at([x, 0.0], normal_n)[0], 1e-7 * normal_n, tick_s);
-        let Some(want) = rub.law(normal_n) else { return Ok(found) };
+        let tells = self.rub.tells.as_ref();
+        let told = tells.and_then(|(effect, settings)| effect.law_of(settings, normal_n));
+        let Some((_, want)) = told else { return Ok(found) };
         let whole = |k: f64, b: f64| 1e3 * k.abs() * tick_s + b.abs();
         let [[k, b], [want_k, want_b]] = [found, want].map(|it| [it.stiffness_n_per_mm, it.damping_ns_per_m]);
         ensure!(
@@ -473,18 +472,12 @@ fn rubs(subject: &Subject<'_>) -> Found {
             // To and fro by 4 mm at 1 Hz, by 0.05 mm at 20 Hz, fast, and by very little.
             for (size, hz) in [(2.0, 1.0), (0.025, 20.0), (1.0, 60.0), (1e-4, 5.0)] {
                 it.begin();
-                let (mut before, mut sum, mut sizes) = (0.0, 0.0, 0.0);
+                let (mut before, mut balance) = (0.0, Balance { slack: 1e-12, ..Balance::default() });
                 for tick in 1..=(subject.by_effort(0.5, 1.0, 20.0) * tick_hz) as u64 {
                     let x = size * (1.0 - (TAU * hz * tick as f64 / tick_hz).cos());
                     let taken = -it.at(x) * (x - before);
                     before = x;
-                    sum += taken;
-                    sizes += taken.abs();
-                    let given = -sum;
-                    ensure!(
-                        given <= 1e-9 * sizes + 1e-12,
-                        "rubbing {push_n:.1} N it has given {given:.3e} mJ of {sizes:.3e}"
-                    );
+                    balance.add(taken).map_err(|e| e.after(&format!("rubbing {push_n:.1} N")))?;
                 }
             }
             let bound = needed(law, tick_hz);

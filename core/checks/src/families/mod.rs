@@ -10,7 +10,7 @@ mod networks;
 mod phase;
 mod stiff_walls;
 
-pub use actuator::{Piece, Place, Sound, Stood, limited};
+pub use actuator::{Piece, Place, Sound, limited};
 pub use graphs::{Became, Drawn, drawn};
 pub use phase::decibels;
 

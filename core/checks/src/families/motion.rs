@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 use asperity_dsp::low_pass::opened_hz;
 use asperity_node::{Role, random};
 
-use crate::case::{Case, Family, Found, Stop, not_applicable};
+use crate::case::{Case, Family, Figures, Found, Stop, not_applicable};
 use crate::rig::{Rig, values};
 use crate::subject::Subject;
 use crate::wall::Wall;
@@ -104,16 +104,16 @@ struct Gate {
 #[derive(Clone, Debug, Default)]
 struct Heard {
     /// Number of times that the gate opened or shut.
-    pub changes: u32,
+    changes: u32,
     /// Ticks in which it was open.
-    pub open: u64,
+    open: u64,
     /// The last tick in which it changed.
-    pub changed: u64,
+    changed: u64,
     /// Least and greatest speed at the gate \[mm/s\].
-    pub speed: Option<(f64, f64)>,
+    speed: Option<(f64, f64)>,
     /// Largest sample of the drive, and its largest step from sample to sample.
-    pub peak: f32,
-    pub step: f32,
+    peak: f32,
+    step: f32,
     /// Sum and number of the squares.
     square: (f64, u64),
 }
@@ -122,6 +122,30 @@ impl Heard {
     /// Root mean square of the drive.
     fn rms(&self) -> f64 {
         (self.square.0 / self.square.1.max(1) as f64).sqrt()
+    }
+
+    /// Checks that the speed at the gate is within these \[mm/s\].
+    fn speeds(&self, least: f64, most: f64, figures: &mut Figures) -> Result<(), Stop> {
+        let Some((slow, fast)) = self.speed else { return Ok(()) };
+        figures.note(fast, "mm/s");
+        ensure!(
+            slow >= least && fast <= most,
+            "the speed goes from {slow:.1} to {fast:.1} mm/s; {least:.1} to {most:.1} are allowed"
+        );
+        Ok(())
+    }
+
+    /// Checks that the level is as usual a second later: within 1 dB or a part of the peak.
+    ///
+    /// A texture of random phases has another waveform after a trouble. The mean square of noise in a band of
+    /// B Hz deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB
+    /// is three times that.
+    fn is_as(&self, usual: &Self, part: f64, figures: &mut Figures) -> Result<(), Stop> {
+        let [a, b] = [usual, self].map(Self::rms);
+        let apart = ((10.0_f64.powf(1.0 / 20.0) - 1.0) * a).max(part * f64::from(usual.peak));
+        ensure!((a - b).abs() <= apart, "1 s later its rms is {b:.4}, without {a:.4}");
+        figures.note((a - b).abs() / apart.max(f64::MIN_POSITIVE), "of the change of level that is allowed");
+        Ok(())
     }
 }
 
@@ -246,7 +270,7 @@ fn spot(subject: &Subject<'_>) -> Result<[f64; 3], Stop> {
 }
 
 fn teleport(subject: &Subject<'_>) -> Found {
-    let mut stage = Stage::new(subject)?;
+    let (mut stage, mut figures) = (Stage::new(subject)?, Figures::default());
     let hz = stage.tick_hz();
     let usual = circles(&mut stage, 1.0 / hz, None)?;
     // There and back within two ticks, so that both runs end at the same places.
@@ -255,8 +279,8 @@ fn teleport(subject: &Subject<'_>) -> Found {
         Next::At([x + 200.0, y], true)
     };
     let other = circles(&mut stage, 1.0 / hz, Some(&mut jump))?;
-    let later = as_before(&usual[1], &other[1], 0.01)?;
-    Ok(format!("peak {:.3}, {:.3} without the jump; {later}", other[0].peak, usual[0].peak))
+    other[1].is_as(&usual[1], 0.01, &mut figures)?;
+    Ok(format!("peak {:.3}, {:.3} without the jump; {figures}", other[0].peak, usual[0].peak))
 }
 
 /// One count of the usual sensor \[mm\].
@@ -275,22 +299,17 @@ fn one_count(subject: &Subject<'_>) -> Found {
     let ticks = (subject.by_effort(0.3, 1.0, 10.0) * stage.tick_hz()) as u64;
     // 5 % for axes that flicker in turns.
     let bound = stage.cutoff_hz().map(|hz| 1.05 * SQRT_2 * COUNT_MM * TAU * hz * (-FRAC_PI_4).exp());
-    let mut fastest = (0.0, String::new());
+    let mut figures = Figures::default();
     let mut hold = |how: String, on: &dyn Fn(u64) -> [bool; 2]| {
         let [heard] = stage.play([ALWAYS], |tick| {
             let at = on(tick).map(|on| if on { COUNT_MM } else { 0.0 });
             (tick < ticks).then_some(Next::At(at, true))
         })?;
-        let speed = heard.speed.map_or(0.0, |(_, most)| most);
-        ensure!(
-            bound.is_none_or(|most| speed <= most),
-            "flickering {how}, up to {speed:.2} mm/s: {:.2} are allowed",
-            bound.unwrap_or_default()
-        );
-        ensure!(heard.open == 0, "flickering {how}, up to {speed:.2} mm/s, opens the gate of {opens} mm/s");
-        if speed > fastest.0 {
-            fastest = (speed, how);
-        }
+        figures.about = format!("flickering {how}");
+        heard
+            .speeds(f64::MIN, bound.unwrap_or(f64::MAX), &mut figures)
+            .map_err(|e| e.after(&figures.about))?;
+        ensure!(heard.open == 0, "flickering {how} opens the gate of {opens} mm/s");
         Ok::<_, Stop>(())
     };
     hold("once".into(), &|tick| [tick >= 20; 2])?;
@@ -305,11 +324,8 @@ fn one_count(subject: &Subject<'_>) -> Found {
         let share = 0.5 / (1.0 + seed as f64);
         hold("by chance".into(), &|tick| [0, 1].map(|axis| random::uniform(seed, 2 * tick + axis) < share))?;
     }
-    let allowed = bound.map_or_else(String::new, |most| format!(" ({most:.2} are allowed)"));
-    Ok(format!(
-        "the gate of {opens} mm/s stays shut; {:.2} mm/s at most, flickering {}{allowed}",
-        fastest.0, fastest.1
-    ))
+    let allowed = bound.map_or_else(String::new, |most| format!("; {most:.2} are allowed"));
+    Ok(format!("the gate of {opens} mm/s stays shut; {figures}{allowed}"))
 }
 
 fn around(subject: &Subject<'_>) -> Found {
@@ -317,22 +333,20 @@ fn around(subject: &Subject<'_>) -> Found {
     let (opens, hz) = (stage.opens_mm_s()?, stage.tick_hz());
     let seen = |x: f64, count: f64| if count > 0.0 { (x / count).round() * count } else { x };
     // Over the spot from one side to the other, so that the way is on the wall.
-    let straight =
-        |stage: &mut Stage, seconds: f64, (count, angle): (f64, f64), speed: &dyn Fn(f64) -> f64| {
-            let mut along = -0.5 * opens * seconds;
-            let all = stage.play([ALWAYS], |tick| {
-                let t = tick as f64 / hz;
-                let at = [angle.cos(), angle.sin()].map(|part| seen(along * part, count));
-                // A start at once would overshoot by 4 % behind the low-pass.
-                along += (t / START_S).min(1.0) * speed(t) / hz;
-                (t < seconds).then_some(Next::At(at, true))
-            })?;
-            let [heard] = all;
-            Ok::<_, Stop>(heard)
-        };
-    let slow = straight(&mut stage, 2.0, IDEAL, &|_| 0.98 * opens)?;
+    let mut straight = |seconds: f64, (count, angle): (f64, f64), speed: &dyn Fn(f64) -> f64| {
+        let mut along = -0.5 * opens * seconds;
+        let [heard] = stage.play([ALWAYS], |tick| {
+            let t = tick as f64 / hz;
+            let at = [angle.cos(), angle.sin()].map(|part| seen(along * part, count));
+            // A start at once would overshoot by 4 % behind the low-pass.
+            along += (t / START_S).min(1.0) * speed(t) / hz;
+            (t < seconds).then_some(Next::At(at, true))
+        })?;
+        Ok::<_, Stop>(heard)
+    };
+    let slow = straight(2.0, IDEAL, &|_| 0.98 * opens)?;
     ensure!(slow.open == 0, "at {:.2} mm/s the gate of {opens} opens", 0.98 * opens);
-    let fast = straight(&mut stage, 2.0, IDEAL, &|_| 1.02 * opens)?;
+    let fast = straight(2.0, IDEAL, &|_| 1.02 * opens)?;
     let (slower, faster, after) = (0.98 * opens, 1.02 * opens, fast.changed as f64 / hz);
     ensure!(
         fast.changes == 1 && after <= START_S + 0.3,
@@ -341,27 +355,25 @@ fn around(subject: &Subject<'_>) -> Found {
     );
     // No longer: 60 s are 300 mm, beyond the surfaces of a scene, where the gate has to shut.
     let turns = subject.by_effort(2.0, 4.0, 8.0);
-    let between = straight(&mut stage, turns, IDEAL, &|t| {
+    let between = straight(turns, IDEAL, &|t| {
         if ((t / 0.25) as u64).is_multiple_of(2) { 1.02 * opens } else { 0.98 * opens }
     })?;
     ensure!(between.changes == 1, "now faster, now slower the gate changes {} times", between.changes);
-    let mut most = 0;
+    let mut figures = Figures::default();
     let (speeds, angles) = subject.by_effort((7, 2), (25, 4), (121, 19));
     let between = |n: u32, of: u32, from: f64, to: f64| from + (to - from) * f64::from(n) / f64::from(of - 1);
     let all = (0..angles).flat_map(|a| (0..speeds).map(move |s| (s, a)));
     let all = all.map(|(s, a)| (between(s, speeds, 0.5, 1.1), between(a, angles, 0.0, 45.0)));
     for (speed, degrees) in all.chain([(0.98, 0.0), (1.02, 0.0)]) {
-        let steps = straight(&mut stage, turns, (COUNT_MM, degrees.to_radians()), &|_| speed * opens)?;
-        let (speed, changes) = (speed * opens, steps.changes);
-        ensure!(
-            changes <= 1,
-            "at {speed:.2} mm/s in steps, at {degrees:.0} degrees to them, the gate changes {changes} times"
-        );
-        most = most.max(steps.changes);
+        let steps = straight(turns, (COUNT_MM, degrees.to_radians()), &|_| speed * opens)?;
+        let place =
+            format!("at {:.2} mm/s in steps, at {degrees:.0} degrees to them, the gate", speed * opens);
+        let changes = figures.at_most(f64::from(steps.changes), 1.0, "changes in steps");
+        changes.map_err(|e| e.after(&place))?;
     }
     Ok(format!(
         "the gate of {opens} mm/s stays shut at {slower:.2} and opens at {faster:.2} after {:.0} ms; between \
-         them it changes once, in steps {most} times at most",
+         them it changes once; {figures}",
         1e3 * after
     ))
 }
@@ -405,32 +417,8 @@ fn circles(
     })
 }
 
-/// Compares the level a second later: within 1 dB or a part of the peak.
-///
-/// A texture of random phases has another waveform after a trouble. The mean square of noise in a band of B
-/// Hz deviates by 1 / sqrt(B T) over T s: 5 % for 200 Hz over 2 s, so that two differ by 0.3 dB. 1 dB is
-/// three times that.
-fn as_before(usual: &Heard, other: &Heard, part: f64) -> Result<String, Stop> {
-    let [a, b] = [usual, other].map(Heard::rms);
-    let apart = (10.0_f64.powf(1.0 / 20.0) - 1.0) * a;
-    ensure!(
-        (a - b).abs() <= apart.max(part * f64::from(usual.peak)),
-        "1 s later its rms is {b:.4}, without {a:.4}"
-    );
-    Ok(format!("rms 1 s later {b:.4}, without {a:.4}"))
-}
-
-fn speeds(it: &Heard, what: &str, least: f64, most: f64) -> Result<String, Stop> {
-    let Some((slow, fast)) = it.speed else { return Ok("no gate tells of a speed".to_owned()) };
-    ensure!(
-        slow >= least && fast <= most,
-        "{what} the speed goes from {slow:.1} to {fast:.1} mm/s; {least:.1} to {most:.1} are allowed"
-    );
-    Ok(format!("{what} {slow:.1} to {fast:.1} mm/s"))
-}
-
 fn sampling(subject: &Subject<'_>) -> Found {
-    let mut stage = Stage::new(subject)?;
+    let (mut stage, mut figures) = (Stage::new(subject)?, Figures::default());
     let (hz, wrong_s) = (stage.tick_hz(), subject.by_effort(0.5, 2.0, 600.0));
     let jitter = |tick: u64| random::uniform(0x71ff, tick) * 0.5 - 0.25;
     let late = |tick: u64| if tick % 37 == 5 || tick % 37 == 11 { -1.0 } else { 0.0 };
@@ -441,20 +429,20 @@ fn sampling(subject: &Subject<'_>) -> Found {
     // w e^(-pi/4) of it at most.
     let most = (TAU * CUTOFF_HZ * (-FRAC_PI_4).exp() / hz).max(0.3);
     let usual = circles(&mut stage, wrong_s, None)?;
-    let mut found = Vec::new();
     for (what, off) in all {
+        figures.about = what.into();
         let mut next = |tick: u64| Next::At(circle((tick as f64 + off(tick)) / hz), true);
         let other = circles(&mut stage, wrong_s, Some(&mut next))?;
-        let speeds = speeds(&other[0], what, (1.0 - most) * SPEED_MM_S, (1.0 + most) * SPEED_MM_S)?;
+        let speeds = other[0].speeds((1.0 - most) * SPEED_MM_S, (1.0 + most) * SPEED_MM_S, &mut figures);
         ensure!(other[0].changes == usual[0].changes, "{what} the gate changes {} times", other[0].changes);
-        let later = as_before(&usual[1], &other[1], 0.02).map_err(|e| e.after(what))?;
-        found.push(format!("{speeds}, {later}"));
+        let later = speeds.and_then(|()| other[1].is_as(&usual[1], 0.02, &mut figures));
+        later.map_err(|e| e.after(what))?;
     }
-    Ok(found.join("; "))
+    Ok(figures.to_string())
 }
 
 fn lost(subject: &Subject<'_>) -> Found {
-    let mut stage = Stage::new(subject)?;
+    let (mut stage, mut figures) = (Stage::new(subject)?, Figures::default());
     let hz = stage.tick_hz();
     // One more every time, 50 ms apart.
     let apart = (0.05 * hz) as u64;
@@ -469,28 +457,25 @@ fn lost(subject: &Subject<'_>) -> Found {
     };
     let usual = circles(&mut stage, LOSES_S, None)?;
     let other = circles(&mut stage, LOSES_S, Some(&mut next))?;
-    let speeds = speeds(&other[0], "over lost ticks", 0.0, 1.1 * SPEED_MM_S)?;
-    Ok(format!("{speeds}, {}", as_before(&usual[1], &other[1], 0.02)?))
+    other[0].speeds(0.0, 1.1 * SPEED_MM_S, &mut figures)?;
+    other[1].is_as(&usual[1], 0.02, &mut figures)?;
+    Ok(figures.to_string())
 }
 
 fn gap(subject: &Subject<'_>) -> Found {
-    let mut stage = Stage::new(subject)?;
+    let (mut stage, mut figures) = (Stage::new(subject)?, Figures::default());
     let hz = stage.tick_hz();
     let before = circle(((BEGINS_S * hz).round() - 1.0) / hz);
     let usual = circles(&mut stage, GAP_S, None)?;
     // A click is a step that no signal in the band of textures makes.
     let step = usual[0].peak * (TAU * TOP_HZ / f64::from(stage.rig.schedule.audio_hz)) as f32;
-    let mut found = Vec::new();
     for (valid, most, what) in [(true, 97.0 / 60.0, "held"), (false, 1.1, "marked")] {
+        figures.about = what.into();
         let other = circles(&mut stage, GAP_S, Some(&mut |_| Next::At(before, valid)))?;
-        let speeds = speeds(&other[0], what, 0.0, most * SPEED_MM_S)?;
-        ensure!(
-            other[0].step <= step,
-            "{what}: a step of {:.4} is played; {step:.4} are allowed",
-            other[0].step
-        );
-        let later = as_before(&usual[1], &other[1], 0.02).map_err(|e| e.after(what))?;
-        found.push(format!("{speeds}, steps of {:.4} ({step:.4}), {later}", other[0].step));
+        let speeds = other[0].speeds(0.0, most * SPEED_MM_S, &mut figures);
+        ensure!(other[0].step <= step, "{what}: a step of {:.4}; {step:.4} are allowed", other[0].step);
+        let later = speeds.and_then(|()| other[1].is_as(&usual[1], 0.02, &mut figures));
+        later.map_err(|e| e.after(what))?;
     }
-    Ok(found.join("; "))
+    Ok(figures.to_string())
 }

@@ -12,42 +12,26 @@ use crate::subject::{Heap, Subject, Touched};
 const TICKS: u64 = 1000;
 
 /// Allocations of one function.
-struct Counted<'a> {
-    heap: &'a dyn Heap,
-    what: &'static str,
+#[derive(Default)]
+struct Counted {
     calls: u64,
     touching: u64,
-    first: Option<u64>,
+    first: u64,
     sum: Touched,
 }
 
-impl<'a> Counted<'a> {
-    fn new(heap: &'a dyn Heap, what: &'static str) -> Self {
-        Self { heap, what, calls: 0, touching: 0, first: None, sum: Touched::default() }
-    }
-
-    fn watch<T>(&mut self, tick: u64, f: impl FnOnce() -> T) -> T {
-        self.heap.begin();
+impl Counted {
+    fn watch<T>(&mut self, heap: &dyn Heap, tick: u64, f: impl FnOnce() -> T) -> T {
+        heap.begin();
         let answer = f();
-        let Touched { taken, freed } = self.heap.end();
+        let Touched { taken, freed } = heap.end();
         self.calls += 1;
         if taken + freed > 0 {
+            self.first = if self.touching == 0 { tick } else { self.first };
             self.touching += 1;
-            self.first.get_or_insert(tick);
             (self.sum.taken, self.sum.freed) = (self.sum.taken + taken, self.sum.freed + freed);
         }
         answer
-    }
-
-    fn found(&self) -> Option<String> {
-        let Touched { taken, freed } = self.sum;
-        let (what, touching, calls) = (self.what, self.touching, self.calls);
-        self.first.map(|first| {
-            format!(
-                "{what} allocated {taken} and freed {freed} times in {touching} of {calls} calls, \
-                 first at tick {first}"
-            )
-        })
     }
 }
 
@@ -55,8 +39,8 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
     let Some(heap) = subject.heap else { return not_applicable("not counted on this system") };
     let mut stand = place.stand(subject, Signal::Random, false)?;
-    let all = ["process", "reset", "set_parameter", "save", "restore", "elapsed"];
-    let mut counted = all.map(|what| Counted::new(heap, what));
+    let names = ["process", "reset", "set_parameter", "save", "restore", "elapsed"];
+    let mut counted = names.map(|_| Counted::default());
     let [process, reset, set, save, restore, elapsed] = &mut counted;
     let mut bytes = vec![0; stand.node.processor.state_size()];
     let params = &place.kind.descriptor().params;
@@ -67,7 +51,7 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
         stand.play(signal);
         for _ in 0..TICKS {
             stand.set_up(tick);
-            let answer = process.watch(tick, || stand.call(tick));
+            let answer = process.watch(heap, tick, || stand.call(tick));
             stand.conclude(answer);
             tick += 1;
         }
@@ -75,20 +59,30 @@ pub(super) fn allocation(subject: &Subject<'_>) -> Found {
         let it = &mut stand.node.processor;
         for (i, p) in params.iter().enumerate() {
             if let Some(value) = somewhere(p, 0.3) {
-                set.watch(tick, || it.set_parameter(i, value));
+                set.watch(heap, tick, || it.set_parameter(i, value));
             }
         }
-        let len = save.watch(tick, || it.save(&mut bytes)).unwrap_or(0);
-        let _ = restore.watch(tick, || it.restore(&bytes[..len]));
-        elapsed.watch(tick, || it.elapsed(10));
-        reset.watch(tick, || it.reset());
+        let len = save.watch(heap, tick, || it.save(&mut bytes)).unwrap_or(0);
+        let _ = restore.watch(heap, tick, || it.restore(&bytes[..len]));
+        elapsed.watch(heap, tick, || it.elapsed(10));
+        reset.watch(heap, tick, || it.reset());
     }
-    let allowed = !stand.node.allocation_free;
-    let found: Vec<String> = counted.iter().filter_map(Counted::found).collect();
+    let touching = names.iter().zip(&counted).filter(|(_, it)| it.touching > 0).map(|(what, it)| {
+        let Counted { calls, touching, first, sum: Touched { taken, freed } } = it;
+        format!(
+            "{what} allocated {taken} and freed {freed} times in {touching} of {calls} calls, first at tick \
+             {first}"
+        )
+    });
+    let found: Vec<String> = touching.collect();
     match found.first() {
-        Some(what) if allowed => not_applicable(format!("it says that it allocates: {what}")),
+        Some(what) if !stand.node.allocation_free => {
+            not_applicable(format!("it says that it allocates: {what}"))
+        }
+        None if !stand.node.allocation_free => {
+            not_applicable(format!("it says that it allocates, and did not in {tick} ticks"))
+        }
         Some(_) => bail!("{}", found.join("; ")),
-        None if allowed => not_applicable(format!("it says that it allocates, and did not in {tick} ticks")),
         None => Ok(format!("none in {tick} ticks")),
     }
 }

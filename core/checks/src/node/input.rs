@@ -1,11 +1,12 @@
-//! Inputs of every kind.
+//! Inputs, rates, layouts and wires of every kind.
 
-use asperity_node::{Buffer, FactValue, Fault, Param, ParamKind, Shape, random};
+use asperity_node::{
+    Buffer, FactValue, Fault, LayoutSpec, Param, ParamKind, RateSpec, Shape, ShapeSpec, random,
+};
 
 use super::main;
-use super::place::{Conditions, Place};
 use super::signal::Signal;
-use super::stand::{Stand, Trace, UNWRITTEN, described, is_well};
+use super::stand::{Conditions, Place, Stand, Trace, UNWRITTEN, USUAL, described};
 use crate::buffers::words;
 use crate::case::{Found, Stop, not_applicable};
 use crate::subject::Subject;
@@ -16,15 +17,8 @@ const TICKS: u64 = 300;
 const RECOVERY_S: u64 = 1;
 
 /// A place with the longest frames, and hops of 88 and 89 samples.
-const LONG: Conditions = Conditions {
-    tick_hz: 500,
-    audio_hz: 44_100,
-    every: 1,
-    source_hz: 44_100,
-    frames: (44_100, 4410, 2206),
-    like: asperity_node::ShapeSpec::Audio(asperity_node::RateSpec::Graph),
-    without: 0,
-};
+const LONG: Conditions =
+    Conditions { audio_hz: 44_100, source_hz: 44_100, frames: (44_100, 4410, 2206), ..USUAL };
 
 /// The main place, and the one with long frames where the kind takes it.
 fn places(subject: &Subject<'_>) -> Result<Vec<Place>, Stop> {
@@ -49,13 +43,9 @@ pub(super) fn on(subject: &Subject<'_>, signal: Signal) -> Found {
 fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
     let (bad, good, end) = (100, 200, 200 + hz * RECOVERY_S + 100);
     let mut last = good;
-    let mut trace = Trace::new(stand.outputs.len(), 0);
     for tick in 0..end {
         stand.play(if (bad..good).contains(&tick) { Signal::Bad } else { Signal::Random });
-        stand.set_up(tick);
-        let answer = stand.call(tick);
-        stand.conclude(answer);
-        trace.push(answer, &stand.outputs);
+        let answer = stand.run_tick(tick);
         let wrong = answer.is_err() || stand.not_finite().is_some();
         if answer == Err(Fault::Panicked) {
             bail!("panicked at tick {tick}");
@@ -76,7 +66,7 @@ fn recovery(stand: &mut Stand<'_>, hz: u64, resets: bool) -> Result<u64, Stop> {
 
 pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
-    if !place.inputs.iter().any(|w| w.connected) {
+    if !place.node.inputs.iter().any(|i| i.from.is_some()) {
         return not_applicable("it has no inputs");
     }
     let hz = u64::from(place.conditions.tick_hz);
@@ -98,14 +88,12 @@ pub(super) fn not_finite(subject: &Subject<'_>) -> Found {
 
 pub(super) fn missing_frames(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
-    let frames = |w: &asperity_node::Wiring| {
-        matches!(w.port.as_ref().map(|p| p.shape), Some(Shape::Magnitude(_) | Shape::Spectrum(_)))
-    };
-    if !place.inputs.iter().any(frames) {
+    let mut shapes = place.node.inputs.iter().filter_map(|i| Some(i.port.as_ref()?.shape));
+    if !shapes.any(|shape| matches!(shape, Shape::Magnitude(_) | Shape::Spectrum(_))) {
         return not_applicable("it takes no frames");
     }
     let mut stand = place.stand(subject, Signal::Random, false)?;
-    let mut trace = Trace::new(stand.outputs.len(), 0);
+    let mut trace = Trace::default();
     for tick in 0..800 {
         stand.muted = match tick {
             0..100 | 200..400 => true,
@@ -127,7 +115,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             stand.mark();
             let before = stand.inputs.clone();
             let answer = stand.call(tick);
-            if let Some(wrong) = untouched(&stand, &before, place.gate).or_else(|| whole(&stand)) {
+            if let Some(wrong) = untouched(&stand, &before, place.node.gate).or_else(|| whole(&stand)) {
                 bail!("{wrong} at tick {tick} ({})", place.conditions);
             }
             stand.conclude(answer);
@@ -136,7 +124,7 @@ pub(super) fn outputs(subject: &Subject<'_>) -> Found {
             bail!("wrote samples without saying so, so that they count as silence, in {n} of {TICKS} ticks");
         }
     }
-    match places[0].outputs.is_empty() {
+    match places[0].node.outputs.is_empty() {
         true => Ok("it has no outputs; inputs untouched".into()),
         false => Ok(format!("{TICKS} ticks")),
     }
@@ -221,15 +209,114 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
                     stand.ask(&told, |it| it.set_parameter(i, value))?;
                 }
             }
-            stand.set_up(tick);
-            let answer = stand.call(tick);
-            stand.conclude(answer);
+            let answer = stand.run_tick(tick);
             let here = || format!("at tick {tick} ({})", place.conditions);
             if let Err(fault) = answer {
                 bail!("{} {}", described(fault), here());
             }
-            ensure!(stand.outputs.iter().all(is_well), "put out what is not finite {}", here());
+            ensure!(stand.not_finite().is_none(), "put out what is not finite {}", here());
         }
     }
     Ok(format!("{} ticks", subject.ticks))
+}
+
+/// Ticks in each place of other rates, layouts and wires.
+const PLACE_TICKS: u64 = 120;
+
+/// Runs in every place that takes the kind.
+fn run_in(subject: &Subject<'_>, places: &[Conditions]) -> Found {
+    let (mut ran, mut refused) = (0, Vec::new());
+    for conditions in places {
+        subject.doing(&conditions.to_string());
+        match Place::settle(subject, conditions) {
+            Err(why) => refused.push(format!("{conditions}: {why}")),
+            Ok(place) => {
+                ran += 1;
+                let ticks = PLACE_TICKS * u64::from(conditions.every);
+                let run = place.stand(subject, Signal::Random, false)?.run(0..ticks);
+                ensure!(run.wrong.is_none(), "{} ({conditions})", run.wrong.unwrap_or_default());
+            }
+        }
+    }
+    match (ran, refused.first()) {
+        (0, Some(why)) => bail!("refused everywhere; {why}"),
+        (_, Some(why)) => Ok(format!("{ran} settings; refused in {}: {why}", refused.len())),
+        (_, None) => Ok(format!("{ran} settings")),
+    }
+}
+
+pub(super) fn rates(subject: &Subject<'_>) -> Found {
+    let main = main(subject)?;
+    let first = main.conditions;
+    let usual =
+        [100, 333, 500, 1000, 4000].map(|hz| [8000, 44_100, 48_000, 192_000].map(|audio| (hz, audio)));
+    let odd = [250, 700, 2500].map(|hz| [22_050, 96_000].map(|audio| (hz, audio)));
+    let rates = usual.into_iter().flatten().chain(odd.into_iter().flatten());
+    let sources = [8000, 2500, 44_100, 500, 16_000].into_iter().cycle();
+    let place = |((tick_hz, audio_hz), source_hz)| Conditions { tick_hz, audio_hz, source_hz, ..first };
+    let mut places: Vec<Conditions> = rates.zip(sources).map(place).collect();
+    let node = &main.node;
+    let inputs = node.inputs.iter().filter_map(|i| i.port.as_ref());
+    let mut ports = inputs.chain(node.outputs.iter().map(|o| &o.port));
+    let audio = ports.any(|p| matches!(p.shape, Shape::Audio { .. }));
+    let like = main.kind.descriptor().inputs.iter().any(|i| matches!(i.shape, ShapeSpec::Like(_)));
+    if like && audio {
+        let control = Conditions { like: ShapeSpec::Control(2), ..first };
+        places.extend([100, 333, 1000, 4000].map(|tick_hz| Conditions { tick_hz, ..control }));
+    }
+    // Audio runs in every tick.
+    if !audio {
+        places.extend([2, 3, 10].map(|every| Conditions { tick_hz: 1000, every, ..first }));
+    }
+    run_in(subject, &places)
+}
+
+pub(super) fn layouts(subject: &Subject<'_>) -> Found {
+    let any = |s: &ShapeSpec| {
+        matches!(s, ShapeSpec::Magnitude(LayoutSpec::Of(_)) | ShapeSpec::Spectrum(LayoutSpec::Of(_)))
+    };
+    if !main(subject)?.kind.descriptor().inputs.iter().any(|i| any(&i.shape)) {
+        return not_applicable("no input takes any layout");
+    }
+    let frames = [
+        (500, 50, 26),
+        (500, 50, 20),
+        (2500, 250, 126),
+        (2500, 250, 101),
+        (44_100, 4410, 2206),
+        (44_100, 4410, 1000),
+        (48_000, 4800, 2401),
+        (48_000, 4800, 481),
+    ];
+    let mut places = Vec::new();
+    for frames in frames {
+        let at = Conditions { frames, ..USUAL };
+        places.extend([500, 333, 1000].map(|tick_hz| Conditions { tick_hz, ..at }));
+        if frames.0 == 44_100 {
+            places.push(Conditions { audio_hz: 44_100, ..at });
+        }
+    }
+    run_in(subject, &places)
+}
+
+pub(super) fn unconnected(subject: &Subject<'_>) -> Found {
+    let main = main(subject)?;
+    let inputs = &main.kind.descriptor().inputs;
+    let optional: Vec<usize> =
+        (0..main.node.inputs.len().min(64)).filter(|&i| inputs.get(i).is_some_and(|p| p.optional)).collect();
+    if optional.is_empty() {
+        return not_applicable("no input is optional");
+    }
+    let all = optional.iter().fold(0, |bits, i| bits | 1 << i);
+    let mut places: Vec<Conditions> =
+        optional.iter().map(|i| Conditions { without: 1 << i, ..main.conditions }).collect();
+    places.push(Conditions { without: all, ..main.conditions });
+    // Without any wire, only the graph's rate is known.
+    places.push(Conditions {
+        without: all,
+        source_hz: 48_000,
+        like: ShapeSpec::Audio(RateSpec::Graph),
+        ..main.conditions
+    });
+    run_in(subject, &places)
 }

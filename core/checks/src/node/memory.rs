@@ -14,10 +14,8 @@ const TICKS: u64 = 200;
 
 /// Fails where two runs differ.
 fn same(subject: &Subject<'_>, a: &Trace, b: &Trace, when: &str) -> Result<(), Stop> {
-    match a.first_difference(b, |o| subject.output_name(o)) {
-        Some(what) => bail!("{when}: {what}"),
-        None => Ok(()),
-    }
+    let what = a.first_difference(b, |o| subject.output_name(o));
+    what.map_or(Ok(()), |what| Err(Stop::Failed(format!("{when}: {what}"))))
 }
 
 pub(super) fn reset(subject: &Subject<'_>) -> Found {
@@ -44,7 +42,7 @@ pub(super) fn determinism(subject: &Subject<'_>) -> Found {
     let second = subject.stand(Signal::Scattered)?.run(0..TICKS).trace;
     same(subject, &alone, &second, "a second instance")?;
     let (mut one, mut other) = (subject.stand(Signal::Scattered)?, subject.stand(Signal::Random)?);
-    let (mut beside, mut noise) = (Trace::new(one.outputs.len(), 0), Trace::new(other.outputs.len(), 0));
+    let (mut beside, mut noise) = (Trace::default(), Trace::default());
     for tick in 0..TICKS {
         // Other cases find faults.
         let _ = other.tick(tick, &mut noise);
@@ -99,10 +97,10 @@ pub(super) fn engine(subject: &Subject<'_>) -> Found {
     let place = main(subject)?;
     let direct = place.stand(subject, Signal::Scattered, false)?.run(0..TICKS);
     let (mut engine, at) = place.engine(subject, Signal::Scattered)?;
-    let mut trace = Trace::new(place.outputs.len(), 0);
+    let mut trace = Trace::default();
     for tick in 0..TICKS {
         engine.tick();
-        trace.push_outputs((0..place.outputs.len()).filter_map(|o| engine.output(at, o)));
+        trace.push(None, (0..place.node.outputs.len()).filter_map(|o| engine.output(at, o)));
         if tick.is_multiple_of(32) {
             subject.alive();
         }
@@ -129,18 +127,17 @@ const GUARD: [u8; 16] = [0xa5; 16];
 /// Saves the state of an instance.
 fn save(stand: &mut Stand<'_>, size: usize) -> Result<Vec<u8>, Stop> {
     let now = stand.node.processor.state_size();
-    if now != size {
-        bail!("state_size answers {size} at first and {now} later");
-    }
-    let mut bytes = vec![0; size];
-    bytes.extend(GUARD);
+    ensure!(now == size, "state_size answers {size} at first and {now} later");
+    let saved = save_into(stand, size)?;
+    saved.ok_or_else(|| Stop::Failed(format!("save fails with the {size} bytes it asks for")))
+}
+
+/// Saves the state of an instance into so many bytes, if it can.
+fn save_into(stand: &mut Stand<'_>, size: usize) -> Result<Option<Vec<u8>>, Stop> {
+    let mut bytes = [vec![0; size], GUARD.to_vec()].concat();
     let saved = stand.node.processor.save(&mut bytes[..size]);
-    if bytes[size..] != GUARD {
-        bail!("save wrote past the memory it was given");
-    }
-    let len = saved.ok_or_else(|| Stop::Failed(format!("save fails with the {size} bytes it asks for")))?;
-    bytes.truncate(len);
-    Ok(bytes)
+    ensure!(bytes[size..] == GUARD, "save wrote past the memory it was given");
+    Ok(saved.map(|len| bytes[..len].to_vec()))
 }
 
 pub(super) fn state(subject: &Subject<'_>) -> Found {
@@ -157,16 +154,10 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
         old.run(0..at);
         let bytes = save(&mut old, size)?;
         let buffers = (old.inputs.clone(), old.outputs.clone());
-        if save(&mut old, size)? != bytes {
-            bail!("saved twice after {at} ticks, it is not the same");
-        }
+        ensure!(save(&mut old, size)? == bytes, "saved twice after {at} ticks, it is not the same");
         for small in [0, size / 2, size - 1].into_iter().filter(|n| *n < bytes.len()) {
-            let mut room = vec![0; small];
-            room.extend(GUARD);
-            let saved = old.node.processor.save(&mut room[..small]);
-            if saved.is_some() || room[small..] != GUARD {
-                bail!("saved {} bytes into {small}", bytes.len());
-            }
+            let saved = save_into(&mut old, small)?;
+            ensure!(saved.is_none(), "saved {} bytes into {small}", bytes.len());
         }
         let goes_on = old.run(at..at + AFTER).trace;
         same(subject, &expected, &goes_on, &format!("goes on after a save at tick {at}"))?;
@@ -177,9 +168,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
                 new.run(0..71);
                 new.play(Signal::Scattered);
             }
-            if !new.node.processor.restore(&bytes) {
-                bail!("refuses its own state of tick {at}");
-            }
+            ensure!(new.node.processor.restore(&bytes), "refuses its own state of tick {at}");
             let which = if used { "a used" } else { "a fresh" };
             let when = format!("restored at tick {at} into {which} instance");
             // The engine owns the buffers, and keeps them when it swaps a node.
@@ -197,14 +186,10 @@ fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
         return out;
     }
     out.push(Vec::new());
-    for byte in [0, 1, 0x7f, 0x80, 0xff] {
-        out.push(vec![byte; state.len()]);
-    }
-    let lengths = [1, 4, 7, 8, 16, state.len() / 2, state.len().saturating_sub(1)];
+    out.extend([0, 1, 0x7f, 0x80, 0xff].map(|byte| vec![byte; state.len()]));
+    let lengths = [1, 4, 7, 8, 16, state.len() / 2, state.len() - 1];
     out.extend(lengths.into_iter().filter(|n| *n < state.len()).map(|n| state[..n].to_vec()));
-    for longer in [1, 8, 4096] {
-        out.push(state.iter().copied().chain(vec![0x55; longer]).collect());
-    }
+    out.extend([1, 8, 4096].map(|longer| [state, &vec![0x55; longer]].concat()));
     for n in 0..40 {
         let noise = |i: usize| random::bits(n, i as u64) as u8;
         out.push((0..state.len()).map(noise).collect());

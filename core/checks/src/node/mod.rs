@@ -10,14 +10,12 @@
 mod cost;
 mod input;
 mod memory;
-mod place;
-mod rates;
 mod signal;
 mod stand;
 
 pub use cost::{TickTime, tick_time};
-pub(crate) use place::Place;
 pub(crate) use signal::{Feed, Signal};
+pub(crate) use stand::Place;
 
 use crate::case::{Case, Family, Found, Stop};
 use crate::subject::Subject;
@@ -58,12 +56,12 @@ pub(super) const CASES: &[Case] = &[
     ),
     NODE.kinds(
         "rates",
-        rates::rates,
+        input::rates,
         "tick rates from 100 to 4000 Hz, and audio rates from 8 to 192 kHz",
         "it runs at those that it takes",
     ),
-    NODE.kinds("layouts", rates::layouts, "every layout of frames", "it runs with those that it takes"),
-    NODE.kinds("unconnected", rates::unconnected, "optional inputs without a wire", "it runs"),
+    NODE.kinds("layouts", input::layouts, "every layout of frames", "it runs with those that it takes"),
+    NODE.kinds("unconnected", input::unconnected, "optional inputs without a wire", "it runs"),
     NODE.kinds("missing_frames", input::missing_frames, "frames that do not come", NO_FAULT),
     NODE.kinds(
         "outputs",

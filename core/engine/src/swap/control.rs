@@ -8,9 +8,9 @@ use asperity_node::{ParamKind, Prepared};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use super::build::{build, live_values};
-use super::plan::{Fate, Plan};
-use super::report::{Change, Finished, NodeChange, ParameterChange, ParameterError, SwapError, SwapReport};
+use super::build::{Running, build};
+use super::plan::{Point, live_values, plan};
+use super::report::{Change, Finished, SwapError, SwapReport};
 use super::takeover::{Command, Link, Set, Swap};
 
 /// Most swaps in progress. Each is taken over when the one before has faded.
@@ -51,7 +51,7 @@ impl Controller {
             commands,
             retired,
             sizes: nodes.iter_mut().map(|p| p.processor.state_size()).collect(),
-            live: (0..schedule.nodes.len()).map(|j| live_values(schedule, j)).collect(),
+            live: schedule.nodes.iter().map(live_values).collect(),
             schedule: Arc::new(schedule.clone()),
             sent: 0,
             back: 0,
@@ -97,19 +97,33 @@ impl Controller {
         }
         let old = self.schedule.clone();
         let sizes: Vec<usize> = compiled.nodes.iter_mut().map(|p| p.processor.state_size()).collect();
-        let plan = Plan::new(&old, &compiled.schedule, changed);
+        let (fates, points) = plan(&old, &compiled.schedule, changed);
         let number = self.sent + 1;
-        let swap = build(number, &plan, &old, &self.sizes, &self.live, compiled);
-        let schedule = swap.body.schedule.clone();
-        let report = report(number, &plan, &old, &schedule, &swap);
+        let running = Running { schedule: &old, sizes: &self.sizes, live: &self.live };
+        let swap = build(number, &running, compiled, &fates, &points);
+        let new = swap.body.schedule.clone();
+        let nodes = new.nodes.iter().zip(&fates).map(|(node, fate)| (node.id.clone(), fate.change.clone()));
+        let gone = old.nodes.iter().enumerate().filter(|(i, _)| !fates.iter().any(|f| f.old == Some(*i)));
+        let parameter = |set: &Set| {
+            let node = &new.nodes[set.node];
+            let live = node.live.iter().find(|l| l.index == set.param);
+            (format!("{}.{}", node.id, live.map_or("", |l| &l.name)), set.value)
+        };
+        let on_kept = |p: &&Point| p.reader.is_none_or(|(j, _)| fates[j].kept().is_some());
+        let report = SwapReport {
+            number,
+            nodes: nodes.chain(gone.map(|(_, node)| (node.id.clone(), Change::Removed))).collect(),
+            parameters: swap.sets.iter().map(parameter).collect(),
+            crossfades: points.iter().filter(on_kept).count(),
+        };
         if self.commands.try_push(Command::Swap(Box::new(swap))).is_err() {
             return Err(SwapError::Busy);
         }
         self.sent = number;
         self.sizes =
-            plan.fates.iter().zip(sizes).map(|(f, new)| f.kept().map_or(new, |i| self.sizes[i])).collect();
-        self.live = (0..schedule.nodes.len()).map(|j| live_values(&schedule, j)).collect();
-        self.schedule = schedule;
+            fates.iter().zip(sizes).map(|(f, new)| f.kept().map_or(new, |i| self.sizes[i])).collect();
+        self.live = new.nodes.iter().map(live_values).collect();
+        self.schedule = new;
         Ok(report)
     }
 
@@ -117,20 +131,22 @@ impl Controller {
     /// [`swap`](Self::swap) sets it to what the new graph says.
     ///
     /// # Errors
-    /// [`ParameterError`] says what to do; nothing is sent then.
-    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), ParameterError> {
-        let at = self.schedule.index_of(node).ok_or_else(|| ParameterError::NoNode(node.to_owned()))?;
+    /// The text says what to do; nothing is sent then.
+    pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), String> {
+        let at = self.schedule.index_of(node).ok_or_else(|| format!("there is no node `{node}`"))?;
         let live = &self.schedule.nodes[at].live;
         let Some(k) = live.iter().position(|l| l.name == param) else {
-            let live = live.iter().map(|l| l.name.clone()).collect();
-            return Err(ParameterError::NotLive { node: node.to_owned(), param: param.to_owned(), live });
+            let others: Vec<&str> = live.iter().map(|l| l.name.as_str()).collect();
+            let others = if others.is_empty() { "" } else { &format!("; what can: {}", others.join(", ")) };
+            return Err(format!("`{node}.{param}` cannot change while the node runs{others}"));
         };
         check(&live[k], value)?;
         if !self.commands.read_is_held() {
-            return Err(ParameterError::Stopped);
+            return Err("the engine is gone".into());
         }
         let set = Set { node: at, param: live[k].index, value };
-        self.commands.try_push(Command::Set(set)).map_err(|_| ParameterError::Busy)?;
+        let full = |_| "too much waits for the next tick: try again";
+        self.commands.try_push(Command::Set(set)).map_err(full)?;
         self.live[at][k] = value;
         Ok(())
     }
@@ -153,7 +169,7 @@ impl Controller {
 }
 
 /// Whether a live parameter may take a value.
-fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
+fn check(live: &LiveParam, value: f64) -> Result<(), String> {
     let whole = |least: f64, most: f64| {
         let fits = value.fract() == 0.0 && (least..=most).contains(&value);
         (fits, format!("a whole number from {least} to {most}"))
@@ -169,32 +185,5 @@ fn check(live: &LiveParam, value: f64) -> Result<(), ParameterError> {
             (false, "nothing while the node runs".into())
         }
     };
-    if fits { Ok(()) } else { Err(ParameterError::OutOfRange { param: live.name.clone(), value, takes }) }
-}
-
-fn report(number: u64, plan: &Plan, old: &Schedule, new: &Schedule, swap: &Swap) -> SwapReport {
-    let mut nodes = Vec::new();
-    for (fate, node) in plan.fates.iter().zip(&new.nodes) {
-        let change = match fate {
-            Fate::Kept(_) => Change::Kept,
-            Fate::Rebuilt { adopts, why, .. } => Change::Rebuilt { why: why.clone(), adopts: *adopts },
-            Fate::New => Change::New,
-        };
-        nodes.push(NodeChange { id: node.id.clone(), kind: node.kind.clone(), change });
-    }
-    let stays = |i: usize| {
-        plan.fates.iter().any(|f| matches!(f, Fate::Kept(o) | Fate::Rebuilt { old: o, .. } if *o == i))
-    };
-    for (_, node) in old.nodes.iter().enumerate().filter(|(i, _)| !stays(*i)) {
-        nodes.push(NodeChange { id: node.id.clone(), kind: node.kind.clone(), change: Change::Removed });
-    }
-    let parameter = |set: &Set| {
-        let node = &new.nodes[set.node];
-        let live = node.live.iter().find(|l| l.index == set.param);
-        let param = live.map(|l| l.name.clone()).unwrap_or_default();
-        ParameterChange { node: node.id.clone(), param, value: set.value }
-    };
-    let fades = plan.points.iter().filter(|p| !p.on_input() || plan.fates[p.node].kept().is_some());
-    let parameters = swap.sets.iter().map(parameter).collect();
-    SwapReport { number, nodes, parameters, crossfades: fades.count() }
+    if fits { Ok(()) } else { Err(format!("`{}` cannot be {value}: it takes {takes}", live.name)) }
 }

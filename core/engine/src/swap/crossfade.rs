@@ -27,6 +27,8 @@ pub(crate) struct Crossfade {
     pub(super) new: usize,
     /// Buffer after both of them, or `None` for a crossfade written over `new`.
     pub(super) mix: Option<usize>,
+    /// New node and input that read that buffer.
+    pub(super) reader: Option<(usize, usize)>,
     /// Rate of audio; 0 for a control.
     pub(super) rate_hz: u32,
     /// Passes the new signal alone.

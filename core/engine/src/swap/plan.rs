@@ -5,33 +5,29 @@ use std::collections::BTreeSet;
 use asperity_graph::{Schedule, ScheduledInput, ScheduledNode};
 use asperity_node::{Latency, ParamKind, ParamValue, Shape};
 
-use super::order::{self, Run};
-use super::shadow::Shadows;
+use super::report::Change;
 
 /// Origin of a node of the new graph.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Fate {
-    /// It is this old node and continues unchanged.
-    Kept(usize),
-    /// It replaces this old node, and takes over its state if it `adopts`.
-    Rebuilt { old: usize, adopts: bool, why: String },
-    /// There was no such node.
-    New,
+#[derive(Clone, Debug)]
+pub(super) struct Fate {
+    /// The old node that it is or replaces.
+    pub(super) old: Option<usize>,
+    pub(super) change: Change,
 }
 
 impl Fate {
     /// The old node that is kept.
     pub(super) fn kept(&self) -> Option<usize> {
-        if let Fate::Kept(old) = self { Some(*old) } else { None }
+        self.old.filter(|_| self.change == Change::Kept)
     }
 }
 
 /// A crossfade from the output of an old node to that of a new one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
-    /// The new node that reads it.
-    pub(super) node: usize,
-    pub(super) place: Place,
+    /// New node and input before which it is: of a kept node, or of one with latency or tail. None on an
+    /// output of a sink that is not kept, for its host.
+    pub(super) reader: Option<(usize, usize)>,
     /// Old node and output; `None` fades in from silence.
     pub(super) old: Option<(usize, usize)>,
     /// New node and output.
@@ -39,48 +35,24 @@ pub(super) struct Point {
 }
 
 impl Point {
-    pub(super) fn on_input(&self) -> bool {
-        matches!(self.place, Place::Input(_))
+    /// The new node that hears it.
+    pub(super) fn node(&self) -> usize {
+        self.reader.unwrap_or(self.new).0
     }
 }
 
-/// Port of a crossfade.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
-    /// Before an input: of a kept node, or of one with latency or tail.
-    Input(usize),
-    /// On an output of a sink that is not kept, for its host.
-    Output(usize),
-}
-
-/// Plan of a swap, by index in the two schedules.
-#[derive(Debug)]
-pub(super) struct Plan {
-    /// Origin of every new node.
-    pub(super) fates: Vec<Fate>,
-    pub(super) points: Vec<Point>,
-    pub(super) shadows: Shadows,
-    /// Steps of a tick during the crossfade.
-    pub(super) steps: Vec<Run>,
-}
-
-impl Plan {
-    /// Keeps as many nodes as possible.
-    pub(super) fn new(old: &Schedule, new: &Schedule, changed: &[String]) -> Self {
-        let mut between = BTreeSet::new();
-        loop {
-            let fates = fates(old, new, changed, &between);
-            let points = points(old, new, &fates);
-            let more = cascaded(old, new, &fates, &points);
-            if !more.is_empty() {
-                // Each round keeps fewer nodes, so there is a last one.
-                between.extend(more);
-                continue;
-            }
-            let shadows = Shadows::find(old, new, &fates, &points);
-            let steps = order::order(old, new, &points, &shadows);
-            return Self { fates, points, shadows, steps };
+/// Keeps as many nodes as possible. Answers the origin of every new node, and the crossfades.
+pub(super) fn plan(old: &Schedule, new: &Schedule, changed: &[String]) -> (Vec<Fate>, Vec<Point>) {
+    let mut between = BTreeSet::new();
+    loop {
+        let fates = fates(old, new, changed, &between);
+        let points = points(old, new, &fates);
+        let more = cascaded(old, new, &fates, &points);
+        if more.is_empty() {
+            return (fates, points);
         }
+        // Each round keeps fewer nodes, so there is a last one.
+        between.extend(more);
     }
 }
 
@@ -91,21 +63,27 @@ impl Plan {
 fn cascaded(old: &Schedule, new: &Schedule, fates: &[Fate], points: &[Point]) -> Vec<usize> {
     let before = |node: usize, i: usize| {
         // A node that closes a cycle is before its own source.
-        let others = || points.iter().filter(|p| p.node != node);
-        upstream(new, others().map(|p| p.new.0))[node]
-            || upstream(old, others().filter_map(|p| Some(p.old?.0)))[i]
+        let others = || points.iter().filter(|p| p.node() != node);
+        let upstream =
+            |schedule, of: &mut dyn Iterator<Item = usize>| upstream(schedule, of, |n| !n.closes_cycle);
+        upstream(new, &mut others().map(|p| p.new.0))[node]
+            || upstream(old, &mut others().filter_map(|p| Some(p.old?.0)))[i]
     };
-    let behind: BTreeSet<usize> = points.iter().filter(|p| p.on_input()).map(|p| p.node).collect();
+    let behind: BTreeSet<usize> = points.iter().filter_map(|p| Some(p.reader?.0)).collect();
     behind.into_iter().filter(|&j| fates[j].kept().is_some_and(|i| before(j, i))).collect()
 }
 
-/// The given nodes and all nodes that they read from in the same tick.
-fn upstream(schedule: &Schedule, of: impl Iterator<Item = usize>) -> Vec<bool> {
-    let mut heard = vec![false; schedule.nodes.len()];
-    of.for_each(|i| heard[i] = true);
-    for (i, node) in schedule.nodes.iter().enumerate().rev().filter(|(_, n)| !n.closes_cycle) {
-        if heard[i] {
-            node.inputs.iter().filter_map(|input| input.from).for_each(|(from, _)| heard[from] = true);
+/// The given nodes and all nodes that they read from, `through` nodes that are so.
+pub(super) fn upstream(
+    schedule: &Schedule,
+    of: impl Iterator<Item = usize>,
+    through: impl Fn(&ScheduledNode) -> bool,
+) -> Vec<bool> {
+    let (mut heard, mut open) = (vec![false; schedule.nodes.len()], of.collect::<Vec<_>>());
+    while let Some(i) = open.pop() {
+        let node = &schedule.nodes[i];
+        if !std::mem::replace(&mut heard[i], true) && through(node) {
+            open.extend(node.inputs.iter().filter_map(|input| Some(input.from?.0)));
         }
     }
     heard
@@ -113,39 +91,32 @@ fn upstream(schedule: &Schedule, of: impl Iterator<Item = usize>) -> Vec<bool> {
 
 /// `between` are nodes that cannot be kept because they are between two changes.
 fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<usize>) -> Vec<Fate> {
-    let mut fates: Vec<Fate> = new
-        .nodes
-        .iter()
-        .enumerate()
-        .map(|(j, node)| {
-            let found = old.nodes.iter().position(|o| o.id == node.id && o.kind == node.kind);
-            let renamed = || same_channel(old, new, j);
-            let Some(i) = found.or_else(renamed) else { return Fate::New };
-            let before = &old.nodes[i];
-            let why = if before.id != node.id {
-                Some(format!("it drives what `{}` drove", before.id))
-            } else if changed.contains(&node.id) {
-                Some("what it reads changed".to_owned())
-            } else if old.seed != new.seed {
-                Some("the graph has another seed".to_owned())
-            } else if between.contains(&j) {
-                Some("it is between two changes".to_owned())
-            } else {
-                difference(before, node)
-            };
-            match why {
-                Some(why) => Fate::Rebuilt { old: i, adopts: same_ports(before, node), why },
-                None => Fate::Kept(i),
-            }
-        })
-        .collect();
+    let fate = |(j, node): (usize, &ScheduledNode)| {
+        let found = old.nodes.iter().position(|o| o.id == node.id && o.kind == node.kind);
+        let Some(i) = found.or_else(|| same_channel(old, new, j)) else {
+            return Fate { old: None, change: Change::New };
+        };
+        let before = &old.nodes[i];
+        let why = if before.id != node.id {
+            Some(format!("it drives what `{}` drove", before.id))
+        } else if changed.contains(&node.id) {
+            Some("what it reads changed".to_owned())
+        } else if old.seed != new.seed {
+            Some("the graph has another seed".to_owned())
+        } else if between.contains(&j) {
+            Some("it is between two changes".to_owned())
+        } else {
+            difference(before, node)
+        };
+        let rebuilt = |why| Change::Rebuilt { adopts: same_ports(before, node), why };
+        Fate { old: Some(i), change: why.map_or(Change::Kept, rebuilt) }
+    };
+    let mut fates: Vec<Fate> = new.nodes.iter().enumerate().map(fate).collect();
     // Frames are not crossfaded, so a reader of frames from a rebuilt node is rebuilt too.
     while let Some((j, why)) =
         (0..new.nodes.len()).find_map(|j| Some((j, other_frames(old, new, &fates, j)?)))
     {
-        if let Fate::Kept(old) = fates[j] {
-            fates[j] = Fate::Rebuilt { old, adopts: true, why };
-        }
+        fates[j].change = Change::Rebuilt { adopts: true, why };
     }
     fates
 }
@@ -153,9 +124,9 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
 /// The removed limiter of the same device channel: coil and mover belong to the channel, independent of
 /// the node's name.
 fn same_channel(old: &Schedule, new: &Schedule, j: usize) -> Option<usize> {
-    let node = &new.nodes[j];
-    let channel = limiters(new).iter().position(|(_, limiter)| *limiter == Some(j))?;
-    let (sink, before) = (limiters(new)[channel].0, limiters(old));
+    let (node, after, before) = (&new.nodes[j], limiters(new), limiters(old));
+    let channel = after.iter().position(|(_, limiter)| *limiter == Some(j))?;
+    let sink = after[channel].0;
     let named = before.iter().find(|(was, _)| was.id == sink.id && was.kind == sink.kind);
     let i = named.or(before.get(channel))?.1?;
     let was = &old.nodes[i];
@@ -165,21 +136,21 @@ fn same_channel(old: &Schedule, new: &Schedule, j: usize) -> Option<usize> {
 
 /// Every sink that takes only a limited signal, and the limiter before it.
 fn limiters(schedule: &Schedule) -> Vec<(&ScheduledNode, Option<usize>)> {
-    let audio = |i: &&ScheduledInput| i.port.as_ref().is_some_and(|p| p.limited && is_audio(p.shape));
+    let limited = |i: &&ScheduledInput| is_audio(i) && i.port.as_ref().is_some_and(|p| p.limited);
     let sinks = schedule.nodes.iter().filter(|n| n.sink);
-    sinks.filter_map(|n| Some((n, n.inputs.iter().find(audio)?.from.map(|(node, _)| node)))).collect()
+    sinks.filter_map(|n| Some((n, n.inputs.iter().find(limited)?.from.map(|(node, _)| node)))).collect()
 }
 
 /// Why a kept node would read other frames than before.
 fn other_frames(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Option<String> {
     let before = &old.nodes[fates[j].kept()?];
-    let ports = new.nodes[j].inputs.iter().zip(&before.inputs);
-    let frames = |shape: Shape| matches!(shape, Shape::Magnitude(_) | Shape::Spectrum(_));
-    let mut others = ports
-        .filter(|(input, _)| input.port.as_ref().is_some_and(|p| frames(p.shape)))
-        .filter(|(input, was)| !same_source(fates, input.from, was.from))
-        .filter_map(|(input, _)| input.from);
-    others.next().map(|(from, _)| format!("it reads frames of `{}`", new.nodes[from].id))
+    let frames = |input: &ScheduledInput| {
+        matches!(input.port.as_ref().map(|p| p.shape), Some(Shape::Magnitude(_) | Shape::Spectrum(_)))
+    };
+    let ports = new.nodes[j].inputs.iter().zip(&before.inputs).filter(|(input, _)| frames(input));
+    let mut others = ports.filter(|(input, was)| !same_source(fates, input.from, was.from));
+    let (from, _) = others.find_map(|(input, _)| input.from)?;
+    Some(format!("it reads frames of `{}`", new.nodes[from].id))
 }
 
 /// Whether a new source is an old one that is kept.
@@ -193,24 +164,24 @@ fn same_source(fates: &[Fate], new: Option<(usize, usize)>, old: Option<(usize, 
 
 /// Why a node is not the old one of its id and kind.
 fn difference(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
-    if old.build != new.build {
-        return Some("its code was built anew".into());
-    }
-    if let Some(name) = other_param(old, new) {
+    let inputs = || old.inputs.iter().zip(&new.inputs).all(|(a, b)| a.from.is_some() == b.from.is_some());
+    let outputs = || old.outputs.iter().zip(&new.outputs).all(|(a, b)| (a.readers > 0) == (b.readers > 0));
+    let why = if old.build != new.build {
+        "its code was built anew"
+    } else if let Some(name) = other_param(old, new) {
         return Some(format!("`{name}` changed"));
-    }
-    if old.every != new.every {
-        return Some("it runs more or less often".into());
-    }
-    if !same_ports(old, new) {
-        return Some("its ports have other types".into());
-    }
-    if old.closes_cycle != new.closes_cycle {
-        return Some("it stands otherwise in a cycle".into());
-    }
-    let inputs = old.inputs.iter().zip(&new.inputs).all(|(a, b)| a.from.is_some() == b.from.is_some());
-    let outputs = old.outputs.iter().zip(&new.outputs).all(|(a, b)| (a.readers > 0) == (b.readers > 0));
-    (!inputs || !outputs).then(|| "other ports of it are connected".into())
+    } else if old.every != new.every {
+        "it runs more or less often"
+    } else if !same_ports(old, new) {
+        "its ports have other types"
+    } else if old.closes_cycle != new.closes_cycle {
+        "it stands otherwise in a cycle"
+    } else if !inputs() || !outputs() {
+        "other ports of it are connected"
+    } else {
+        return None;
+    };
+    Some(why.into())
 }
 
 /// Whether a state of the one means something to the other: their ports carry the same.
@@ -237,9 +208,10 @@ fn other_param(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     names.find(|name| !same(name)).map(str::to_owned)
 }
 
-/// Value of a live parameter as [`Node::set_parameter`](asperity_node::Node::set_parameter) takes it.
-pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
-    match (kind, value) {
+/// Values of a node's live parameters, as [`Node::set_parameter`](asperity_node::Node::set_parameter) takes
+/// them; NaN for one without.
+pub(super) fn live_values(node: &ScheduledNode) -> Vec<f64> {
+    let value = |kind: &ParamKind, value: &ParamValue| match (kind, value) {
         (ParamKind::Number(_), ParamValue::Number(x)) => Some(*x),
         (ParamKind::Integer(_), ParamValue::Integer(i)) => Some(*i as f64),
         (ParamKind::Flag, ParamValue::Flag(b)) => Some(f64::from(u8::from(*b))),
@@ -247,7 +219,9 @@ pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
             words.iter().position(|w| w == word).map(|i| i as f64)
         }
         _ => None,
-    }
+    };
+    let live = node.live.iter().map(|l| node.params.get(&l.name).and_then(|v| value(&l.kind, v)));
+    live.map(|value| value.unwrap_or(f64::NAN)).collect()
 }
 
 /// Crossfades before every audio and control input of a kept node whose source changed, on the audio of
@@ -255,80 +229,49 @@ pub(super) fn live_value(kind: &ParamKind, value: &ParamValue) -> Option<f64> {
 fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = on_sinks(old, new, fates);
     for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
-        match *fate {
-            Fate::Kept(i) => {
-                for (input, (port, was)) in node.inputs.iter().zip(&old.nodes[i].inputs).enumerate() {
-                    let (Some(to), Some(from)) = (port.from, was.from) else { continue };
-                    let on_sink = Point { node: to.0, place: Place::Output(to.1), old: Some(from), new: to };
-                    if !same_source(fates, Some(to), Some(from)) && !points.contains(&on_sink) {
-                        let place = Place::Input(input);
-                        points.push(Point { node: j, place, old: Some(from), new: to });
-                    }
-                }
+        let before = fate.old.map_or(&[][..], |i| &old.nodes[i].inputs);
+        let kept = fate.change == Change::Kept;
+        // A step at the input of a node with a memory would be heard after the fade. A node that adopts a
+        // state continues from the old node's input; another one starts in silence.
+        let remembers = node.latency > Latency::ZERO || node.tail > Latency::ZERO;
+        for (input, port) in node.inputs.iter().enumerate().filter(|_| kept || remembers) {
+            let Some(to) = port.from else { continue };
+            let was = before.get(input).filter(|was| kept || was.port == port.port);
+            let from = was.filter(|was| !same_source(fates, Some(to), was.from)).and_then(|was| was.from);
+            let on_sink = Point { reader: None, old: from, new: to };
+            if if kept { from.is_some() && !points.contains(&on_sink) } else { is_audio(port) } {
+                points.push(Point { reader: Some((j, input)), old: from, new: to });
             }
-            _ if node.latency > Latency::ZERO || node.tail > Latency::ZERO => {
-                points.extend(before_memory(old, new, fates, j));
-            }
-            Fate::Rebuilt { .. } | Fate::New => {}
         }
     }
     points
-}
-
-/// Crossfades before a node with latency or tail that is not kept: a step at its input would be heard
-/// after the fade. A node that adopts a state continues from the old node's input; another one starts
-/// in silence.
-fn before_memory(old: &Schedule, new: &Schedule, fates: &[Fate], j: usize) -> Vec<Point> {
-    let before = if let Fate::Rebuilt { old: i, .. } = &fates[j] { &old.nodes[*i].inputs[..] } else { &[] };
-    let audio = new.nodes[j]
-        .inputs
-        .iter()
-        .enumerate()
-        .filter(|(_, i)| i.port.as_ref().is_some_and(|p| is_audio(p.shape)));
-    let point = |(input, port): (usize, &ScheduledInput)| {
-        let was = before.get(input).filter(|was| was.port == port.port);
-        let other = was.filter(|was| !same_source(fates, port.from, was.from));
-        Some(Point {
-            node: j,
-            place: Place::Input(input),
-            old: other.and_then(|was| was.from),
-            new: port.from?,
-        })
-    };
-    audio.filter_map(point).collect()
 }
 
 /// Crossfades on the audio of sinks that are not kept.
 fn on_sinks(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = Vec::new();
     let mut removed: BTreeSet<usize> = (0..old.nodes.len()).collect();
-    for fate in fates {
-        if let Fate::Kept(i) | Fate::Rebuilt { old: i, .. } = fate {
-            removed.remove(i);
+    removed.retain(|i| !fates.iter().any(|fate| fate.old == Some(*i)));
+    for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {
+        if !node.sink || fate.change == Change::Kept {
+            continue;
         }
-    }
-    for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate().filter(|(_, (_, n))| n.sink) {
-        let before = match fate {
-            Fate::Kept(_) => continue,
-            Fate::Rebuilt { old, .. } => Some(*old),
-            // A device under another name goes on playing.
-            Fate::New => removed.iter().copied().find(|&i| drives_same(&old.nodes[i], node)),
-        };
-        if let Some(i) = before {
-            removed.remove(&i);
-        }
-        for (output, port) in node.outputs.iter().enumerate().filter(|(_, o)| is_audio(o.port.shape)) {
-            let was =
-                before.filter(|&i| old.nodes[i].outputs.get(output).is_some_and(|o| o.port == port.port));
-            let old = was.map(|i| (i, output));
-            points.push(Point { node: j, place: Place::Output(output), old, new: (j, output) });
+        // A device under another name goes on playing.
+        let device = || removed.iter().copied().find(|&i| drives_same(&old.nodes[i], node));
+        let before = fate.old.or_else(device);
+        before.iter().for_each(|i| _ = removed.remove(i));
+        let audio = |port| matches!(port, Shape::Audio { .. });
+        for (output, port) in node.outputs.iter().enumerate().filter(|(_, o)| audio(o.port.shape)) {
+            let same = |i: &usize| old.nodes[*i].outputs.get(output).is_some_and(|o| o.port == port.port);
+            let old = before.filter(same).map(|i| (i, output));
+            points.push(Point { reader: None, old, new: (j, output) });
         }
     }
     points
 }
 
-fn is_audio(shape: Shape) -> bool {
-    matches!(shape, Shape::Audio { .. })
+fn is_audio(input: &ScheduledInput) -> bool {
+    input.port.as_ref().is_some_and(|p| matches!(p.shape, Shape::Audio { .. }))
 }
 
 /// Whether two sinks drive the same kind of device.

@@ -8,21 +8,12 @@ use thiserror::Error;
 pub struct SwapReport {
     /// Number of the swap of this controller, from 1.
     pub number: u64,
-    /// Every node of the new graph in run order, then the removed nodes of the old one.
-    pub nodes: Vec<NodeChange>,
-    /// Live parameters that are set on kept nodes.
-    pub parameters: Vec<ParameterChange>,
+    /// Ids of the new graph in run order, then those of removed nodes.
+    pub nodes: Vec<(String, Change)>,
+    /// Live parameters that are set on kept nodes, as `node.param`.
+    pub parameters: Vec<(String, f64)>,
     /// Number of crossfaded signals.
     pub crossfades: usize,
-}
-
-/// Change of a node.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct NodeChange {
-    pub id: String,
-    pub kind: String,
-    pub change: Change,
 }
 
 /// Change of a node.
@@ -43,43 +34,29 @@ pub enum Change {
     Removed,
 }
 
-/// A live parameter that is set.
-#[derive(Clone, Debug, PartialEq)]
-#[allow(missing_docs)]
-pub struct ParameterChange {
-    pub node: String,
-    pub param: String,
-    pub value: f64,
-}
-
 impl SwapReport {
     /// Whether the new graph is the old one.
     pub fn is_nothing(&self) -> bool {
-        self.parameters.is_empty()
-            && self.crossfades == 0
-            && self.nodes.iter().all(|n| n.change == Change::Kept)
+        self.parameters.is_empty() && self.crossfades == 0 && self.nodes.iter().all(|n| n.1 == Change::Kept)
     }
 }
 
 impl fmt::Display for SwapReport {
     /// A line: what is rebuilt and why, what is new, removed and set, and how many nodes stay.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut parts = Vec::new();
-        for node in &self.nodes {
-            match &node.change {
+        for (id, change) in &self.nodes {
+            match change {
                 Change::Kept => {}
-                Change::Rebuilt { why, .. } => parts.push(format!("`{}` rebuilt ({why})", node.id)),
-                Change::New => parts.push(format!("`{}` new", node.id)),
-                Change::Removed => parts.push(format!("`{}` removed", node.id)),
+                Change::Rebuilt { why, .. } => write!(f, "`{id}` rebuilt ({why}), ")?,
+                Change::New => write!(f, "`{id}` new, ")?,
+                Change::Removed => write!(f, "`{id}` removed, ")?,
             }
         }
-        parts.extend(self.parameters.iter().map(|p| format!("`{}.{}` set to {}", p.node, p.param, p.value)));
-        let kept = self.nodes.iter().filter(|n| n.change == Change::Kept).count();
-        match kept {
-            1 => parts.push("1 node kept".into()),
-            n => parts.push(format!("{n} nodes kept")),
+        self.parameters.iter().try_for_each(|(param, value)| write!(f, "`{param}` set to {value}, "))?;
+        match self.nodes.iter().filter(|n| n.1 == Change::Kept).count() {
+            1 => f.write_str("1 node kept"),
+            n => write!(f, "{n} nodes kept"),
         }
-        f.write_str(&parts.join(", "))
     }
 }
 
@@ -97,67 +74,18 @@ pub struct Finished {
 /// Why a graph was not sent.
 #[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs)]
 pub enum SwapError {
-    /// The tick rate cannot change while the engine runs: start a new engine.
+    /// The tick rate \[Hz\] cannot change while the engine runs: start a new engine.
     #[error("runs at {running} ticks a second and cannot go on at {asked}: start anew")]
-    TickRate {
-        /// Ticks a second now.
-        running: u32,
-        /// Ticks a second of the new graph.
-        asked: u32,
-    },
-    /// The audio rate cannot change while the engine runs: start a new engine.
+    TickRate { running: u32, asked: u32 },
+    /// The audio rate \[Hz\] cannot change while the engine runs: start a new engine.
     #[error("runs at an audio rate of {running} Hz and cannot go on at {asked} Hz: start anew")]
-    AudioRate {
-        /// Samples a second now.
-        running: u32,
-        /// Samples a second of the new graph.
-        asked: u32,
-    },
+    AudioRate { running: u32, asked: u32 },
     /// Earlier swaps are still under way: let the engine tick, and try again.
     #[error("earlier changes are still under way: try again")]
     Busy,
     /// There is no engine any more.
     #[error("the engine is gone")]
     Stopped,
-}
-
-/// Why a parameter was not set.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[non_exhaustive]
-pub enum ParameterError {
-    /// No node has this id.
-    #[error("there is no node `{0}`")]
-    NoNode(String),
-    /// The node has no such parameter that may change while it runs: change the graph instead.
-    #[error("`{node}.{param}` cannot change while the node runs{}", others(live))]
-    NotLive {
-        /// The node.
-        node: String,
-        /// The parameter.
-        param: String,
-        /// Those that may change.
-        live: Vec<String>,
-    },
-    /// The parameter does not take this value.
-    #[error("`{param}` cannot be {value}: it takes {takes}")]
-    OutOfRange {
-        /// The parameter.
-        param: String,
-        /// Requested value.
-        value: f64,
-        /// Allowed values, in words.
-        takes: String,
-    },
-    /// Too much waits for the next tick: try again.
-    #[error("too much waits for the next tick: try again")]
-    Busy,
-    /// There is no engine any more.
-    #[error("the engine is gone")]
-    Stopped,
-}
-
-/// The parameters that may change, for an error.
-fn others(live: &[String]) -> String {
-    if live.is_empty() { String::new() } else { format!("; what can: {}", live.join(", ")) }
 }

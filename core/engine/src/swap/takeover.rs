@@ -1,13 +1,13 @@
 //! The tick thread's part of a swap. Nothing here allocates, frees, locks or waits.
 
+use asperity_graph::{GateSets, Step};
 use asperity_node::{Buffer, Processor, Status, Tick};
 use ringbuf::traits::{Consumer, Producer};
 use ringbuf::{HeapCons, HeapProd};
 
 use super::crossfade::{self, Crossfade, Ramp};
-use super::order::Run;
 use crate::engine::Body;
-use crate::slot::{GateSets, Now};
+use crate::slot::Now;
 
 /// A request of the controller.
 pub(crate) enum Command {
@@ -29,10 +29,8 @@ pub(crate) struct Swap {
     /// The new graph with its shadows, as it runs during the fade. From the takeover on, the old graph.
     pub(super) body: Body,
     /// Steps of the new graph after the fade.
-    pub(super) settled: Vec<Run>,
+    pub(super) settled: Vec<Step>,
     pub(super) fades: Vec<Crossfade>,
-    /// New node and input that read each crossfade; `None` for one on an output.
-    pub(super) readers: Vec<Option<(usize, usize)>>,
     /// New and old index.
     pub(super) kept: Vec<(usize, usize)>,
     pub(super) rebuilt: Vec<Rebuilt>,
@@ -135,10 +133,9 @@ impl Link {
             let pairs = to.outputs.clone().zip(from.outputs.clone());
             pairs.for_each(|(to, from)| std::mem::swap(&mut body.buffers[to], &mut old.buffers[from]));
         }
-        for (fade, reader) in swap.fades.iter_mut().zip(&swap.readers) {
-            let Some(it) = reader.and_then(|(node, _)| swap.rebuilt.iter().find(|it| it.new == node)) else {
-                continue;
-            };
+        for fade in &mut swap.fades {
+            let reader = |it: &&Rebuilt| fade.reader.is_some_and(|(node, _)| it.new == node);
+            let Some(it) = swap.rebuilt.iter().find(reader) else { continue };
             if it.adopted {
                 // It continues from what it read before, and still reads it.
                 fade.through = fade.old.is_none();
@@ -170,8 +167,8 @@ impl Link {
     /// back.
     pub(crate) fn settle(&mut self, body: &mut Body) {
         let Some((mut swap, _)) = self.fading.take() else { return };
-        for (fade, reader) in swap.fades.iter().zip(&swap.readers) {
-            let Some((node, input)) = *reader else { continue };
+        for fade in &swap.fades {
+            let Some((node, input)) = fade.reader else { continue };
             body.slots[node].inputs[input].buffer = fade.new as u32;
             // A reader of a control is called once with the final value, even if no control wakes it.
             if fade.rate_hz == 0 {

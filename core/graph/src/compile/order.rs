@@ -7,8 +7,8 @@ use asperity_node::{Diagnostic, Resume};
 use super::Options;
 use super::resolve::Resolved;
 use super::types::Typed;
-use crate::schedule::topological_order;
-use crate::{Dropped, GraphFile, Step};
+use crate::order::{steps, topological_order};
+use crate::{Dropped, GateSets, GraphFile, Step, Waiting};
 
 /// Nodes by their index in the file.
 pub(super) struct Ordered {
@@ -19,8 +19,8 @@ pub(super) struct Ordered {
     pub(super) dropped: Vec<Dropped>,
     /// Whether a node closes a cycle.
     pub(super) closes_cycle: Vec<bool>,
-    /// When each node is wanted; see [`gate_sets`].
-    pub(super) gate_sets: Vec<Vec<Vec<usize>>>,
+    /// When each node is wanted.
+    pub(super) gate_sets: Vec<GateSets>,
     /// The gated input of each gate.
     pub(super) gates: Vec<Option<usize>>,
 }
@@ -40,53 +40,29 @@ pub(super) fn order(
     let gates = gates(resolved);
     let closes_cycle = cut_cycles(graph, resolved, &live)?;
     let mut gate_sets = gate_sets(resolved, &live, &gates, &closes_cycle);
-    let wanted = |v: usize| live[v % n] && (v < n || gates[v - n].is_some());
-    let mut vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &gate_sets), wanted);
-    if vertices.len() < (0..2 * n).filter(|&v| wanted(v)).count() {
+    let mut reads = vec![Vec::new(); n];
+    resolved.wires.iter().for_each(|w| reads[w.to.0].push((w.to.1, w.from.0)));
+    let waiting = |gate_sets: &[GateSets]| -> Vec<Waiting> {
+        let node = |i: usize| Waiting {
+            runs: live[i],
+            reads: reads[i].clone(),
+            gate: gates[i],
+            closes_cycle: closes_cycle[i],
+            gate_sets: gate_sets[i].clone(),
+        };
+        (0..n).map(node).collect()
+    };
+    let steps = steps(&waiting(&gate_sets)).unwrap_or_else(|| {
         // Gates wait for nodes that they let sleep. No such graph is known; it would run with all nodes
         // awake.
-        gate_sets = vec![Vec::new(); n];
-        vertices = topological_order(&edges(resolved, &gates, &closes_cycle, &gate_sets), wanted);
-    }
-    let nodes = vertices.iter().copied().filter(|&v| v < n).collect();
-    let mut steps: Vec<Step> =
-        vertices.iter().map(|&v| if v < n { Step::Process(v) } else { Step::Wants(v - n) }).collect();
-    steps.extend((0..n).filter(|&i| live[i] && closes_cycle[i]).map(Step::Absorb));
+        gate_sets = vec![GateSets::new(); n];
+        steps(&waiting(&gate_sets)).unwrap_or_default()
+    });
+    let process = |step: &Step| if let Step::Process(i) = step { Some(*i) } else { None };
+    let nodes = steps.iter().filter_map(process).collect();
     let wired: BTreeSet<usize> = resolved.wires.iter().map(|w| w.from.0).collect();
     let dropped = (0..n).filter(|&i| !live[i]).map(|i| dropped(graph, i, wired.contains(&i))).collect();
     Ok(Ordered { nodes, steps, dropped, closes_cycle, gate_sets, gates })
-}
-
-/// Dependencies. Vertices 0..n are nodes, n..2n the questions to gates.
-fn edges(
-    resolved: &Resolved,
-    gates: &[Option<usize>],
-    closes_cycle: &[bool],
-    gate_sets: &[Vec<Vec<usize>>],
-) -> Vec<BTreeSet<usize>> {
-    let n = resolved.nodes.len();
-    let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); 2 * n];
-    for w in &resolved.wires {
-        let (from, to) = (w.from.0, w.to.0);
-        if !closes_cycle[to] {
-            before[to].insert(from);
-        }
-        if gates[to].is_some() && gates[to] != Some(w.to.1) {
-            before[n + to].insert(from);
-        }
-    }
-    for node in 0..n {
-        for &gate in gate_sets[node].iter().flatten() {
-            before[node].insert(n + gate);
-            if gates[node].is_some() {
-                before[n + node].insert(n + gate);
-            }
-        }
-        if gates[node].is_some() {
-            before[node].insert(n + node);
-        }
-    }
-    before
 }
 
 fn dropped(graph: &GraphFile, i: usize, wired: bool) -> Dropped {
@@ -231,22 +207,13 @@ fn find_cycle(before: &[BTreeSet<usize>], open: impl Fn(usize) -> bool) -> Optio
     Some(cycle)
 }
 
-/// A node with more sets of gates than this always runs.
-const MAX_ALTERNATIVES: usize = 64;
-/// Most gates in a set; others are ignored, so that a node may run although nobody reads it.
-const MAX_GATES: usize = 64;
-
-/// For every node the sets of gates of which all must be open; none for a node that always runs.
-///
-/// A node is wanted when a reader is wanted. Through a gated input the gate must be open too. A
-/// superset of another set adds nothing. So a gate is never in a set of a node on which its own
-/// question depends: such a node is wanted whenever the gate is, which includes the set with the gate.
+/// Gate sets of every node.
 fn gate_sets(
     resolved: &Resolved,
     live: &[bool],
     gates: &[Option<usize>],
     closes_cycle: &[bool],
-) -> Vec<Vec<Vec<usize>>> {
+) -> Vec<GateSets> {
     let n = resolved.nodes.len();
     let mut before: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); n];
     let mut readers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); n];
@@ -258,35 +225,13 @@ fn gate_sets(
             before[w.to.0].insert(w.from.0);
         }
     }
-    // The empty set: no gate has to be open.
-    let always = || vec![BTreeSet::new()];
-    let mut ways: Vec<Vec<BTreeSet<usize>>> = vec![always(); n];
+    let mut all = vec![GateSets::new(); n];
     for i in topological_order(&before, |i| live[i]).into_iter().rev() {
         let d = resolved.nodes[i].kind.descriptor();
-        if d.sink || d.resume == Resume::Never || closes_cycle[i] || readers[i].is_empty() {
-            continue;
+        if !d.sink && d.resume != Resume::Never && !closes_cycle[i] && !readers[i].is_empty() {
+            let gate = |&(r, input): &(usize, usize)| (&all[r], (gates[r] == Some(input)).then_some(r));
+            all[i] = crate::gate_sets(readers[i].iter().map(gate));
         }
-        let mut all: Vec<BTreeSet<usize>> = Vec::new();
-        for &(reader, input) in &readers[i] {
-            for way in &ways[reader] {
-                let mut way = way.clone();
-                if gates[reader] == Some(input) && way.len() < MAX_GATES {
-                    way.insert(reader);
-                }
-                if !all.iter().any(|w| w.is_subset(&way)) {
-                    all.retain(|w| !way.is_subset(w));
-                    all.push(way);
-                }
-            }
-        }
-        ways[i] = if all.len() > MAX_ALTERNATIVES { always() } else { all };
     }
-    let listed = |ways: Vec<BTreeSet<usize>>| {
-        if ways.iter().any(BTreeSet::is_empty) {
-            Vec::new()
-        } else {
-            ways.into_iter().map(|w| w.into_iter().collect()).collect()
-        }
-    };
-    ways.into_iter().map(listed).collect()
+    all
 }

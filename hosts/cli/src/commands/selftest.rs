@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
+use asperity_checks::{Case, Effort, Stop, Subject, cases};
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::GraphFile;
 use asperity_node::Registry;
@@ -69,9 +69,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         EffortOf::Full => Effort::Full,
         EffortOf::Long => Effort::Long,
     });
-    if let Some(graph) = &graph {
-        subject = subject.graph(graph);
-    }
+    subject.graph = graph.as_ref();
     // A case that is named reports itself that it needs a graph.
     let needless = |case: &&Case| graph.is_none() && case.of_graph && args.case.is_empty();
     let (left, run): (Vec<&Case>, Vec<&Case>) = chosen.into_iter().partition(needless);
@@ -83,25 +81,25 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut rows = Vec::new();
     for case in run {
         bar.set_message(case.name);
-        let outcome = contained(case, &subject);
+        let (verdict, found) = outcome(case, &subject);
         bar.inc(1);
         if !args.json {
-            let found = outcome.found.lines().map(clean).collect::<Vec<_>>().join("; ");
-            let mut row = line(case.family, case.name, word(outcome.verdict), &found);
+            let found = found.lines().map(clean).collect::<Vec<_>>().join("; ");
+            let mut row = line(case.family, case.name, verdict, &found);
             if args.verbose {
                 row += &format!("    hard: {}\n    must: {}\n", case.hard, case.must);
             }
             bar.suspend(|| print(&row))?;
         }
-        rows.push((case, outcome));
+        rows.push((case, verdict, found));
     }
     bar.finish_and_clear();
-    let count = |verdict| rows.iter().filter(|(_, o)| o.verdict == verdict).count();
-    let failed = count(Verdict::Fails);
+    let count = |word| rows.iter().filter(|(_, verdict, _)| *verdict == word).count();
+    let failed = count("fails");
     if args.json {
         print(&format!("{:#}\n", as_json(args, &rows, failed)))?;
     } else {
-        let (held, other) = (count(Verdict::Holds), count(Verdict::NotApplicable));
+        let (held, other) = (count("holds"), count("not applicable"));
         let more = match left.len() {
             0 => String::new(),
             n => format!("; {n} more look at a graph"),
@@ -138,17 +136,14 @@ fn subject(args: &Args) -> Result<(Option<GraphFile>, Registry), Failure> {
     Ok((Some(loaded.graph), loaded.registry))
 }
 
-/// Runs a case. Nothing else catches a panic of a plugin that is prepared.
-fn contained(case: &Case, subject: &Subject<'_>) -> Outcome {
-    catch_unwind(AssertUnwindSafe(|| case.run(subject)))
-        .unwrap_or_else(|_| Outcome { verdict: Verdict::Fails, found: "it panicked outside a tick".into() })
-}
-
-fn word(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Holds => "holds",
-        Verdict::Fails => "fails",
-        Verdict::NotApplicable => "not applicable",
+/// Runs a case. Answers the verdict and what was found.
+fn outcome(case: &Case, subject: &Subject<'_>) -> (&'static str, String) {
+    // Nothing else catches a panic of a plugin that is prepared.
+    match catch_unwind(AssertUnwindSafe(|| case.run(subject))) {
+        Ok(Ok(found)) => ("holds", found),
+        Ok(Err(Stop::Failed(why))) => ("fails", why),
+        Ok(Err(Stop::NotApplicable(why))) => ("not applicable", why),
+        Err(_) => ("fails", "it panicked outside a tick".into()),
     }
 }
 
@@ -163,11 +158,11 @@ fn table(cases: &[&Case]) -> impl Fn(&str, &str, &str, &str) -> String + use<> {
     }
 }
 
-fn as_json(args: &Args, rows: &[(&Case, Outcome)], failed: usize) -> Value {
-    let row = |(case, outcome): &(&Case, Outcome)| {
+fn as_json(args: &Args, rows: &[(&Case, &str, String)], failed: usize) -> Value {
+    let row = |(case, verdict, found): &(&Case, &str, String)| {
         json!({
-            "family": case.family, "case": case.name, "verdict": word(outcome.verdict),
-            "found": outcome.found, "hard": case.hard, "must": case.must, "of_graph": case.of_graph,
+            "family": case.family, "case": case.name, "verdict": verdict,
+            "found": found, "hard": case.hard, "must": case.must, "of_graph": case.of_graph,
         })
     };
     json!({

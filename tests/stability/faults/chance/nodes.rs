@@ -1,10 +1,11 @@
 //! Nodes that fail by chance, in every way and at every place where a node is called.
 
 use std::cell::Cell;
+use std::sync::Arc;
 
 use asperity_node::{
-    Descriptor, Diagnostic, FrameLayout, FrameRate, Input, LayoutSpec, Node, Output, Param, Prepared,
-    Processor, RateSpec, Registry, Resume, Setup, ShapeSpec, Status, Tick, Unit, random,
+    Descriptor, FrameLayout, FrameRate, Input, LayoutSpec, NodeKind, Output, Param, Prepared, Processor,
+    RateSpec, Registry, Resume, ShapeSpec, Status, Tick, Unit, random,
 };
 
 /// Number of injectors in a graph.
@@ -22,7 +23,7 @@ pub(super) fn injected(number: usize) -> u64 {
 
 /// Failures of all injectors.
 pub(super) fn injected_all() -> u64 {
-    INJECTED.with(|all| all.iter().map(Cell::get).sum())
+    (0..INJECTORS).map(injected).sum()
 }
 
 /// Begins to count anew.
@@ -30,28 +31,31 @@ pub(super) fn forget() {
     INJECTED.with(|all| all.iter().for_each(|count| count.set(0)));
 }
 
-/// Decides when to fail. It counts all calls since it was made, so that a reset is no return to the same
-/// fault.
-struct Dice {
+const LAYOUT_HZ: u32 = 2500;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// A wave, a force and frames; sometimes tiny, which is no fault.
+    Source,
+    /// Passes audio on, open half of the time.
+    Gate,
+    /// Half of the last tick and a wave, in a cycle.
+    Loop,
+    /// Panics when it is called, and when it is put back to the start.
+    BreaksTwice,
+}
+
+/// A node that decides when to fail. It counts all calls since it was made, so that a reset is no return to
+/// the same fault.
+struct Chance {
+    kind: Kind,
     number: usize,
     one_in: u64,
     calls: u64,
+    last: Vec<f32>,
 }
 
-const LAYOUT_HZ: u32 = 2500;
-
-impl Dice {
-    fn params(descriptor: Descriptor) -> Descriptor {
-        descriptor
-            .param(Param::integer("number", 0, 0..=INJECTORS as i64 - 1, "Which it is."))
-            .param(Param::integer("one_in", 100, 1..=1_000_000_000, "It fails once in so many calls."))
-    }
-
-    fn new(setup: &Setup<'_>) -> Self {
-        let p = setup.params;
-        Self { number: p.integer("number") as usize, one_in: p.integer("one_in") as u64, calls: 0 }
-    }
-
+impl Chance {
     /// A number that says how to fail, now and then.
     fn throw(&mut self) -> Option<u64> {
         self.calls += 1;
@@ -72,33 +76,8 @@ impl Dice {
             None => {}
         }
     }
-}
 
-/// A wave, a force and frames; sometimes tiny, which is no fault.
-struct Chance(Dice);
-
-impl Node for Chance {
-    fn descriptor() -> Descriptor {
-        let frame_rate = FrameRate::new(500, 1).expect("a rate");
-        let layout = FrameLayout { rate_hz: LAYOUT_HZ, length: 250, bins: 101, frame_rate };
-        Dice::params(Descriptor::new("chance", "Fails by chance."))
-            .output(Output::new("audio", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .output(Output::new("control", ShapeSpec::Control(1), Unit::NEWTON))
-            .output(Output::new(
-                "frame",
-                ShapeSpec::Magnitude(LayoutSpec::Is(layout)),
-                Unit::METRE_PER_SECOND_SQUARED,
-            ))
-            .resumes(Resume::Elapsed)
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(Dice::new(setup))))
-    }
-}
-
-impl Processor for Chance {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+    fn source(&mut self, tick: &mut Tick<'_>) -> Status {
         let tiny = random::bits(7, tick.index).is_multiple_of(16);
         let size = if tiny { f32::MIN_POSITIVE / 64.0 } else { 0.3 };
         let span = tick.samples(48_000);
@@ -108,7 +87,7 @@ impl Processor for Chance {
         tick.outputs.set(1, if tiny { f64::MIN_POSITIVE / 64.0 } else { 0.5 });
         let start = tick.samples(LAYOUT_HZ).start;
         tick.outputs.magnitude(2, tick.index, start).fill(size);
-        let Some(how) = self.0.throw() else { return Status::Continue };
+        let Some(how) = self.throw() else { return Status::Continue };
         let at = (how >> 8) as usize % 80;
         match how % 9 {
             0 => panic!("as told"),
@@ -126,72 +105,19 @@ impl Processor for Chance {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {
-        self.0.may_panic();
-    }
-
-    fn elapsed(&mut self, _: u64) {
-        self.0.may_panic();
-    }
 }
 
-/// Passes audio on, open half of the time.
-struct ChanceGate(Dice);
-
-impl Node for ChanceGate {
-    fn descriptor() -> Descriptor {
-        Dice::params(Descriptor::new("chance_gate", "Fails by chance."))
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .gates("in")
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(Dice::new(setup))))
-    }
-}
-
-impl Processor for ChanceGate {
-    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
-        self.0.may_panic();
-        (tick.index / 10).is_multiple_of(2)
-    }
-
+impl Processor for Chance {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.0.may_panic();
-        tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
-        Status::Continue
-    }
-
-    fn reset(&mut self) {
-        self.0.may_panic();
-    }
-}
-
-/// Half of the last tick and a wave, in a cycle.
-struct ChanceLoop {
-    dice: Dice,
-    last: Vec<f32>,
-}
-
-impl Node for ChanceLoop {
-    fn descriptor() -> Descriptor {
-        Dice::params(Descriptor::new("chance_loop", "Fails by chance."))
-            .input(Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE))
-            .param(Param::number("delay_ms", 2.0, 2.0..=2.0, "A tick."))
-            .closes_cycles("delay_ms")
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self { dice: Dice::new(setup), last: vec![0.0; 96] }))
-    }
-}
-
-impl Processor for ChanceLoop {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        self.dice.may_panic();
+        if self.kind == Kind::Source {
+            return self.source(tick);
+        }
+        assert!(self.kind != Kind::BreaksTwice, "as told");
+        self.may_panic();
+        if self.kind == Kind::Gate {
+            tick.outputs.audio(0).copy_from_slice(tick.inputs.audio(0));
+            return Status::Continue;
+        }
         let span = tick.samples(48_000);
         for ((y, x), n) in tick.outputs.audio(0).iter_mut().zip(&self.last).zip(span) {
             *y = x + 0.1 * (n as f32 * 0.01).sin();
@@ -199,42 +125,62 @@ impl Processor for ChanceLoop {
         Status::Continue
     }
 
+    fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
+        self.may_panic();
+        (tick.index / 10).is_multiple_of(2)
+    }
+
     fn absorb(&mut self, tick: &mut Tick<'_>) {
-        self.dice.may_panic();
+        self.may_panic();
         self.last.copy_from_slice(tick.inputs.audio(0));
     }
 
     fn reset(&mut self) {
+        assert!(self.kind != Kind::BreaksTwice, "as told, again");
         self.last.fill(0.0);
-        self.dice.may_panic();
-    }
-}
-
-/// Panics when it is called, and when it is put back to the start.
-struct BreaksTwice;
-
-impl Node for BreaksTwice {
-    fn descriptor() -> Descriptor {
-        let out = Output::new("out", ShapeSpec::Control(1), Unit::NONE);
-        Descriptor::new("breaks_twice", "Panics.").output(out)
+        self.may_panic();
     }
 
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for BreaksTwice {
-    fn process(&mut self, _: &mut Tick<'_>) -> Status {
-        panic!("as told")
-    }
-
-    fn reset(&mut self) {
-        panic!("as told, again")
+    fn elapsed(&mut self, _: u64) {
+        self.may_panic();
     }
 }
 
 /// The built-in kinds and these.
 pub(super) fn registry() -> Registry {
-    harness::registry().with::<Chance>().with::<ChanceGate>().with::<ChanceLoop>().with::<BreaksTwice>()
+    let described = |name: &'static str| {
+        Descriptor::new(name, "Fails by chance.")
+            .param(Param::integer("number", 0, 0..=INJECTORS as i64 - 1, "Which it is."))
+            .param(Param::integer("one_in", 100, 1..=1_000_000_000, "It fails once in so many calls."))
+    };
+    let audio = ShapeSpec::Audio(RateSpec::Graph);
+    let passes = |name: &'static str| {
+        let (input, output) =
+            (Input::new("in", audio, Unit::AMPERE), Output::new("out", audio, Unit::AMPERE));
+        described(name).input(input).output(output)
+    };
+    let frame_rate = FrameRate::new(500, 1).expect("a rate");
+    let layout = FrameLayout { rate_hz: LAYOUT_HZ, length: 250, bins: 101, frame_rate };
+    let frames = ShapeSpec::Magnitude(LayoutSpec::Is(layout));
+    let force = |name: &'static str| Output::new(name, ShapeSpec::Control(1), Unit::NEWTON);
+    let source = described("chance")
+        .output(Output::new("audio", audio, Unit::AMPERE))
+        .output(force("control"))
+        .output(Output::new("frame", frames, Unit::METRE_PER_SECOND_SQUARED))
+        .resumes(Resume::Elapsed);
+    let tick = Param::number("delay_ms", 2.0, 2.0..=2.0, "A tick.");
+    let mut all = harness::registry();
+    for (kind, descriptor) in [
+        (Kind::Source, source),
+        (Kind::Gate, passes("chance_gate").gates("in")),
+        (Kind::Loop, passes("chance_loop").param(tick).closes_cycles("delay_ms")),
+        (Kind::BreaksTwice, described("breaks_twice").output(force("out"))),
+    ] {
+        all.add(Arc::new(NodeKind::new(descriptor, move |setup| {
+            let [number, one_in] = ["number", "one_in"].map(|name| setup.params.integer(name) as u64);
+            let (number, last) = (number as usize, vec![0.0; 96]);
+            Ok(Prepared::new(Chance { kind, number, one_in, calls: 0, last }))
+        })));
+    }
+    all
 }

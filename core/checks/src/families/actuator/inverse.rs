@@ -9,7 +9,7 @@ use asperity_dsp::filter::{Complex64, Section};
 use asperity_node::Unit;
 
 use super::{ACTUATORS, inverses, on_shipped};
-use crate::case::{Found, Stop};
+use crate::case::{Figures, Found, Stop};
 use crate::played::{Played, samples};
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
@@ -36,28 +36,34 @@ struct Driven {
 /// Every kind of inverse of every actuator, under a current and a voltage.
 fn driven(subject: &Subject<'_>, tones: &[u32]) -> Result<Vec<Driven>, Stop> {
     let tones: Arc<[u32]> = tones.into();
-    let all = inverses(subject)?.into_iter().flat_map(|kind| ACTUATORS.map(|it| (kind.clone(), it)));
-    let all = all.flat_map(|(kind, it)| ["current", "voltage"].map(|word| (kind.clone(), it, word)));
-    let one = |(kind, (profile, grams), word): (String, (&str, f64), &str)| {
-        let list = tones.clone();
-        let wanted = samples(move |n| match list.get((n / (2 * SECOND)) as usize) {
+    let wanted = {
+        let tones = tones.clone();
+        samples(move |n| match tones.get((n / (2 * SECOND)) as usize) {
             Some(hz) => (TAU * turn(*hz, n)).sin() as f32,
             None => f32::from(u8::from(n % (2 * SECOND) < SECOND)),
-        });
-        let mass = format!("{grams:?}");
-        let mut rig = CaseGraph::new(TICK_HZ, RATE_HZ)
-            .plays("wanted", Played::audio("sines from memory", Unit::METRE_PER_SECOND_SQUARED, wanted))?
-            .node("inverse", &kind, &[("profile", profile), ("handle_mass_g", &mass), ("drive", word)])?
-            .node("out", "probe", &[])?
-            .chain(&["wanted", "inverse", "out"])
-            .rig(subject)?;
-        let name = format!("`{kind}`, {profile} on {grams} g, {word}");
-        let ticks = 2 * u64::from(TICK_HZ) * (tones.len() as u64 + 1);
-        let samples = rig.heard(ticks, "inverse").map_err(|e| e.after(&name))?;
-        let drive = if word == "current" { Drive::Current } else { Drive::Voltage };
-        Ok(Driven { name, dynamics: on_shipped(profile, grams)?, drive, samples })
+        })
     };
-    all.map(one).collect()
+    let mut all = Vec::new();
+    for kind in inverses(subject)? {
+        for ((profile, grams), word) in
+            ACTUATORS.into_iter().flat_map(|it| [(it, "current"), (it, "voltage")])
+        {
+            let source = Played::audio("sines from memory", Unit::METRE_PER_SECOND_SQUARED, wanted.clone());
+            let mass = format!("{grams:?}");
+            let mut rig = CaseGraph::new(TICK_HZ, RATE_HZ)
+                .plays("wanted", source)?
+                .node("inverse", &kind, &[("profile", profile), ("handle_mass_g", &mass), ("drive", word)])?
+                .node("out", "probe", &[])?
+                .chain(&["wanted", "inverse", "out"])
+                .rig(subject)?;
+            let name = format!("`{kind}`, {profile} on {grams} g, {word}");
+            let ticks = 2 * u64::from(TICK_HZ) * (tones.len() as u64 + 1);
+            let samples = rig.heard(ticks, "inverse").map_err(|e| e.after(&name))?;
+            let drive = if word == "current" { Drive::Current } else { Drive::Voltage };
+            all.push(Driven { name, dynamics: on_shipped(profile, grams)?, drive, samples });
+        }
+    }
+    Ok(all)
 }
 
 impl Driven {
@@ -72,10 +78,8 @@ impl Driven {
 fn answers(felt: &[f64], tones: &[u32]) -> Vec<f64> {
     let seconds = felt.chunks(SECOND as usize).skip(1).step_by(2);
     let answer = |(hz, y): (&u32, &[f64])| {
-        let turn = |n: u64| (u64::from(*hz) * n % SECOND) as f64 / SECOND as f64;
-        let sum =
-            y.iter().zip(0..).map(|(y, n)| Complex64::from_polar(*y, -TAU * turn(n))).sum::<Complex64>();
-        2.0 / SECOND as f64 * sum.norm()
+        let turned = y.iter().zip(0..).map(|(y, n)| Complex64::from_polar(*y, -TAU * turn(*hz, n)));
+        2.0 / SECOND as f64 * turned.sum::<Complex64>().norm()
     };
     tones.iter().zip(seconds).map(answer).collect()
 }
@@ -93,59 +97,50 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
             1000, 1810, 3620, 7240, 14_480, 20_000, 23_000, 23_900, 23_999,
         ],
     );
-    let (mut least, mut worst, mut most) = (f64::MAX, 0.0_f64, 0.0_f64);
+    let mut figures = Figures::default();
     for it in driven(subject, tones)? {
-        let (name, felt) = (&it.name, it.felt(&it.dynamics));
+        let felt = it.felt(&it.dynamics);
         for (hz, got) in tones.iter().zip(answers(&felt, tones)) {
-            let f = f64::from(*hz);
+            let (f, name) = (f64::from(*hz), format!("{}, {hz} Hz", it.name));
             // Below 5 Hz both push so little that half a sample of the hold is no longer small beside it.
             if (5.0..=1000.0).contains(&f) {
                 // The inverse's high-pass by its defaults.
                 let stated = db(Section::high_pass(20.0, FRAC_1_SQRT_2).response(f).norm());
-                let off = (db(got) - stated).abs();
-                ensure!(off <= 0.3, "{name}, {hz} Hz: {:.2} dB, stated {stated:.2} dB", db(got));
-                worst = worst.max(off);
+                let off = figures.at_most((db(got) - stated).abs(), 0.3, "dB off what is stated");
+                off.map_err(|e| e.after(&name))?;
             }
-            ensure!(got <= 1.1, "{name}, {hz} Hz: {got:.3} times what was asked");
-            (least, most) = (least.min(got), most.max(got));
+            figures.at_most(got, 1.1, "times what was asked").map_err(|e| e.after(&name))?;
         }
-        let left = felt[felt.len() - SECOND as usize - 1];
-        ensure!(left.abs() < 1e-4, "{name}: {left:.5} m/s^2 left of a constant after 1 s");
+        let left = felt[felt.len() - SECOND as usize - 1].abs();
+        let left = figures.at_most(left, 1e-4, "m/s^2 left of a constant after 1 s");
+        left.map_err(|e| e.after(&it.name))?;
     }
-    Ok(format!("within {worst:.2} dB; {least:.5} of what is asked at the least, never more than {most:.3}"))
+    Ok(figures.to_string())
 }
 
 pub(super) fn off(subject: &Subject<'_>) -> Found {
     let count = subject.by_effort(6, 16, 60);
     let tone = |k: u32| (20.0 * 20.0_f64.powf(f64::from(k) / f64::from(count - 1))).round() as u32;
     let tones: Vec<u32> = (0..count).map(tone).collect();
-    let (mut apart, mut left) = ((0.0_f64, 0), 0.0_f64);
+    let mut figures = Figures::default();
     for it in driven(subject, &tones)? {
         let d = it.dynamics;
         let right = answers(&it.felt(&d), &tones);
         for corner in 0..8 {
             let [m, k, c] = [0, 1, 2].map(|bit| if corner >> bit & 1 == 1 { 1.2 } else { 0.8 });
             let name = format!("{}, mass {m} spring {k} damping {c}", it.name);
-            let felt = it.felt(&Dynamics {
-                moving_mass: d.moving_mass * m,
-                stiffness: d.stiffness * k,
-                damping: d.damping * c,
-                ..d
-            });
+            let (moving_mass, stiffness, damping) = (d.moving_mass * m, d.stiffness * k, d.damping * c);
+            let felt = it.felt(&Dynamics { moving_mass, stiffness, damping, ..d });
             for ((hz, got), right) in tones.iter().zip(answers(&felt, &tones)).zip(&right) {
-                let by = db(got) - db(*right);
-                if by.abs() > f64::abs(apart.0) {
-                    apart = (by, *hz);
-                }
-                ensure!(by.abs() <= 8.0, "{name}, {hz} Hz: {by:.1} dB off");
+                let off = figures.at_most((db(got) - db(*right)).abs(), 8.0, "dB off");
+                off.map_err(|e| e.after(&format!("{name}, {hz} Hz")))?;
             }
             // The constant ends a second before the silence does.
             let rest = felt.len() - SECOND as usize / 2;
             let after = felt[rest..].iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-            left = left.max(after);
-            ensure!(after < 1e-6, "{name}: {after:e} m/s^2 0.5 s after the end");
+            let left = figures.at_most(after, 1e-6, "m/s^2 left 0.5 s after the end");
+            left.map_err(|e| e.after(&name))?;
         }
     }
-    let (by, hz) = apart;
-    Ok(format!("{by:.1} dB off at {hz} Hz, nowhere more; {left:.0e} m/s^2 left 0.5 s after the end"))
+    Ok(figures.to_string())
 }

@@ -9,7 +9,7 @@ use asperity_node::random::{bits, uniform};
 use asperity_node::{Buffer, NodeKind, Role, ShapeSpec, Unit};
 
 use super::{ACTUATORS, limiters, named, on_shipped};
-use crate::case::{Found, Stop, not_applicable};
+use crate::case::{Figures, Found, Stop, not_applicable};
 use crate::played::{Motion, Played, Samples};
 use crate::rig::{CaseGraph, Rig};
 use crate::subject::Subject;
@@ -30,7 +30,9 @@ struct Judge {
     last: f64,
     heat: f64,
     sum: f64,
-    stood: Stood,
+    /// Largest sample, rms current over the thermal time constant and displacement, as parts of the peak, of
+    /// the rated current and of the stroke.
+    most: [f64; 3],
     /// Speed of the mover now \[m/s\].
     speed: f64,
 }
@@ -49,7 +51,7 @@ impl Judge {
             last: 0.0,
             heat: 0.0,
             sum: 0.0,
-            stood: Stood::default(),
+            most: [0.0; 3],
             speed: 0.0,
         }
     }
@@ -57,31 +59,29 @@ impl Judge {
     /// Takes the next sample and checks its limits. [`verdict`](Self::verdict) checks those of the coil.
     fn see(&mut self, sample: f32) -> Result<(), Stop> {
         ensure!(sample.is_finite(), "a sample is {sample}");
-        let (y, peak, unit) = (f64::from(sample), self.peak, self.drive.unit());
+        let (y, peak, unit, d) = (f64::from(sample), self.peak, self.drive.unit(), &self.dynamics);
         let step = (y - self.last).abs();
         self.last = y;
         ensure!(y.abs() <= peak, "{y} {unit} is over the peak of {peak} {unit}");
         if let Some(slew) = self.slew {
-            ensure!(step <= slew, "a step of {step:.4} {unit} is over the slew of {slew:.4} {unit}");
+            ensure!(step <= slew, "a step of {step:.5} {unit} is over the slew of {slew:.5} {unit}");
         }
         let motion = self.coil.step(y);
         self.speed = motion.velocity;
-        let part = 1.0 / (self.rate_hz * self.dynamics.thermal_time_constant);
+        let part = 1.0 / (self.rate_hz * d.thermal_time_constant);
         self.heat += (motion.current * motion.current - self.heat) * part;
         self.sum += y;
-        let (most, d) = (&mut self.stood, &self.dynamics);
-        most.step = most.step.max(step);
-        most.peak = most.peak.max(y.abs() / peak);
-        most.rms = most.rms.max(self.heat.sqrt() / d.rated_current);
-        most.stroke = most.stroke.max(motion.displacement.abs() / d.stroke);
+        let now = [y.abs() / peak, self.heat.sqrt() / d.rated_current, motion.displacement.abs() / d.stroke];
+        self.most = [0, 1, 2].map(|i| self.most[i].max(now[i]));
         Ok(())
     }
 
     /// Checks the limits of the coil, and of the mean where the corner of the DC removal is known \[Hz\].
-    fn verdict(&self, dc_corner_hz: Option<f64>) -> Result<(), Stop> {
-        let Stood { stroke, rms, .. } = self.stood;
-        ensure!(stroke <= 1.0, "the mover went to {stroke:.3} of its stroke");
-        ensure!(rms <= 1.0 + RMS_MARGIN, "the rms current was {rms:.3} of the rated one");
+    fn verdict(&self, dc_corner_hz: Option<f64>, figures: &mut Figures) -> Result<(), Stop> {
+        let [peak, rms, stroke] = self.most;
+        figures.note(peak, "of the peak");
+        figures.at_most(stroke, 1.0, "of its stroke")?;
+        figures.at_most(rms, 1.0 + RMS_MARGIN, "of the rated current")?;
         if let Some(hz) = dc_corner_hz {
             let (area, bound) = (self.sum.abs() / self.rate_hz, 8.0 * self.peak / (TAU * hz));
             let unit = self.drive.unit();
@@ -139,45 +139,28 @@ pub enum Sound {
 /// Tick rate. A signal that follows the mover is a tick late.
 const TICK_HZ: u32 = 4000;
 
-/// The largest figures of a drive and its coil.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stood {
-    /// Sample, as a part of the peak.
-    pub peak: f64,
-    /// Step from sample to sample \[A or V\].
-    pub step: f64,
-    /// Rms current over the thermal time constant, as a part of the rated one.
-    pub rms: f64,
-    /// Displacement, as a part of the stroke.
-    pub stroke: f64,
-}
-
-impl Stood {
-    /// The larger of both in each figure.
-    fn max(self, other: Self) -> Self {
-        Self {
-            peak: self.peak.max(other.peak),
-            step: self.step.max(other.step),
-            rms: self.rms.max(other.rms),
-            stroke: self.stroke.max(other.stroke),
-        }
-    }
-}
-
-/// Sends pieces through a limiter to a simulated coil. `None` where the limiter cannot be in that place.
+/// Sends pieces through a limiter to a simulated coil. Answers whether the limiter can be in that place.
 ///
 /// # Errors
 /// A limit that does not hold.
-pub fn limited(
+pub fn limited(subject: &Subject<'_>, place: Place<'_>, seed: u64, pieces: &[Piece]) -> Result<bool, Stop> {
+    judged(subject, place, seed, pieces, None, &mut Figures::default())
+}
+
+/// The same. No step may be larger than `clicks`, if that is given \[A or V\].
+fn judged(
     subject: &Subject<'_>,
     place: Place<'_>,
     seed: u64,
     pieces: &[Piece],
-) -> Result<Option<Stood>, Stop> {
+    clicks: Option<f64>,
+    figures: &mut Figures,
+) -> Result<bool, Stop> {
     let Place { kind, actuator: (profile, grams), drive, rate_hz, settings } = place;
     // The actuator may not take such a handle.
-    let Ok(d) = on_shipped(profile, grams) else { return Ok(None) };
+    let Ok(d) = on_shipped(profile, grams) else { return Ok(false) };
     let mut judge = Judge::new(d, drive, f64::from(rate_hz), settings.map(|it| it.0));
+    judge.slew = judge.slew.or(clicks);
     let speed = Arc::new(AtomicU64::new(0));
     let sound = sounds(pieces.to_vec(), judge.peak, seed, f64::from(rate_hz), speed.clone());
     let unit = if drive == Drive::Current { Unit::AMPERE } else { Unit::VOLT };
@@ -192,13 +175,13 @@ pub fn limited(
         .node("limiter", kind, &[&[("profile", profile)], params.as_slice()].concat())?
         .node("out", "audio_out", &[])?
         .chain(&["asked", "limiter", "out"]);
-    let Ok(mut rig) = graph.rig(subject) else { return Ok(None) };
+    let Ok(mut rig) = graph.rig(subject) else { return Ok(false) };
     let hand = rig.schedule.index_of("asked").unwrap_or(0);
     let mut at = 0_u64;
     let ends = ends(pieces);
     while let Some(piece) = pieces.get(ends.partition_point(|end| *end <= at)) {
         rig.engine.feed_control(hand, 0, &[0.0], piece.trusted);
-        let told = |e: Stop| e.and(&format!("in {piece:?} of {place:?}"));
+        let told = |e: Stop| e.after(&format!("in {piece:?} of {place:?}"));
         rig.run(1, |rig, _| {
             let samples = rig.drive().next().unwrap_or_default();
             at += samples.len() as u64;
@@ -207,17 +190,13 @@ pub fn limited(
         speed.store(judge.speed.to_bits(), Ordering::Relaxed);
         rig.sound().map_err(told)?;
     }
-    judge.verdict(settings.map(|it| it.1)).map_err(|e| e.and(&format!("{place:?}")))?;
-    Ok(Some(judge.stood))
+    judge.verdict(settings.map(|it| it.1), figures).map_err(|e| e.after(&format!("{place:?}")))?;
+    Ok(true)
 }
 
 /// The end of each piece, in samples.
 fn ends(pieces: &[Piece]) -> Vec<u64> {
-    let add = |sum: &mut u64, p: &Piece| {
-        *sum += u64::from(p.samples);
-        Some(*sum)
-    };
-    pieces.iter().scan(0, add).collect()
+    (1..=pieces.len()).map(|n| pieces[..n].iter().map(|p| u64::from(p.samples)).sum()).collect()
 }
 
 fn sounds(pieces: Vec<Piece>, peak: f64, seed: u64, rate: f64, speed: Arc<AtomicU64>) -> Samples {
@@ -280,27 +259,21 @@ fn drawn(seed: u64, kinds: &[String]) -> (Place<'_>, Vec<Piece>) {
 }
 
 pub(super) fn random(subject: &Subject<'_>) -> Found {
-    let kinds = limiters(subject)?;
-    let runs = subject.by_effort(40, 400, 20_000);
-    let (mut held, mut most) = (0_u64, Stood::default());
+    let (kinds, mut figures) = (limiters(subject)?, Figures::default());
+    let runs = subject.by_effort(40, 250, 20_000);
+    let mut held = 0_u64;
     for seed in 0..runs {
         let (place, pieces) = drawn(seed, &kinds);
-        if let Some(stood) = limited(subject, place, seed, &pieces)? {
-            (held, most) = (held + 1, most.max(stood));
-        }
+        held += u64::from(judged(subject, place, seed, &pieces, None, &mut figures)?);
     }
     ensure!(2 * held > runs, "there was a limiter in {held} of {runs} places only");
-    let Stood { stroke, rms, .. } = most;
-    Ok(format!(
-        "{held} coils went to at most {stroke:.3} of their stroke and {rms:.3} of their rated current"
-    ))
+    Ok(format!("{held} coils: {figures}"))
 }
 
 /// Sines at the peak on the resonance.
 pub(super) fn resonance(subject: &Subject<'_>) -> Found {
     let seconds = subject.by_effort(5, 60, 600);
-    let rate_hz = 48_000;
-    let (mut most, mut steepest) = (Stood::default(), 0.0_f64);
+    let (rate_hz, mut figures) = (48_000, Figures::default());
     for kind in &limiters(subject)? {
         for (actuator, drive) in
             ACTUATORS.into_iter().flat_map(|a| [(a, Drive::Current), (a, Drive::Voltage)])
@@ -309,23 +282,14 @@ pub(super) fn resonance(subject: &Subject<'_>) -> Found {
             let place = Place { kind, actuator, drive, rate_hz, settings: None };
             let sound = Sound::Sine(d.natural_hz());
             let sine = Piece { sound, peaks: 1.0, trusted: true, samples: seconds * rate_hz };
-            let Some(stood) = limited(subject, place, 0, &[sine])? else { bail!("no limiter: {place:?}") };
             let peak = Judge::new(d, drive, f64::from(rate_hz), None).peak;
-            // With the rounding of f32.
+            // The steps of the sine, with the rounding of f32: more would click.
             let own = TAU * d.natural_hz() / f64::from(rate_hz) * peak * 1.0001;
-            ensure!(
-                stood.step <= own,
-                "a step of {:.5} clicks, the sine's are {own:.5}: {place:?}",
-                stood.step
-            );
-            (most, steepest) = (most.max(stood), steepest.max(stood.step / own));
+            let is = judged(subject, place, 0, &[sine], Some(own), &mut figures)?;
+            ensure!(is, "no limiter: {place:?}");
         }
     }
-    let Stood { stroke, rms, .. } = most;
-    Ok(format!(
-        "{seconds} s each: at most {rms:.3} of the rated current, {stroke:.3} of the stroke; the largest \
-         step is {steepest:.3} of the sine's"
-    ))
+    Ok(format!("{seconds} s each: {figures}"))
 }
 
 /// A wild stylus: a second each of strokes at up to 1.5 m/s, jumps in every tick, taps at 20 Hz, and random
@@ -367,31 +331,24 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
         let frames = d.outputs.iter().any(|o| matches!(o.shape, ShapeSpec::Magnitude(_)));
         frames && graph.nodes.iter().any(|n| n.kind == d.kind)
     };
-    let networks: Vec<Arc<NodeKind>> = subject.registry().iter().filter(asks).cloned().collect();
+    let networks: Vec<Arc<NodeKind>> = subject.registry.iter().filter(asks).cloned().collect();
     let worse = networks.iter().fold(subject.clone(), |all, kind| all.with(spoiled(kind.clone())));
-    let mut found = Vec::new();
+    let mut figures = Figures::default();
     let runs = [("as it is", subject), ("nonsense", &worse)];
     for (name, subject) in runs.into_iter().take(if networks.is_empty() { 1 } else { 2 }) {
+        figures.about = name.into();
         let mut rig = Rig::moved_if_possible(subject, thrown(hz))?;
         let mut judges = judges(&rig)?;
-        rig.run(rig.ticks(subject.by_effort(4.0, 12.0, 300.0)), |rig, tick| {
+        rig.run(rig.ticks(subject.by_effort(4.0, 8.0, 300.0)), |rig, tick| {
             let mut drives = judges.iter_mut().zip(rig.drive());
-            let told = |e: Stop| e.and(&format!("tick {tick}, {name}"));
+            let told = |e: Stop| e.after(&format!("tick {tick}, {name}"));
             drives.try_for_each(|(judge, y)| y.iter().try_for_each(|y| judge.see(*y))).map_err(told)
         })?;
-        let mut most = Stood::default();
-        for judge in &judges {
-            // `limiter_random` checks the mean.
-            judge.verdict(None).map_err(|e| e.and(name))?;
-            most = most.max(judge.stood);
-        }
-        rig.sound().map_err(|e| e.and(name))?;
-        let Stood { peak, stroke, rms, .. } = most;
-        found.push(format!(
-            "{name}: {peak:.3} of the peak, {stroke:.3} of the stroke, {rms:.3} of the rated current"
-        ));
+        // `limiter_random` checks the mean.
+        let verdict = judges.iter().try_for_each(|judge| judge.verdict(None, &mut figures));
+        verdict.and_then(|()| rig.sound()).map_err(|e| e.after(name))?;
     }
-    Ok(found.join("; "))
+    Ok(figures.to_string())
 }
 
 /// A judge for each sound card, by the limiter before it.

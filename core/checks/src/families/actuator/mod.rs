@@ -3,7 +3,7 @@
 mod inverse;
 mod limiter;
 
-pub use limiter::{Piece, Place, Sound, Stood, limited};
+pub use limiter::{Piece, Place, Sound, limited};
 
 use std::path::Path;
 
@@ -112,7 +112,7 @@ fn kinds(
             && !has_to_be_set(d, &params[..set])
             && fits(d)
     };
-    let all = subject.registry().iter().map(|k| k.descriptor()).filter(is_one);
+    let all = subject.registry.iter().map(|k| k.descriptor()).filter(is_one);
     let all: Vec<String> = all.map(|d| d.kind.to_string()).collect();
     if all.is_empty() { not_applicable(none) } else { Ok(all) }
 }

@@ -7,7 +7,7 @@ use asperity_engine::{CROSSFADE_S, Controller, Engine, Options};
 use asperity_node::{Buffer, Descriptor, ParamKind, PortType, Unit};
 
 use super::filters;
-use crate::case::{Found, Stop, not_applicable};
+use crate::case::{Figures, Found, Stop, not_applicable};
 use crate::played::{Played, samples};
 use crate::rig::CaseGraph;
 use crate::subject::Subject;
@@ -96,15 +96,16 @@ fn values(d: &Descriptor) -> Vec<(String, Vec<String>)> {
     d.params.iter().filter_map(|p| Some((p.name.to_string(), of(&p.kind)?))).collect()
 }
 
-/// Changes a parameter of `it` from its default to each value and back. Answers the largest step as a part
-/// of its bound.
+/// Changes a parameter of `it` from its default to each value and back. Notes the largest step as a part of
+/// its bound. Answers whether there is a change.
 fn change(
     subject: &Subject<'_>,
     graph: &CaseGraph,
     (param, values): (&str, &[String]),
     steepest: f64,
-) -> Result<Option<f64>, Stop> {
-    let mut worst = None;
+    figures: &mut Figures,
+) -> Result<bool, Stop> {
+    let mut changed = false;
     for value in values {
         let mut other = graph.clone();
         other.graph.set(&format!("it.{param}={value}"), "the case")?;
@@ -135,11 +136,10 @@ fn change(
             let bound = 1.01 * steps + 2.0 * loudest * steepest;
             ensure!(
                 step <= bound,
-                "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade make \
-                     {bound:.4} at most"
+                "`{param}` to {value}: a step of {step:.4}; both signals and a crossfade give {bound:.4}"
             );
-            let part = if bound > 0.0 { step / bound } else { 0.0 };
-            worst = Some(worst.unwrap_or(0.0_f64).max(part));
+            changed = true;
+            figures.note(step / bound.max(f64::MIN_POSITIVE), "of the largest step that is allowed");
             running.run(RECOVERS - TICKS)?;
             let from = running.heard.len();
             running.run(2 * TICKS)?;
@@ -151,15 +151,15 @@ fn change(
             );
         }
     }
-    Ok(worst)
+    Ok(changed)
 }
 
 pub(super) fn run(subject: &Subject<'_>) -> Found {
     let turn = |n: u64| (100 * n % u64::from(RATE_HZ)) as f64 / f64::from(RATE_HZ);
     let tone = samples(move |n| (0.1 * (TAU * turn(n)).sin()) as f32);
     let mut all: Vec<(String, CaseGraph, f64, &[&str])> = Vec::new();
-    for kind in filters(subject.registry()) {
-        let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone(), &[])?;
+    for kind in filters(&subject.registry) {
+        let graph = kind.alone((TICK_HZ, RATE_HZ), None, tone.clone())?;
         all.push((kind.kind, graph, STEEPEST, &[]));
     }
     if subject.kind("velocity").is_ok() {
@@ -177,20 +177,17 @@ pub(super) fn run(subject: &Subject<'_>) -> Found {
         // The upper end of its corner is above half the tick rate.
         all.push(("velocity".to_owned(), graph, CONTROL_STEEPEST, &["200.0", "5.0"]));
     }
-    let (mut changed, mut worst) = (0, (0.0_f64, String::new()));
+    let (mut changed, mut figures) = (0, Figures::default());
     for (kind, graph, steepest, more) in &all {
         for (param, mut values) in values(subject.kind(kind)?.descriptor()) {
             values.extend(more.iter().map(ToString::to_string));
-            let part = change(subject, graph, (&param, &values), *steepest);
-            let Some(part) = part.map_err(|e| e.after(&format!("`{kind}`")))? else { continue };
-            changed += 1;
-            if part > worst.0 {
-                worst = (part, format!("`{kind}.{param}`"));
-            }
+            figures.about = format!("`{kind}.{param}`");
+            let is = change(subject, graph, (&param, &values), *steepest, &mut figures);
+            changed += u64::from(is.map_err(|e| e.after(&format!("`{kind}`")))?);
         }
     }
     if changed == 0 {
         return not_applicable("there is no filter");
     }
-    Ok(format!("{changed} parameters; the largest step is {:.2} of what it may be: {}", worst.0, worst.1))
+    Ok(format!("{changed} parameters: {figures}"))
 }

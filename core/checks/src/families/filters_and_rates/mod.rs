@@ -5,13 +5,14 @@ mod rates;
 
 use std::sync::Arc;
 
+use asperity_graph::ScheduledNode;
 use asperity_node::{
-    Descriptor, FrameLayout, FrameRate, Latency, NodeKind, RateSpec, Registry, ShapeSpec, Unit, UnitSpec,
+    Descriptor, FrameLayout, FrameRate, Latency, RateSpec, Registry, Shape, ShapeSpec, Unit, UnitSpec,
 };
 
 use super::phase::{Method, each, frames};
 use crate::buffers::denormals;
-use crate::case::{Case, Family, Found, Stop, not_applicable};
+use crate::case::{Case, Family, Figures, Found, Stop, not_applicable};
 use crate::played::{Frames, Motion, Played, Samples, samples};
 use crate::rig::{CaseGraph, Rig, has_to_be_set};
 use crate::subject::Subject;
@@ -84,25 +85,21 @@ struct Filter {
 }
 
 impl Filter {
-    /// A source for it, at a rate of its own or at the graph's.
-    fn source(&self, rate_hz: Option<u32>, samples: Samples) -> Arc<NodeKind> {
-        match rate_hz {
-            Some(hz) => Played::audio_at("a signal from memory", hz, self.unit.clone(), samples),
-            None => Played::audio("a signal from memory", self.unit.clone(), samples),
-        }
-    }
-
-    /// A graph of it alone.
+    /// A graph of it alone, behind a source at a rate of its own or at the graph's.
     fn alone(
         &self,
         (tick_hz, audio_hz): (u32, u32),
         rate_hz: Option<u32>,
         samples: Samples,
-        params: &[(&str, &str)],
     ) -> Result<CaseGraph, Stop> {
+        let (name, unit) = ("a signal from memory", self.unit.clone());
+        let source = match rate_hz {
+            Some(hz) => Played::audio_at(name, hz, unit, samples),
+            None => Played::audio(name, unit, samples),
+        };
         let graph = CaseGraph::new(tick_hz, audio_hz)
-            .plays("source", self.source(rate_hz, samples))?
-            .node("it", &self.kind, params)?
+            .plays("source", source)?
+            .node("it", &self.kind, &[])?
             .node("out", "probe", &[])?;
         Ok(graph.chain(&["source", "it", "out"]))
     }
@@ -147,7 +144,7 @@ fn chain(
 ) -> Result<CaseGraph, Stop> {
     let mut graph = CaseGraph::new(tick_hz, audio_hz)
         .plays("magnitudes", Played::magnitudes("magnitudes from memory", layout, frames))?
-        .node("phase", method.kind(), &[])?
+        .node("phase", &method.kind, &[])?
         .node("audio rate", "resample", &[])?
         .node("inverse", "actuator_inverse", &[])?
         .node("limiter", "limiter", &[])?
@@ -170,56 +167,48 @@ fn noise(seed: u64, n: u64) -> f32 {
 const TICKS_HZ: [u32; 6] = [500, 100, 4000, 2500, 333, 997];
 
 fn any_tick_length(subject: &Subject<'_>) -> Found {
-    let kinds = filters(subject.registry());
-    let (mut compared, mut worst) = (0, 0.0_f64);
+    let kinds = filters(&subject.registry);
+    let (mut compared, mut figures) = (0, Figures::default());
+    let seconds = subject.by_effort(0.4, 1.0, 10.0);
     // Loud, then silent, then quiet: so that nodes limit and sleep.
     let sound = samples(|n| noise(3, n) * [2.0, 0.0, 0.1][(n / 7001 % 3) as usize]);
-    for kind in &kinds {
-        for (rate_hz, audio_hz) in
-            [(None, 48_000), (None, 44_100), (Some(2500), 48_000), (Some(4410), 44_100)]
-        {
-            if rate_hz.is_some() && !kind.any_rate {
-                continue;
-            }
-            // A filter that has to wait longer for short ticks declares another latency.
-            let mut known: Vec<(Latency, Vec<f32>)> = Vec::new();
-            for tick_hz in TICKS_HZ {
-                let graph = kind.alone((tick_hz, audio_hz), rate_hz, sound.clone(), &[])?;
+    let places = [(None, 48_000), (None, 44_100), (Some(2500), 48_000), (Some(4410), 44_100)];
+    let all = kinds.iter().flat_map(|kind| places.map(|place| (kind, place)));
+    for (kind, (rate_hz, audio_hz)) in all.filter(|(kind, place)| kind.any_rate || place.0.is_none()) {
+        // A filter that has to wait longer for short ticks declares another latency.
+        let mut known: Vec<(Latency, Vec<f32>)> = Vec::new();
+        for tick_hz in TICKS_HZ {
+            let graph = kind.alone((tick_hz, audio_hz), rate_hz, sound.clone())?;
+            let place = || format!("`{}`, {tick_hz} ticks/s, {:?} Hz of {audio_hz}", kind.kind, rate_hz);
+            let mut rig = match graph.rig(subject) {
+                Ok(rig) => rig,
                 // Another case looks at refusals.
-                let place = || format!("`{}`, {tick_hz} ticks/s, {:?} Hz of {audio_hz}", kind.kind, rate_hz);
-                let mut rig = match graph.rig(subject) {
-                    Ok(rig) => rig,
-                    Err(_) if rate_hz.is_some() || tick_hz != TICKS_HZ[0] => continue,
-                    Err(e) => return Err(e.after(&place())),
-                };
-                // The rate of the output.
-                let node = rig.schedule.index_of("it").unwrap_or(0);
-                let port = rig.schedule.nodes[node].outputs.first().map(|o| o.port.shape);
-                let Some(asperity_node::Shape::Audio { rate_hz: out_hz }) = port else { continue };
-                let seconds = subject.by_effort(0.4, 1.0, 10.0);
-                let ticks = rig.ticks(seconds) + 1;
-                let mut now = rig.heard(ticks, "it").map_err(|e| e.after(&place()))?;
-                now.truncate((seconds * f64::from(out_hz)) as usize);
-                ensure!(!now.is_empty(), "{}: it gives no output", place());
-                let latency = rig.schedule.nodes[node].latency;
-                let Some((_, first)) = known.iter().find(|(l, _)| *l == latency) else {
-                    known.push((latency, now));
-                    continue;
-                };
-                let largest = first.iter().fold(0.0_f32, |m, x| m.max(x.abs())).max(1e-12);
-                let off = first.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest;
-                ensure!(off <= 1e-6, "{}: {off:.1e} of its largest sample off", place());
-                (compared, worst) = (compared + 1, worst.max(f64::from(off)));
-            }
+                Err(_) if rate_hz.is_some() || tick_hz != TICKS_HZ[0] => continue,
+                Err(e) => return Err(e.after(&place())),
+            };
+            let node = rig.schedule.index_of("it").unwrap_or(0);
+            let ScheduledNode { outputs, latency, .. } = &rig.schedule.clone().nodes[node];
+            let Some(Shape::Audio { rate_hz: out_hz }) = outputs.first().map(|o| o.port.shape) else {
+                continue;
+            };
+            let mut now = rig.heard(rig.ticks(seconds) + 1, "it").map_err(|e| e.after(&place()))?;
+            now.truncate((seconds * f64::from(out_hz)) as usize);
+            ensure!(!now.is_empty(), "{}: it gives no output", place());
+            let Some((_, first)) = known.iter().find(|(l, _)| l == latency) else {
+                known.push((*latency, now));
+                continue;
+            };
+            let largest = first.iter().fold(0.0_f32, |m, x| m.max(x.abs())).max(1e-12);
+            let off = first.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest;
+            let off = figures.at_most(f64::from(off), 1e-6, "of its largest sample off");
+            off.map_err(|e| e.after(&place()))?;
+            compared += 1;
         }
     }
     if compared == 0 {
         return not_applicable("there is no filter");
     }
-    Ok(format!(
-        "{} kinds, compared {compared} times: at most {worst:.0e} of the largest sample off",
-        kinds.len()
-    ))
+    Ok(format!("{} kinds, compared {compared} times: {figures}", kinds.len()))
 }
 
 /// Bins of eight tones, 100 to 800 Hz at windows of 0.1 s. With so many, random phases even out.
@@ -254,20 +243,14 @@ fn level(
 fn uneven_hops(subject: &Subject<'_>) -> Found {
     let places = subject.by_effort(&PLACES[..2], &PLACES[..], &PLACES[..]);
     let seconds = subject.by_effort(0.5, 1.0, 10.0);
-    let told = |db| format!("at most {db:.2} dB apart");
-    each(subject, false, told, |method| {
-        let mut most = 0.0_f64;
+    each(subject, false, |method, figures| {
         for [uneven, even] in places {
             let [a, b] = [level(subject, method, *uneven, seconds)?, level(subject, method, *even, seconds)?];
             let db = (20.0 * (a.max(1e-9) / b.max(1e-9)).log10()).abs();
-            let (hz, tick_hz, _) = uneven;
-            ensure!(
-                db <= WITHIN_DB,
-                "at {hz} Hz, {tick_hz} ticks/s: {db:.1} dB off the level with even hops ({a:.3} and {b:.3})"
-            );
-            most = most.max(db);
+            let off = figures.at_most(db, WITHIN_DB, "dB off the level with even hops");
+            off.map_err(|e| e.after(&format!("at {} Hz, {} ticks/s", uneven.0, uneven.1)))?;
         }
-        Ok(most)
+        Ok(())
     })
 }
 
@@ -282,42 +265,31 @@ const GRAPH_S: f64 = 6.0;
 const SOUND_S: f64 = 1.0;
 
 fn tails_of_kinds(subject: &Subject<'_>) -> Found {
-    let kinds = filters(subject.registry());
+    let kinds = filters(&subject.registry);
     if kinds.is_empty() {
         return not_applicable("there is no filter");
     }
-    let silence = subject.by_effort(8.0, SILENCE_S, SILENCE_S);
-    let mut longest = (0.0_f64, String::new());
-    for kind in &kinds {
-        for rate_hz in [None, Some(2500)] {
-            if rate_hz.is_some() && !kind.any_rate {
-                continue;
-            }
-            let end = (SOUND_S * f64::from(rate_hz.unwrap_or(48_000))) as u64;
-            let sound = samples(move |n| if n < end { noise(4, n) } else { 0.0 });
-            let mut rig = match kind.alone((500, 48_000), rate_hz, sound, &[])?.rig(subject) {
-                Ok(rig) => rig,
-                // It may take other rates than this one.
-                Err(_) if rate_hz.is_some() => continue,
-                Err(e) => return Err(e.after(&format!("`{}`", kind.kind))),
-            };
-            let tails = rig.schedule.nodes.iter().map(|n| n.tail);
-            let tail = tails.fold(Latency::ZERO, |all, one| all + one).ms().max(0.0) * 1e-3;
-            let last =
-                last_sound(&mut rig, SOUND_S + silence, |rig| rig.audio("it", 0).iter().any(|x| *x != 0.0))
-                    .map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
-            let after = last - SOUND_S - tail;
-            ensure!(
-                after <= FILTER_S,
-                "`{}` is not silent until {after:.2} s after the end and its tail of {tail:.3} s",
-                kind.kind
-            );
-            if after > longest.0 {
-                longest = (after, kind.kind.clone());
-            }
-        }
+    let (silence, mut figures) = (subject.by_effort(8.0, SILENCE_S, SILENCE_S), Figures::default());
+    let all = kinds.iter().flat_map(|kind| [(kind, None), (kind, Some(2500))]);
+    for (kind, rate_hz) in all.filter(|(kind, rate)| kind.any_rate || rate.is_none()) {
+        let end = (SOUND_S * f64::from(rate_hz.unwrap_or(48_000))) as u64;
+        let sound = samples(move |n| if n < end { noise(4, n) } else { 0.0 });
+        figures.about = format!("`{}`", kind.kind);
+        let mut rig = match kind.alone((500, 48_000), rate_hz, sound)?.rig(subject) {
+            Ok(rig) => rig,
+            // It may take other rates than this one.
+            Err(_) if rate_hz.is_some() => continue,
+            Err(e) => return Err(e.after(&figures.about)),
+        };
+        let tails = rig.schedule.nodes.iter().map(|n| n.tail);
+        let tail = tails.fold(Latency::ZERO, |all, one| all + one).ms().max(0.0) * 1e-3;
+        let sounds = |rig: &Rig| rig.audio("it", 0).iter().any(|x| *x != 0.0);
+        let silent = last_sound(&mut rig, SOUND_S + silence, sounds).and_then(|last| {
+            figures.at_most(last - SOUND_S - tail, FILTER_S, "s after the end and its tail it sounds")
+        });
+        silent.map_err(|e| e.after(&format!("`{}`", kind.kind)))?;
     }
-    Ok(format!("{} kinds; the last, `{}`, is silent after {:.2} s", kinds.len(), longest.1, longest.0))
+    Ok(format!("{} kinds: {figures}", kinds.len()))
 }
 
 /// Time of the last sound \[s\].
@@ -356,13 +328,12 @@ fn tail_of_graph(subject: &Subject<'_>) -> Found {
     }
     let mut rig = Rig::new(subject, stroke(true), &[])?;
     let silence = subject.by_effort(10.0, SILENCE_S, SILENCE_S);
-    let last = last_sound(&mut rig, SOUND_S + silence, played)?;
-    ensure!(last - SOUND_S <= GRAPH_S, "something is played until {:.2} s after", last - SOUND_S);
-    if last == 0.0 {
+    let after = last_sound(&mut rig, SOUND_S + silence, played)? - SOUND_S;
+    ensure!(after <= GRAPH_S, "something is played until {after:.2} s after");
+    if after == -SOUND_S {
         return not_applicable("nothing was played while the stylus stroked");
     }
     Ok(format!(
-        "silent {:.2} s after the stylus is lifted, for the rest of {silence} s; nothing denormal",
-        last - SOUND_S
+        "silent {after:.2} s after the stylus is lifted, for the rest of {silence} s; nothing denormal"
     ))
 }

@@ -106,7 +106,7 @@ pub(super) fn graph(subject: &Subject<'_>) -> Found {
     let rates = [(own.tick_hz, own.audio_hz)].into_iter().chain(pairs(subject.by_effort(5, 60, EVERY)));
     for (k, (tick_hz, audio_hz)) in rates.enumerate() {
         // A graph without a stylus plays by itself.
-        let moved = Rig::with_stylus(own, subject.registry(), &circle(f64::from(tick_hz)));
+        let moved = Rig::with_stylus(own, &subject.registry, Some(&circle(f64::from(tick_hz))));
         let (mut graph, kinds) = moved.unwrap_or_else(|_| (own.clone(), Vec::new()));
         (graph.tick_hz, graph.audio_hz) = (tick_hz, audio_hz);
         tally.run(subject, &graph, &kinds)?;

@@ -18,7 +18,7 @@ use asperity_node::{Buffer, NodeKind, PortType, Shape, Unit};
 use crate::buffers::{denormals, same};
 use crate::case::{Case, Family, Found, Stop, not_applicable};
 use crate::played::Motion;
-use crate::rig::{DriveLimits, Rig, number, values};
+use crate::rig::{Rig, number, values};
 use crate::subject::{Effort, Subject};
 use crate::wrap::{misled, wrap};
 
@@ -100,24 +100,23 @@ struct Wrong {
     level: Range<u64>,
 }
 
-impl Wrong {
-    fn new(what: &'static str, seconds: f64, spoil: Spoil) -> Self {
-        Self { what, seconds, frames: u64::MAX, spoil, ticks: 0..0, level: 0..0 }
-    }
+/// A trouble of so many frames at most.
+fn wrong(what: &'static str, seconds: f64, frames: u64, spoil: Spoil) -> Wrong {
+    Wrong { what, seconds, frames, spoil, ticks: 0..0, level: 0..0 }
 }
 
 /// One wrong frame.
 fn once(what: &'static str, spoil: Spoil) -> Wrong {
-    Wrong { frames: 1, ..Wrong::new(what, 0.02, spoil) }
+    wrong(what, 0.02, 1, spoil)
 }
 
 /// A tenth of a second: a window.
 fn burst(what: &'static str, spoil: Spoil) -> Wrong {
-    Wrong::new(what, 0.1, spoil)
+    wrong(what, 0.1, u64::MAX, spoil)
 }
 
 fn for_ever(what: &'static str, spoil: Spoil) -> Wrong {
-    Wrong::new(what, f64::INFINITY, spoil)
+    wrong(what, f64::INFINITY, u64::MAX, spoil)
 }
 
 /// Time before the first trouble, and after a trouble until the level is back \[s\].
@@ -189,7 +188,7 @@ fn spoiled(inner: Arc<NodeKind>, plan: Arc<[Wrong]>) -> Arc<NodeKind> {
 /// All troubles, or with effort `quick` the first and the endless ones.
 fn chosen(subject: &Subject<'_>, mut all: Vec<Wrong>) -> Vec<Wrong> {
     let first = all.first().map(|w| w.what);
-    let quick = subject.allowed() == Effort::Quick;
+    let quick = subject.effort == Effort::Quick;
     all.retain(|w| !quick || Some(w.what) == first || w.seconds.is_infinite());
     all
 }
@@ -261,9 +260,8 @@ fn denormal(subject: &Subject<'_>) -> Found {
 
 fn alternates(subject: &Subject<'_>) -> Found {
     let by_turns: Spoil = |n, bins| bins.fill(if n.is_multiple_of(2) { 100.0 } else { 0.0 });
-    let wrongs =
-        vec![burst("0 and most by turns", by_turns), for_ever("0 and most by turns, for ever", by_turns)];
-    Ok(spoil(subject, wrongs)?.1)
+    let ever = for_ever("0 and most by turns, for ever", by_turns);
+    Ok(spoil(subject, vec![burst("0 and most by turns", by_turns), ever])?.1)
 }
 
 /// Factor of the inputs beyond those of training.
@@ -274,7 +272,7 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     let factors: Arc<[Factor]> = factors(&mut Rig::new(subject, motion.clone(), &[])?)?.into();
     let nothing: Spoil = |_, _| {};
     let mut wrongs = [
-        Wrong::new("out of range for half a second", 0.5, nothing),
+        wrong("out of range for half a second", 0.5, u64::MAX, nothing),
         for_ever("out of range for ever", nothing),
     ];
     let ticks = timed(&mut wrongs, subject.its_graph()?.tick_hz);
@@ -321,18 +319,10 @@ fn factors(rig: &mut Rig) -> Result<Vec<Factor>, Stop> {
     for i in networks(&schedule) {
         let node = &schedule.nodes[i];
         for (input, it) in node.inputs.iter().enumerate().filter(|(_, it)| it.from.is_some()) {
-            let fact = match &it.port {
-                Some(PortType { shape: Shape::Control { .. }, unit, .. }) if *unit == Unit::NEWTON => {
-                    "trained_force"
-                }
-                Some(PortType { shape: Shape::Control { .. }, unit, .. })
-                    if *unit == Unit::MILLIMETRE_PER_SECOND =>
-                {
-                    "trained_speed"
-                }
-                _ => continue,
-            };
-            told.push((i, input, number(&node.facts, fact), 0.0));
+            let Some(PortType { shape: Shape::Control { .. }, unit, .. }) = &it.port else { continue };
+            let facts = [(Unit::NEWTON, "trained_force"), (Unit::MILLIMETRE_PER_SECOND, "trained_speed")];
+            let fact = facts.iter().find(|(of, _)| of == unit);
+            told.extend(fact.map(|(_, fact)| (i, input, number(&node.facts, fact), 0.0)));
         }
     }
     if told.is_empty() {
@@ -360,7 +350,7 @@ struct Beside {
     culprits: Vec<usize>,
     /// Networks, and nodes that depend on them.
     touched: Vec<bool>,
-    limits: Vec<Option<DriveLimits>>,
+    limits: Vec<Option<[f64; 2]>>,
     last: Vec<f64>,
     /// Largest sample of the drive with the trouble.
     largest: f64,
@@ -430,7 +420,7 @@ impl Beside {
             for &x in samples {
                 let x = f64::from(x);
                 ensure!(x.is_finite(), "{now}: the drive is not finite");
-                if let Some(DriveLimits { peak, step: most }) = *limits {
+                if let Some([peak, most]) = *limits {
                     let step = (x - *last).abs();
                     // The bounded sample is f32: half a unit in its last place on either side.
                     let room = 1e-6 * peak;

@@ -7,7 +7,7 @@ use asperity_accuracy::accuracy::rhythm::{Rhythm, envelope_likeness};
 use asperity_texture::{Library, LibraryMaterial};
 
 use super::{motion, networks, sounds};
-use crate::case::{Found, Stop, not_applicable};
+use crate::case::{Figures, Found, Stop, not_applicable};
 use crate::played::Motion;
 use crate::rig::Rig;
 use crate::subject::Subject;
@@ -48,50 +48,37 @@ struct Setting {
 
 pub(super) fn pulses(subject: &Subject<'_>) -> Found {
     let seconds = subject.by_effort(2.0, 3.0, 8.0);
-    let (mut worst, mut count) = ((0.0_f64, 0.0_f64), 0);
-    let mut same = 0.0_f64;
+    let (mut figures, mut count) = (Figures::default(), 0);
     for Setting { name, changes, single, periodic } in &settings(subject)? {
         if *periodic {
             let Some((lag_s, more)) = same_at_all_speeds(subject, changes, seconds)? else { continue };
-            let lag_ms = 1e3 * lag_s;
-            ensure!(
-                more <= MORE_REPETITION,
-                "{name}: after {lag_ms:.0} ms the envelope repeats by {more:.2} more than that of noise, at \
-                 {SPEEDS_MM_S:?} mm/s alike"
-            );
-            same = same.max(more);
+            let same =
+                figures.at_most(more, MORE_REPETITION, "more repetition than of noise at all speeds alike");
+            same.map_err(|e| {
+                e.after(&format!("{name}, after {:.0} ms at {SPEEDS_MM_S:?} mm/s alike", 1e3 * lag_s))
+            })?;
             count += SPEEDS_MM_S.len();
             continue;
         }
         for (speed, motion) in strokes(subject)? {
-            let about = format!("{name} at {speed} mm/s");
-            let (signal, rate_hz) =
-                signal(subject, &motion, changes, seconds).map_err(|e| e.after(&about))?;
-            let (ours, noise) = rhythms(&signal, rate_hz).map_err(wrong)?;
-            if ours.rms < SILENT_M_S2 {
-                continue;
-            }
-            let [repeats, usual] = [&ours, &noise].map(|it| it.envelope_repetition);
-            let [deep, usually] = [ours.pulses(), noise.pulses()];
-            let (more, times) = (repeats - usual, if *single { 0.0 } else { deep / usually });
-            ensure!(
-                more <= MORE_REPETITION && times <= MORE_MODULATION,
-                "{about}: the envelope repeats by {repeats:.2}, that of noise by {usual:.2}; it is modulated \
-                 by {deep:.2} from 15 to 25 Hz, noise by {usually:.2}"
-            );
-            worst = (worst.0.max(more), worst.1.max(times));
-            count += 1;
+            let heard = signal(subject, &motion, changes, seconds).and_then(|(signal, rate_hz)| {
+                let (ours, noise) = rhythms(&signal, rate_hz).map_err(wrong)?;
+                if ours.rms < SILENT_M_S2 {
+                    return Ok(0);
+                }
+                let [repeats, usual] = [&ours, &noise].map(|it| it.envelope_repetition);
+                figures.at_most(repeats - usual, MORE_REPETITION, "more repetition than of noise")?;
+                let times = if *single { 0.0 } else { ours.pulses() / noise.pulses() };
+                figures.at_most(times, MORE_MODULATION, "times the modulation of noise from 15 to 25 Hz")?;
+                Ok(1)
+            });
+            count += heard.map_err(|e| e.after(&format!("{name} at {speed} mm/s")))?;
         }
     }
     if count == 0 {
         return not_applicable("no stroke sounds");
     }
-    Ok(format!(
-        "{count} strokes of {seconds} s: the envelope repeats by at most {:.2} more than that of noise, \
-         and is modulated {:.1} times as deep; at the same lag at all speeds it repeats by at most \
-         {same:.2}",
-        worst.0, worst.1
-    ))
+    Ok(format!("{count} strokes of {seconds} s: {figures}"))
 }
 
 /// The lag at which the envelope repeats most at all speeds alike, and by how much more than that of noise. A

@@ -9,7 +9,7 @@
 use std::f64::consts::PI;
 
 use super::quantum;
-use crate::case::{Found, applicable};
+use crate::case::{Figures, Found, applicable};
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Column, Near, Spot, Wall, pitch_mm};
@@ -162,33 +162,27 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
     }
     let middles = subject.by_effort(2, 8, 100);
     falls.extend(near.iter().take(middles).map(|n| ([n.spot.foot_mm[0], n.spot.foot_mm[1]], down)));
-    let (mut worst, mut fell, mut trembles, mut turned) = (0, 0, 0, 0.0_f64);
+    let mut figures = Figures::default();
     for (at, push) in &falls {
         let top = wall.down(*at).map_or(0.0, |s| s.foot_mm[2]);
-        let it = fall(&mut wall, device, [at[0], at[1], top + HEIGHT_MM], *push);
-        let Rest { makes, breaks, late, turns, fast_mm_s, fell: over } = it;
+        let Rest { makes, breaks, late, turns, fast_mm_s, fell } =
+            fall(&mut wall, device, [at[0], at[1], top + HEIGHT_MM], *push);
         let into = if push[0] == 0.0 && push[1] == 0.0 { "" } else { " into a corner" };
         let here = format!("at x {:.2}, y {:.2} mm{into}", at[0], at[1]);
         ensure!(
             makes <= bound,
             "{here} contact is made {makes} times and broken {breaks}; the bound is {bound}"
         );
+        figures.note(f64::from(makes) / f64::from(bound), "of the contacts that are allowed");
         ensure!(late == 0, "{here} contact is still made or broken {late} times in the last half of 6 s");
-        if turns > 0 && !over {
+        if turns > 0 && !fell {
             ensure!(
                 fast_mm_s <= fastest,
                 "{here} what is touched takes turns at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
             );
-            (trembles, turned) = (trembles + 1, turned.max(fast_mm_s));
+            figures.note(fast_mm_s, "mm/s where two sides take turns");
         }
-        (fell, worst) = (fell + u32::from(over), worst.max(makes));
     }
     wall.sound()?;
-    Ok(format!(
-        "{} falls, on {} edges: contact is made {worst} times at most ({bound} are allowed); {fell} went \
-         over the edge; {trembles} rest between two sides that take turns, at {turned:.1} mm/s at most \
-         ({fastest:.1})",
-        falls.len(),
-        edges.len()
-    ))
+    Ok(format!("{} falls, on {} edges: {figures}", falls.len(), edges.len()))
 }

@@ -21,7 +21,7 @@ use std::f64::consts::{PI, TAU};
 
 use asperity_scene::bound::Quantisation;
 
-use crate::case::Found;
+use crate::case::{Figures, Stop};
 use crate::handle::{Device, Handle, Loop};
 use crate::subject::Subject;
 use crate::wall::{Near, Wall};
@@ -137,20 +137,23 @@ fn least_mm_s(near: &Near, device: Device, steps: f64) -> f64 {
     1e3 * off_n / device.damping_ns_per_m * (1.0 - half.tanh() / half).sqrt()
 }
 
-pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Found {
+pub(super) fn below(
+    wall: &mut Wall,
+    near: &Near,
+    subject: &Subject<'_>,
+    figures: &mut Figures,
+) -> Result<(), Stop> {
+    // Steps do not matter where Hooke's law ends earlier.
     if !is_deep(near) {
-        return Ok(format!("Hooke's law holds to {:.3} mm only: steps do not matter", near.deep_mm));
+        return Ok(());
     }
-    let needed = needed_n(near);
-    let taken = taken_n(wall, near);
+    let (needed, taken) = (needed_n(near), taken_n(wall, near));
     let [got, all] = [taken, needed].map(|x| 1e3 * x);
     let within = taken <= needed * 1.001;
     ensure!(within, "a motion over the borders of steps takes out {got:.3} mN; the bound is {all:.3}");
-    if near.is_hooke() {
-        let reached = taken >= needed * 0.999;
-        ensure!(reached, "motions over the borders of steps take out {got:.3} mN; {all:.3} are to be had");
-    }
-    let mut most = (0.0_f64, 0.0_f64, 0.0_f64);
+    let reached = !near.is_hooke() || taken >= needed * 0.999;
+    ensure!(reached, "motions over the borders of steps take out {got:.3} mN; {all:.3} are to be had");
+    figures.note(all, "mN of dry friction taken by steps");
     let times = [1.5, 4.0].into_iter().flat_map(|times| [0.14, 0.5].map(|radians| (times, radians)));
     for ((times, radians), part) in times.flat_map(|it| [0.0, 0.5].map(|part| (it, part))) {
         let device = device(near, radians, times, part * needed);
@@ -168,50 +171,39 @@ pub(super) fn below(wall: &mut Wall, near: &Near, subject: &Subject<'_>) -> Foun
                 it <= far && rms <= fast,
                 "{told} tremble by {it:.4} mm and {rms:.2} mm/s; the bounds are {far:.4} and {fast:.2}"
             );
-            if part == 0.0 {
-                let least = if near.is_hooke() { least_mm_s(near, device, rest) } else { 0.0 };
-                ensure!(rms >= least, "{told} lie still between two steps: {rms:.2e} mm/s, not {least:.2e}");
-                most = (most.0.max(it), most.1.max(rms), most.2.max(it / far));
-            }
+            let least = if part == 0.0 && near.is_hooke() { least_mm_s(near, device, rest) } else { 0.0 };
+            ensure!(rms >= least, "{told} lie still between two steps: {rms:.2e} mm/s, not {least:.2e}");
+            figures.note(it / far, "of the distance that it may tremble");
         }
     }
-    Ok(format!(
-        "steps of {STEP_MM} mm take {:.1} mN of dry friction, of which a motion gets {:.4}; without \
-         friction a device trembles by {:.4} mm ({:.2} of the bound) and {:.2} mm/s",
-        1e3 * needed,
-        taken / needed,
-        most.0,
-        most.2,
-        most.1
-    ))
+    Ok(())
 }
 
-pub(super) fn above(wall: &mut Wall, near: &Near, _subject: &Subject<'_>) -> Found {
+pub(super) fn above(
+    wall: &mut Wall,
+    near: &Near,
+    _: &Subject<'_>,
+    figures: &mut Figures,
+) -> Result<(), Stop> {
     if !is_deep(near) {
-        return Ok("steps do not matter".to_owned());
+        return Ok(());
     }
     let needed = needed_n(near);
-    let mut last = 0.0_f64;
-    for radians in [0.14, 0.5] {
-        for part in [1.2, 2.8] {
-            let device = device(near, radians, 1.5, part * needed);
-            let from_mm = 8.0 * STEP_MM;
-            let swings = 1.0 + 0.25 * from_mm * near.law.stiffness_n_per_mm / (device.friction_n - needed);
-            let still_s = swings * TAU / radians * near.tick_s();
-            for rest in [10.0, 10.3, 10.5] {
-                let (_, rms) = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
-                let (kg, dry) = (device.mass_kg, 1e3 * device.friction_n);
-                ensure!(
-                    rms == 0.0,
-                    "{kg:.3} kg with {dry:.1} mN of dry friction, {part} times the needed one, still moves \
-                     after {still_s:.2} s: {rms:.2e} mm/s"
-                );
-                last = last.max(still_s);
-            }
+    for (radians, part) in [(0.14, 1.2), (0.14, 2.8), (0.5, 1.2), (0.5, 2.8)] {
+        let device = device(near, radians, 1.5, part * needed);
+        let from_mm = 8.0 * STEP_MM;
+        let swings = 1.0 + 0.25 * from_mm * near.law.stiffness_n_per_mm / (device.friction_n - needed);
+        let still_s = swings * TAU / radians * near.tick_s();
+        for rest in [10.0, 10.3, 10.5] {
+            let (_, rms) = tremble(wall, near, device, rest, (from_mm, still_s, 0.5));
+            let (kg, dry) = (device.mass_kg, 1e3 * device.friction_n);
+            ensure!(
+                rms == 0.0,
+                "{kg:.3} kg with {dry:.1} mN of dry friction, {part} times the needed one, still moves after \
+                 {still_s:.2} s: {rms:.2e} mm/s"
+            );
+            figures.note(still_s, "s until it lies still");
         }
     }
-    Ok(format!(
-        "with 1.2 and 2.8 times {:.1} mN of dry friction it lies still within {last:.2} s",
-        1e3 * needed
-    ))
+    Ok(())
 }

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_checks::{Subject, Verdict, Witness, node_cases, tick_time};
+use asperity_checks::{Heap, Stop, Subject, Witness, node_cases, tick_time};
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_loader::Plugin;
 use asperity_node::NodeKind;
@@ -181,13 +181,13 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
     let mut skip = args.skip;
     for kind in &kinds {
         let d = kind.descriptor();
-        let mut subject = Subject::one(kind.clone()).ticks(args.cases.ticks).witness(line);
+        let mut subject = Subject::one(kind.clone());
+        subject.ticks = args.cases.ticks;
+        subject.witness = Some(line);
         for (name, value) in settings.iter().filter(|(n, _)| d.params.iter().any(|p| p.name == *n)) {
             subject = subject.set(*name, *value);
         }
-        if let Some(heap) = &heap {
-            subject = subject.heap(heap);
-        }
+        subject.heap = heap.as_ref().map(|heap| heap as &dyn Heap);
         for case in node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME]) {
             if !args.cases.case.is_empty() && !args.cases.case.iter().any(|c| c == case) {
                 continue;
@@ -216,13 +216,11 @@ fn checked(args: &CasesOfPlugin, line: &Line) -> Result<(), Diagnostic> {
 
 fn outcome(subject: &Subject<'_>, kind: &str, name: &str) -> Row {
     if let Some(case) = node_cases().iter().find(|c| c.name == name) {
-        let outcome = case.run(subject);
-        let verdict = match outcome.verdict {
-            Verdict::Holds => "pass",
-            Verdict::Fails => "fail",
-            Verdict::NotApplicable => "not applicable",
+        return match case.run(subject) {
+            Ok(found) => Row::new(kind, name, "pass", found),
+            Err(Stop::Failed(why)) => Row::new(kind, name, "fail", why),
+            Err(Stop::NotApplicable(why)) => Row::new(kind, name, "not applicable", why),
         };
-        return Row::new(kind, name, verdict, outcome.found);
     }
     let t = match tick_time(subject) {
         Ok(t) => t,

@@ -1,4 +1,4 @@
-//! Random graphs.
+//! Graphs of any shape, and a graph beside itself.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -12,12 +12,31 @@ use asperity_node::{
     ShapeSpec, Unit, UnitSpec, Var,
 };
 
-use crate::buffers::finite;
-use crate::case::{Found, Stop};
-use crate::families::often;
-use crate::played::{Played, samples};
+use super::often;
+use crate::buffers::{finite, same};
+use crate::case::{Case, Family, Found, Stop};
+use crate::played::{Motion, Played, samples};
 use crate::rig::Rig;
 use crate::subject::Subject;
+
+const GRAPHS: Family = Family("graphs");
+
+pub(super) const CASES: &[Case] = &[
+    GRAPHS.kinds(
+        "random_graphs",
+        random,
+        "random graphs of up to 40 nodes of any kinds. Most parameters and wires fit, some do not",
+        "a graph that loads runs for 60 ticks, finite and without a fault, except numbers beyond all \
+         bounds in a loop, which are contained. A graph that does not load is refused with a reason and a \
+         place in its file",
+    ),
+    GRAPHS.graph(
+        "same_bytes",
+        same_bytes,
+        "the graph is compiled and run twice, tick by tick side by side",
+        "every output of every node is the same in every tick, to the bit",
+    ),
+];
 
 /// Most nodes of a graph.
 const MOST: usize = 40;
@@ -94,8 +113,8 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
     // Kinds that need a file, a material or a place are left out.
     let simple = |d: &&Descriptor| d.params.iter().all(|p| p.default.is_some() || p.optional);
     let kinds: Vec<&Descriptor> =
-        players.iter().chain(subject.registry().iter()).map(|k| k.descriptor()).filter(simple).collect();
-    let mut types = Types::new(audio_hz);
+        players.iter().chain(subject.registry.iter()).map(|k| k.descriptor()).filter(simple).collect();
+    let mut types = Types { nodes: Vec::new(), bound: Vec::new(), audio_hz };
     let mut wires = Vec::new();
     // Inputs from later nodes: loops.
     let mut later = Vec::new();
@@ -109,7 +128,8 @@ pub fn drawn(subject: &Subject<'_>, choose: &mut dyn FnMut(usize) -> usize) -> D
             }
             d = kinds[choose(kinds.len())];
         }
-        types.add(d);
+        types.nodes.push(d);
+        types.bound.push(Bound::default());
         for input in &d.inputs {
             if input.optional && choose(3) == 0 {
                 continue;
@@ -168,7 +188,8 @@ fn wire<'d>(
     let any = choose(800) == 799;
     let beyond = choose(64) == 63;
     let near = types.outputs().filter(|(from, o)| *from < reach && (beyond || types.is_sure(*from, o)));
-    let fits: Vec<_> = near.filter(|(from, o)| any || types.fits(*from, o, to, input)).collect();
+    let fits: Vec<_> =
+        near.filter(|(from, o)| any || types.joins(*from, o, &types.bound[to], input)).collect();
     let (from, output) = *fits.get(fits.len().checked_sub(1 + choose(fits.len()))?)?;
     types.join(from, output, to, input);
     Some((from, output, to, input))
@@ -247,7 +268,7 @@ impl Drawn {
     }
 }
 
-pub(super) fn run(subject: &Subject<'_>) -> Found {
+fn random(subject: &Subject<'_>) -> Found {
     let graphs = subject.by_effort(100, 1500, 100_000);
     let (mut ran, mut nodes, mut loops, mut beyond) = (0_u64, 0, 0, 0);
     let mut refused = BTreeMap::new();
@@ -288,28 +309,33 @@ enum Known {
     Spectrum(FrameLayout),
 }
 
-/// Values of a node's variables.
+/// Values of a node's variables. A variable of a layout is one of its rate too.
 #[derive(Clone, Debug, Default)]
 struct Bound {
     shapes: BTreeMap<Var, Known>,
-    rates: BTreeMap<Var, u32>,
-    layouts: BTreeMap<Var, FrameLayout>,
     units: BTreeMap<Var, Unit>,
 }
 
 impl Bound {
     /// A shape, where its variables are known.
     fn shape(&self, spec: &ShapeSpec, audio_hz: u32) -> Option<Known> {
+        let known = |var: &Var| self.shapes.get(var).copied();
         let layout = |layout: &LayoutSpec| match layout {
             LayoutSpec::Is(layout) => Some(*layout),
-            LayoutSpec::Of(var) => self.layouts.get(var).copied(),
+            LayoutSpec::Of(var) => match known(var)? {
+                Known::Magnitude(layout) | Known::Spectrum(layout) => Some(layout),
+                Known::Control(_) | Known::Audio(_) => None,
+            },
         };
         Some(match spec {
-            ShapeSpec::Like(var) => return self.shapes.get(var).copied(),
+            ShapeSpec::Like(var) => return known(var),
             ShapeSpec::Control(count) => Known::Control(*count),
             ShapeSpec::Audio(RateSpec::Graph) => Known::Audio(audio_hz),
             ShapeSpec::Audio(RateSpec::Hz(hz)) => Known::Audio(*hz),
-            ShapeSpec::Audio(RateSpec::Of(var)) => Known::Audio(*self.rates.get(var)?),
+            ShapeSpec::Audio(RateSpec::Of(var)) => match known(var)? {
+                Known::Magnitude(layout) | Known::Spectrum(layout) => Known::Audio(layout.rate_hz),
+                known => known,
+            },
             ShapeSpec::Magnitude(of) => Known::Magnitude(layout(of)?),
             ShapeSpec::Spectrum(of) => Known::Spectrum(layout(of)?),
         })
@@ -335,17 +361,17 @@ impl Bound {
     }
 
     fn bind(&mut self, shape: &ShapeSpec, known: Option<Known>, unit: &UnitSpec, is: Option<&Unit>) {
-        match (shape, known) {
-            (ShapeSpec::Like(var), Some(known)) => _ = self.shapes.insert(*var, known),
-            (ShapeSpec::Audio(RateSpec::Of(var)), Some(Known::Audio(hz))) => _ = self.rates.insert(*var, hz),
-            (
-                ShapeSpec::Magnitude(LayoutSpec::Of(var)) | ShapeSpec::Spectrum(LayoutSpec::Of(var)),
-                Some(Known::Magnitude(layout) | Known::Spectrum(layout)),
-            ) => {
-                self.layouts.insert(*var, layout);
-                self.rates.insert(*var, layout.rate_hz);
-            }
-            _ => {}
+        if let (
+            ShapeSpec::Like(var)
+            | ShapeSpec::Audio(RateSpec::Of(var))
+            | ShapeSpec::Magnitude(LayoutSpec::Of(var))
+            | ShapeSpec::Spectrum(LayoutSpec::Of(var)),
+            Some(known),
+        ) = (shape, known)
+        {
+            let bound = self.shapes.entry(*var).or_insert(known);
+            // A layout says more than its rate.
+            *bound = if let Known::Audio(_) = known { *bound } else { known };
         }
         if let (UnitSpec::Of { var, .. }, Some(unit)) = (unit, is) {
             self.units.insert(*var, unit.clone());
@@ -361,15 +387,6 @@ struct Types<'d> {
 }
 
 impl<'d> Types<'d> {
-    fn new(audio_hz: u32) -> Self {
-        Self { nodes: Vec::new(), bound: Vec::new(), audio_hz }
-    }
-
-    fn add(&mut self, node: &'d Descriptor) {
-        self.nodes.push(node);
-        self.bound.push(Bound::default());
-    }
-
     /// Whether every input that needs a wire can have one.
     fn serves(&self, node: &Descriptor) -> bool {
         let new = Bound::default();
@@ -385,20 +402,14 @@ impl<'d> Types<'d> {
 
     /// Whether an output always exists: a node of a file or a message often has its first output only.
     fn is_sure(&self, node: usize, output: &Output) -> bool {
-        self.nodes.get(node).is_some_and(|d| {
-            d.inputs.iter().any(|i| !i.optional && !i.host_fed)
-                || d.outputs.first().is_some_and(|f| f.name == output.name)
-        })
+        let d = self.nodes[node];
+        d.inputs.iter().any(|i| !i.optional && !i.host_fed)
+            || d.outputs.first().is_some_and(|f| f.name == output.name)
     }
 
     /// Whether an output fits an input of a node, as far as is known.
-    fn fits(&self, from: usize, output: &Output, to: usize, input: &Input) -> bool {
-        self.bound.get(to).is_some_and(|bound| self.joins(from, output, bound, input))
-    }
-
     fn joins(&self, from: usize, output: &Output, to: &Bound, input: &Input) -> bool {
-        let Some(bound) = self.bound.get(from) else { return false };
-        let hz = self.audio_hz;
+        let (bound, hz) = (&self.bound[from], self.audio_hz);
         let shapes = match bound.shape(&output.shape, hz) {
             Some(known) => to.takes(&input.shape, known, hz),
             // The type of a later node is unknown: only a node that closes a loop is wired to it.
@@ -422,27 +433,53 @@ impl<'d> Types<'d> {
 
     /// Binds the types of both ends of a wire.
     fn join(&mut self, from: usize, output: &Output, to: usize, input: &Input) {
-        let (Some(a), Some(b)) = (self.bound.get(from), self.bound.get(to)) else { return };
+        let (a, b) = (&self.bound[from], &self.bound[to]);
         let shape = a.shape(&output.shape, self.audio_hz).or(b.shape(&input.shape, self.audio_hz));
         let unit = a.unit(&output.unit).or(b.unit(&input.unit)).cloned();
-        for (node, shape_spec, unit_spec) in
-            [(from, &output.shape, &output.unit), (to, &input.shape, &input.unit)]
-        {
-            if let Some(bound) = self.bound.get_mut(node) {
-                bound.bind(shape_spec, shape, unit_spec, unit.as_ref());
-            }
-        }
+        self.bound[from].bind(&output.shape, shape, &output.unit, unit.as_ref());
+        self.bound[to].bind(&input.shape, shape, &input.unit, unit.as_ref());
     }
 
     /// Whether the type of an output is known.
     fn knows(&self, node: usize, output: &Output) -> bool {
-        self.bound.get(node).is_some_and(|b| b.shape(&output.shape, self.audio_hz).is_some())
+        self.bound[node].shape(&output.shape, self.audio_hz).is_some()
     }
 
     /// Whether a node carries audio, and so runs in every tick.
     fn hears(&self, node: usize) -> bool {
-        let (Some(d), Some(bound)) = (self.nodes.get(node), self.bound.get(node)) else { return false };
+        let (d, bound) = (self.nodes[node], &self.bound[node]);
         let specs = d.inputs.iter().map(|i| &i.shape).chain(d.outputs.iter().map(|o| &o.shape));
         specs.into_iter().any(|spec| matches!(bound.shape(spec, self.audio_hz), Some(Known::Audio(_))))
     }
+}
+
+/// The first output that differs.
+fn differs(a: &Rig, b: &Rig) -> Option<String> {
+    let differ = |i, o| match (a.engine.output(i, o), b.engine.output(i, o)) {
+        (Some(a), Some(b)) => !same(a, b),
+        (a, b) => a.is_some() != b.is_some(),
+    };
+    a.outputs().find(|(i, o)| differ(*i, *o)).map(|(i, o)| a.name(i, o))
+}
+
+fn same_bytes(subject: &Subject<'_>) -> Found {
+    let hz = f64::from(subject.its_graph()?.tick_hz);
+    let motion: Motion = Arc::new(move |tick| {
+        let t = tick as f64 / hz;
+        // On and off the surface, slow and fast, here and there.
+        [30.0 * (2.0 * t).sin() * t.cos(), 30.0 * t.sin(), 1.0 - 3.0 * (1.3 * t).sin().abs()]
+    });
+    let rig = || Rig::moved_if_possible(subject, motion.clone());
+    let (mut one, mut other) = (rig()?, rig()?);
+    let ticks = one.ticks(subject.by_effort(3.0, 10.0, 120.0));
+    one.run(ticks, |one, tick| {
+        other.engine.tick();
+        match differs(one, &other) {
+            Some(output) => bail!("`{output}` differs in tick {tick}"),
+            None => Ok(()),
+        }
+    })?;
+    let outputs: usize = one.schedule.nodes.iter().map(|n| n.outputs.len()).sum();
+    ensure!(one.schedule == other.schedule, "the schedules differ");
+    Ok(format!("{outputs} outputs are the same in each of {ticks} ticks"))
 }
