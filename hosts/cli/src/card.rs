@@ -137,9 +137,6 @@ pub struct ActuatorArgs {
 }
 
 /// The device that a graph needs, as the command line asks for it; `None` where it needs no sound card.
-///
-/// # Errors
-/// Options that the graph has no use for, or that do not fit it.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
     let of = |role| schedule.with_role(role).map(|(_, node)| node).collect::<Vec<_>>();
     let (outs, ins) = (of(Role::AudioOutput), of(Role::AudioInput));

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place};
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use serde_json::Value;
 
 /// Why a command failed.
 #[derive(Debug)]
@@ -148,6 +148,16 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// Prints a report as JSON or as text.
+pub fn print_report(
+    json: bool,
+    value: impl FnOnce() -> Value,
+    text: impl FnOnce() -> String,
+) -> Result<ExitCode, Failure> {
+    print(&if json { format!("{:#}\n", value()) } else { text() })?;
+    Ok(ExitCode::SUCCESS)
+}
+
 /// A progress bar; a quiet one is hidden.
 pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
@@ -215,13 +225,12 @@ impl fmt::Display for Shown<'_> {
             .iter()
             .take(MOST_RELATED)
             .partition(|(p, _)| d.place.as_ref().is_some_and(|at| at.source.path() == p.source.path()));
-        if let Some(place) = &d.place {
-            write_snippet(f, place, &d.label, &here)?;
-        }
+        let own = d.place.iter().map(|place| (place, d.label.as_str()));
+        write_snippet(f, own.chain(here.into_iter().map(|(place, text)| (place, text.as_str()))))?;
         for (p, text) in elsewhere {
             let at = p.position();
             writeln!(f, "  {text} at {}:{}:{}", p.source.path().display(), at.line, at.column)?;
-            write_snippet(f, p, "", &[])?;
+            write_snippet(f, std::iter::once((p, "")))?;
         }
         if let Some(more @ 1..) = d.related.len().checked_sub(MOST_RELATED) {
             writeln!(f, "  ... and {} more places", grouped(more))?;
@@ -233,91 +242,34 @@ impl fmt::Display for Shown<'_> {
     }
 }
 
-/// Writes the lines around a place with carets under it and under others of the same text.
-fn write_snippet(
+/// Characters that are shown on each side of a place in a long line.
+const AROUND: usize = 80;
+
+/// Writes the lines of places in one text, with carets and a label under each place.
+fn write_snippet<'a>(
     f: &mut fmt::Formatter<'_>,
-    place: &Place,
-    label: &str,
-    others: &[&(Place, String)],
+    places: impl Iterator<Item = (&'a Place, &'a str)>,
 ) -> fmt::Result {
-    if place.source.text().is_empty() {
-        return Ok(());
-    }
-    let long = |p: &Place| longest_line(p) > MAX_LINE;
-    if long(place) || others.iter().any(|(p, _)| long(p)) {
-        return writeln!(f, "{}", cut_line(place, label));
-    }
-    let labelled = |p: &Place, text: &str| {
-        let len = p.span.end.saturating_sub(p.span.start).max(1);
-        LabeledSpan::new_with_span((!text.is_empty()).then(|| text.to_owned()), (p.span.start, len))
-    };
-    let mut labels = vec![labelled(place, label)];
-    labels.extend(others.iter().map(|(p, text)| labelled(p, text)));
-    let theme = GraphicalTheme::unicode_nocolor();
-    let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_context_lines(1);
-    let name = place.source.path().display().to_string();
-    let snippet = Snippet { source: NamedSource::new(name, place.source.text().to_owned()), labels };
-    let mut text = String::new();
-    handler.render_report(&mut text, &snippet)?;
-    // Skip the report's title, which is printed above.
-    for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
-        // Its first line counts columns in bytes; the one above counts characters.
-        match line.split_once("─[") {
-            Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
-            _ => writeln!(f, "{}", clean(line))?,
+    let mut places: Vec<_> = places.filter(|(place, _)| !place.source.text().is_empty()).collect();
+    places.sort_by_key(|(place, _)| place.span.start);
+    let mut shown = None;
+    for (place, label) in places {
+        let (at, text) = (place.position(), place.source.text());
+        let line = place.source.line_span(at.line);
+        let line = &text[line.start..line.end];
+        let first = (at.column - 1).saturating_sub(AROUND);
+        let dots = if first > 0 { "…" } else { "" };
+        if shown != Some((at.line, first)) {
+            let part: String = line.chars().skip(first).take(2 * AROUND).collect();
+            let more = if line.chars().count() > first + 2 * AROUND { "…" } else { "" };
+            writeln!(f, "{:>5} │ {dots}{}{more}", at.line, clean(&part.replace('\t', " ")))?;
+            shown = Some((at.line, first));
         }
+        let before = at.column - 1 - first + dots.chars().count();
+        let marked = text.get(place.span.start..place.span.end).unwrap_or_default();
+        let marked = marked.lines().next().unwrap_or_default().chars().count().clamp(1, AROUND);
+        let marks = format!("{:>5} │ {:before$}{} {}", "", "", "^".repeat(marked), clean(label));
+        writeln!(f, "{}", marks.trim_end())?;
     }
     Ok(())
-}
-
-/// Longest line that is shown whole \[bytes\]. Beyond 65535 columns the renderer gives up.
-const MAX_LINE: usize = 240;
-
-/// Length of the longest line around a place: its own and its neighbours \[bytes\].
-fn longest_line(place: &Place) -> usize {
-    let line = place.position().line;
-    let len = |n: usize| {
-        let span = place.source.line_span(n);
-        span.end - span.start
-    };
-    (line.saturating_sub(1).max(1)..=line + 1).map(len).max().unwrap_or(0)
-}
-
-/// The text around a place in a long line, with a caret under it.
-fn cut_line(place: &Place, label: &str) -> String {
-    const AROUND: usize = 40;
-    let line = place.source.line_span(place.position().line);
-    let text = &place.source.text()[line.start..line.end];
-    let at = place.position().column - 1;
-    let first = at.saturating_sub(AROUND);
-    let shown: String =
-        text.chars().skip(first).take(2 * AROUND).map(|c| if c.is_control() { ' ' } else { c }).collect();
-    let dots = if first > 0 { "…" } else { "" };
-    let indent = " ".repeat(at - first + dots.chars().count());
-    format!("   │ {dots}{shown}…\n   │ {indent}^ {label}")
-}
-
-/// A piece of a file with carets.
-#[derive(Debug)]
-struct Snippet {
-    source: NamedSource<String>,
-    labels: Vec<LabeledSpan>,
-}
-
-impl fmt::Display for Snippet {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("error")
-    }
-}
-
-impl std::error::Error for Snippet {}
-
-impl miette::Diagnostic for Snippet {
-    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        Some(&self.source)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        Some(Box::new(self.labels.iter().cloned()))
-    }
 }

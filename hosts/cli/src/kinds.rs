@@ -74,10 +74,6 @@ impl Kinds {
 
     /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin
     /// path.
-    ///
-    /// # Errors
-    /// A plugin that the graph or `--plugin` names does not load, or has a kind that exists already.
-    /// Such a plugin on the plugin path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
         let mut merged = Merged { registry: built_in(), from: HashMap::new(), apart: self.apart };
         self.files.clear();

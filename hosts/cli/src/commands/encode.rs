@@ -71,7 +71,6 @@ type Vector = [f32; VECTOR_LEN];
 /// Materials that are listed by default.
 const LISTED: usize = 5;
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     let name = name(args)?;

@@ -37,7 +37,6 @@ pub struct Args {
     pub plugins: PluginArgs,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if resolved(&args.out) == resolved(&args.magnitudes) {
         return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));

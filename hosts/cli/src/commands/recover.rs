@@ -19,7 +19,6 @@ pub struct Args {
     pub path: PathBuf,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let cannot = |e: std::io::Error| Diagnostic::new(format!("cannot read this: {e}")).in_file(&args.path);
     let files = if args.path.is_dir() {

@@ -77,9 +77,6 @@ pub fn ask(graph: &Path, file: &Path) -> bool {
 }
 
 /// Trusts a folder.
-///
-/// # Errors
-/// The path is no folder, everybody may write into it, or the list cannot be written.
 fn add(folder: &Path) -> Result<PathBuf, Failure> {
     let refuse = |what: &str| Diagnostic::new(what).in_file(folder);
     let whole = folder.canonicalize().map_err(|e| refuse(&format!("there is no such folder: {e}")))?;
@@ -107,9 +104,6 @@ fn add(folder: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// Trusts a folder no more.
-///
-/// # Errors
-/// The folder is not on the list, or the list cannot be written.
 fn remove(folder: &Path) -> Result<(), Failure> {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let (gone, left): (Vec<_>, Vec<_>) = folders().into_iter().partition(|f| *f == whole || f == folder);

@@ -54,9 +54,6 @@ fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec
 }
 
 /// Refuses to write a file that the graph is made of.
-///
-/// # Errors
-/// The file is read; `help` says which name to choose.
 pub fn not_read(
     path: &Path,
     args: &GraphArgs,
@@ -77,9 +74,6 @@ pub fn not_read(
 /// Refuses two outputs in one file, and outputs in the place of files that are read.
 ///
 /// `named` are outputs that options or earlier graphs name.
-///
-/// # Errors
-/// The file, with the two that use it.
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &Schedule,

@@ -90,18 +90,12 @@ pub struct OfScene {
 const MOST_FINDINGS: usize = 8;
 
 /// Reads and compiles a graph or scene.
-///
-/// # Errors
-/// Everything that is wrong with the files, the arguments or the graph.
 pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (graph, scene) = read(args, kinds)?;
     compile(args, kinds, graph, scene)
 }
 
 /// Reads a graph, or lowers a scene to one, and applies the arguments to it.
-///
-/// # Errors
-/// Everything that is wrong with the files or the arguments.
 pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
     let source = Source::read(&args.graph)?;
     if !Scene::is_meant(&source) {
@@ -124,9 +118,6 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
 }
 
 /// Compiles a graph that was [`read`].
-///
-/// # Errors
-/// Plugins that do not load; everything that is wrong with the graph.
 pub fn compile(
     args: &GraphArgs,
     kinds: &mut Kinds,
@@ -144,9 +135,6 @@ pub fn compile(
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
 /// Ticks to run: those of `--seconds`, else those of the graph's sources; `None` if nothing says how many.
-///
-/// # Errors
-/// A time that is not above 0, or longer than a year.
 pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, Diagnostic> {
     match seconds {
         Some(s) if s > 0.0 && s <= MAX_SECONDS => {
@@ -170,9 +158,6 @@ pub struct Offline {
 }
 
 /// Reads a graph or scene to be run without any device: nodes that push back are removed.
-///
-/// # Errors
-/// Everything that is wrong with the file.
 pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let args = GraphArgs::plain(path, plugins);
     let mut kinds = Kinds::new(&plugins.plugin);

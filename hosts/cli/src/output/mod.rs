@@ -155,9 +155,6 @@ fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<Na
 }
 
 /// Opens and locks a file whose process has ended; `None` if the process lives.
-///
-/// # Errors
-/// The file cannot be opened; the disk has no locks.
 fn left_over(path: &Path) -> io::Result<Option<File>> {
     // Opening a pipe could block.
     if !std::fs::symlink_metadata(path)?.is_file() {
@@ -196,9 +193,6 @@ pub fn overwrite() {
 }
 
 /// Checks that a graph may write this file. A file that the command line names needs no check.
-///
-/// # Errors
-/// The file is outside the working directory, or would overwrite one that Asperity did not make.
 pub fn permit(file: &Path) -> Result<(), Diagnostic> {
     let whole = resolved(file);
     let here = Path::new(".").canonicalize();

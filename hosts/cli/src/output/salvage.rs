@@ -28,9 +28,6 @@ pub enum Recovered {
 /// Completes a recording whose run was killed, under a name that no other file has.
 ///
 /// Tries names with a number from `first` on; 0 is the name without a number.
-///
-/// # Errors
-/// Errors of the disk; the file is no recording.
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "this is no recording that was left");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
@@ -70,9 +67,6 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 
 /// Cuts a file of 32-bit floats or lines of text after its last complete row, and corrects its header.
 /// Answers the number of rows; `None` for a CSV file.
-///
-/// # Errors
-/// Errors of the disk; the header did not reach the disk.
 pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     let len = file.metadata()?.len();
     match ending {

@@ -20,9 +20,6 @@ pub struct Frames {
 
 /// Refuses a rate at which 0.1 s is not a whole number of samples. `what` names its origin, such as `--rate
 /// 44`.
-///
-/// # Errors
-/// A rate that is too low, too high or no multiple of 10.
 pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
     if RATES.contains(&rate_hz) && rate_hz.is_multiple_of(10) {
         return Ok(());
@@ -36,9 +33,6 @@ pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
 impl Frames {
     /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a
     /// second. Values that are negative or not finite become 0; answers their number.
-    ///
-    /// # Errors
-    /// Not a whole number of frames, no frame, or more bins than the transform has.
     pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;
@@ -62,9 +56,6 @@ impl Frames {
     }
 
     /// Frames of amplitudes; a whole number, at least one.
-    ///
-    /// # Errors
-    /// None.
     pub fn from_amplitudes(bins: Vec<f32>, bins_a_frame: usize, rate_hz: u32) -> Result<Self, Diagnostic> {
         Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
     }

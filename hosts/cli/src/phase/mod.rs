@@ -71,9 +71,6 @@ pub struct Played {
 impl Method {
     /// Parses `KIND` or `KIND:param=value,...`. KIND may be an offline method, or `default`: the node of
     /// the shipped graph, with its settings. [`Chain::new`] checks the parameters of a node.
-    ///
-    /// # Errors
-    /// The kind does not exist or does not retrieve phase; a setting has no `=`.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
         let settings = settings.split(',').map(str::trim).filter(|s| !s.is_empty());
@@ -107,9 +104,6 @@ impl Method {
 
     /// The output for these frames. Calls `took` for each frame with the time of the node and `overlap_add`
     /// \[ns\].
-    ///
-    /// # Errors
-    /// A node that refuses the frames, as [`Chain::new`].
     pub fn play<C: Clock>(
         &self,
         registry: &Registry,
@@ -185,10 +179,6 @@ pub struct Chain {
 
 impl Chain {
     /// Prepares the nodes for these frames.
-    ///
-    /// # Errors
-    /// Settings that the kind does not have; frames that it refuses; another output rate than the frames';
-    /// a declared latency of more than 10 s; an offline method.
     pub fn new(
         registry: &Registry,
         method: &Method,

@@ -120,7 +120,6 @@ pub struct Args {
 /// Least ratio of the masses of two handles.
 const APART: f64 = 1.05;
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
         return Err(wrong(

@@ -51,7 +51,6 @@ impl Report<'_> {
         })
     }
 
-    /// The result as text.
     pub fn text(&self, trusted: bool) -> String {
         let f = self.findings;
         let mut out = format!("{:<14}{:>18}   {:<24}{}\n", "", "measured", "95 % interval", self.base.name);
@@ -121,7 +120,6 @@ impl Report<'_> {
         all
     }
 
-    /// The result as JSON.
     pub fn json(&self, trusted: bool) -> String {
         let found = self.findings;
         let estimate = |e: &Estimate| json!({ "value": e.value, "low": e.low, "high": e.high });

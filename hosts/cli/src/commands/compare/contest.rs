@@ -98,9 +98,6 @@ pub struct Outcome {
 }
 
 /// Runs all methods over all vectors.
-///
-/// # Errors
-/// None that comes from a method: its row says how it failed.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
     let steady = set.steady()?;
@@ -382,9 +379,6 @@ impl Stimulus {
     }
 
     /// Plays the stimulus through a method.
-    ///
-    /// # Errors
-    /// A method that refuses the frames, or is too late.
     pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
         let hear = |frames| {
             let mut chain = Chain::new(registry, method, frames, SEED)?;

@@ -52,7 +52,6 @@ pub struct Args {
 /// Writes the result in one form.
 type Text = fn(&Set, &Outcome, &[Row]) -> String;
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let registry = kinds.registry(None)?;
@@ -101,9 +100,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 /// Every kind that retrieves phase, with defaults, and the methods of `--phase`.
-///
-/// # Errors
-/// A method of `--phase` that cannot be prepared. Other kinds report their failure in their row.
 fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Method>, Failure> {
     let kinds = retrievers(registry);
     let mut all = kinds.iter().map(|d| Method::parse(&d.kind, registry)).collect::<Result<Vec<_>, _>>()?;

@@ -51,9 +51,6 @@ pub struct Set {
 
 impl Vector {
     /// A vector of unscaled magnitudes, `bins` a frame.
-    ///
-    /// # Errors
-    /// A rate or shape that does not fit, too few frames to be scored, magnitudes that are all 0.
     pub fn new(name: &str, rate_hz: u32, magnitudes: Vec<f32>, bins: usize) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         let (frames, bad) = Frames::from_unscaled(magnitudes, bins, rate_hz)?;
@@ -75,9 +72,6 @@ impl Vector {
     }
 
     /// A vector of the magnitudes of a signal.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new); a sample that is not finite.
     pub fn of_signal(name: &str, rate_hz: u32, signal: &[f64]) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         if signal.iter().any(|x| !x.is_finite()) {
@@ -128,9 +122,6 @@ impl Set {
     }
 
     /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
-    ///
-    /// # Errors
-    /// A mean spectrum that cannot be scored.
     pub fn steady(&self) -> Result<Vector, Diagnostic> {
         let vector = self.smoothest();
         let bins = vector.frames.layout().bins as usize;
@@ -159,9 +150,6 @@ impl Set {
 /// - `taps`: decaying sines.
 /// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
 ///   has them.
-///
-/// # Errors
-/// None, unless the program was built from broken files.
 pub fn built_in() -> Result<Set, Failure> {
     let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
     let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));
@@ -169,9 +157,6 @@ pub fn built_in() -> Result<Set, Failure> {
 }
 
 /// Reads every vector of a folder, and `sc.json` if it exists.
-///
-/// # Errors
-/// A folder that cannot be read or has no vectors; everything that is wrong with its files.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
     let mut files = Files::new();

@@ -104,7 +104,6 @@ const CHANCES: f64 = 4.0;
 /// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     check(args)?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));

@@ -31,7 +31,6 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// The result as text.
     pub fn text(&self) -> String {
         let (fitted, texture, compared) = (self.fitted, self.texture, self.compared);
         let name = clean(&self.args.recording.display().to_string());
@@ -126,7 +125,6 @@ impl Report<'_> {
         })
     }
 
-    /// The result as JSON.
     pub fn json(&self) -> String {
         let (texture, fitted) = (self.texture, self.fitted);
         let models = texture.models().iter().zip(&self.compared.models).enumerate().map(|(i, (model, c))| {

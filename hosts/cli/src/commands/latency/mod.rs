@@ -77,7 +77,6 @@ fn with_graph_or_device(arg: Arg) -> Arg {
     }
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {

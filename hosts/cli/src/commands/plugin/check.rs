@@ -30,7 +30,6 @@ const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Runs the command.
 pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     let asked = &args.cases.case;
     let names = || node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]);
@@ -54,9 +53,6 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
 
 /// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
 /// leave the process as it was. Other failures do not matter here.
-///
-/// # Errors
-/// The way in which the process ended or changed.
 pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let case = FIRST.map(str::to_owned).to_vec();
     let cases = Cases { plugin: String::new(), kind: None, case, set: Vec::new(), ticks: 500 };

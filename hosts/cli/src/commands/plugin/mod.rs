@@ -76,7 +76,6 @@ pub struct CasesOfPlugin {
     pub skip: usize,
 }
 
-/// Runs the command.
 pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::New(args) => new::run(args),

@@ -71,7 +71,6 @@ const RESERVED: &str = "\
     stdc struct super test trait true try type typeof union unsafe unsized use virtual where while \
     yield";
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let name = checked(&args.name)?;
     let folder = Path::new(&args.name);

@@ -31,7 +31,6 @@ const MOST_SURFACES: usize = 40;
 /// Most materials that are named.
 const MOST_NAMED: usize = 12;
 
-/// Runs the command.
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;

@@ -51,7 +51,6 @@ pub struct Explain {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Expand(args) => expand(args),
@@ -107,9 +106,6 @@ fn make_absolute(graph: &mut GraphFile, schedule: &Schedule) {
 }
 
 /// Loads a scene.
-///
-/// # Errors
-/// The file is a graph; everything that is wrong with the scene.
 fn load_scene(args: &GraphArgs, kinds: &mut Kinds) -> Result<(Loaded, OfScene), Failure> {
     let (graph, scene) = load::read(args, kinds)?;
     let Some(scene) = scene else {

@@ -83,7 +83,6 @@ pub struct Merge {
     pub quiet: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if let Some(More::Merge(merge)) = &args.command {
         return self::merge(merge);
