@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::Value;
+use serde::Serialize;
 
 /// Why a command failed.
 #[derive(Debug)]
@@ -149,13 +149,18 @@ pub fn print(text: &str) -> Result<(), Failure> {
 }
 
 /// Prints a report as JSON or as text.
-pub fn print_report(
+pub fn print_report<T: Serialize>(
     json: bool,
-    value: impl FnOnce() -> Value,
+    value: impl FnOnce() -> T,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Failure> {
-    print(&if json { format!("{:#}\n", value()) } else { text() })?;
+    print(&if json { self::json(&value())? } else { text() })?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A report as JSON.
+pub fn json(value: &impl Serialize) -> Result<String, Failure> {
+    serde_json::to_string_pretty(value).map(|text| text + "\n").map_err(|e| Failure::Machine(e.to_string()))
 }
 
 /// A progress bar; a quiet one is hidden.

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
-use crate::failure::{Failure, print, warn};
+use crate::failure::{Failure, print_report, warn};
 use crate::kinds::Kinds;
 use crate::load::{self, GraphArgs};
 
@@ -27,15 +27,9 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&schedule)))?;
-    } else {
-        print(&text_of(&schedule))?;
-    }
-    for warning in load::warnings(&schedule) {
-        warn(&warning);
-    }
-    Ok(ExitCode::SUCCESS)
+    let code = print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
+    load::warnings(&schedule).iter().for_each(|warning| warn(warning));
+    Ok(code)
 }
 
 fn text_of(schedule: &Schedule) -> String {

@@ -9,7 +9,7 @@ use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::{count, read_results};
-use crate::failure::{Failure, complain, print, wrong};
+use crate::failure::{Failure, complain, print_report, wrong};
 use crate::number::{number, whole};
 
 /// Results of the shipped trade-off.
@@ -60,17 +60,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         complain(&nothing(&results, &budget, &from));
         return Ok(ExitCode::from(1));
     };
-    if args.json {
-        let row = choice.row;
-        let out = json!({
+    let row = choice.row;
+    let value = || {
+        json!({
             "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
             "lag_ms": row.lag_ms, "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
-        });
-        print(&format!("{out:#}\n"))?;
-    } else {
-        print(&text(&results, &choice, &from))?;
-    }
-    Ok(ExitCode::SUCCESS)
+        })
+    };
+    print_report(args.json, value, || text(&results, &choice, &from))
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {

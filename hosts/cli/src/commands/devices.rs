@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print_report};
 
 /// List audio hosts and devices: rates, formats, channels, buffer sizes
 #[derive(Debug, clap::Args)]
@@ -17,13 +17,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let hosts = asperity_audio::hosts();
-    if args.json {
-        let json = serde_json::to_value(&hosts).map_err(|e| Failure::Machine(e.to_string()))?;
-        print(&format!("{json:#}\n"))?;
-    } else {
-        print(&text(&hosts))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || &hosts, || text(&hosts))
 }
 
 fn text(hosts: &[HostInfo]) -> String {

@@ -1,8 +1,6 @@
 //! `asperity encode`: finds materials like pictures of a surface, and adds one to a library.
 
 use std::fs::File;
-#[cfg(unix)]
-use std::fs::Metadata;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
@@ -14,7 +12,7 @@ use clap::ValueEnum;
 
 use crate::failure::{Failure, clean, print, warn, wrong};
 use crate::number::whole;
-use crate::output::{resolved, write_text};
+use crate::output::{folder_of, resolved, write_text};
 
 /// Vector of a new material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -195,37 +193,15 @@ fn list(near: &[Neighbour<'_>]) -> String {
 /// Adds a material to the file as it is now, or nothing.
 fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
     // Held until it is written, so that no other process adds to the text that was read.
-    let _held = hold(&resolved(library))?;
+    let _held = File::open(folder_of(&resolved(library))).and_then(|folder| {
+        folder.lock()?;
+        Ok(folder)
+    });
     let text = Library::insert(&Source::read(library)?, material)?;
     // Reading removes a byte order mark. Writing restores it.
     let bytes = file::read(library, MAX_TEXT_BYTES)?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
-}
-
-/// Waits until no other process holds a file, and holds it until the answer is dropped.
-fn hold(path: &Path) -> Result<File, Failure> {
-    let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", path.display()));
-    loop {
-        let file = File::open(path).map_err(fail)?;
-        file.lock().map_err(fail)?;
-        // The process that held it before may have replaced the file.
-        if is_at(&file, path) {
-            return Ok(file);
-        }
-    }
-}
-
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let same = |(a, b): (Metadata, Metadata)| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    file.metadata().ok().zip(std::fs::metadata(path).ok()).is_some_and(same)
-}
-
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> bool {
-    true
 }
 
 /// A picture's path for the library: from its folder, with `/`; from the root if they share no folder.
@@ -234,8 +210,7 @@ fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
         path.canonicalize().map_err(|e| Diagnostic::new(format!("cannot find this file: {e}")).in_file(path))
     };
     // Paths start at the folder of the name that was given, also where that is a link.
-    let folder = library.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let (folder, image) = (whole(folder)?, whole(image)?);
+    let (folder, image) = (whole(folder_of(library))?, whole(image)?);
     let shared = folder.components().zip(image.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| Component::ParentDir);
     let path = match shared {

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use asperity_texture::{Library, LibraryMaterial};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, clean, print};
+use crate::failure::{Failure, clean, print_report};
 
 /// List the materials of a library: names, families, descriptions, pictures
 #[derive(Clone, Debug, clap::Args)]
@@ -23,12 +23,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&library)))?;
-    } else {
-        print(&text_of(&library))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || as_json(&library), || text_of(&library))
 }
 
 fn text_of(library: &Library) -> String {

@@ -7,7 +7,7 @@ use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, Input, Output, Param, ParamKind, ParamValue};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print_report};
 use crate::kinds;
 use crate::load::PluginArgs;
 
@@ -25,27 +25,21 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let registry = kinds::registry(&args.plugins.plugin)?;
-    let text = match &args.kind {
-        Some(name) => {
-            let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));
-            let kind = registry.get(name).ok_or_else(|| unknown.help(one_of(name, registry.names())))?;
-            match args.json {
-                true => format!("{:#}\n", as_json(kind.descriptor())),
-                false => text_of(kind.descriptor()),
-            }
-        }
-        None if args.json => {
-            format!("{:#}\n", Value::from_iter(registry.iter().map(|k| as_json(k.descriptor()))))
-        }
-        None => {
-            let width = registry.names().map(str::len).max().unwrap_or(0);
-            let line = |d: &Descriptor| format!("{:width$}  {}\n", d.kind, d.summary);
+    if let Some(name) = &args.kind {
+        let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));
+        let kind = registry.get(name).ok_or_else(|| unknown.help(one_of(name, registry.names())))?;
+        return print_report(args.json, || as_json(kind.descriptor()), || text_of(kind.descriptor()));
+    }
+    let width = registry.names().map(str::len).max().unwrap_or(0);
+    let line = |d: &Descriptor| format!("{:width$}  {}\n", d.kind, d.summary);
+    print_report(
+        args.json,
+        || Value::from_iter(registry.iter().map(|kind| as_json(kind.descriptor()))),
+        || {
             let lines: String = registry.iter().map(|kind| line(kind.descriptor())).collect();
             lines + "\nasperity nodes KIND describes one.\n"
-        }
-    };
-    print(&text)?;
-    Ok(ExitCode::SUCCESS)
+        },
+    )
 }
 
 fn text_of(d: &Descriptor) -> String {

@@ -6,13 +6,12 @@
 //!
 //! If the process is killed, the next one that writes into the folder of the journal finishes the renames.
 
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::{NamedTempFile, TempPath};
+use tempfile::NamedTempFile;
 
-use super::{PART, Pending, claimed, folder_of, left_over, made, sync_folder};
+use super::{PART, Pending, claimed, folder_of, left_over, made, new_file, sync_folder};
 use crate::failure::Failure;
 
 /// A journal's name: that of the first temporary file, with this ending.
@@ -40,36 +39,28 @@ pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
 /// Writes a journal beside the first file; `None` if a name is not UTF-8.
 fn write(files: &[Pending]) -> Result<Option<NamedTempFile>, Failure> {
     let renames: Vec<_> = files.iter().map(|file| (file.temp.path(), &file.path)).collect();
-    let (Ok(text), Some((first, _))) = (serde_json::to_vec(&renames), renames.first()) else {
-        return Ok(None);
-    };
-    let path = first.with_file_name(format!("{}{JOURNAL}", name(first)));
-    let made = claimed(|| {
-        let file = File::options().write(true).create_new(true).open(&path)?;
-        Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(&path)?))
-    });
-    let written = made.and_then(|mut journal| {
+    let Ok(text) = serde_json::to_vec(&renames) else { return Ok(None) };
+    let first = files[0].temp.path();
+    let path = first.with_file_name(name(first) + JOURNAL);
+    let made = claimed(|| new_file(&path)).and_then(|mut journal| {
         journal.write_all(&text)?;
         journal.as_file().sync_all()?;
         sync_folder(&path);
-        Ok(journal)
+        Ok(Some(journal))
     });
-    written.map(Some).map_err(|e| Failure::writing(&path, e))
+    made.map_err(|e| Failure::writing(&path, e))
 }
 
 /// Finishes renames that a killed process began in the folder of this file. Removes its temporary files.
 pub fn tidy(path: &Path) {
     let Ok(entries) = std::fs::read_dir(folder_of(path)) else { return };
     let entries: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let is_journal = |path: &&PathBuf| name(path).ends_with(&format!("{PART}{JOURNAL}"));
+    let is_part = |part: &&PathBuf| is_part_of(part, path);
     // The next process tries again what fails here.
-    for journal in entries.iter().filter(|path| name(path).ends_with(&format!("{PART}{JOURNAL}"))) {
-        if let Ok(Some(_lock)) = left_over(journal) {
-            let _ = finish(journal);
-        }
-    }
-    for part in entries.iter().filter(|part| is_part_of(part, path)) {
-        if let Ok(Some(_lock)) = left_over(part) {
-            let _ = std::fs::remove_file(part);
+    for left in entries.iter().filter(is_journal).chain(entries.iter().filter(is_part)) {
+        if let Ok(Some(_lock)) = left_over(left) {
+            let _ = if is_part(&left) { std::fs::remove_file(left) } else { finish(left) };
         }
     }
 }

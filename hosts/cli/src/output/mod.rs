@@ -13,7 +13,7 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::failure::{Failure, warn, without_path};
+use crate::failure::{Failure, warn, without_path, wrong};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
@@ -66,28 +66,23 @@ impl Pending {
         let (path, there) = free(path)?;
         let name = format!("{}{GROWING}", path.file_name().unwrap_or_default().to_string_lossy());
         let growing = path.with_file_name(name);
-        let refuse = |what: String| Diagnostic::new(what).in_file(&growing);
-        if growing.exists() {
-            match recover(&growing, 1) {
-                Ok(Recovered::Kept(kept)) => {
-                    let kept = kept.display();
-                    warn(&format!("{}: a run left this recording; it is now {kept}", growing.display()));
-                }
-                Ok(Recovered::Empty) => {}
-                Ok(Recovered::Busy) => {
-                    return Err(refuse("another run records into this file".into()).into());
-                }
-                Err(e) => {
-                    let why = format!("this is in the way and cannot be completed: {e}");
-                    return Err(refuse(why).help("move or remove it").into());
-                }
+        match recover(&growing, 1) {
+            Ok(Recovered::Kept(kept)) => {
+                let kept = kept.display();
+                warn(&format!("{}: a run left this recording; it is now {kept}", growing.display()));
+            }
+            Ok(Recovered::Empty) => {}
+            Ok(Recovered::Busy) => {
+                let what = "another run records into this file";
+                return Err(Diagnostic::new(what).in_file(&growing).into());
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound => {}
+            Err(e) => {
+                let what = format!("this is in the way and cannot be completed: {e}");
+                return Err(wrong(&growing, what, "move or remove it"));
             }
         }
-        let make = || {
-            let file = File::options().read(true).write(true).create_new(true).open(&growing)?;
-            Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(&growing)?))
-        };
-        let temp = claimed(make).map_err(|e| refused(&path, e))?;
+        let temp = claimed(|| new_file(&growing)).map_err(|e| refused(&path, e))?;
         Ok(Self::with(path, temp, there))
     }
 
@@ -154,6 +149,11 @@ fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<Na
     }
 }
 
+fn new_file(path: &Path) -> io::Result<NamedTempFile> {
+    let file = File::options().read(true).write(true).create_new(true).open(path)?;
+    Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(path)?))
+}
+
 /// Opens and locks a file whose process has ended; `None` if the process lives.
 fn left_over(path: &Path) -> io::Result<Option<File>> {
     // Opening a pipe could block.
@@ -169,7 +169,7 @@ fn left_over(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// The folder that a file lies in.
-fn folder_of(file: &Path) -> &Path {
+pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -246,18 +246,18 @@ enum To {
 const MAX_WAV_BYTES: u64 = u32::MAX as u64 - 1024;
 
 impl Format {
-    fn of_samples(self) -> (u16, hound::SampleFormat) {
+    fn bits(self) -> u16 {
         match self {
-            Format::F32 => (32, hound::SampleFormat::Float),
-            Format::I24 => (24, hound::SampleFormat::Int),
-            Format::I16 => (16, hound::SampleFormat::Int),
+            Format::F32 => 32,
+            Format::I24 => 24,
+            Format::I16 => 16,
         }
     }
 }
 
 impl Rows {
     pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
-        let bytes = samples * u64::from(format.of_samples().0 / 8);
+        let bytes = samples * u64::from(format.bits() / 8);
         if bytes <= MAX_WAV_BYTES {
             return Ok(());
         }
@@ -274,9 +274,11 @@ impl Rows {
 
     /// A WAV file; a row has a sample of each channel.
     pub fn wav(pending: Pending, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
-        let (bits_per_sample, sample_format) = format.of_samples();
+        let is_float = format == Format::F32;
+        let sample_format = if is_float { hound::SampleFormat::Float } else { hound::SampleFormat::Int };
         Self::new(pending, |file| {
             let channels = u16::try_from(channels).map_err(io::Error::other)?;
+            let bits_per_sample = format.bits();
             let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
             Ok(To::Wav(hound::WavWriter::new(file, spec).map_err(of_wav)?, format))
         })
@@ -300,9 +302,25 @@ impl Rows {
         &mut self,
         values: &[f32],
         columns: usize,
-        time: impl FnMut(usize) -> f64,
+        mut time: impl FnMut(usize) -> f64,
     ) -> Result<(), Failure> {
-        self.to.append(values, columns, time).map_err(|e| Failure::writing(&self.pending.path, e))
+        let done = match &mut self.to {
+            To::Wav(writer, format) => values.iter().try_for_each(|&x| {
+                match format {
+                    Format::F32 => writer.write_sample(x),
+                    Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
+                    Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
+                }
+                .map_err(of_wav)
+            }),
+            To::Npy(writer) => writer.append(values),
+            To::Csv(file) => values.chunks(columns.max(1)).enumerate().try_for_each(|(i, row)| {
+                write!(file, "{}", time(i))?;
+                row.iter().try_for_each(|x| write!(file, ",{x}"))?;
+                writeln!(file)
+            }),
+        };
+        done.map_err(|e| Failure::writing(&self.pending.path, e))
     }
 
     /// Brings the file and its header up to date, and keeps it if the run is killed.
@@ -328,40 +346,10 @@ impl Rows {
         self.pending
     }
 
-    pub fn finish(self) -> Result<Pending, Failure> {
-        let done = match self.to {
-            To::Wav(writer, _) => writer.finalize().map_err(of_wav),
-            To::Npy(writer) => writer.finish().map(drop),
-            To::Csv(mut file) => file.flush(),
-        };
-        done.map_err(|e| Failure::writing(&self.pending.path, e))?;
-        Ok(self.pending)
-    }
-}
-
-impl To {
-    fn append(
-        &mut self,
-        values: &[f32],
-        columns: usize,
-        mut time: impl FnMut(usize) -> f64,
-    ) -> io::Result<()> {
-        match self {
-            To::Wav(writer, format) => values.iter().try_for_each(|&x| {
-                match format {
-                    Format::F32 => writer.write_sample(x),
-                    Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
-                    Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
-                }
-                .map_err(of_wav)
-            }),
-            To::Npy(writer) => writer.append(values),
-            To::Csv(file) => values.chunks(columns.max(1)).enumerate().try_for_each(|(i, row)| {
-                write!(file, "{}", time(i))?;
-                row.iter().try_for_each(|x| write!(file, ",{x}"))?;
-                writeln!(file)
-            }),
-        }
+    pub fn finish(mut self) -> Result<Pending, Failure> {
+        self.refresh()?;
+        self.pending.temp.disable_cleanup(false);
+        Ok(self.abandon())
     }
 }
 

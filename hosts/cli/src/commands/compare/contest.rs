@@ -1,7 +1,6 @@
 //! Every method on every vector: scores, response lag and time.
 //!
-//! Methods take turns on each vector, and all that is repeated in rounds: disturbances by other programs
-//! fall on all methods alike.
+//! Methods take turns on each vector: disturbances by other programs fall on all of them alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,7 +20,7 @@ use serde_json::{Value, json};
 use super::vectors::{Score, Set, Vector};
 use crate::commands::render::ClockTime;
 use crate::failure::{Failure, progress};
-use crate::phase::{Chain, FRAME_HZ, Frames, Method};
+use crate::phase::{Chain, FRAME_HZ, Frames, Method, Played};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
@@ -101,16 +100,14 @@ pub struct Outcome {
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
     let steady = set.steady()?;
-    let steps = methods.len() * (ROUNDS * set.vectors.len() + 1);
+    let steps = methods.len() * (set.vectors.len() + 1);
     let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, registry, set)).collect();
     let clock = ClockTime(Instant::now());
-    for round in 0..ROUNDS {
-        for vector in &set.vectors {
-            for entry in &mut entries {
-                entry.play(&clock, vector, round == 0);
-                bar.inc(1);
-            }
+    for vector in &set.vectors {
+        for entry in &mut entries {
+            entry.play(&clock, vector);
+            bar.inc(1);
         }
     }
     for entry in &mut entries {
@@ -174,8 +171,6 @@ struct Entry<'a> {
     registry: &'a Registry,
     row: Row,
     timing: BTreeMap<u32, Timing>,
-    /// Its signal for each vector, from the first round.
-    signals: BTreeMap<String, Vec<f32>>,
     /// Problems, each with the runs in which it occurred.
     problems: Vec<(String, Vec<String>)>,
 }
@@ -187,8 +182,7 @@ impl<'a> Entry<'a> {
             offline: method.is_offline(),
             ..Row::new(&method.label, set)
         };
-        let (timing, signals) = (BTreeMap::new(), BTreeMap::new());
-        Self { method, registry, row, timing, signals, problems: Vec::new() }
+        Self { method, registry, row, timing: BTreeMap::new(), problems: Vec::new() }
     }
 
     /// Notes a problem of a run. The same problem of several runs is reported once.
@@ -215,53 +209,50 @@ impl<'a> Entry<'a> {
         None
     }
 
-    /// Plays a vector. The first time it is scored; later the samples must be the same.
-    fn play(&mut self, clock: &ClockTime, vector: &Vector, first: bool) {
+    /// Plays a vector some times. The first time it is scored; later the samples must be the same.
+    fn play(&mut self, clock: &ClockTime, vector: &Vector) {
+        let (name, mut before) = (vector.short_name(), None::<Vec<f32>>);
         // An offline method has no time per frame, and is not repeated.
-        if !first && (self.row.offline || !self.signals.contains_key(&vector.name)) {
-            return;
-        }
-        let name = vector.short_name();
-        let mut took = Vec::with_capacity(vector.frames.count());
-        let played = self.attempt(name, |registry, method| {
-            method.play(registry, &vector.frames, SEED, clock, |ns| took.push(ns))
-        });
-        let Some(played) = played else { return };
-        let faults = played.faults;
-        // The time of a run with failures does not count.
-        if faults == 0 && !took.is_empty() {
-            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
-            took.into_iter().for_each(|ns| timing.record(ns));
-        }
-        if let Some(before) = self.signals.get(&vector.name) {
-            if differ(before, &played.signal) {
-                self.problem(DIFFERS.into(), name);
+        for _ in 0..if self.row.offline { 1 } else { ROUNDS } {
+            let mut took = Vec::with_capacity(vector.frames.count());
+            let played = self.attempt(name, |registry, method| {
+                method.play(registry, &vector.frames, SEED, clock, |ns| took.push(ns))
+            });
+            let Some(played) = played else { return };
+            // The time of a run with failures does not count.
+            if played.faults == 0 && !took.is_empty() {
+                let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+                took.into_iter().for_each(|ns| timing.record(ns));
             }
-            return;
+            match &before {
+                None => self.score(vector, &played),
+                Some(before) if differ(before, &played.signal) => self.problem(DIFFERS.into(), name),
+                Some(_) => {}
+            }
+            before.get_or_insert(played.signal);
         }
+    }
+
+    fn score(&mut self, vector: &Vector, played: &Played) {
+        let (name, faults) = (vector.short_name(), played.faults);
         self.row.latency_ms = played.latency_ms;
         if faults > 0 {
             let times = if faults == 1 { "once:".into() } else { format!("{faults} times, the last time") };
-            let why = played.report.as_ref().and_then(|r| r.last_fault);
-            let why = why.map_or("unknown".into(), |fault| fault.to_string());
-            let gone = played.report.is_some_and(|r| r.quarantined);
+            let why = played.report.as_ref().and_then(|r| r.last_fault.as_ref());
+            let why = why.map_or("unknown".into(), ToString::to_string);
+            let gone = played.report.as_ref().is_some_and(|r| r.quarantined);
             let gone = if gone { ", and was called no more" } else { "" };
             self.problem(format!("it failed {times} it {why}{gone}"), name);
         }
         let framing = phase::framing(vector.rate_hz, vector.frames.layout().bins as usize);
         match phase::score(&vector.unscaled, &framing, &wide(&played.signal)) {
             Ok(s) => {
-                let score = Score {
-                    convergence_db: s.convergence_db,
-                    level_db: s.gain_db,
-                    ltas_rms_db: s.ltas_rms_db,
-                    faults,
-                };
+                let (convergence_db, level_db, ltas_rms_db) = (s.convergence_db, s.gain_db, s.ltas_rms_db);
+                let score = Score { convergence_db, level_db, ltas_rms_db, faults };
                 self.row.scores.insert(vector.name.clone(), Some(score));
             }
             Err(e) => self.problem(e.to_string(), name),
         }
-        self.signals.insert(vector.name.clone(), played.signal);
     }
 
     /// Plays steady magnitudes, for the rhythm.
@@ -282,9 +273,8 @@ impl<'a> Entry<'a> {
             return;
         }
         let run = format!("response to a {name}");
-        let Some(lag) = self.attempt(&run, |registry, method| stimulus.drive(registry, method)) else {
-            return;
-        };
+        let lag = self.attempt(&run, |registry, method| stimulus.drive(registry, method));
+        let Some(lag) = lag else { return };
         self.row.lag_ms.insert(name, lag.ms);
         if lag.differs {
             self.problem(DIFFERS.into(), &run);

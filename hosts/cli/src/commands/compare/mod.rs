@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
-use crate::failure::{Failure, print, wrong};
+use crate::failure::{Failure, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
 use crate::output::{Pending, keep_all, resolved};
@@ -80,23 +80,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             let what = "this file is there already, and may be one that is compared";
             return Err(wrong(path, what, "name another file"));
         }
-        pending.push((Pending::create(path)?, path, text));
+        pending.push((Pending::create(path)?, text));
     }
 
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
-    let (mut files, mut wrote) = (Vec::new(), String::new());
-    for (pending, path, text) in pending {
-        files.push(pending.fill(&text(&set, &outcome, &published))?);
-        wrote += &format!("wrote {}\n", path.display());
-    }
-    keep_all(files)?;
-    if args.json {
-        print(&format!("{:#}\n", report::json(&set, &outcome, &published)))?;
-    } else {
-        print(&format!("{}{wrote}", report::text(&set, &outcome, &published)))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    let fill = |(file, text): (Pending, Text)| file.fill(&text(&set, &outcome, &published));
+    let written = keep_all(pending.into_iter().map(fill).collect::<Result<_, _>>()?)?;
+    let wrote: String = written.iter().map(|path| format!("wrote {}\n", path.display())).collect();
+    print_report(
+        args.json,
+        || report::json(&set, &outcome, &published),
+        || report::text(&set, &outcome, &published) + &wrote,
+    )
 }
 
 /// Every kind that retrieves phase, with defaults, and the methods of `--phase`.

@@ -14,7 +14,7 @@ use clap::{Arg, ArgGroup};
 use serde_json::{Value, json};
 
 use crate::card::{ActuatorArgs, OutputArgs};
-use crate::failure::{Failure, print, wrong};
+use crate::failure::{Failure, print_report, wrong};
 use crate::load::PluginArgs;
 use crate::number::{channel, number, whole};
 use chain::Chain;
@@ -90,11 +90,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let ready = chain::prepare(args)?;
     let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
     let around = clicks.map(|made| loopback::measure(args, made)).transpose()?;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
-    } else {
-        print(&text(&chains, around.as_ref()))?;
-    }
+    let around = around.as_ref();
+    print_report(args.json, || as_json(&chains, around), || text(&chains, around))?;
     Ok(if around.is_some_and(|a| !a.agrees()) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

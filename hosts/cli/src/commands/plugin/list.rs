@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use asperity_loader::{Found, Loader, PATH_VARIABLE};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print_report};
 use crate::kinds::{named_plugin, plugins_on_path};
 use crate::load::PluginArgs;
 
@@ -55,6 +55,5 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
              asperity plugin new NAME makes one; a graph file names its own: plugins: [\"libmine.so\"]\n"
         );
     }
-    print(&if args.json { format!("{:#}\n", Value::Array(all)) } else { out })?;
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || all, || out)
 }

@@ -166,6 +166,8 @@ pub struct Effects {
     /// Of each surface: whether it is stiff, whether it is damped.
     walls: Vec<[bool; 2]>,
     surfaces: Vec<Seen>,
+    /// Ticks in which each surface was touched.
+    pub touched: Vec<u64>,
     watched: Vec<Watched>,
     contact: Option<Contact>,
     /// The gate that textures go through.
@@ -221,6 +223,7 @@ impl Effects {
                     .any(|b| b.touched && b.name == s.name && b.surface == s.surface),
             });
             (self.walls, self.surfaces) = (walls.collect(), surfaces.collect());
+            self.touched = vec![0; self.surfaces.len()];
             self.rendered = rendered;
         }
         self.watched.clear();
@@ -285,12 +288,18 @@ impl Effects {
             (0..wall.len()).filter(|k| wall[*k]).for_each(|k| effects |= 1 << k);
             if let Some(seen) = self.surfaces.get_mut(i) {
                 seen.touched = true;
+                self.touched[i] += 1;
             }
         }
         let stroke = value(engine.input(contact.node, contact.stroke), 0);
         let jumps = std::mem::replace(&mut self.stroke, stroke) != stroke && !self.moments.is_empty();
         let at_mm = [0, 1].map(|k| value(position, k) as f32);
         self.moments.push(Moment { at_mm, effects, touches: touched != [None, None], jumps });
+    }
+
+    /// Whether a surface was touched in the last tick.
+    pub fn touches(&self) -> bool {
+        self.moments.last().is_some_and(|moment| moment.touches)
     }
 
     /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.

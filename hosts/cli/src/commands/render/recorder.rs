@@ -260,7 +260,7 @@ impl Recorder {
 /// The file that `--out` names: every `audio_out` of the graph is a channel.
 pub struct Master {
     rows: Rows,
-    nodes: Vec<usize>,
+    pub nodes: Vec<usize>,
 }
 
 impl Master {
@@ -283,11 +283,6 @@ impl Master {
 
     pub fn channels(schedule: &Schedule) -> Vec<usize> {
         schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
-    }
-
-    /// Continues with the same nodes in a new graph.
-    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
-        self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
     /// Records the tick that has just run, held to its limits.

@@ -4,22 +4,21 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
-use asperity_accuracy::timing::Recorder;
+use asperity_accuracy::timing::Timing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
-use asperity_node::{Buffer, Role};
+use asperity_node::Role;
 use asperity_scene::space::Form;
 use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{Explain, load_scene};
-use crate::commands::render::ClockTime;
+use crate::commands::render::Timed;
 use crate::commands::render::plot::Effects;
 use crate::commands::render::report::dropped_json;
-use crate::failure::{Failure, clean, print, wrong};
+use crate::failure::{Failure, clean, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::files::node_files;
 use crate::load::{Loaded, OfScene};
@@ -44,12 +43,7 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let whole = schedule.duration_ticks().unwrap_or((MOST_S * tick_hz) as u64);
     let most = (args.seconds.unwrap_or(MOST_S) * tick_hz) as u64;
     let account = Account::of(compiled, !args.no_sleep, whole.min(most).max(1), &of_scene);
-    if args.json {
-        print(&format!("{:#}\n", json(&account, &of_scene, &schedule)))?;
-    } else {
-        print(&text(&account, &of_scene, &schedule))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || json(&account, &of_scene, &schedule), || text(&account, &of_scene, &schedule))
 }
 
 /// Figures of one node.
@@ -82,56 +76,30 @@ struct Account {
 impl Account {
     /// Runs the graph of a scene with its stroke, and measures.
     fn of(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Self {
-        let schedule = compiled.schedule.clone();
-        let count = schedule.nodes.len();
-        // Walls and volumes have an output each.
-        let contact = ["surface", "volume"].map(|name| {
-            let (node, of) = schedule.with_role(Role::Contact).next()?;
-            Some((node, of.outputs.iter().position(|o| o.name == name)?))
-        });
-        let mut effects = Effects::new(of_scene.clone(), &schedule);
+        let mut effects = Effects::new(of_scene.clone(), &compiled.schedule);
         let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
-        let clock = ClockTime(Instant::now());
-        let (mut spent, mut total, mut calls) = (vec![0; count], vec![0_u64; count], vec![0; count]);
-        let mut times = Recorder::new(count);
-        let mut ticks_of = [Recorder::new(0), Recorder::new(0)];
-        let mut touched = vec![0; of_scene.scene.surfaces.len()];
+        let mut timed = Timed::new(&engine);
+        let mut ticks_of = [Timing::new(3), Timing::new(3)];
         for _ in 0..ticks {
-            spent.fill(0);
-            let began = Instant::now();
-            engine.tick_timed(&clock, &mut spent);
-            let tick_ns = began.elapsed().as_nanos() as u64;
+            let took = timed.tick(&mut engine);
             effects.take(&engine);
-            let now = contact.map(|port| match port.map(|(node, output)| engine.output(node, output))? {
-                Some(Buffer::Control { values, .. }) => {
-                    values.first().filter(|n| **n >= 0.0).map(|n| *n as usize)
-                }
-                _ => None,
-            });
-            for surface in now.into_iter().flatten() {
-                touched.get_mut(surface).into_iter().for_each(|count| *count += 1);
-            }
-            ticks_of[usize::from(now == [None, None])].tick(tick_ns);
-            for (node, spent) in spent.iter().enumerate() {
-                total[node] += spent;
-                let now = engine.report(node).map_or(0, |r| r.calls);
-                if now > calls[node] {
-                    times.node(node, *spent);
-                }
-                calls[node] = now;
-            }
+            ticks_of[usize::from(!effects.touches())].record(took);
         }
         let us = |ns: u64| ns as f64 / 1e3;
-        let work = |(i, node): (usize, &asperity_graph::ScheduledNode)| Work {
-            id: node.id.clone(),
-            kind: node.kind.clone(),
-            calls: calls[i],
-            us_per_call: times.node_summary(i).map_or(0.0, |s| us(s.p50_ns)),
-            us_per_tick: us(total[i]) / ticks.max(1) as f64,
+        let work = |(i, node): (usize, &asperity_graph::ScheduledNode)| {
+            let time = timed.times.node_summary(i).unwrap_or_default();
+            Work {
+                id: node.id.clone(),
+                kind: node.kind.clone(),
+                calls: engine.report(i).map_or(0, |report| report.calls),
+                us_per_call: us(time.p50_ns),
+                us_per_tick: time.mean_ns * time.count as f64 / 1e3 / ticks.max(1) as f64,
+            }
         };
-        let nodes = schedule.nodes.iter().enumerate().map(work).collect();
-        let tick_us = ticks_of.each_ref().map(|of| us(of.tick_summary().p50_ns));
-        Self { ticks, tick_us, nodes, touched, active: effects.active() }
+        let nodes = engine.schedule().nodes.iter().enumerate().map(work).collect();
+        let tick_us = ticks_of.map(|of| us(of.summary().p50_ns));
+        let active = effects.active();
+        Self { ticks, tick_us, nodes, touched: effects.touched, active }
     }
 
     /// Those of these nodes that ran, and their time \[us a tick\].
