@@ -18,7 +18,6 @@ use asperity_live::{
 };
 use asperity_node::Role;
 use clap::ValueEnum;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::failure::{Failure, warn, wrong};
 use crate::kinds;
@@ -81,7 +80,7 @@ pub struct OutputArgs {
     pub channel: Option<u16>,
     /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
     /// paced
-    #[arg(long, value_name = "CLOCK", value_parser = audio_clock())]
+    #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
 }
 
@@ -111,12 +110,6 @@ pub enum ClockKind {
     Paced,
     /// The computer's own clock: no audio device
     Timer,
-}
-
-/// Parses a clock that drives a device.
-fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
-    PossibleValuesParser::new(["callback", "paced"])
-        .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
 }
 
 /// The actuator, and the amplifier before it.
@@ -181,20 +174,19 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
 }
 
 fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
-    let wanted = outs.max(1);
-    if args.channel.is_empty() {
+    let (named, wanted) = (&args.channel, outs.max(1));
+    if named.is_empty() {
         return Ok((1..=u16::try_from(wanted).unwrap_or(u16::MAX)).collect());
     }
-    if args.channel.len() != wanted {
-        let what = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
+    if named.len() != wanted {
+        let what = format!("{} channels are named, and the graph has {outs} audio_out", named.len());
         return Err(wrong("--channel", what, "one channel for each, such as --channel 3,4"));
     }
-    if let Some(twice) = (1..wanted).find(|&i| args.channel[..i].contains(&args.channel[i])) {
-        let what = format!("channel {} is named twice", args.channel[twice]);
-        let help = "a channel for each audio_out; `mix` adds signals";
-        return Err(wrong("--channel", what, help));
+    if let Some(twice) = (1..wanted).find(|&i| named[..i].contains(&named[i])) {
+        let what = format!("channel {} is named twice", named[twice]);
+        return Err(wrong("--channel", what, "a channel for each audio_out; `mix` adds signals"));
     }
-    Ok(args.channel.clone())
+    Ok(named.clone())
 }
 
 fn format(text: &str) -> Result<Format, Failure> {
@@ -228,23 +220,14 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
     }
 }
 
-/// Who plays: errors name the options by which it sets rate and input channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Player {
-    /// A graph file: `--set` changes it.
-    Graph,
-    /// A command with options of its own.
-    Command,
-}
-
-/// The error for a device that cannot be opened, with the option that is wrong and help.
-pub fn not_opened(error: SessionError, player: Player) -> Failure {
+/// The error for a device that cannot be opened, with the option that is wrong and help. A `graph` file has
+/// rate and input channels of its own; else the command has options for them.
+pub fn not_opened(error: SessionError, graph: bool) -> Failure {
     let e = match error {
         SessionError::Device(e) => e,
         SessionError::Refused(d) => return d.into(),
         other => return Failure::Machine(other.to_string()),
     };
-    let graph = player == Player::Graph;
     let option = match e.cause {
         Cause::Host => "--host",
         Cause::Device if e.input => "--input-device",
@@ -269,10 +252,7 @@ pub fn not_opened(error: SessionError, player: Player) -> Failure {
         _ => None,
     };
     let d = Diagnostic::new(e.to_string()).in_file(option);
-    match help {
-        Some(help) => d.help(help).into(),
-        None => d.into(),
-    }
+    help.into_iter().fold(d, Diagnostic::help).into()
 }
 
 /// Nodes that stand before every device, from amperes on: `limiter` and `out`.
@@ -356,7 +336,7 @@ pub fn play(
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
     let (graph_controller, player) =
         prepare_live(compiled, &graph, Default::default(), queues, reader, Vec::new());
-    let not_opened = |e| not_opened(e, Player::Command);
+    let not_opened = |e| not_opened(e, false);
     let stop = stop_flag();
     let options = SessionOptions { start_s, ..options(args, request, coils) };
     let mut session = Session::start(graph_controller, player, writer, options).map_err(not_opened)?;

@@ -75,39 +75,30 @@ struct Job {
     edit: Edit,
     /// Moves before it began.
     since: u64,
-    over: Over,
+    /// Stops the thread.
+    over: Arc<AtomicBool>,
+    /// Whether a device was closed for it, so that it cannot be abandoned.
+    exchanges: bool,
     stage: Stage,
 }
 
 enum Stage {
-    /// It can be abandoned.
+    /// A thread works.
     Making(Receiver<Answer>),
-    /// A device was closed for it.
-    Exchanging(Receiver<Answer>),
     /// The graph waits until the engine can take it.
     Ready(Box<Ready>),
-}
-
-/// Stops the thread of a job when it is dropped.
-struct Over(Arc<AtomicBool>);
-
-impl Drop for Over {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-    }
 }
 
 impl Job {
     /// Stops the job and closes the devices that it opened. Answers the edit.
     fn abandon(self) -> Edit {
-        let Self { edit, over, stage, .. } = self;
-        drop(over);
-        close_elsewhere(move || match stage {
+        self.over.store(true, Relaxed);
+        close_elsewhere(move || match self.stage {
             // Received here, so that its devices close where others wait for it.
-            Stage::Making(from) | Stage::Exchanging(from) => drop(from.recv()),
+            Stage::Making(from) => drop(from.recv()),
             Stage::Ready(ready) => drop(ready),
         });
-        edit
+        self.edit
     }
 }
 
@@ -235,14 +226,7 @@ impl Editor {
 
     /// Abandons the graph of changed files, unless a device was closed for it. Answers the edit.
     fn give_up(&mut self) -> Option<FileEdit> {
-        let job = self.job.take_if(|job| {
-            let touched = match &job.stage {
-                Stage::Making(_) => false,
-                Stage::Exchanging(_) => true,
-                Stage::Ready(ready) => ready.refused.is_some() || ready.opened.came_last(),
-            };
-            matches!(job.edit, Edit::File(_)) && !touched
-        })?;
+        let job = self.job.take_if(|job| matches!(job.edit, Edit::File(_)) && !job.exchanges)?;
         match job.abandon() {
             Edit::File(edit) => Some(edit),
             Edit::Choice(..) => None,
@@ -270,9 +254,9 @@ impl Editor {
                 order.changes.chosen.push((node.clone(), material.clone()));
             }
         }
-        let over = Over(order.over.clone());
+        let over = order.over.clone();
         let stage = Stage::Making(on_thread(move || order.carry_out()));
-        self.job = Some(Job { edit, since: self.moves, over, stage });
+        self.job = Some(Job { edit, since: self.moves, over, exchanges: false, stage });
     }
 
     /// The order for the graph that runs.
@@ -298,7 +282,7 @@ impl Editor {
     /// Continues the job under way with what the other thread sent. Answers a message for the user.
     fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         let mut job = self.job.take()?;
-        if let Stage::Making(from) | Stage::Exchanging(from) = &job.stage {
+        if let Stage::Making(from) = &job.stage {
             let (plugins, result) = match from.try_recv() {
                 Ok(answer) => answer,
                 Err(TryRecvError::Empty) => {
@@ -309,15 +293,18 @@ impl Editor {
                     (None, Err(Failure::Machine("the thread that makes it ready broke off".into())))
                 }
             };
-            self.plugins = plugins.unwrap_or(std::mem::take(&mut self.plugins));
-            match result {
-                Ok(ready) => {
-                    if let Err(d) = self.allowed(&ready, playing) {
-                        close_elsewhere(move || drop(ready));
-                        return Some(self.refused(job.edit, &d.into(), playing));
-                    }
-                    job.stage = Stage::Ready(Box::new(ready));
+            if let Some(plugins) = plugins {
+                self.plugins = plugins;
+            }
+            let allowed = result.and_then(|ready| match self.allowed(&ready, playing) {
+                Ok(()) => Ok(ready),
+                Err(d) => {
+                    close_elsewhere(move || drop(ready));
+                    Err(d.into())
                 }
+            });
+            match allowed {
+                Ok(ready) => job.stage = Stage::Ready(Box::new(ready)),
                 Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
             }
         }
@@ -327,9 +314,9 @@ impl Editor {
                     return self.take_over(job.edit, job.since, *ready, playing);
                 }
                 let old = playing.hands.let_go(&ready.opened.in_the_way);
-                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
-                job.stage = Stage::Exchanging(on_thread(move || back.exchange(*ready, old)));
-                self.job = Some(job);
+                let back = Order { over: job.over.clone(), ..self.order(playing) };
+                let stage = Stage::Making(on_thread(move || back.exchange(*ready, old)));
+                self.job = Some(Job { exchanges: true, stage, ..job });
             }
             _ => self.job = Some(job),
         }

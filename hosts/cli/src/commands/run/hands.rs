@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
@@ -147,7 +147,6 @@ pub struct Opened {
     held: Vec<Held>,
     pointer: Option<SampleWriter>,
     later: Vec<Source>,
-    closed: bool,
 }
 
 /// Opens the devices of these nodes of a graph, until `over` is set. A device may take seconds to answer.
@@ -219,15 +218,9 @@ fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Fa
 }
 
 impl Opened {
-    /// Whether other devices were closed to open these.
-    pub fn came_last(&self) -> bool {
-        self.closed
-    }
-
     /// Closes `old` and opens the devices that waited for that, until `over` is set.
     pub fn open_the_rest(&mut self, old: Vec<Held>, over: &AtomicBool) -> Result<(), Failure> {
         drop(old);
-        self.closed = true;
         self.in_the_way.clear();
         for source in std::mem::take(&mut self.later) {
             if over.load(Relaxed) {
@@ -335,12 +328,6 @@ pub fn wait(over: impl Fn() -> bool) -> bool {
     !over()
 }
 
-/// Waits until nothing is being closed, at most this long.
-pub fn wait_for(most: Duration) {
-    let began = Instant::now();
-    wait(|| began.elapsed() >= most);
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::{Arc, mpsc};
@@ -370,7 +357,6 @@ mod tests {
             done.store(true, Relaxed);
         });
         assert!(!wait(|| true));
-        wait_for(Duration::from_millis(1));
         assert!(!closed.load(Relaxed));
         go.send(()).expect("it waits");
         assert!(wait(|| false) && closed.load(Relaxed));

@@ -17,7 +17,7 @@ use asperity_live::view::{Condition, Layout, Request, View};
 use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
 use asperity_node::{Fault, Role};
 
-use crate::card::{self, DeviceArgs, Player};
+use crate::card::{self, DeviceArgs};
 use crate::commands::render::recorder::Kept;
 use crate::failure::{Failure, print, warn};
 use crate::load::files::distinct_files;
@@ -129,7 +129,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let grants = session.grants();
     let mut ended = session.stop();
     drop(hands);
-    hands::wait_for(LET_GO);
+    let ending = Instant::now();
+    hands::wait(|| ending.elapsed() >= LET_GO);
     recordings.drain(&mut ended.graph_controller);
     shows.close();
     // Recordings are kept, whatever ended the run and whatever else cannot be written.
@@ -156,7 +157,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 fn not_opened(error: asperity_live::SessionError) -> Failure {
-    card::not_opened(error, Player::Graph)
+    card::not_opened(error, true)
 }
 
 /// A playing graph, and all that is served while it plays.
