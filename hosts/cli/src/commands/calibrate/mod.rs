@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use asperity_actuator::identify::{IdentifySettings, Trust, identify, write_profile};
 use asperity_actuator::{ActuatorProfile, Drive};
@@ -20,7 +20,7 @@ use asperity_diagnostics::Source;
 use clap::ValueEnum;
 
 use crate::card::{OutputArgs, actuator, range};
-use crate::failure::{Failure, complain, print, wrong};
+use crate::failure::{Failure, complain, print_report, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
 use crate::output::{Pending, keep_all, resolved};
@@ -165,14 +165,15 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
         files.push(file.fill(&report.picture())?);
     }
     if trusted {
-        let text = write_profile(&findings, &base, Some(&today()));
+        let today = time::OffsetDateTime::now_utc().date().to_string();
+        let text = write_profile(&findings, &base, Some(&today));
         // It must be possible to read it again.
         ActuatorProfile::parse(&Source::new("the measured profile", text.clone()))
             .map_err(|d| refused(format!("the measured figures are those of no usable actuator: {d}")))?;
         files.push(profile_file.fill(&text)?);
     }
     report.written = keep_all(files)?;
-    print(&if args.json { report.json(trusted) } else { report.text(trusted) })?;
+    print_report(args.json, || report.json(trusted), || report.text(trusted))?;
     Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -221,46 +222,26 @@ struct Amplifier {
 
 /// The amplifier of the options. Refuses those of the other kind, and a level above full scale.
 fn amplifier(args: &Args) -> Result<Amplifier, Failure> {
-    let amps = ("--amps", args.amps, "--amps-per-volt", args.amps_per_volt, 0.1);
-    let volts = ("--volts", args.volts, "--volts-per-volt", args.volts_per_volt, 0.5);
-    let (drive, own, other, word) = match args.drive {
+    let amps = [("--amps", args.amps, 0.1), ("--amps-per-volt", args.amps_per_volt, 1.0)];
+    let volts = [("--volts", args.volts, 0.5), ("--volts-per-volt", args.volts_per_volt, 1.0)];
+    let (drive, own, others, word) = match args.drive {
         DriveKind::Current => (Drive::Current, amps, volts, "voltage"),
         DriveKind::Voltage => (Drive::Voltage, volts, amps, "current"),
     };
-    for (option, given, instead) in [(other.0, other.1, own.0), (other.2, other.3, own.2)] {
+    for ((option, given, _), (instead, ..)) in others.into_iter().zip(own) {
         if given.is_some() {
             let help = format!("{instead}, or --drive {word}");
             return Err(wrong(option, "this is an option of the other kind of amplifier", help));
         }
     }
-    let (option, level, gain_option, gain, by_default) = own;
-    let unit = drive.unit();
-    let (level, gain) = (level.unwrap_or(by_default), gain.unwrap_or(1.0));
+    let [level, gain] = own.map(|(_, given, by_default)| given.unwrap_or(by_default));
+    let (unit, [(option, ..), (gain_option, ..)]) = (drive.unit(), own);
     let most = gain * args.volts_at_full_scale;
     if level > most {
         let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain_option}");
         return Err(wrong(option, format!("{level} {unit} is out of range"), help));
     }
     Ok(Amplifier { drive, unit, gain, option, level })
-}
-
-/// The date in UTC, such as 2026-03-01.
-fn today() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    date(i64::try_from(seconds / 86_400).unwrap_or(0))
-}
-
-/// The date this many days after 1 January 1970, by years of 365.2425 days that begin in March.
-fn date(days: i64) -> String {
-    let days = days + 719_468;
-    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let of_month = of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) =
-        (era * 400 + year + i64::from(month >= 10), if month < 10 { month + 3 } else { month - 9 });
-    format!("{year:04}-{month:02}-{of_month:02}")
 }
 
 /// Waits until the user presses Enter: the handle has its other mass. Ctrl-C ends it.

@@ -120,7 +120,7 @@ impl Report<'_> {
         all
     }
 
-    pub fn json(&self, trusted: bool) -> String {
+    pub fn json(&self, trusted: bool) -> Value {
         let found = self.findings;
         let estimate = |e: &Estimate| json!({ "value": e.value, "low": e.low, "high": e.high });
         let figures = self.figures().map(|f| {
@@ -147,14 +147,13 @@ impl Report<'_> {
                 "band_hz": [m.band_hz.0, m.band_hz.1], "points": points.collect::<Vec<Value>>(),
             })
         });
-        let report = json!({
+        json!({
             "asperity": env!("CARGO_PKG_VERSION"), "base": self.base.name, "drive": self.amplifier.unit,
             "figures": Map::from_iter(figures), "moving_mass_measured": found.moving_mass_measured,
             "recordings": recordings.collect::<Vec<Value>>(),
             "trust": found.trust.word(), "notes": found.notes, "assumed": self.assumed(),
             "profile_written": trusted, "written": self.written,
-        });
-        format!("{report:#}\n")
+        })
     }
 
     /// Measured and fitted response as SVG.

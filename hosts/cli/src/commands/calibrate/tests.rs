@@ -11,7 +11,7 @@ use asperity_actuator::{ActuatorProfile, Quantity};
 use asperity_audio::simulated::{Params, Response, Simulated};
 use clap::Parser;
 
-use super::{Args, calibrate, date};
+use super::{Args, calibrate};
 use crate::failure::Failure;
 use crate::simulated::Actuator;
 use crate::{Cli, Command};
@@ -161,19 +161,4 @@ fn device_lost_in_sweep_writes_nothing() {
     let said = reason(calibrate(&args, &mut |_| Ok(())), dir.path());
     pull.join().unwrap();
     assert!(said.contains("lost before the end") || said.contains("simulated:lost"), "{said}");
-}
-
-/// Against dates of a calendar.
-#[test]
-fn days_since_1970_are_dates() {
-    for (days, text) in [
-        (0, "1970-01-01"),
-        (59, "1970-03-01"),
-        (11_016, "2000-02-29"),
-        (11_017, "2000-03-01"),
-        (20_453, "2025-12-31"),
-        (47_541, "2100-03-01"),
-    ] {
-        assert_eq!(date(days), text);
-    }
 }

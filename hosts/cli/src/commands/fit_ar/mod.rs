@@ -13,7 +13,7 @@ use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
-use crate::failure::{Failure, clean, print, warn, wrong};
+use crate::failure::{Failure, clean, print_report, warn, wrong};
 use crate::number::{number, whole};
 use crate::output::{Pending, ending, keep_all, resolved};
 use report::Report;
@@ -148,8 +148,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut report = Report { args, recorded, texture, fitted, compared: &compared, written: Vec::new() };
     let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
-    print(&if args.json { report.json() } else { report.text() })?;
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || report.json(), || report.text())
 }
 
 /// Refuses outputs in the place of inputs.

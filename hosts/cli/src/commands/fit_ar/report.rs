@@ -125,7 +125,7 @@ impl Report<'_> {
         })
     }
 
-    pub fn json(&self) -> String {
+    pub fn json(&self) -> Value {
         let (texture, fitted) = (self.texture, self.fitted);
         let models = texture.models().iter().zip(&self.compared.models).enumerate().map(|(i, (model, c))| {
             let segments = fitted.segments.iter().enumerate().filter(|(_, s)| s.model == i);
@@ -160,7 +160,7 @@ impl Report<'_> {
             json!({ "start_s": d.start_s, "length_s": d.length_s, "why": why })
         });
         let written: Vec<String> = self.written.iter().map(|p| p.display().to_string()).collect();
-        let value = json!({
+        json!({
             "recording": self.args.recording.display().to_string(), "rate_hz": self.recorded.rate_hz,
             "seconds": fitted.duration_s, "axes": self.recorded.acceleration_m_s2.len(),
             "model_hz": texture.rate_hz(), "high_pass_hz": fitted.high_pass_hz, "order": fitted.order,
@@ -169,8 +169,7 @@ impl Report<'_> {
             "hull": { "speed_mm_s": speed, "force_n": force, "corners": corners },
             "segments": segments.collect::<Vec<_>>(), "dropped": dropped.collect::<Vec<_>>(),
             "all": compared_json(&self.compared.all), "written": written,
-        });
-        format!("{value:#}\n")
+        })
     }
 }
 
