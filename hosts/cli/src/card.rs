@@ -196,7 +196,6 @@ fn format(text: &str) -> Result<Format, Failure> {
     })
 }
 
-/// Guards the coils behind the card, as the machine's file says.
 pub fn coils(args: &DeviceArgs, schedule: &Schedule) -> Result<Coils, Failure> {
     let machine = Machine::find(args.card.machine.as_deref())?;
     Ok(Coils::new(args.card.share, machine.map(Arc::new), Arc::new(schedule.clone())))

@@ -9,7 +9,6 @@ use asperity_diagnostics::{Diagnostic, Place};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-/// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
     /// The user's input is wrong: exit code 2; or too many files are open to read it: 1.
@@ -36,7 +35,6 @@ pub fn wrong(at: impl Into<PathBuf>, what: impl Into<String>, help: impl Into<St
 }
 
 impl Failure {
-    /// A file that could not be written.
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
         Self::Machine(format!("cannot write {}: {}", path.display(), without_path(error)))
     }
@@ -64,7 +62,6 @@ impl Failure {
         Self::Input(all)
     }
 
-    /// The error in a line.
     pub fn reason(&self) -> String {
         match self {
             Failure::Input(all) => all.first().map(|d| clean(&d.message)).unwrap_or_default(),
@@ -88,7 +85,6 @@ impl Failure {
         }
     }
 
-    /// The error as a user reads it.
     pub fn text(&self) -> String {
         match self {
             Failure::Input(all) => {
@@ -107,7 +103,6 @@ impl Failure {
     }
 }
 
-/// Most errors that are printed.
 const MOST_SHOWN: usize = 50;
 
 /// Most further places that are shown with an error.
@@ -158,7 +153,6 @@ pub fn print_report<T: Serialize>(
     Ok(ExitCode::SUCCESS)
 }
 
-/// A report as JSON.
 pub fn json(value: &impl Serialize) -> Result<String, Failure> {
     serde_json::to_string_pretty(value).map(|text| text + "\n").map_err(|e| Failure::Machine(e.to_string()))
 }
@@ -172,14 +166,12 @@ pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
     if !QUIET.load(Ordering::Relaxed) {
         complain(&format!("warning: {message}\n"));
     }
 }
 
-/// Whether only errors are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Prints only errors from now on, if `quiet`.

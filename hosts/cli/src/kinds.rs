@@ -20,9 +20,7 @@ use crate::phase::OFFLINE;
 pub struct Kinds {
     loader: Loader,
     named: Vec<PathBuf>,
-    /// Files of the plugins of the last registry, also of those that did not load.
     files: Vec<PathBuf>,
-    /// Whether a graph plays with these kinds.
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
     apart: bool,
@@ -35,7 +33,6 @@ pub struct Kinds {
 }
 
 impl Kinds {
-    /// Kinds with the plugins that `--plugin` names.
     pub fn new(named: &[PathBuf]) -> Self {
         Self { named: named.to_vec(), ..Self::default() }
     }
@@ -61,7 +58,6 @@ impl Kinds {
         }
     }
 
-    /// Files of the plugins of the last registry, also of those that did not load.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
@@ -135,7 +131,6 @@ impl Kinds {
     }
 }
 
-/// The kinds that exist without plugins.
 pub fn built_in() -> Registry {
     asperity_hand::register(asperity_nodes::registry())
 }
@@ -158,7 +153,6 @@ pub fn plugins_on_path() -> Vec<Found> {
     found
 }
 
-/// The error for a plugin whose folder is not trusted.
 fn untrusted(path: &Path, decl: &PluginDecl) -> Diagnostic {
     let folder = path.parent().unwrap_or(Path::new("."));
     Diagnostic::new(format!("the plugin `{}` was not loaded: its folder is not trusted", decl.name))

@@ -12,7 +12,6 @@ use asperity_node::random::uniform;
 /// Steps of the plant in a sample, with linear interpolation: close enough to a card's converters.
 const OVERSAMPLING: u32 = 8;
 
-/// Parameters of a plant.
 const WORDS: [&str; 8] = [
     "plant",
     "plant_handle_g",
@@ -40,9 +39,7 @@ pub fn register() {
 #[derive(Clone, Debug)]
 pub struct Actuator {
     pub profile: ActuatorProfile,
-    /// Mass of the handle \[g\].
     pub handle_g: f64,
-    /// Output of the amplifier.
     pub drive: Drive,
     /// Drive at the card's full scale \[A or V\].
     pub at_full_scale: f64,

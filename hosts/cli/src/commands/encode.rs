@@ -66,7 +66,6 @@ fn family(text: &str) -> Result<String, String> {
 
 type Vector = [f32; VECTOR_LEN];
 
-/// Materials that are listed by default.
 const LISTED: usize = 5;
 
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
@@ -131,7 +130,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Name of the material.
 fn name(args: &Args) -> Result<String, Failure> {
     let stem = args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy();
     let name = args.name.clone().unwrap_or_else(|| stem.into_owned());

@@ -76,7 +76,6 @@ pub fn ask(graph: &Path, file: &Path) -> bool {
     add(folder).map_err(|failure| failure.report()).is_ok()
 }
 
-/// Trusts a folder.
 fn add(folder: &Path) -> Result<PathBuf, Failure> {
     let refuse = |what: &str| Diagnostic::new(what).in_file(folder);
     let whole = folder.canonicalize().map_err(|e| refuse(&format!("there is no such folder: {e}")))?;
@@ -103,7 +102,6 @@ fn add(folder: &Path) -> Result<PathBuf, Failure> {
     Ok(whole)
 }
 
-/// Trusts a folder no more.
 fn remove(folder: &Path) -> Result<(), Failure> {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let (gone, left): (Vec<_>, Vec<_>) = folders().into_iter().partition(|f| *f == whole || f == folder);
@@ -119,7 +117,6 @@ fn list() -> Option<PathBuf> {
     Some(dirs::config_dir()?.join("asperity").join("trusted"))
 }
 
-/// Folders of the user's list.
 fn folders() -> Vec<PathBuf> {
     let text = list().and_then(|list| std::fs::read_to_string(list).ok()).unwrap_or_default();
     text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).collect()

@@ -112,25 +112,21 @@ type Stamp = Option<(SystemTime, u64)>;
 
 pub type Stamps = BTreeMap<PathBuf, Stamp>;
 
-/// Versions of all files that a graph is made of, as they are now.
 pub fn stamps(args: &GraphArgs, plugins: &[PathBuf], schedule: &Schedule) -> Stamps {
     let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
     let files = files_read(args, schedule, plugins).into_iter().map(|(path, _)| path);
     files.map(|path| (path.clone(), stamp(&path))).collect()
 }
 
-/// The files of a running graph.
 pub struct Watched {
     /// Versions of which the running graph was made.
     known: Stamps,
     /// Versions when they were last looked at.
     before: Stamps,
-    /// Since when they differ from the known ones.
     since: Option<Instant>,
 }
 
 impl Watched {
-    /// Watches files of which the running graph was made.
     pub fn new(now: Stamps) -> Self {
         Self { before: now.clone(), known: now, since: None }
     }
@@ -166,7 +162,6 @@ pub fn readers(schedule: &Schedule, changed: &[PathBuf]) -> Vec<String> {
     node_files(schedule).into_iter().filter(|f| changed.contains(&f.path)).map(|f| f.node).collect()
 }
 
-/// The files in a line.
 pub fn listed(changed: &[PathBuf]) -> String {
     let names: Vec<String> = changed.iter().map(|p| p.display().to_string()).collect();
     if names.is_empty() { "a file of the graph".to_owned() } else { names.join(", ") }

@@ -40,7 +40,6 @@ pub struct GraphArgs {
 }
 
 impl GraphArgs {
-    /// A graph without changes.
     pub fn plain(graph: &Path, plugins: &PluginArgs) -> Self {
         Self {
             graph: graph.to_owned(),
@@ -71,7 +70,6 @@ pub struct PluginArgs {
 pub struct Loaded {
     /// The graph, with the changes of the command line.
     pub graph: GraphFile,
-    /// The scene that was lowered to the graph.
     pub scene: Option<OfScene>,
     pub registry: Registry,
     pub compiled: Compiled,
@@ -89,7 +87,6 @@ pub struct OfScene {
 /// Most findings about a scene that cause a warning each.
 const MOST_FINDINGS: usize = 8;
 
-/// Reads and compiles a graph or scene.
 pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (graph, scene) = read(args, kinds)?;
     compile(args, kinds, graph, scene)
@@ -117,7 +114,6 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
 }
 
-/// Compiles a graph that was [`read`].
 pub fn compile(
     args: &GraphArgs,
     kinds: &mut Kinds,
@@ -147,7 +143,6 @@ pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, D
     }
 }
 
-/// A graph that runs without any device.
 pub struct Offline {
     /// The graph without nodes that push back.
     pub graph: GraphFile,
@@ -208,7 +203,6 @@ pub fn warn_about(schedule: &Schedule) {
     }
 }
 
-/// Settings that compile and are probably mistakes.
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
@@ -242,7 +236,6 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
     out
 }
 
-/// Frames that begin within a window.
 fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
     match input.port.as_ref()?.shape {
         Shape::Magnitude(layout) => {

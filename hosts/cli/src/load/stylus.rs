@@ -51,7 +51,6 @@ pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> R
     Ok(())
 }
 
-/// Index of the one node that moves the stylus.
 fn only(graph: &GraphFile, registry: &Registry, option: &str, help: &str) -> Result<usize, Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
     let found: Vec<usize> = (0..graph.nodes.len()).filter(|&i| moves(&graph.nodes[i].kind)).collect();

@@ -98,12 +98,10 @@ struct Warm {
 }
 
 impl Coils {
-    /// For a run of this graph.
     pub fn new(share: bool, machine: Option<Arc<Machine>>, schedule: Arc<Schedule>) -> Self {
         Self { share, machine, schedule, channels: Vec::new(), device: Arc::default(), told: false }
     }
 
-    /// Check for graphs that contradict the machine's file.
     pub fn ceiling(&self) -> Option<Ceiling> {
         Some(Ceiling { machine: self.machine.clone()?, device: self.device.clone() })
     }

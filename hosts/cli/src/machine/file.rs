@@ -14,7 +14,6 @@ use asperity_node::{Guard, Unit};
 /// Relative difference of numbers that count as equal.
 const SAME: f64 = 1e-6;
 
-/// The machine's file.
 #[derive(Clone, Debug)]
 pub struct Machine {
     pub source: Arc<Source>,
@@ -26,11 +25,8 @@ pub struct Machine {
 /// Actuator and amplifier behind one channel of a device.
 #[derive(Clone, Debug)]
 pub struct Output {
-    /// The device's name or id.
     pub device: String,
-    /// From 1.
     pub channel: u16,
-    /// The actuator on its handle.
     pub actuator: Dynamics,
     /// Peak volts of the card at full scale.
     pub volts_at_full_scale: f64,
@@ -38,7 +34,6 @@ pub struct Output {
     pub amplifier: (Drive, f64),
     /// Most volts that the card may put out.
     pub most_volts: f64,
-    /// Place of the entry.
     pub place: Place,
 }
 
@@ -55,12 +50,10 @@ impl Machine {
         path.map(|path| Self::read(&path)).transpose()
     }
 
-    /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?)
     }
 
-    /// Parses its text.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let root = parse(source)?;
         let mut record = root.record("Machine")?;
@@ -84,7 +77,6 @@ impl Machine {
         Ok(Self { source: source.clone(), outputs, list: list.place() })
     }
 
-    /// The entry for a channel of a device.
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
         self.outputs_of(device, channel).next()
     }
@@ -118,7 +110,6 @@ impl Machine {
         Ok(())
     }
 
-    /// Guards for the channels in the file.
     pub fn limits(&self, device: &Opened, rate_hz: u32) -> Result<OutputLimits, Diagnostic> {
         let guard = |(channel, _): &(u16, String)| {
             self.output(device, *channel).map(|output| output.guard(rate_hz)).transpose()
@@ -208,7 +199,6 @@ impl Output {
         Err(self.contradicts(limiter, param, format!("{of} is not within what holds on this machine")))
     }
 
-    /// An error with both places.
     fn contradicts(&self, node: &ScheduledNode, param: &str, message: String) -> Diagnostic {
         let at = self.place.position();
         let file = self.place.source.path().display();

@@ -23,7 +23,6 @@ fn line(path: &Path) -> Option<String> {
     Some(format!("{} {} {name}\n", meta.len(), time.as_nanos()))
 }
 
-/// Adds a file to the list, if that is possible.
 pub fn remember(path: &Path) {
     let put_down = || {
         let line = line(path)?;

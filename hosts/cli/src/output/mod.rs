@@ -94,7 +94,6 @@ impl Pending {
         Self { path, temp }
     }
 
-    /// A second handle on the file.
     pub fn file(&self) -> Result<File, Failure> {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
@@ -126,7 +125,6 @@ fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
     Ok((resolved, there))
 }
 
-/// The error for a file that cannot be created.
 fn refused(path: &Path, e: io::Error) -> Failure {
     match e.kind() {
         // Not an error of the user's input.
@@ -168,7 +166,6 @@ fn left_over(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// The folder that a file lies in.
 pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -185,7 +182,6 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.fill(text)?.keep().map(drop)
 }
 
-/// Whether a graph may overwrite files that Asperity did not make.
 static OVERWRITE: AtomicBool = AtomicBool::new(false);
 
 pub fn overwrite() {
@@ -339,7 +335,6 @@ impl Rows {
         &self.pending.path
     }
 
-    /// The incomplete file, with the rows that the disk took.
     pub fn abandon(self) -> Pending {
         // Dropping a writer flushes it, if that is possible.
         drop(self.to);

@@ -15,7 +15,6 @@ pub const GROWING: &str = ".recording";
 /// Limit for the length of a line of a CSV file \[bytes\].
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// Outcome of [`recover`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Recovered {
     Kept(PathBuf),

@@ -60,17 +60,14 @@ impl Frames {
         Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
     }
 
-    /// Layout of the frames.
     pub fn layout(&self) -> FrameLayout {
         self.layout
     }
 
-    /// Number of frames.
     pub fn count(&self) -> usize {
         self.bins.len() / self.layout.bins as usize
     }
 
-    /// First sample of a frame.
     pub fn start(&self, frame: u64) -> u64 {
         time::first_sample(frame, self.layout.rate_hz, FRAME_HZ)
     }
@@ -80,7 +77,6 @@ impl Frames {
         self.start((self.count() as u64).saturating_sub(1)) + u64::from(self.layout.length)
     }
 
-    /// All amplitudes, frame by frame.
     pub fn amplitudes(&self) -> &[f32] {
         &self.bins
     }
@@ -100,7 +96,6 @@ fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
 /// Kind of the source. No graph file can name it: its name has spaces.
 pub(super) const MAGNITUDES: &str = "magnitudes from memory";
 
-/// A kind that plays these frames.
 pub(super) fn magnitudes(frames: Arc<Frames>) -> NodeKind {
     let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
     let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);

@@ -42,7 +42,6 @@ pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
 /// A way to retrieve phase, with its settings.
 #[derive(Clone, Debug)]
 pub struct Method {
-    /// The text that names it.
     pub label: String,
     /// Kind of the node, or name of the offline method.
     pub kind: String,
@@ -56,15 +55,11 @@ enum How {
     Offline(griffin_lim::Options, Option<u64>),
 }
 
-/// The output of a method for some frames.
 pub struct Played {
     /// Sample i is sample i of the frames.
     pub signal: Vec<f32>,
-    /// Declared latency; `None` for an offline method.
     pub latency_ms: Option<f64>,
-    /// Number of failures of all nodes.
     pub faults: u64,
-    /// Report of the node.
     pub report: Option<NodeReport>,
 }
 
@@ -97,7 +92,6 @@ impl Method {
         Ok(Self { label: text.to_owned(), kind: node.kind.clone(), how: How::Node(Box::new(node)) })
     }
 
-    /// Whether it needs all frames at once.
     pub fn is_offline(&self) -> bool {
         matches!(self.how, How::Offline(..))
     }
@@ -178,7 +172,6 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Prepares the nodes for these frames.
     pub fn new(
         registry: &Registry,
         method: &Method,

@@ -177,7 +177,6 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
     Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Refuses options that contradict each other.
 fn check(args: &Args) -> Result<(), Failure> {
     let rate = f64::from(args.rate);
     range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
@@ -210,13 +209,10 @@ fn check(args: &Args) -> Result<(), Failure> {
 #[derive(Clone, Copy)]
 struct Amplifier {
     drive: Drive,
-    /// Unit of the drive.
     unit: &'static str,
     /// Drive for a volt of the card \[A/V or V/V\].
     gain: f64,
-    /// The option that sets the level.
     option: &'static str,
-    /// Requested peak of the sweep \[A or V\].
     level: f64,
 }
 

@@ -10,7 +10,6 @@ use serde_json::{Map, Value, json};
 use super::sweeps::Tape;
 use super::{Amplifier, Args};
 
-/// A calibration that is over.
 pub(super) struct Report<'a> {
     pub args: &'a Args,
     pub amplifier: Amplifier,
@@ -27,7 +26,6 @@ struct Figure {
     unit: &'static str,
     found: Estimate,
     base: f64,
-    /// Whether the base's figure is an estimate.
     estimate: bool,
     /// Whether it was measured; else it is the base's.
     measured: bool,
@@ -91,7 +89,6 @@ impl Report<'_> {
         out
     }
 
-    /// Assumptions behind the figures.
     fn assumed(&self) -> Vec<String> {
         let Args { mass_uncertainty, accelerometer_full_scale, volts_at_full_scale, .. } = self.args;
         let masses: Vec<String> = self.tapes.iter().map(|t| format!("{} g", t.handle_mass_g)).collect();
@@ -156,7 +153,6 @@ impl Report<'_> {
         })
     }
 
-    /// Measured and fitted response as SVG.
     pub fn picture(&self) -> String {
         let (f, unit) = (self.findings, self.amplifier.unit);
         let (device, level) = self.tapes.first().map_or(("", 0.0), |t| (t.device.as_str(), t.amplitude));
@@ -195,7 +191,6 @@ fn interval(e: &Estimate) -> String {
     format!("{} to {}", digits(e.low), digits(e.high))
 }
 
-/// Four significant digits.
 fn digits(x: f64) -> String {
     let decimals = (3 - x.abs().max(1e-9).log10().floor() as i32).clamp(0, 8);
     format!("{x:.*}", decimals as usize)

@@ -39,7 +39,6 @@ const WELL_HEARD: f64 = 0.9;
 /// Below this part of full scale, the card's own noise may limit the measurement.
 const FAINT: f64 = 0.01;
 
-/// Settings of all sweeps.
 pub struct Bench<'a> {
     args: &'a Args,
     amplifier: &'a Amplifier,
@@ -53,24 +52,19 @@ pub struct Bench<'a> {
 /// A sweep that was played, and its recording, from the same sample on.
 #[derive(Debug)]
 pub struct Tape {
-    /// Output of the limiter \[A or V\].
     drive: Vec<f32>,
-    /// Acceleration of the handle \[m/s^2\].
     acceleration: Vec<f32>,
     /// Whether the limiter changed the sweep.
     pub limited: bool,
-    /// Mass of the handle \[g\].
     pub handle_mass_g: f64,
     /// Peak of the sweep \[A or V\].
     pub amplitude: f64,
-    /// Name of the device.
     pub device: String,
     rate_hz: f64,
     time_constant_s: f64,
 }
 
 impl Tape {
-    /// Input of the fit.
     pub fn recording(&self) -> Recording<'_> {
         Recording {
             drive: &self.drive,
@@ -84,7 +78,6 @@ impl Tape {
 }
 
 impl<'a> Bench<'a> {
-    /// A bench for the arguments.
     pub fn new(
         args: &'a Args,
         amplifier: &'a Amplifier,
@@ -124,7 +117,6 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The error for an input that clipped at this frequency.
     fn clipped(&self, amplitude: f64, hz: f64) -> Failure {
         let (channel, Amplifier { unit, level, option, .. }) = (self.args.input_channel, self.amplifier);
         refused(if amplitude <= QUIET * level {

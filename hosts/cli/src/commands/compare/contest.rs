@@ -24,13 +24,11 @@ use crate::phase::{Chain, FRAME_HZ, Frames, Method, Played};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
-/// Seed of the graphs.
 const SEED: u64 = 1;
 
 /// Figures of a method, measured or published.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Name of the method.
     pub label: String,
     /// The node's kind; `None` for a published method.
     pub kind: Option<String>,
@@ -47,7 +45,6 @@ pub struct Row {
     /// Rhythm of the output for [steady magnitudes](Set::steady); `None` for published methods and silence.
     #[serde(serialize_with = "serialize_rhythm")]
     pub rhythm: Option<Rhythm>,
-    /// Remarks for the user.
     pub notes: Vec<String>,
 }
 
@@ -55,7 +52,6 @@ fn serialize_rhythm<S: Serializer>(rhythm: &Option<Rhythm>, to: S) -> Result<S::
     rhythm_json(*rhythm).serialize(to)
 }
 
-/// A rhythm as JSON.
 pub fn rhythm_json(rhythm: Option<Rhythm>) -> Option<Value> {
     let r = rhythm?;
     Some(json!({
@@ -81,13 +77,11 @@ impl Row {
         }
     }
 
-    /// Its score on a vector.
     pub fn score(&self, vector: &Vector) -> Option<Score> {
         self.scores.get(&vector.name).copied().flatten()
     }
 }
 
-/// The result of all methods.
 #[derive(Debug)]
 pub struct Outcome {
     /// A row for each method, the best first.
@@ -96,7 +90,6 @@ pub struct Outcome {
     pub noise: Option<Rhythm>,
 }
 
-/// Runs all methods over all vectors.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
     let steady = set.steady()?;
@@ -165,7 +158,6 @@ fn sort(rows: &mut [Row]) {
     });
 }
 
-/// A method while it is measured.
 struct Entry<'a> {
     method: &'a Method,
     registry: &'a Registry,
@@ -267,7 +259,6 @@ impl<'a> Entry<'a> {
         });
     }
 
-    /// Measures its response lag.
     fn follow(&mut self, name: &'static str, stimulus: &Stimulus) {
         if self.row.offline {
             return;
@@ -291,7 +282,6 @@ impl<'a> Entry<'a> {
 
 const DIFFERS: &str = "the same frames gave other samples the second time";
 
-/// Whether any bit differs.
 fn differ(a: &[f32], b: &[f32]) -> bool {
     a.iter().map(|x| x.to_bits()).ne(b.iter().map(|x| x.to_bits()))
 }
@@ -304,7 +294,6 @@ fn wide(signal: &[f32]) -> Vec<f64> {
 // 0.24 s, and in a second run the same without steps. What is heard live, with the method's latency, is
 // compared around every step up. A step is at the tick in which the first louder frame comes.
 
-/// Rate of the stimuli \[Hz\].
 const RATE_HZ: u32 = 2500;
 /// Amplitude after a step up over that before it.
 const RISE: f32 = 4.0;
@@ -325,11 +314,9 @@ pub struct Stimulus {
     steps: Vec<usize>,
 }
 
-/// Response lag.
 pub struct Lag {
     /// Times until 10, 50 and 90 % of the way; `None` if the method did not follow.
     pub ms: Option<[f64; 3]>,
-    /// Whether the same frames gave other samples the second time.
     pub differs: bool,
 }
 
@@ -368,7 +355,6 @@ impl Stimulus {
         Ok(Self { stepped, still, steps })
     }
 
-    /// Plays the stimulus through a method.
     pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
         let hear = |frames| {
             let mut chain = Chain::new(registry, method, frames, SEED)?;

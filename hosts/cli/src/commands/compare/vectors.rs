@@ -26,26 +26,21 @@ const BINS: usize = 101;
 const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
                      Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
-/// Magnitude frames with a name.
 pub struct Vector {
     /// Name, with the rate at its end if the file has it.
     pub name: String,
-    /// Sample rate in Hz.
     pub rate_hz: u32,
-    /// Input of the nodes.
     pub frames: Arc<Frames>,
     /// The same as unscaled DFT magnitudes, for the scores.
     pub unscaled: Vec<f32>,
 }
 
-/// Vectors, with published scores.
 pub struct Set {
     /// Origin, in words.
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
     smoothest: usize,
-    /// Published scores, if any.
     pub published: Published,
 }
 
@@ -85,7 +80,6 @@ impl Vector {
         Self::new(name, rate_hz, magnitudes.into_iter().map(|x| x as f32).collect(), bins)
     }
 
-    /// The name without the rate at its end.
     pub fn short_name(&self) -> &str {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
@@ -116,7 +110,6 @@ impl Set {
         Self { from, vectors, smoothest, published }
     }
 
-    /// The vector with the least roughness.
     pub fn smoothest(&self) -> &Vector {
         &self.vectors[self.smoothest]
     }
@@ -171,7 +164,6 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
     set(dir.display().to_string(), dir, files)
 }
 
-/// Content of files.
 type Files = BTreeMap<PathBuf, Cow<'static, [u8]>>;
 
 fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
@@ -202,7 +194,6 @@ fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
     Ok(Set::new(from, vectors, json(&files, &dir.join("sc.json"))?))
 }
 
-/// A JSON file, if it exists.
 fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, Diagnostic> {
     let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
     files.get(path).map_or(Ok(T::default()), |bytes| serde_json::from_slice(bytes).map_err(fail))
@@ -227,16 +218,12 @@ fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector
 /// Agreement of one signal with one vector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Spectral convergence.
     #[serde(rename(deserialize = "SC_dB"))]
     pub convergence_db: f64,
-    /// Energy relative to that of the magnitudes.
     #[serde(rename(deserialize = "gain_dB"))]
     pub level_db: f64,
-    /// Root mean square error of the long-term spectrum.
     #[serde(rename(deserialize = "LTAS_rms_dB"))]
     pub ltas_rms_db: f64,
-    /// How often the node failed.
     #[serde(default)]
     pub faults: u64,
 }
@@ -248,7 +235,6 @@ impl Score {
     }
 }
 
-/// Published scores.
 #[derive(Default, Deserialize)]
 pub struct Published {
     /// Scores by the name of the vector, then of the method.

@@ -20,7 +20,6 @@ const AROUND: usize = 3;
 const BANDS: [&str; 13] =
     ["25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400"];
 
-/// A fit that is over.
 pub struct Report<'a> {
     pub args: &'a Args,
     pub recorded: &'a Recorded,

@@ -15,9 +15,7 @@ use crate::load;
 /// Steps of speed: more make the level of a random texture more certain.
 const STEPS: usize = 148;
 
-/// Response lag of a graph.
 pub struct Chain {
-    /// The graph's file.
     pub graph: String,
     /// Milliseconds after a step of speed until the level has gone 10, 50 and 90 % of its way.
     pub lag_ms: [f64; 3],
@@ -25,7 +23,6 @@ pub struct Chain {
     pub items: Vec<(String, f64)>,
 }
 
-/// A graph that can be measured.
 pub struct Ready {
     path: PathBuf,
     response: Response,

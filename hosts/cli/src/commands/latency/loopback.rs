@@ -18,7 +18,6 @@ use crate::failure::{Failure, warn};
 const HAND: Duration = Duration::from_millis(1);
 /// Seconds until the output has ramped up and the clock has settled.
 const SETTLE_S: f64 = 2.5;
-/// Longest that a click is waited for.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Most unheard clicks before the first one that is heard: half a minute, in which a user may connect
 /// ports.
@@ -26,13 +25,9 @@ const SILENT: u32 = 27;
 /// Ramp from silence to full level \[s\].
 const START_S: f64 = 0.5;
 
-/// Declared and measured latency.
 pub struct Loopback {
-    /// Name of the device.
     pub device: String,
-    /// Clock of the ticks.
     pub clock: String,
-    /// Frames of a callback.
     pub period_frames: u32,
     /// Declared items, each in words and \[ms\].
     pub items: Vec<(String, f64)>,
@@ -40,16 +35,13 @@ pub struct Loopback {
     pub measured_ms: Vec<f64>,
 }
 
-/// Length of a tick \[ms\].
 pub const TICK_MS: f64 = 1e3 / TICK_HZ;
 
 impl Loopback {
-    /// Sum of the declared items.
     pub fn declared_ms(&self) -> f64 {
         self.items.iter().map(|(_, ms)| ms).sum()
     }
 
-    /// Shortest trial, median and longest trial.
     pub fn range_ms(&self) -> [f64; 3] {
         let mut sorted = self.measured_ms.clone();
         sorted.sort_by(f64::total_cmp);
@@ -57,7 +49,6 @@ impl Loopback {
         [0, sorted.len() / 2, last].map(|i| sorted.get(i).copied().unwrap_or(f64::NAN))
     }
 
-    /// Median less the sum.
     pub fn off_ms(&self) -> f64 {
         self.range_ms()[1] - self.declared_ms()
     }
@@ -83,7 +74,6 @@ pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
     graph("the measurement", args.rate, &nodes, wires)
 }
 
-/// Plays the graph and measures.
 pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Failure> {
     let (writer, reader) = samples();
     let queues =
@@ -147,7 +137,6 @@ struct Hand {
 #[derive(Default)]
 struct Shared {
     down: AtomicBool,
-    /// When it last touched.
     touched_ns: AtomicU64,
     stop: AtomicBool,
 }
@@ -240,7 +229,6 @@ impl Trials {
         }
     }
 
-    /// Median of each declared item.
     fn items(&self) -> Vec<(String, f64)> {
         let names = self.declared.last().into_iter().flatten().map(|(what, _)| what);
         let median = |name: &String| {

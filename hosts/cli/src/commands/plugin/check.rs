@@ -186,7 +186,6 @@ impl Checker<'_> {
         if self.json { Ok(()) } else { print(&line) }
     }
 
-    /// Prints the summary. Answers the exit code.
     fn finish(&self) -> Result<ExitCode, Failure> {
         let count = |verdict: &str| self.rows.iter().filter(|r| r.verdict == verdict).count();
         let (passed, failed, other) = (count("pass"), count("fail"), count("not applicable"));
@@ -217,10 +216,13 @@ struct Trial {
 
 /// End of a process that runs cases.
 enum Ended {
-    /// It ran all cases.
     Done,
     /// It broke: in this case of this kind, during this step; or outside of any case.
-    Broke { row: Option<(String, String)>, doing: String, how: String },
+    Broke {
+        row: Option<(String, String)>,
+        doing: String,
+        how: String,
+    },
 }
 
 impl Trial {
@@ -309,7 +311,6 @@ impl Running {
         }
     }
 
-    /// Its end in words.
     fn end(&mut self, patience: Duration) -> String {
         let Some(status) = self.status(patience) else {
             return format!("did not end within {} s", patience.as_secs());
@@ -332,7 +333,6 @@ impl Drop for Running {
     }
 }
 
-/// A signal's number and name.
 pub(super) fn signal_name(signal: i32) -> String {
     // Other numbers differ between systems.
     let bus = if cfg!(target_os = "linux") { 7 } else { 10 };

@@ -23,14 +23,11 @@ use super::surroundings::{SURROUNDINGS, Surroundings};
 /// Name of the row with the time of a tick.
 pub const TIME: &str = "time";
 
-/// Interval of the signs of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(200);
 
-/// A message to the process that started this one.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Message {
     Alive,
-    /// A step of a case.
     Doing(String),
     Loaded(Loaded),
     Begin {
@@ -46,17 +43,14 @@ pub enum Message {
     Done,
 }
 
-/// A plugin that is loaded.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Loaded {
     pub name: String,
     pub version: String,
     pub kinds: Vec<String>,
-    /// Whether its allocations are counted.
     pub heap: bool,
 }
 
-/// The result of a case for a kind.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub kind: String,
@@ -76,7 +70,6 @@ impl Row {
     }
 }
 
-/// The way to the process that started this one.
 struct Line {
     out: RefCell<File>,
     last: Cell<Instant>,
@@ -128,7 +121,6 @@ fn end_with_parent() {
     }
 }
 
-/// Runs the cases.
 pub fn run(args: &CasesOfPlugin) -> ExitCode {
     crate::leave::as_it_likes();
     end_with_parent();
@@ -142,7 +134,6 @@ pub fn run(args: &CasesOfPlugin) -> ExitCode {
     }
 }
 
-/// The wanted kinds.
 fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<NodeKind>>, Diagnostic> {
     let name = |k: &Arc<NodeKind>| k.descriptor().kind.to_string();
     let is_wanted = |k: &&Arc<NodeKind>| wanted.is_none_or(|wanted| wanted == name(k));

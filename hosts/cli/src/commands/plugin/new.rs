@@ -52,7 +52,6 @@ pub struct Args {
 static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
 static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
 
-/// The crates that a plugin in Rust gets.
 static SDK: [(&str, Dir<'_>); 6] = [
     ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
     ("core/node", include_dir!("$CARGO_MANIFEST_DIR/../../core/node")),
@@ -124,7 +123,6 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
     Ok(name)
 }
 
-/// A text among the templates.
 fn template(path: &str) -> io::Result<&'static str> {
     let file = TEMPLATES.get_file(path).and_then(|f| f.contents_utf8());
     file.ok_or_else(|| io::Error::other(format!("the template {path} is missing")))

@@ -74,7 +74,6 @@ pub struct Args {
 /// now and then; that is no fault of the node.
 const WATCH_LIMIT_TICKS: u64 = 10;
 
-/// The computer's clock.
 pub struct ClockTime(pub Instant);
 
 impl Clock for ClockTime {

@@ -30,7 +30,6 @@ struct Trace {
     data: Vec<f32>,
 }
 
-/// Finds the signals in a graph.
 fn traces(schedule: &Schedule) -> [Option<Trace>; 6] {
     let port = |(node, output): (usize, usize)| &schedule.nodes[node].outputs[output];
     let trace = |from| {
@@ -166,7 +165,6 @@ pub struct Effects {
     /// Of each surface: whether it is stiff, whether it is damped.
     walls: Vec<[bool; 2]>,
     surfaces: Vec<Seen>,
-    /// Ticks in which each surface was touched.
     pub touched: Vec<u64>,
     watched: Vec<Watched>,
     contact: Option<Contact>,
@@ -176,11 +174,9 @@ pub struct Effects {
     moments: Vec<Moment>,
 }
 
-/// A node whose output is an effect.
 struct Watched {
     bit: usize,
     node: usize,
-    /// Calls of it so far.
     calls: u64,
     /// Whether its output goes through the gate.
     gated: bool,
@@ -196,7 +192,6 @@ struct Contact {
 }
 
 impl Effects {
-    /// Starts for a scene and its schedule.
     pub fn new(of: OfScene, schedule: &Schedule) -> Self {
         let mut effects = Self::default();
         effects.follow(Some(of), schedule);

@@ -12,7 +12,6 @@ use super::samples;
 use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
 
-/// Writes a sink's buffer after each tick.
 pub struct Recorder {
     rows: Rows,
     from: From,
@@ -29,12 +28,10 @@ pub struct Recorder {
     stopped: Option<(String, bool)>,
 }
 
-/// Recordings that ended.
 #[derive(Debug, Default)]
 pub struct Kept {
     /// Their files, where anything was kept.
     pub written: Vec<PathBuf>,
-    /// Messages for the user.
     pub said: Vec<String>,
     /// Files that are not complete, and why.
     pub cut: Vec<String>,
@@ -245,7 +242,6 @@ impl Recorder {
         kept.written.push(path);
     }
 
-    /// Continues with the same node in a new graph.
     pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
         match &mut self.from {
             From::Input(node) | From::Output(node) => *node = moved(*node),

@@ -17,9 +17,7 @@ pub struct Run<'a> {
     pub args: &'a Args,
     pub ticks: u64,
     pub asked: u64,
-    /// Time that they took \[s\].
     pub elapsed_s: f64,
-    /// Changes that were taken over while it ran.
     pub swaps: Vec<Swapped>,
     pub engine: &'a Engine,
     pub facts: Vec<Vec<Fact>>,

@@ -19,13 +19,10 @@ use crate::load::{Loaded, OfScene};
 
 /// Scene and guards of a graph that the engine takes over in the next tick.
 pub struct Extras {
-    /// The scene that the plot shows.
     pub scene: Option<OfScene>,
-    /// Guards of the file's channels.
     pub output_limits: OutputLimits,
 }
 
-/// The files of a graph that renders.
 pub struct Watch<'a> {
     args: &'a Args,
     kinds: Kinds,
@@ -73,13 +70,11 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Ends. Answers the changes that were sent.
     pub fn finish(mut self) -> Vec<Swapped> {
         self.collect();
         self.swaps.into_values().collect()
     }
 
-    /// Versions of the files that the graph is made of.
     fn stamps(&self) -> Stamps {
         stamps(&self.args.graph, self.kinds.files(), self.controller.schedule())
     }

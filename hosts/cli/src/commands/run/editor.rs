@@ -30,7 +30,6 @@ pub struct Editor {
     args: Args,
     kinds: Arc<Mutex<Kinds>>,
     plugins: Vec<PathBuf>,
-    /// Refuses edits that contradict the machine's file.
     ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
     base: Option<GraphFile>,
@@ -40,7 +39,6 @@ pub struct Editor {
     chosen: Vec<(String, String)>,
     /// Live parameters that the user moved. The next change of a file resets them.
     moved: Vec<Moved>,
-    /// Moves so far.
     moves: u64,
     /// Edits that wait.
     file: Option<FileEdit>,
@@ -48,14 +46,11 @@ pub struct Editor {
     job: Option<Job>,
 }
 
-/// A live parameter that the user moved.
 struct Moved {
     node: String,
     param: String,
     value: f64,
-    /// The move as a setting of the graph.
     setting: String,
-    /// Number of the move.
     at: u64,
 }
 
@@ -70,12 +65,10 @@ enum Edit {
     Choice(String, String),
 }
 
-/// An edit whose graph is being prepared.
 struct Job {
     edit: Edit,
     /// Moves before it began.
     since: u64,
-    /// Stops the thread.
     over: Arc<AtomicBool>,
     /// Whether a device was closed for it, so that it cannot be abandoned.
     exchanges: bool,
@@ -102,7 +95,6 @@ impl Job {
     }
 }
 
-/// A playing graph, its devices and its recordings.
 pub struct Playing<'p> {
     pub graph_controller: &'p mut GraphController,
     pub hands: &'p mut Hands,
@@ -110,7 +102,6 @@ pub struct Playing<'p> {
 }
 
 impl Editor {
-    /// An editor of the graph that the command line names.
     pub fn new(args: &Args) -> Self {
         Self {
             args: args.clone(),
@@ -128,7 +119,6 @@ impl Editor {
         }
     }
 
-    /// Refuses graphs that contradict the machine's file from now on.
     pub fn hold_to(&mut self, ceiling: Option<Ceiling>) {
         self.ceiling = ceiling;
     }
@@ -137,7 +127,6 @@ impl Editor {
         &self.plugins
     }
 
-    /// Reads and compiles the graph that plays first.
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = reloader::lock(&self.kinds);
         let made = reloader::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
@@ -147,7 +136,6 @@ impl Editor {
         Ok(made)
     }
 
-    /// Starts to watch the files that the graph is made of.
     pub fn watch(&mut self, schedule: &Schedule) {
         self.files = Some((Watched::new(self.stamps(schedule)), Instant::now()));
     }
@@ -206,7 +194,6 @@ impl Editor {
         said
     }
 
-    /// Looks whether files have changed.
     fn look(&mut self, schedule: &Schedule) {
         if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
             return;
@@ -259,7 +246,6 @@ impl Editor {
         self.job = Some(Job { edit, since: self.moves, over, exchanges: false, stage });
     }
 
-    /// The order for the graph that runs.
     fn order(&self, playing: &Playing<'_>) -> Order {
         let named = [("--report", &self.args.report)];
         Order {

@@ -21,14 +21,11 @@ pub struct Hands {
     open: HashMap<String, Held>,
     /// Takes the pointer positions of the live page; `None` once the page has it.
     pointer: Option<SampleWriter>,
-    /// Warnings about walls that were said.
     warned: Vec<String>,
 }
 
-/// An open device or socket.
 #[derive(Debug)]
 pub struct Held {
-    /// The node for which it was opened.
     pub node: ScheduledNode,
     handle: Handle,
 }
@@ -140,7 +137,6 @@ fn refused(node: &ScheduledNode, error: Diagnostic) -> Failure {
 /// Devices that were opened for a graph that does not play yet.
 #[derive(Default)]
 pub struct Opened {
-    /// Queues of nodes that devices feed.
     pub queues: DeviceQueues,
     /// Nodes whose devices must be closed before the rest can be opened.
     pub in_the_way: Vec<String>,

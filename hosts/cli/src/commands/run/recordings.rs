@@ -14,7 +14,6 @@ use crate::output::Pending;
 /// How often files and their headers are brought up to date: a killed run loses that much.
 const REFRESH: Duration = Duration::from_secs(1);
 
-/// A sink that writes a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
     pub id: String,
@@ -23,7 +22,6 @@ pub struct Sink {
     port: Option<PortType>,
 }
 
-/// A file that grows.
 struct Recording {
     sink: Sink,
     /// Number of the first graph that it records.
@@ -35,9 +33,7 @@ struct Recording {
 #[derive(Default)]
 pub struct Recordings {
     all: Vec<Recording>,
-    /// Ticks that were not recorded.
     lost: u64,
-    /// When files were last brought up to date.
     refreshed: Option<Instant>,
 }
 

@@ -31,7 +31,6 @@ pub struct Changes {
     pub chosen: Vec<(String, String)>,
 }
 
-/// A graph that can be played.
 pub struct Made {
     /// The file, with the changes of the command line.
     pub base: GraphFile,
@@ -55,14 +54,12 @@ pub struct Order {
     pub begun: Vec<Sink>,
     /// Files that the run writes at its end, by option.
     pub named: Vec<(String, Option<PathBuf>)>,
-    /// Set when the graph is no longer wanted.
     pub over: Arc<AtomicBool>,
 }
 
 /// Files of the graph's plugins, if known, and the graph or why it cannot be prepared.
 pub type Answer = (Option<Vec<PathBuf>>, Result<Ready, Failure>);
 
-/// A graph that may take the place of the running one.
 pub struct Ready {
     pub made: Made,
     pub opened: Opened,
@@ -72,7 +69,6 @@ pub struct Ready {
     pub refused: Option<Failure>,
 }
 
-/// Compiles a graph with the changes of the user.
 pub fn make(
     args: &GraphArgs,
     kinds: &mut Kinds,
@@ -158,7 +154,6 @@ impl Order {
         Ok(opened)
     }
 
-    /// Refuses to go on if the graph is no longer wanted.
     fn wanted(&self) -> Result<(), Failure> {
         let over = self.over.load(Relaxed);
         if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }

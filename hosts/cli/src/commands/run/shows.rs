@@ -15,7 +15,6 @@ use super::Args;
 use super::hands::{Hands, pointers};
 use crate::failure::{Failure, complain};
 
-/// The page, the terminal and the messages of a run.
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
@@ -62,7 +61,6 @@ impl Shows {
         }
     }
 
-    /// Shows the current figures, and the graph if it changed.
     pub fn show(&mut self, view: View, layout: &Layout, schedule: &Schedule, hands: &mut Hands) {
         if let Some(pointer) = hands.take_pointer() {
             match &self.page {
@@ -106,7 +104,6 @@ impl Shows {
     }
 }
 
-/// Device, rates and clock of the run, in a line.
 fn begins(view: &View, layout: &Layout) -> String {
     if view.device.is_empty() {
         return format!("runs at {} ticks/s without audio; Ctrl-C stops", layout.tick_hz);

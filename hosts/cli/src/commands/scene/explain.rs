@@ -25,9 +25,7 @@ use crate::load::{Loaded, OfScene};
 
 /// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
-/// Most surfaces that are listed.
 const MOST_SURFACES: usize = 40;
-/// Most materials that are named.
 const MOST_NAMED: usize = 12;
 
 pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
@@ -46,12 +44,10 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     print_report(args.json, || json(&account, &of_scene, &schedule), || text(&account, &of_scene, &schedule))
 }
 
-/// Figures of one node.
 #[derive(Serialize)]
 struct Work {
     id: String,
     kind: String,
-    /// Calls of `process`.
     calls: u64,
     /// Median.
     us_per_call: f64,
@@ -59,15 +55,11 @@ struct Work {
     us_per_tick: f64,
 }
 
-/// Figures of a run.
 struct Account {
-    /// Ticks that ran.
     ticks: u64,
     /// Median of a tick in which a surface was touched, and of one in the air \[us\].
     tick_us: [f64; 2],
-    /// Nodes in the order in which they run.
     nodes: Vec<Work>,
-    /// Ticks in which each surface was touched.
     touched: Vec<u64>,
     /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.
     active: Vec<u64>,
@@ -159,7 +151,6 @@ fn effects<'a>(account: &'a Account, of_scene: &'a OfScene, contact: &'a [String
     .collect()
 }
 
-/// A model, library, recording or picture.
 #[derive(Serialize)]
 struct Model {
     file: String,

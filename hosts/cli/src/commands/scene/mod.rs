@@ -58,7 +58,6 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Prints the graph that a scene lowers to.
 fn expand(args: &Expand) -> Result<ExitCode, Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { mut graph, compiled, .. }, _) = load_scene(&args.scene, &mut kinds)?;
@@ -105,7 +104,6 @@ fn make_absolute(graph: &mut GraphFile, schedule: &Schedule) {
     }
 }
 
-/// Loads a scene.
 fn load_scene(args: &GraphArgs, kinds: &mut Kinds) -> Result<(Loaded, OfScene), Failure> {
     let (graph, scene) = load::read(args, kinds)?;
     let Some(scene) = scene else {

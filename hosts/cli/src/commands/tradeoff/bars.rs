@@ -11,15 +11,12 @@ use parking_lot::Mutex;
 use crate::failure::{complain, progress};
 use crate::heap;
 
-/// A bar for each stage.
 pub struct Bars {
-    /// Set when the run is to stop.
     pub stop: Arc<AtomicBool>,
     /// Counts of parts: of accuracy, and of times.
     pub parts: (u64, u64),
     pub quiet: bool,
     pub bar: Mutex<ProgressBar>,
-    /// Whether the end was said.
     pub told: AtomicBool,
 }
 

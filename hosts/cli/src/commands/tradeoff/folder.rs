@@ -8,10 +8,8 @@ use asperity_tradeoff::{Figure, Results};
 use crate::failure::{Failure, wrong};
 use crate::output::{Pending, keep_all, resolved};
 
-/// The file that other commands read.
 const JSON: &str = "results.json";
 
-/// Makes the folder where it does not exist.
 pub fn make(folder: &Path) -> Result<(), Failure> {
     let fail = |e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder);
     Ok(std::fs::create_dir_all(folder).map_err(fail)?)
@@ -38,7 +36,6 @@ pub fn check(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
     ))
 }
 
-/// Whether there are results.
 pub fn has_results(folder: &Path) -> bool {
     folder.join(JSON).is_file()
 }

@@ -21,7 +21,6 @@ use crate::number::whole;
 use bars::Bars;
 pub use folder::read as read_results;
 
-/// The trade-off that runs where none is named.
 const SHIPPED: (&str, &str) =
     ("tradeoffs/shipped.ron (shipped)", include_str!("../../../../../graphs/tradeoffs/shipped.ron"));
 /// Exit code after an interrupt, as of a shell.
@@ -228,7 +227,6 @@ fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Text for the terminal.
 fn summary(results: &Results, written: &[PathBuf]) -> String {
     let shown = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence]
         .into_iter()
@@ -240,7 +238,6 @@ fn summary(results: &Results, written: &[PathBuf]) -> String {
     out + &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n")
 }
 
-/// Number of settings, in words.
 pub fn count(results: &Results) -> String {
     match results.rows.len() {
         1 => "one setting".to_owned(),
@@ -248,7 +245,6 @@ pub fn count(results: &Results) -> String {
     }
 }
 
-/// This machine.
 pub fn machine() -> Machine {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model =
@@ -262,7 +258,6 @@ pub fn machine() -> Machine {
     }
 }
 
-/// A path without `FOLDER/..`.
 fn tidy(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {
