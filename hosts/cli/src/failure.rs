@@ -15,6 +15,8 @@ pub enum Failure {
     Input(Vec<Diagnostic>),
     /// The machine failed, such as a full disk: exit code 1.
     Machine(String),
+    /// All is said: the exit code.
+    Said(u8),
 }
 
 impl From<Diagnostic> for Failure {
@@ -37,6 +39,11 @@ pub fn wrong(at: impl Into<PathBuf>, what: impl Into<String>, help: impl Into<St
 impl Failure {
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
         Self::Machine(format!("cannot write {}: {}", path.display(), without_path(error)))
+    }
+
+    /// Exit code 1 without more words, where something failed.
+    pub fn said(failed: bool) -> Result<(), Self> {
+        if failed { Err(Self::Said(1)) } else { Ok(()) }
     }
 
     /// Adds the option that names the file.
@@ -66,6 +73,7 @@ impl Failure {
         match self {
             Failure::Input(all) => all.first().map(|d| clean(&d.message)).unwrap_or_default(),
             Failure::Machine(message) => message.clone(),
+            Failure::Said(code) => format!("exit code {code}"),
         }
     }
 
@@ -82,6 +90,7 @@ impl Failure {
                 ExitCode::from(if machine { 1 } else { 2 })
             }
             Failure::Machine(_) => ExitCode::from(1),
+            Failure::Said(code) => ExitCode::from(*code),
         }
     }
 
@@ -99,6 +108,7 @@ impl Failure {
                 let help = open_files(message).map(|help| format!("  help: {help}\n"));
                 format!("error: {message}\n{}", help.unwrap_or_default())
             }
+            Failure::Said(_) => String::new(),
         }
     }
 }
@@ -148,9 +158,8 @@ pub fn print_report<T: Serialize>(
     json: bool,
     value: impl FnOnce() -> T,
     text: impl FnOnce() -> String,
-) -> Result<ExitCode, Failure> {
-    print(&if json { self::json(&value())? } else { text() })?;
-    Ok(ExitCode::SUCCESS)
+) -> Result<(), Failure> {
+    print(&if json { self::json(&value())? } else { text() })
 }
 
 pub fn json(value: &impl Serialize) -> Result<String, Failure> {

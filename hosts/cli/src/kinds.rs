@@ -52,9 +52,9 @@ impl Kinds {
     pub fn judge<T>(&self, found: Result<T, Failure>) -> Result<T, Failure> {
         match found {
             _ if self.left_out.is_empty() => found,
-            Err(Failure::Machine(what)) => Err(Failure::Machine(what)),
             Err(Failure::Input(errors)) => Err([self.left_out.clone(), errors].concat().into()),
             Ok(_) => Err(self.left_out.clone().into()),
+            failed => failed,
         }
     }
 

@@ -115,7 +115,7 @@ fn main() -> ExitCode {
         Command::Plugin(command) => plugin::run(&command),
         Command::Trust(args) => trust::run(&args),
     };
-    result.unwrap_or_else(|failure| failure.report())
+    result.map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
 }
 
 /// Environment variable that names the best instruction set to use.

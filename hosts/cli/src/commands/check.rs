@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::process::ExitCode;
 
 use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, Step};
 use asperity_node::{Fact, FactValue};
@@ -24,12 +23,12 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
-    let code = print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
+    print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
     load::warnings(&schedule).iter().for_each(|warning| warn(warning));
-    Ok(code)
+    Ok(())
 }
 
 fn text_of(schedule: &Schedule) -> String {

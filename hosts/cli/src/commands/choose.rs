@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::one_of;
 use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
@@ -43,7 +42,7 @@ pub struct Args {
 }
 
 /// Runs the command. Exit code 1 where no setting is within the budget.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
         None => (Results::parse(SHIPPED).map_err(Failure::Machine)?, "the shipped trade-off".to_owned()),
@@ -58,7 +57,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     known(&results, &budget.by, &from)?;
     let Some(choice) = results.choose(&budget) else {
         complain(&nothing(&results, &budget, &from));
-        return Ok(ExitCode::from(1));
+        return Err(Failure::Said(1));
     };
     let row = choice.row;
     let value = || {

@@ -1,7 +1,6 @@
 //! `asperity devices`: lists audio hosts and devices.
 
 use std::fmt::Write as _;
-use std::process::ExitCode;
 
 use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
 
@@ -15,7 +14,7 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let hosts = asperity_audio::hosts();
     print_report(args.json, || &hosts, || text(&hosts))
 }

@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
 use asperity_texture::{
@@ -68,7 +67,7 @@ type Vector = [f32; VECTOR_LEN];
 
 const LISTED: usize = 5;
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     let name = name(args)?;
     if library.materials().iter().any(|m| m.name == name) {
@@ -109,8 +108,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     };
     let (shown, will) = (clean(&name), clean(&gets));
     if args.dry_run {
-        print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"))?;
-        return Ok(ExitCode::SUCCESS);
+        return print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"));
     }
     let from = match vectors.len() {
         1 => "a picture".to_owned(),
@@ -126,8 +124,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         vector: library.assign(&mean, how),
     };
     add(&args.library, &material)?;
-    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))?;
-    Ok(ExitCode::SUCCESS)
+    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))
 }
 
 fn name(args: &Args) -> Result<String, Failure> {

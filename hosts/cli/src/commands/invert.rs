@@ -1,7 +1,6 @@
 //! `asperity invert`: turns magnitude frames into a signal.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use asperity_accuracy::npy;
@@ -37,7 +36,7 @@ pub struct Args {
     pub plugins: PluginArgs,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     if resolved(&args.out) == resolved(&args.magnitudes) {
         return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));
     }
@@ -69,7 +68,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (out, samples, count) = (args.out.display(), signal.len(), frames.count());
     print(&format!("wrote {out}: {samples} samples at {rate} Hz from {count} frames\n"))?;
     match faults {
-        0 => Ok(ExitCode::SUCCESS),
+        0 => Ok(()),
         n => Err(Failure::Machine(format!("the node failed {n} times; these ticks are silent"))),
     }
 }

@@ -1,7 +1,6 @@
 //! `asperity nodes`: lists and describes kinds of nodes.
 
 use std::fmt::Write as _;
-use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, Input, Output, Param, ParamKind, ParamValue};
@@ -23,7 +22,7 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let registry = kinds::registry(&args.plugins.plugin)?;
     if let Some(name) = &args.kind {
         let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));

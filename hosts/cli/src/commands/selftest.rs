@@ -2,7 +2,6 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_checks::{Case, Effort, Outcome, Subject, Verdict, cases};
 use asperity_diagnostics::{Diagnostic, one_of};
@@ -61,7 +60,7 @@ pub struct Args {
     pub quiet: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let chosen = chosen(args)?;
     let (graph, registry) = subject(args)?;
     let mut subject = Subject::new(registry).effort(match args.effort {
@@ -108,7 +107,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         };
         print(&format!("\n{held} hold, {failed} failed, {other} not applicable{more}\n"))?;
     }
-    Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Failure::said(failed > 0)
 }
 
 fn chosen(args: &Args) -> Result<Vec<&'static Case>, Failure> {

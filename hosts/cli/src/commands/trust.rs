@@ -6,7 +6,6 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
@@ -30,7 +29,7 @@ pub struct Args {
 /// More trusted folders, separated as in `PATH`: for machines without a user.
 const VARIABLE: &str = "ASPERITY_TRUST";
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     match &args.folder {
         Some(folder) if args.remove => {
             remove(folder)?;
@@ -45,7 +44,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             print(if lines.is_empty() { "no folder is trusted\n" } else { &lines })?;
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Whether a file lies in or below a trusted folder; links are followed.

@@ -9,7 +9,6 @@ mod tests;
 
 use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
@@ -120,7 +119,7 @@ pub struct Args {
 /// Least ratio of the masses of two handles.
 const APART: f64 = 1.05;
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
         return Err(wrong(
             "--second-mass-g",
@@ -132,7 +131,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 /// Measures and writes. Calls `change` with the mass that the handle must get \[g\].
-fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<ExitCode, Failure> {
+fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<(), Failure> {
     let amplifier = amplifier(args)?;
     check(args)?;
     let handles = [("--handle-mass-g", Some(args.handle_mass_g)), ("--second-mass-g", args.second_mass_g)];
@@ -174,7 +173,7 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
     }
     report.written = keep_all(files)?;
     print_report(args.json, || report.json(trusted), || report.text(trusted))?;
-    Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Failure::said(!trusted)
 }
 
 fn check(args: &Args) -> Result<(), Failure> {

@@ -9,7 +9,6 @@ mod tests;
 mod vectors;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
@@ -52,7 +51,7 @@ pub struct Args {
 /// Writes the result in one form.
 type Text = fn(&Set, &Outcome, &[Row]) -> String;
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let registry = kinds.registry(None)?;
     let set = match &args.vectors {

@@ -3,7 +3,6 @@
 mod report;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use asperity_accuracy::npy;
@@ -104,7 +103,7 @@ const CHANCES: f64 = 4.0;
 /// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     check(args)?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;

@@ -8,7 +8,6 @@ mod chain;
 mod loopback;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::{Arg, ArgGroup};
 use serde_json::{Value, json};
@@ -77,7 +76,7 @@ fn with_graph_or_device(arg: Arg) -> Arg {
     }
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
         return Err(wrong(
@@ -92,7 +91,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let around = clicks.map(|made| loopback::measure(args, made)).transpose()?;
     let around = around.as_ref();
     print_report(args.json, || as_json(&chains, around), || text(&chains, around))?;
-    Ok(if around.is_some_and(|a| !a.agrees()) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Failure::said(around.is_some_and(|a| !a.agrees()))
 }
 
 fn text(chains: &[Chain], around: Option<&Loopback>) -> String {

@@ -6,7 +6,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -30,7 +30,7 @@ const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
 
-pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
+pub fn run(args: &CheckPlugin) -> Result<(), Failure> {
     let asked = &args.cases.case;
     let names = || node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]);
     if let Some(unknown) = asked.iter().find(|asked| names().all(|name| name != *asked)) {
@@ -76,7 +76,7 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
         (Ok(Ended::Broke { how, .. }), _) => how,
         // The loader reports a plugin that does not load.
         (Err(Failure::Input(_)), _) => return Ok(()),
-        (Err(Failure::Machine(what)), _) => return Err(Diagnostic::new(what).in_file(path)),
+        (Err(other), _) => return Err(Diagnostic::new(other.reason()).in_file(path)),
     };
     let what = format!("tried in another process, this plugin {did}");
     Err(Diagnostic::new(what).in_file(path).help("`asperity plugin check` says more"))
@@ -186,7 +186,7 @@ impl Checker<'_> {
         if self.json { Ok(()) } else { print(&line) }
     }
 
-    fn finish(&self) -> Result<ExitCode, Failure> {
+    fn finish(&self) -> Result<(), Failure> {
         let count = |verdict: &str| self.rows.iter().filter(|r| r.verdict == verdict).count();
         let (passed, failed, other) = (count("pass"), count("fail"), count("not applicable"));
         if self.json {
@@ -201,7 +201,7 @@ impl Checker<'_> {
         } else {
             print(&format!("\n{passed} passed, {failed} failed, {other} not applicable\n"))?;
         }
-        Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+        Failure::said(failed > 0)
     }
 }
 

@@ -5,7 +5,6 @@ use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -19,6 +18,7 @@ use serde_json::{Map, Value};
 use super::CasesOfPlugin;
 use super::heap::Counter;
 use super::surroundings::{SURROUNDINGS, Surroundings};
+use crate::failure::Failure;
 
 /// Name of the row with the time of a tick.
 pub const TIME: &str = "time";
@@ -121,17 +121,14 @@ fn end_with_parent() {
     }
 }
 
-pub fn run(args: &CasesOfPlugin) -> ExitCode {
+pub fn run(args: &CasesOfPlugin) -> Result<(), Failure> {
     crate::leave::as_it_likes();
     end_with_parent();
-    let Ok(line) = Line::open() else { return ExitCode::FAILURE };
-    match checked(args, &line) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(d) => {
-            line.say(&Message::Refused { message: d.message, help: d.help });
-            ExitCode::from(2)
-        }
-    }
+    let line = Line::open().map_err(|_| Failure::Said(1))?;
+    checked(args, &line).map_err(|d| {
+        line.say(&Message::Refused { message: d.message, help: d.help });
+        Failure::Said(2)
+    })
 }
 
 fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<NodeKind>>, Diagnostic> {

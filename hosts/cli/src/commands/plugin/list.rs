@@ -1,7 +1,5 @@
 //! `asperity plugin list`: the plugins that are found, and where.
 
-use std::process::ExitCode;
-
 use asperity_loader::{Found, Loader, PATH_VARIABLE};
 use serde_json::json;
 
@@ -20,7 +18,7 @@ pub struct Args {
 }
 
 /// Runs the command. A plugin that does not load is a row like any other.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut loader = Loader::default();
     let mut files = Vec::new();
     for name in &args.plugins.plugin {

@@ -1,7 +1,6 @@
 //! `asperity plugin new`: a folder with a plugin that builds, to be changed.
 
 use std::path::Path;
-use std::process::ExitCode;
 use std::{fs, io};
 
 use asperity_diagnostics::Diagnostic;
@@ -70,7 +69,7 @@ const RESERVED: &str = "\
     stdc struct super test trait true try type typeof union unsafe unsized use virtual where while \
     yield";
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let name = checked(&args.name)?;
     let folder = Path::new(&args.name);
     if folder.exists() {
@@ -97,8 +96,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     print(&format!(
         "made {folder}: a plugin with the kind `{name}`. Next:\n\n    cd {folder}\n    {build}\n    \
          asperity plugin check {library}\n{compare}"
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    ))
 }
 
 /// The last part of the path, as the name of a crate and a kind.

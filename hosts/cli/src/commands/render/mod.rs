@@ -6,7 +6,6 @@ pub mod report;
 mod watch;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -82,7 +81,7 @@ impl Clock for ClockTime {
     }
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
     let Loaded { compiled, scene, .. } = load_with_probes(args, &mut kinds)?;
@@ -160,7 +159,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&run.summary(&written))?;
     }
-    Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    if done < ticks { Err(Failure::Said(INTERRUPTED)) } else { Ok(()) }
 }
 
 fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {

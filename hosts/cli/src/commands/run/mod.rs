@@ -8,7 +8,6 @@ mod report;
 mod shows;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -82,7 +81,7 @@ const LATE_S: f64 = 1.0;
 /// How long the end of a run waits for devices to close: they ramp their force down within 100 ms.
 const LET_GO: Duration = Duration::from_millis(200);
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut editor = Editor::new(args);
     let Made { graph, compiled, materials, .. } = editor.make()?;
     let schedule = &compiled.schedule;
@@ -153,7 +152,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         _ => Ok(()),
     };
     outcome.and(came_back).and(reported).and(recorded)?;
-    Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Failure::said(ended.view.condition == Condition::Failed)
 }
 
 fn not_opened(error: asperity_live::SessionError) -> Failure {

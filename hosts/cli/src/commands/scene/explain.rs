@@ -3,7 +3,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_accuracy::timing::Timing;
 use asperity_engine::{Engine, Options};
@@ -28,7 +27,7 @@ const MOST_S: f64 = 60.0;
 const MOST_SURFACES: usize = 40;
 const MOST_NAMED: usize = 12;
 
-pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
+pub fn run(args: &Explain) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
     let schedule = compiled.schedule.clone();

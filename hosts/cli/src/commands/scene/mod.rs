@@ -3,7 +3,6 @@
 mod explain;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::{GraphFile, Schedule};
@@ -51,14 +50,14 @@ pub struct Explain {
     pub json: bool,
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Failure> {
+pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Expand(args) => expand(args),
         Command::Explain(args) => explain::run(args),
     }
 }
 
-fn expand(args: &Expand) -> Result<ExitCode, Failure> {
+fn expand(args: &Expand) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { mut graph, compiled, .. }, _) = load_scene(&args.scene, &mut kinds)?;
     make_absolute(&mut graph, &compiled.schedule);
@@ -69,8 +68,7 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
          // Passivity is checked of the scene, not of this graph.\n{graph}"
     );
     let Some(out) = &args.out else {
-        print(&text)?;
-        return Ok(ExitCode::SUCCESS);
+        return print(&text);
     };
     let another = "name another file in the same folder";
     if resolved(out) == resolved(&args.scene.graph) {
@@ -87,8 +85,7 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
         ));
     }
     write_text(out, &text)?;
-    print(&format!("wrote {}\n", out.display()))?;
-    Ok(ExitCode::SUCCESS)
+    print(&format!("wrote {}\n", out.display()))
 }
 
 /// Makes paths of the command line absolute: those in a graph are relative to its folder.

@@ -4,7 +4,6 @@ mod bars;
 mod folder;
 
 use std::path::{Component, Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place, Source};
@@ -14,7 +13,7 @@ use indicatif::ProgressBar;
 use parking_lot::Mutex;
 
 use crate::failure::{Failure, be_quiet, print, warn, wrong};
-use crate::leave::stop_flag;
+use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::{self, PluginArgs};
 use crate::number::whole;
 
@@ -23,8 +22,6 @@ pub use folder::read as read_results;
 
 const SHIPPED: (&str, &str) =
     ("tradeoffs/shipped.ron (shipped)", include_str!("../../../../../graphs/tradeoffs/shipped.ron"));
-/// Exit code after an interrupt, as of a shell.
-const INTERRUPTED: u8 = 130;
 
 /// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
 ///
@@ -82,7 +79,7 @@ pub struct Merge {
     pub quiet: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(More::Merge(merge)) = &args.command {
         return self::merge(merge);
     }
@@ -130,7 +127,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let finished = results.rows.iter().any(Row::is_finished);
     if stopped && !finished && (results.rows.is_empty() || folder::has_results(out)) {
         warn("no setting is finished, and no results are written; the same command resumes");
-        return Ok(ExitCode::from(INTERRUPTED));
+        return Err(Failure::Said(INTERRUPTED));
     }
     let written = folder::write(out, &results)?;
     if !args.quiet {
@@ -138,14 +135,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     }
     if stopped {
         warn(&format!("{} settings are not finished; the same command resumes", results.unfinished));
-        return Ok(ExitCode::from(INTERRUPTED));
+        return Err(Failure::Said(INTERRUPTED));
     }
     if results.rows.iter().all(|row| row.error.is_some()) {
         let why = results.default_row().and_then(|row| row.error.clone()).unwrap_or_default();
         warn(&format!("no setting runs: {why}"));
-        return Ok(ExitCode::FAILURE);
+        return Err(Failure::Said(1));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// An error in a file, with the place where the trade-off names that file.
@@ -211,7 +208,7 @@ fn loaded(path: &Path, plugins: &PluginArgs, set: &[String]) -> Result<LoadedGra
     Ok(LoadedGraph { name, graph, file: whole, registry, strength: 1.0, plugins })
 }
 
-fn merge(args: &Merge) -> Result<ExitCode, Failure> {
+fn merge(args: &Merge) -> Result<(), Failure> {
     folder::keep_apart(&args.from, &args.out)?;
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
@@ -224,7 +221,7 @@ fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&summary(&results, &written))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 fn summary(results: &Results, written: &[PathBuf]) -> String {
