@@ -31,8 +31,7 @@ pub struct CardArgs {
     /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
     #[arg(long, value_name = "HOST")]
     pub host: Option<String>,
-    /// Device to play on: its name, its id, or HOST:ID. By default the host's default device; a device that
-    /// is named is never replaced by another
+    /// Device to play on: its name, its id, or HOST:ID. By default the host's; a named one is never replaced
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Requested buffer size in frames. The device may choose another
@@ -41,8 +40,7 @@ pub struct CardArgs {
     /// Sample format of the device: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]
     pub device_format: Option<String>,
-    /// File that says which actuator and amplifier stand behind each channel; by default your own. No graph
-    /// can raise its limits
+    /// File of the actuator and amplifier behind each channel; by default your own. No graph can exceed it
     #[arg(long, value_name = "FILE")]
     pub machine: Option<PathBuf>,
     /// Share the actuator with another run: each gets half of every limit, and both must use --share
@@ -61,8 +59,7 @@ pub struct DeviceArgs {
     /// Device to record from, for `audio_in`; by default the same host's default
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
-    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
-    /// paced
+    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
     #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
     /// Give up when the device is lost, instead of waiting for it
@@ -78,8 +75,7 @@ pub struct OutputArgs {
     /// Channel of the device, from 1; by default 1
     #[arg(long, value_name = "N", value_parser = channel)]
     pub channel: Option<u16>,
-    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
-    /// paced
+    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
     #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
 }
@@ -219,8 +215,7 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
     }
 }
 
-/// The error for a device that cannot be opened, with the option that is wrong and help. A `graph` file has
-/// rate and input channels of its own; else the command has options for them.
+/// The error for a device that cannot be opened. A graph file sets rate and channels itself: `graph`.
 pub fn not_opened(error: SessionError, graph: bool) -> Failure {
     let e = match error {
         SessionError::Device(e) => e,
@@ -294,8 +289,7 @@ pub fn absolute(profile: &str) -> Result<String, Failure> {
 /// Ticks a second of the graphs that commands make.
 pub const TICK_HZ: f64 = 500.0;
 
-/// A graph from its nodes and wires; errors call it `name`. They show no place in its text, which no user
-/// wrote.
+/// A graph from nodes and wires, called `name`. Errors show no place in its text, which no user wrote.
 pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
     let text = format!(
         "Graph(version: 1, tick_hz: {TICK_HZ:.0}, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])"

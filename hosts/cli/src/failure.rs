@@ -131,9 +131,7 @@ pub fn without_path(error: impl fmt::Display) -> String {
     error.to_string().split(" at path ").next().unwrap_or_default().to_owned()
 }
 
-/// Help for an error of too many open files; `None` for any other.
-///
-/// It looks at the text: wrappers of an I/O error seldom keep its type.
+/// Help for an error of too many open files, found in its text: wrappers seldom keep the type of an error.
 fn open_files(message: &str) -> Option<&'static str> {
     let found = message.split_once("Too many open files")?.1;
     Some(match found.starts_with(" in system") {

@@ -42,8 +42,7 @@ impl Kinds {
         Self { apart, ..self }
     }
 
-    /// For a graph that is inspected: untrusted plugins are left out, and [`judge`](Self::judge) reports
-    /// them.
+    /// For a graph that is only inspected: untrusted plugins are left out, and `judge` reports them.
     pub fn looking(self) -> Self {
         Self { looks: true, ..self }
     }
@@ -62,14 +61,12 @@ impl Kinds {
         &self.files
     }
 
-    /// Says that a graph plays from now on: new code is tried in another process first, and nobody is
-    /// asked.
+    /// From now on a graph plays: new code is tried in another process first, and nobody is asked.
     pub fn plays(&mut self) {
         self.plays = true;
     }
 
-    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin
-    /// path.
+    /// All kinds that a graph may use. A bad plugin on the plugin path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
         let mut merged = Merged { registry: built_in(), from: HashMap::new(), apart: self.apart };
         self.files.clear();
@@ -108,8 +105,7 @@ impl Kinds {
         Ok(merged.registry)
     }
 
-    /// Whether a plugin that a graph names may be loaded: its folder is trusted, or the command line or the
-    /// plugin path names it too.
+    /// Whether a graph may load a plugin: its folder is trusted, or the user names it.
     fn may_load(&mut self, path: &Path, place: &Place) -> bool {
         let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let is_it = |other: PathBuf| other.canonicalize().is_ok_and(|other| whole == other);
@@ -123,8 +119,7 @@ impl Kinds {
         !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
     }
 
-    /// Loads a plugin. While a graph plays, new code is tried in another process first: it could end the
-    /// run.
+    /// Loads a plugin. While a graph plays, its code is tried in another process first.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         let plays = self.plays;
         self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })

@@ -56,10 +56,7 @@ pub fn now(code: u8) -> ! {
     std::process::exit(code.into())
 }
 
-/// Set when the user asks to stop. The third time, the program ends at once: what runs may not listen, such
-/// as a plugin in an endless loop.
-///
-/// The whole program has one flag, also where a command plays several times.
+/// The program's one flag that the user asks to stop. The third time, the program ends at once.
 pub fn stop_flag() -> Arc<AtomicBool> {
     static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     let make = || {

@@ -53,8 +53,7 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// An actuator on 100 g, 1 A at full scale, and an accelerometer of 100 m/s^2 at full scale without
-    /// noise.
+    /// An actuator on 100 g, 1 A at full scale; an accelerometer of 100 m/s^2 at full scale without noise.
     pub fn new(profile: ActuatorProfile) -> Self {
         Self {
             profile,

@@ -19,8 +19,7 @@ pub struct Args {
     /// Offline methods: griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
-    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1
-    /// s
+    /// Magnitudes of unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart: float32 [frames, bins], bin 0 first
     #[arg(long, value_name = "S.npy")]
     pub magnitudes: PathBuf,
     /// Sample rate of the signal

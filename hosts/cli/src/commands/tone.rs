@@ -82,8 +82,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Level of the tone behind the limiter, the card's full scale and the ramp \[A peak\]: its maximum, and
-/// the steady level. The graph runs without a device.
+/// Maximum and steady level of the tone behind limiter, full scale and ramp \[A peak\], without a device.
 fn peaks(compiled: Compiled, args: &Args) -> [f64; 2] {
     let full_scale = args.actuator.amps_per_volt * args.actuator.volts_at_full_scale;
     let Some(out) = compiled.schedule.index_of("out") else { return [args.amps.min(full_scale); 2] };

@@ -71,9 +71,7 @@ pub fn not_read(
     }
 }
 
-/// Refuses two outputs in one file, and outputs in the place of files that are read.
-///
-/// `named` are outputs that options or earlier graphs name.
+/// Refuses two outputs in one file, or in a file that is read; `named` are outputs of options.
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &Schedule,
@@ -131,8 +129,7 @@ impl Watched {
         Self { before: now.clone(), known: now, since: None }
     }
 
-    /// Files that changed, once their writer has finished: they look the same twice in a row.
-    /// A file that is written all the time counts as finished after a second.
+    /// Files that changed and look the same twice in a row, or that are written for a second.
     pub fn changed(&mut self, now: &Stamps) -> Option<Vec<PathBuf>> {
         let changed = *now != self.known;
         self.since = if changed { self.since.or_else(|| Some(Instant::now())) } else { None };
@@ -146,8 +143,7 @@ impl Watched {
         settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())
     }
 
-    /// Watches the files of the graph that runs from now on. `seen` are the versions from before it was
-    /// read: files that changed meanwhile are reported again.
+    /// Watches the files of a new graph. What changed since `seen`, before it was read, is reported again.
     pub fn know(&mut self, after: Stamps, seen: &Stamps) {
         self.known = after;
         for (path, stamp) in seen {

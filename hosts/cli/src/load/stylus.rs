@@ -21,8 +21,7 @@ pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(
     Ok(())
 }
 
-/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without
-/// `_input`.
+/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`, where KIND may lack its `_input`.
 pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let mut hands = registry.with_role(Role::Hand);

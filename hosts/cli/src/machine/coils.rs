@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Machine;
 
-/// Environment variable that names the folder of the seats; empty for none. Simulated cards, which have no
-/// coil, use seats only if it is set.
+/// Names the folder of the seats; empty for none. Simulated cards, which have no coil, need it for seats.
 const FOLDER: &str = "ASPERITY_STATE";
 /// At most two processes share a channel.
 const SEATS: usize = 2;
@@ -286,8 +285,7 @@ impl Clock {
         Self { at_s, boot: if up.is_some() { boot } else { 0 }, up_s: up.unwrap_or(0.0) }
     }
 
-    /// Seconds since an earlier time; `None` if the clock went back. A clock that was set ahead since the
-    /// machine started cools no coil.
+    /// Seconds since `before`; `None` if the clock went back. A clock that was set ahead cools no coil.
     fn since(&self, before: &Self) -> Option<f64> {
         let wall = self.at_s - before.at_s;
         let up = (self.boot == before.boot && self.boot != 0).then_some(self.up_s - before.up_s);

@@ -58,10 +58,7 @@ impl Pending {
         Ok(Self::with(path, temp, there))
     }
 
-    /// Creates a recording: a file called `NAME.recording` while it grows, which stays if the run is
-    /// killed.
-    ///
-    /// A recording that an earlier run left is completed first, under a name with a number.
+    /// Creates a file called `NAME.recording` until it ends, also by a kill. Completes one that was left.
     pub fn recording(path: &Path) -> Result<Self, Failure> {
         let (path, there) = free(path)?;
         let name = format!("{}{GROWING}", path.file_name().unwrap_or_default().to_string_lossy());

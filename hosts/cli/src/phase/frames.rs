@@ -18,8 +18,7 @@ pub struct Frames {
     bins: Vec<f32>,
 }
 
-/// Refuses a rate at which 0.1 s is not a whole number of samples. `what` names its origin, such as `--rate
-/// 44`.
+/// Refuses a rate, called `what`, at which 0.1 s is not a whole number of samples.
 pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
     if RATES.contains(&rate_hz) && rate_hz.is_multiple_of(10) {
         return Ok(());
@@ -31,8 +30,7 @@ pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
 }
 
 impl Frames {
-    /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a
-    /// second. Values that are negative or not finite become 0; answers their number.
+    /// Frames of unscaled Hann-windowed DFTs of 0.1 s. Bad values become 0; answers their number.
     pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;

@@ -64,8 +64,7 @@ pub struct Played {
 }
 
 impl Method {
-    /// Parses `KIND` or `KIND:param=value,...`. KIND may be an offline method, or `default`: the node of
-    /// the shipped graph, with its settings. [`Chain::new`] checks the parameters of a node.
+    /// Parses `KIND:param=value,...`; KIND may be an offline method, or `default` of the shipped graph.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
         let settings = settings.split(',').map(str::trim).filter(|s| !s.is_empty());
@@ -96,8 +95,7 @@ impl Method {
         matches!(self.how, How::Offline(..))
     }
 
-    /// The output for these frames. Calls `took` for each frame with the time of the node and `overlap_add`
-    /// \[ns\].
+    /// The output for these frames. Calls `took` with each frame's time of node and `overlap_add` \[ns\].
     pub fn play<C: Clock>(
         &self,
         registry: &Registry,
@@ -210,8 +208,7 @@ impl Chain {
         Ok(Self { engine, frames: frames.clone(), timed, node, probe, latency })
     }
 
-    /// Runs all frames and answers their signal without the declared latency: sample i is sample i of the
-    /// frames. Calls `took` for each frame with the time of node and `overlap_add` \[ns\].
+    /// The signal of all frames without the declared latency: sample i is sample i of the frames.
     pub fn signal<C: Clock>(&mut self, clock: &C, took: impl FnMut(u64)) -> Vec<f32> {
         let (num, den) = self.latency.as_ratio();
         let rate_hz = i128::from(self.frames.layout().rate_hz);

@@ -22,8 +22,7 @@ pub fn audio_kind(kind: &'static str) -> Descriptor {
         )
 }
 
-/// Puts out the number of each sample, `late` samples later (earlier if negative), which it declares as
-/// latency.
+/// Puts out the number of each sample, `late` samples later, which it declares as latency.
 pub struct Counter {
     late: i64,
     rate_hz: u32,
@@ -52,8 +51,7 @@ impl Processor for Counter {
     fn reset(&mut self) {}
 }
 
-/// Plays a sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a
-/// failure.
+/// A sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a failure.
 pub struct Tone {
     levels: Vec<f32>,
     rate_hz: u32,

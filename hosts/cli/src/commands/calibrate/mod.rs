@@ -53,23 +53,19 @@ pub struct Args {
     /// Profile to write; nothing is written unless all succeeds
     #[arg(long, value_name = "PROFILE.ron")]
     pub out: PathBuf,
-    /// Mass of the handle with all that is fixed to it: the actuator's housing and the accelerometer, but
-    /// not the mover
+    /// Mass of the handle with housing and accelerometer, but without the mover
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub handle_mass_g: f64,
-    /// Measure a second time, with the handle at this mass: this gives the moving mass too. Waits for Enter
-    /// in between
+    /// Wait for Enter, and measure again at this mass of the handle: this gives the moving mass too
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub second_mass_g: Option<f64>,
     /// Uncertainty of the handle's mass: half of the 95 % interval
     #[arg(long, default_value_t = 1.0, value_name = "PERCENT", value_parser = number(0.01, 50.0, "%"))]
     pub mass_uncertainty: f64,
-    /// Acceleration in m/s^2 at full scale of the card's input: its volts there, divided by the
-    /// accelerometer's volts per m/s^2
+    /// Acceleration at full scale of the card's input: its volts there / the accelerometer's volts per m/s^2
     #[arg(long, value_name = "M/S2", value_parser = number(1e-3, 1e6, "m/s^2"))]
     pub accelerometer_full_scale: f64,
-    /// The actuator whose limits hold, and whose figures are used where none is measured: a shipped profile
-    /// or a .ron file
+    /// Profile whose limits hold, and whose figures are used where none is measured: a shipped one or a file
     #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
     pub base: String,
     /// Peak of the sweep's current; by default 0.1

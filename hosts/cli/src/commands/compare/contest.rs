@@ -145,8 +145,7 @@ pub fn published(set: &Set) -> Vec<Row> {
     rows
 }
 
-/// Sorts rows by their mean rank in spectral convergence over the vectors. A missing score is the last
-/// rank.
+/// Sorts rows by their mean rank in spectral convergence. A missing score is the last rank.
 fn sort(rows: &mut [Row]) {
     let db = |row: &Row| -> Vec<f64> {
         row.scores.values().map(|s| s.map_or(f64::INFINITY, |s| s.convergence_db)).collect()

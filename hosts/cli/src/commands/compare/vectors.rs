@@ -84,9 +84,7 @@ impl Vector {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
 
-    /// Roughness of the magnitudes over frequency: the mean second difference of their logarithms, over
-    /// bins within 40 dB of their frame's maximum. The output of a network trained on squared errors, a
-    /// mean spectrum, is smooth.
+    /// Mean second difference of log magnitudes over frequency, within 40 dB of each frame's maximum.
     pub fn roughness(&self) -> f64 {
         let bins = self.frames.layout().bins as usize;
         let (mut sum, mut count) = (0.0, 0_u64);

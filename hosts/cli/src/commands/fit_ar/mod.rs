@@ -56,8 +56,7 @@ pub struct Args {
     /// Rate of the models
     #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
     pub model_hz: u32,
-    /// Corner of the high-pass against gravity and the hand's motion, at most a tenth of the models' rate;
-    /// 0 for none
+    /// Corner of the high-pass against slow motion, at most a tenth of the models' rate; 0 for none
     #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
     pub high_pass_hz: f64,
     /// Shortest segment of constant speed and force to fit

@@ -30,8 +30,7 @@ pub struct Ready {
     end: usize,
 }
 
-/// Prepares every graph, so that errors come before any measurement. A setting changes only the graphs that
-/// have its parameter; a note names the others. If no graph has it, that is an error.
+/// Prepares every graph. A setting changes the graphs that have it; one that none has is an error.
 pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     let mut drafts = Vec::new();
     for path in &args.graphs {
@@ -60,8 +59,7 @@ pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     drafts.into_iter().map(ready).collect()
 }
 
-/// Whether a graph has the parameter of an assignment. Every graph has the graph's own settings, such as
-/// `seed`.
+/// Whether a graph has the parameter of an assignment. All have the graph's own settings, such as `seed`.
 fn has(draft: &load::Offline, assignment: &str) -> bool {
     let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
     let Some((id, name)) = target.trim().split_once('.') else { return true };

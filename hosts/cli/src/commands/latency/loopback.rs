@@ -19,8 +19,7 @@ const HAND: Duration = Duration::from_millis(1);
 /// Seconds until the output has ramped up and the clock has settled.
 const SETTLE_S: f64 = 2.5;
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Most unheard clicks before the first one that is heard: half a minute, in which a user may connect
-/// ports.
+/// Most unheard clicks before the first that is heard: half a minute in which a user may connect ports.
 const SILENT: u32 = 27;
 /// Ramp from silence to full level \[s\].
 const START_S: f64 = 0.5;

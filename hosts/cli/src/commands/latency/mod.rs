@@ -19,8 +19,7 @@ use crate::number::{channel, number, whole};
 use chain::Chain;
 use loopback::{Loopback, TICK_MS};
 
-/// Report the response lag of graphs, and measure the latency of a device over a loopback from output to
-/// input
+/// Report the response lag of graphs; measure a device's latency over a loopback from output to input
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]

@@ -51,8 +51,7 @@ pub fn run(args: &CheckPlugin) -> Result<(), Failure> {
     checker.finish()
 }
 
-/// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
-/// leave the process as it was. Other failures do not matter here.
+/// Tries a copy of a plugin in another process: its code must return and leave the process as it was.
 pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let case = FIRST.map(str::to_owned).to_vec();
     let cases = Cases { plugin: String::new(), kind: None, case, set: Vec::new(), ticks: 500 };

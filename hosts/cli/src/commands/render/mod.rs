@@ -56,12 +56,10 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
-    /// By default there is no limit, with --watch 10 ticks
+    /// Longest call of a node; a longer one is a fault of it. By default none; 10 ticks with --watch
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Run in real time, and take over changes of the graph, its plugins and the files it reads as they
-    /// come
+    /// Run in real time, and take over changes of the graph, its plugins and the files it reads
     #[arg(long)]
     pub watch: bool,
     /// Print errors only
@@ -69,8 +67,7 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Ticks that one call of a node may take with `--watch`, by default. A busy machine stalls for a few ticks
-/// now and then; that is no fault of the node.
+/// Ticks that one call may take with `--watch`: a busy machine stalls for a few now and then.
 const WATCH_LIMIT_TICKS: u64 = 10;
 
 pub struct ClockTime(pub Instant);

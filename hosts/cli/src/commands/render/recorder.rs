@@ -161,8 +161,7 @@ impl Recorder {
         self.append(start, &values, tick_hz)
     }
 
-    /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio
-    /// and frames.
+    /// Writes values from `start` on: a tick for controls, a sample of the signal for audio and frames.
     pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
         let rate_hz = match self.shape {
             Shape::Control { .. } => tick_hz,

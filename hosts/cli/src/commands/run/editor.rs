@@ -183,8 +183,7 @@ impl Editor {
         Ok(())
     }
 
-    /// Looks at the files, takes over a graph that is ready, and begins the next edit. Call it some tens of
-    /// times a second. Answers a message for the user.
+    /// Takes over a graph that is ready, and begins the next edit. Answers a message for the user.
     pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         self.look(playing.graph_controller.schedule());
         let said = self.advance(playing);

@@ -48,8 +48,7 @@ impl Hands {
         ids.iter().filter_map(|id| self.open.remove(id)).collect()
     }
 
-    /// Holds devices that were opened for a new graph, and closes those that it does not need, without
-    /// waiting.
+    /// Holds devices that were opened for a new graph. Closes those that it does not need, without waiting.
     pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
         let goes = |id: &String, held: &mut Held| {
             schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)

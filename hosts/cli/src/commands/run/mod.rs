@@ -56,12 +56,10 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
-    /// By default 10 ticks
+    /// Longest call of a node; a longer one is a fault of it, and it is faded out. By default 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Call nodes of plugins on the tick thread: some 50 us less for each, but one that never returns ends
-    /// the sound
+    /// Call plugins on the tick thread: some 50 us less a node, but one that never returns ends the sound
     #[arg(long)]
     pub in_place: bool,
     /// Print errors only
@@ -69,8 +67,7 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Ticks that one call of a node may take, by default. A busy machine stalls for a few ticks now and then;
-/// that is no fault of the node.
+/// Ticks that one call of a node may take, by default: a busy machine stalls for a few now and then.
 const LIMIT_TICKS: u64 = 10;
 /// Least limit of a call, at any tick rate: machines stall by 14 ms and more.
 const LIMIT_NS: u64 = 50_000_000;

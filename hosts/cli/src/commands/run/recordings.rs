@@ -58,8 +58,7 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     Ok(new)
 }
 
-/// Files of `begun` that this graph does not continue, for
-/// [`distinct_files`](crate::load::files::distinct_files).
+/// Files of `begun` that this graph does not continue.
 pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<(String, Option<PathBuf>)> {
     let sinks: Vec<Sink> = schedule.nodes.iter().filter_map(Sink::of).collect();
     let goes_on = |i: usize| {

@@ -159,8 +159,7 @@ impl Order {
         if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }
     }
 
-    /// Closes old devices and opens the new ones that waited for it. If that fails, opens the old ones again;
-    /// this is the order for the old graph.
+    /// Closes old devices and opens new ones; if that fails, the old ones, of which this is the order.
     pub fn exchange(self, mut ready: Ready, old: Vec<Held>) -> Answer {
         let ids: Vec<String> = old.iter().map(|held: &Held| held.node.id.clone()).collect();
         hands::wait(|| self.over.load(Relaxed));
@@ -220,8 +219,7 @@ fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     Err(Failure::Machine(what))
 }
 
-/// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are
-/// none.
+/// The materials of each network's library; none where a scene's surfaces choose.
 fn materials(schedule: &Schedule) -> Vec<Materials> {
     let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
     let networks = schedule.with_role(Role::TextureNetwork).map(|(_, n)| n).filter(|n| !told(n));

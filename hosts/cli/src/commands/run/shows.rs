@@ -24,8 +24,7 @@ pub struct Shows {
 }
 
 impl Shows {
-    /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the
-    /// outer one.
+    /// Opens page and terminal, before the engine starts, whose panic hook must be the outer one.
     pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);

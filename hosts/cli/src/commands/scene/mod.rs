@@ -33,8 +33,7 @@ pub struct Expand {
     pub out: Option<PathBuf>,
 }
 
-/// Say of every effect, node and model whether it is built, why, and its cost a tick along the scene's
-/// stroke
+/// Say whether each effect, node and model is built, why, and its cost a tick along the scene's stroke
 #[derive(Debug, clap::Args)]
 pub struct Explain {
     #[command(flatten)]

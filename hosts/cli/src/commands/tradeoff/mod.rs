@@ -35,8 +35,7 @@ pub struct Args {
     /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
     #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE", value_parser = crate::shipped::path())]
     pub files: Vec<PathBuf>,
-    /// Output folder: results.csv, results.json, REPORT.md, pictures, and progress.jsonl, which a stopped run
-    /// resumes from
+    /// Output folder: results.csv, results.json, REPORT.md, pictures; progress.jsonl, to resume from
     #[arg(long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
     /// Threads for everything but times, which are always measured alone
