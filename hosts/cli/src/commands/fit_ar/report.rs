@@ -12,8 +12,6 @@ use serde_json::{Value, json};
 use super::{Args, By};
 use crate::failure::clean;
 
-/// Most segments that are listed; JSON has all.
-const LISTED: usize = 12;
 /// Orders below and above the chosen one whose criterion is shown.
 const AROUND: usize = 3;
 /// Names of thirds of an octave from 25 Hz on (IEC 61260).
@@ -66,15 +64,12 @@ impl Report<'_> {
             texture.rate_hz()
         );
         out += "\nsegment   from s    for s     mm/s        N    m/s^2 rms  model\n";
-        for (i, s) in fitted.segments.iter().take(LISTED).enumerate() {
+        for (i, s) in fitted.segments.iter().enumerate() {
             let Segment { start_s, length_s, speed_mm_s, force_n, model, .. } = s;
             let rms = s.mean_square.sqrt();
             out += &format!(
                 "{i:7} {start_s:8.2} {length_s:8.2} {speed_mm_s:8.1} {force_n:8.3} {rms:12.4} {model:6}\n"
             );
-        }
-        if let Some(more @ 1..) = fitted.segments.len().checked_sub(LISTED) {
-            out += &format!("        and {more} more, with --json\n");
         }
         out += "\n  model     mm/s        N    for s  segments    m/s^2 rms  rendered  worst band\n";
         for (i, (model, compared)) in texture.models().iter().zip(&compared.models).enumerate() {

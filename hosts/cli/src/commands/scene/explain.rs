@@ -24,8 +24,6 @@ use crate::load::{Loaded, OfScene};
 
 /// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
-const MOST_SURFACES: usize = 40;
-const MOST_NAMED: usize = 12;
 
 pub fn run(args: &Explain) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
@@ -94,9 +92,9 @@ impl Account {
     }
 
     /// Those of these nodes that ran, and their time \[us a tick\].
-    fn cost<'a>(&self, nodes: &'a [String]) -> (Vec<&'a str>, f64) {
-        let work = |id: &'a String| Some((id.as_str(), self.nodes.iter().find(|w| w.id == *id)?.us_per_tick));
-        let works: Vec<(&str, f64)> = nodes.iter().filter_map(work).collect();
+    fn cost<'a>(&self, nodes: impl IntoIterator<Item = &'a str>) -> (Vec<&'a str>, f64) {
+        let work = |id| Some((id, self.nodes.iter().find(|work| work.id == id)?.us_per_tick));
+        let works: Vec<(&str, f64)> = nodes.into_iter().filter_map(work).collect();
         (works.iter().map(|(id, _)| *id).collect(), works.iter().fold(0.0, |sum, (_, us)| sum + us))
     }
 }
@@ -112,22 +110,22 @@ struct Effect<'a> {
     ticks_active: u64,
 }
 
-fn effects<'a>(account: &'a Account, of_scene: &'a OfScene, contact: &'a [String]) -> Vec<Effect<'a>> {
+fn effects<'a>(account: &Account, of_scene: &'a OfScene) -> Vec<Effect<'a>> {
     let scene = &of_scene.scene;
-    let walls = scene.surfaces.iter().filter(|s| s.effects.stiffness.is_some()).count();
-    let damped = scene.surfaces.iter().filter(|s| s.effects.damping.is_some()).count();
-    // `contact` is counted once.
-    let of_contact = [("stiffness", walls, contact), ("damping", damped, &[])].map(|(name, count, nodes)| {
-        let nodes = if count > 0 { nodes } else { &[] };
+    let count = |has: fn(&Touchable) -> bool| scene.surfaces.iter().filter(|s| has(s)).count();
+    // `contact` renders both, and is counted once.
+    let stiff = ("stiffness", count(|s| s.effects.stiffness.is_some()), Some("contact"));
+    let damped = ("damping", count(|s| s.effects.damping.is_some()), None);
+    let of_contact = [stiff, damped].map(|(name, count, node)| {
         let why = match count {
             0 => "no surface has it".to_owned(),
             n => format!("{}: by `contact`", plural(n, "surface")),
         };
-        (name, count > 0, why, account.cost(nodes))
+        (name, count > 0, why, account.cost(node.filter(|_| count > 0)))
     });
     let rendered = of_scene.rendered.iter().map(|Rendered { kind, nodes: ids, .. }| {
         let slots = scene.slots(kind);
-        let cost = account.cost(ids);
+        let cost = account.cost(ids.iter().map(String::as_str));
         let what = if kind == NETWORK { "material" } else { "setting" };
         let why = match (slots.surfaces(), ids.is_empty(), cost.0.is_empty()) {
             (0, true, _) => "no surface has it".into(),
@@ -138,18 +136,18 @@ fn effects<'a>(account: &'a Account, of_scene: &'a OfScene, contact: &'a [String
         (kind.as_str(), !cost.0.is_empty(), why, cost)
     });
     let active = account.active.iter().copied().chain(std::iter::repeat(0));
-    let all = of_contact.into_iter().chain(rendered).zip(active);
-    all.map(|((effect, built, why, (nodes, us_per_tick)), ticks_active)| Effect {
+    let effect = |((effect, built, why, (nodes, us_per_tick)), ticks_active)| Effect {
         effect,
         built,
         why,
         nodes,
         us_per_tick,
         ticks_active,
-    })
-    .collect()
+    };
+    of_contact.into_iter().chain(rendered).zip(active).map(effect).collect()
 }
 
+/// A model, library, recording or picture.
 #[derive(Serialize)]
 struct Model {
     file: String,
@@ -177,7 +175,7 @@ fn models(account: &Account, of: &OfScene, schedule: &Schedule) -> Vec<Model> {
             false => format!("by {}", names.join(", ")),
         };
         let why = if surfaces > 0 { format!("{}, {by}", plural(surfaces, "surface")) } else { by };
-        let (loaded, us_per_tick) = (!nodes.is_empty(), account.cost(&nodes).1);
+        let (loaded, us_per_tick) = (!nodes.is_empty(), account.cost(nodes.iter().map(String::as_str)).1);
         Model { file: file.display().to_string(), loaded, us_per_tick, why }
     }));
     all
@@ -187,24 +185,20 @@ fn models(account: &Account, of: &OfScene, schedule: &Schedule) -> Vec<Model> {
 fn of_network(account: &Account, scene: &Scene, schedule: &Schedule) -> Vec<Model> {
     let Some(part) = &scene.network else { return Vec::new() };
     let slots = scene.slots(NETWORK);
+    let names: Vec<String> = scene.slot_texts(NETWORK, &slots).into_iter().map(|(name, _)| name).collect();
     let why = match slots.first.len() {
         0 => "no surface has a network texture".to_owned(),
-        n => {
-            let all = scene.slot_texts(NETWORK, &slots).into_iter().map(|(name, _)| name);
-            let names: Vec<String> = all.take(MOST_NAMED).collect();
-            let more = if n > MOST_NAMED { format!(" and {} more", n - MOST_NAMED) } else { String::new() };
-            format!("{}: {}{more}", plural(n, "material"), names.join(", "))
-        }
+        n => format!("{}: {}", plural(n, "material"), names.join(", ")),
     };
     let networks = schedule.with_role(Role::TextureNetwork);
-    let nodes: Vec<String> = networks.map(|(_, node)| node.id.clone()).collect();
+    let nodes: Vec<&str> = networks.map(|(_, node)| node.id.as_str()).collect();
     // The library is read only when the model is loaded.
     let of = |(name, us_per_tick)| {
         let value = part.settings.iter().find(|(key, _)| key.name == name);
         let file = value.and_then(|(_, v)| v.text().ok()).unwrap_or_default().to_owned();
         Model { file, loaded: !nodes.is_empty(), us_per_tick, why: why.clone() }
     };
-    [("model", account.cost(&nodes).1), ("library", 0.0)].map(of).into()
+    [("model", account.cost(nodes.iter().copied()).1), ("library", 0.0)].map(of).into()
 }
 
 fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
@@ -221,9 +215,7 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
         account.ticks as f64 / tick_hz,
         spent.join(", ")
     );
-    for Effect { effect, built, why, nodes, us_per_tick, ticks_active } in
-        effects(account, of_scene, &["contact".to_owned()])
-    {
+    for Effect { effect, built, why, nodes, us_per_tick, ticks_active } in effects(account, of_scene) {
         let share = 100.0 * ticks_active as f64 / account.ticks.max(1) as f64;
         let cost = if nodes.is_empty() { String::new() } else { format!("{us_per_tick:.2}") };
         let (built, share) = if built { ("yes", format!("{share:.0} %")) } else { ("no", String::new()) };
@@ -246,7 +238,7 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
     }
     out += "\nsurface\n";
     let mut asked = BTreeSet::new();
-    for (surface, ticks) in scene.surfaces.iter().zip(&account.touched).take(MOST_SURFACES) {
+    for (surface, ticks) in scene.surfaces.iter().zip(&account.touched) {
         asked.extend(scene.passivity(surface).map(|passivity| passivity.to_string()));
         let (name, form, seconds) = (clean(&surface.name), form(surface), *ticks as f64 / tick_hz);
         let effects = match names(surface) {
@@ -254,10 +246,6 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
             names => names.join(", "),
         };
         out += &format!("{name} ({form}): touched for {seconds:.2} s: {}\n", clean(&effects));
-    }
-    if let Some(more @ 1..) = scene.surfaces.len().checked_sub(MOST_SURFACES) {
-        let touched = account.touched.iter().filter(|ticks| **ticks > 0).count();
-        out += &format!("and {more} more; {touched} of all were touched\n");
     }
     out += "\nwall\n";
     asked.iter().for_each(|asked| out += &format!("{asked}\n"));
@@ -273,7 +261,7 @@ fn json(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> Value {
     json!({
         "ticks": account.ticks, "tick_hz": schedule.tick_hz,
         "us_per_tick": { "touching": account.tick_us[0], "in_the_air": account.tick_us[1] },
-        "effects": effects(account, of_scene, &["contact".to_owned()]), "nodes": account.nodes,
+        "effects": effects(account, of_scene), "nodes": account.nodes,
         "dropped": dropped_json(schedule), "models": models(account, of_scene, schedule),
         "surfaces": surfaces,
     })
