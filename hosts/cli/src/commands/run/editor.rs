@@ -4,7 +4,7 @@
 //! [`Editor::poll`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
 //! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -19,7 +19,7 @@ use asperity_node::ParamKind;
 use super::Args;
 use super::hands::{Hands, close_elsewhere};
 use super::recordings::Recordings;
-use super::reloader::{self, Answer, Changes, Made, Order, Ready, on_thread};
+use super::reloader::{self, Answer, Made, Order, Ready, on_thread};
 use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
@@ -36,19 +36,17 @@ pub struct Editor {
     /// With `--watch`: the files, and when they were last looked at.
     files: Option<(Watched, Instant)>,
     /// Materials that the user chose: node and material. They stay when files change.
-    chosen: Vec<(String, String)>,
-    /// Live parameters that the user moved. The next change of a file resets them.
-    moved: Vec<Moved>,
+    chosen: BTreeMap<String, String>,
+    /// Live parameters that the user moved, by node and name. The next change of a file resets them.
+    moved: BTreeMap<(String, String), Moved>,
     moves: u64,
     /// Edits that wait.
     file: Option<FileEdit>,
-    choices: VecDeque<(String, String)>,
+    choices: BTreeMap<String, String>,
     job: Option<Job>,
 }
 
 struct Moved {
-    node: String,
-    param: String,
     value: f64,
     setting: String,
     at: u64,
@@ -110,11 +108,11 @@ impl Editor {
             ceiling: None,
             base: None,
             files: None,
-            chosen: Vec::new(),
-            moved: Vec::new(),
+            chosen: BTreeMap::new(),
+            moved: BTreeMap::new(),
             moves: 0,
             file: None,
-            choices: VecDeque::new(),
+            choices: BTreeMap::new(),
             job: None,
         }
     }
@@ -129,7 +127,7 @@ impl Editor {
 
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = reloader::lock(&self.kinds);
-        let made = reloader::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
+        let made = reloader::make(&self.args.graph, &mut kinds, None, &[], &BTreeMap::new())?;
         kinds.plays();
         self.plugins = kinds.files().to_vec();
         self.base = Some(made.base.clone());
@@ -146,13 +144,12 @@ impl Editor {
 
     /// Gives a texture node another material, as soon as its graph is ready.
     pub fn choose(&mut self, node: String, material: String) {
-        self.choices.retain(|(n, _)| *n != node);
         // Devices may take long to open, so a file edit is put off. A material is quick: one that is being
         // prepared is heard, and then the newest.
         if let Some(edit) = self.give_up() {
             self.file = self.file.take().or(Some(edit));
         }
-        self.choices.push_back((node, material));
+        self.choices.insert(node, material);
     }
 
     /// Sets a live parameter, also in graphs that are prepared for another material.
@@ -177,9 +174,8 @@ impl Editor {
             _ => format!("{value:?}"),
         };
         self.moves += 1;
-        self.moved.retain(|m| m.node != node || m.param != param);
         let setting = format!("{node}.{param}={text}");
-        self.moved.push(Moved { node, param, value, setting, at: self.moves });
+        self.moved.insert((node, param), Moved { value, setting, at: self.moves });
         Ok(())
     }
 
@@ -226,18 +222,17 @@ impl Editor {
 
     /// Begins the next edit, a choice of material first.
     fn begin(&mut self, playing: &Playing<'_>) {
-        let choice = self.choices.pop_front().map(|(node, material)| Edit::Choice(node, material));
+        let choice = self.choices.pop_first().map(|(node, material)| Edit::Choice(node, material));
         let Some(edit) = choice.or_else(|| self.file.take().map(Edit::File)) else { return };
         let mut order = self.order(playing);
         match &edit {
             Edit::File(_) => {
                 order.base = None;
-                order.changes.moved.clear();
+                order.moved.clear();
                 order.again = true;
             }
             Edit::Choice(node, material) => {
-                order.changes.chosen.retain(|(n, _)| n != node);
-                order.changes.chosen.push((node.clone(), material.clone()));
+                order.chosen.insert(node.clone(), material.clone());
             }
         }
         let over = order.over.clone();
@@ -246,20 +241,17 @@ impl Editor {
     }
 
     fn order(&self, playing: &Playing<'_>) -> Order {
-        let named = [("--report", &self.args.report)];
         Order {
             args: self.args.graph.clone(),
             kinds: self.kinds.clone(),
             base: self.base.clone(),
-            changes: Changes {
-                moved: self.moved.iter().map(|m| m.setting.clone()).collect(),
-                chosen: self.chosen.clone(),
-            },
+            moved: self.moved.values().map(|m| m.setting.clone()).collect(),
+            chosen: self.chosen.clone(),
             running: playing.graph_controller.schedule().clone(),
             held: playing.hands.holding(),
             again: false,
             begun: playing.recordings.begun(),
-            named: named.map(|(option, file)| (option.to_owned(), file.clone())).to_vec(),
+            report: self.args.report.clone(),
             over: Arc::default(),
         }
     }
@@ -341,8 +333,8 @@ impl Editor {
         playing.hands.go_on_with(opened, playing.graph_controller.schedule());
         playing.recordings.add(playing.graph_controller.layout().number, recorders);
         // Parameters that were moved while the graph was prepared are moved in it too.
-        for m in self.moved.iter().filter(|m| m.at > since) {
-            let _ = playing.graph_controller.set_parameter(&m.node, &m.param, m.value);
+        for ((node, param), m) in self.moved.iter().filter(|(_, m)| m.at > since) {
+            let _ = playing.graph_controller.set_parameter(node, param, m.value);
         }
         if let Some(failure) = refused {
             return Some(self.refused(edit, &failure, playing));
@@ -350,15 +342,14 @@ impl Editor {
         self.base = Some(made.base);
         match edit {
             Edit::File(edit) => {
-                self.moved.retain(|m| m.at > since);
+                self.moved.retain(|_, m| m.at > since);
                 self.know(playing.graph_controller.schedule(), &edit.seen);
                 let report =
                     if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
                 Some(format!("{} changed: {report}", listed(&edit.changed)))
             }
             Edit::Choice(node, material) => {
-                self.chosen.retain(|(n, _)| *n != node);
-                self.chosen.push((node, material));
+                self.chosen.insert(node, material);
                 None
             }
         }

@@ -22,15 +22,6 @@ use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded};
 
-/// Changes that the user made beside the graph's file.
-#[derive(Clone, Debug, Default)]
-pub struct Changes {
-    /// Settings of live parameters: `NODE.PARAM=VALUE`.
-    pub moved: Vec<String>,
-    /// Materials: node and material.
-    pub chosen: Vec<(String, String)>,
-}
-
 pub struct Made {
     /// The file, with the changes of the command line.
     pub base: GraphFile,
@@ -46,14 +37,16 @@ pub struct Order {
     pub kinds: Arc<Mutex<Kinds>>,
     /// The graph to start from; `None` to read its file.
     pub base: Option<GraphFile>,
-    pub changes: Changes,
+    /// Live parameters that the user moved: `NODE.PARAM=VALUE`.
+    pub moved: Vec<String>,
+    /// Materials that the user chose: node and material.
+    pub chosen: BTreeMap<String, String>,
     pub running: Arc<Schedule>,
     pub held: Vec<Holding>,
     /// Whether devices that could not be opened are tried again.
     pub again: bool,
     pub begun: Vec<Sink>,
-    /// Files that the run writes at its end, by option.
-    pub named: Vec<(String, Option<PathBuf>)>,
+    pub report: Option<PathBuf>,
     pub over: Arc<AtomicBool>,
 }
 
@@ -69,22 +62,24 @@ pub struct Ready {
     pub refused: Option<Failure>,
 }
 
+/// Compiles a graph with the changes of the user, from its file unless there is a `base`.
 pub fn make(
     args: &GraphArgs,
     kinds: &mut Kinds,
     base: Option<GraphFile>,
-    changes: &Changes,
+    moved: &[String],
+    chosen: &BTreeMap<String, String>,
 ) -> Result<Made, Failure> {
     let base = match base {
         Some(base) => base,
         None => load::read(args, kinds)?.0,
     };
     let mut graph = base.clone();
-    for setting in &changes.moved {
+    for setting in moved {
         // A parameter that the file no longer has is skipped.
         let _ = graph.set(setting, "the page");
     }
-    for (node, material) in &changes.chosen {
+    for (node, material) in chosen {
         let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
     }
     let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
@@ -119,16 +114,16 @@ impl Order {
         if let Err(unwanted) = self.wanted() {
             return (kinds.files().to_vec(), Err(unwanted));
         }
-        let made = make(&self.args, &mut kinds, self.base.clone(), &self.changes);
+        let made = make(&self.args, &mut kinds, self.base.clone(), &self.moved, &self.chosen);
         (kinds.files().to_vec(), made)
     }
 
     fn ready(&self, made: Made, plugins: &[PathBuf]) -> Result<Ready, Failure> {
         let next = &made.compiled.schedule;
         fits(&self.running, next)?;
-        let mut named = self.named.clone();
-        named.extend(left_behind(next, &self.begun));
-        let named: Vec<_> = named.iter().map(|(who, path)| (who.as_str(), path)).collect();
+        let left = left_behind(next, &self.begun);
+        let left = left.iter().map(|(who, path)| (who.as_str(), path));
+        let named: Vec<_> = [("--report", &self.report)].into_iter().chain(left).collect();
         distinct_files(&self.args, next, plugins, &named)?;
         self.wanted()?;
         // Files that cannot be written are refused before a device is opened.
@@ -175,16 +170,17 @@ impl Order {
                     let opened = self.opened(&made.compiled.schedule, &ids)?;
                     Ok((made, opened))
                 });
-                match again {
-                    Ok((made, opened)) => {
-                        Ok(Ready { made, opened, recorders: Vec::new(), refused: Some(failure) })
-                    }
-                    Err(second) => Err(Failure::Machine(format!(
-                        "{}\nand what it was to replace cannot be had again: {}",
-                        failure.reason(),
-                        second.reason()
-                    ))),
-                }
+                let (first, second) = (failure.reason(), again.as_ref().err().map(Failure::reason));
+                let what = "what it was to replace cannot be had again";
+                let lost = format!("{first}\nand {what}: {}", second.unwrap_or_default());
+                again
+                    .map(|(made, opened)| Ready {
+                        made,
+                        opened,
+                        recorders: Vec::new(),
+                        refused: Some(failure),
+                    })
+                    .map_err(|_| Failure::Machine(lost))
             }
         };
         (None, result)

@@ -28,27 +28,21 @@ impl Shows {
     pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
-        let page = match args.page {
-            Some(port) => {
-                let feed = Arc::new(Feed::new());
-                let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(options, feed.clone(), run_control.clone(), pointer)
-                    .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
-                speaker.say(&format!("the page: {}", page.url()));
-                Some((page, feed))
-            }
-            None => None,
-        };
-        let terminal = match args.tui {
-            true => Some(
-                Terminal::open(run_control.clone())
-                    .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
-            ),
-            false => None,
-        };
-        let mut it = Self { page, terminal, layout: None, speaker, begun: false };
-        if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
-            terminal.note(&format!("the page: {}", page.url()));
+        let mut it = Self { page: None, terminal: None, layout: None, speaker, begun: false };
+        if let Some(port) = args.page {
+            let feed = Arc::new(Feed::new());
+            let options = asperity_page::Options { port, ..asperity_page::Options::default() };
+            let page = serve(options, feed.clone(), run_control.clone(), pointer)
+                .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
+            it.page = Some((page, feed));
+        }
+        if args.tui {
+            let terminal = Terminal::open(run_control.clone());
+            let cannot = |e| Failure::Machine(format!("cannot draw in the terminal: {e}"));
+            it.terminal = Some(terminal.map_err(cannot)?);
+        }
+        if let Some(url) = it.page.as_ref().map(|(page, _)| page.url().to_string()) {
+            it.say(&format!("the page: {url}"));
         }
         Ok(it)
     }
