@@ -395,7 +395,7 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("s.csv --speed-tolerance-mm-s 0", "--speed-tolerance-mm-s"),
         ("s.csv --tolerance-percent 101", "--tolerance-percent"),
         ("s.csv --plot s.csv", "--plot: error: this file is read"),
-        ("s.csv --plot mine.ron", "--plot: error: this file is read, or is the texture"),
+        ("s.csv --plot mine.ron", "--plot: error: this file is that of --out"),
         ("s.csv --plot no/p.svg", "--plot names this file"),
         ("", "RECORDING"),
     ] {

@@ -9,7 +9,7 @@ use asperity_engine::NoClock;
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
-use crate::output::{Format, Pending, Rows, ending, resolved};
+use crate::output::{Format, Pending, Rows, apart, ending};
 use crate::phase::{Frames, Method, Played, check_rate};
 
 /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
@@ -36,9 +36,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    if resolved(&args.out) == resolved(&args.magnitudes) {
-        return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));
-    }
+    apart(&[("--out", Some(&args.out))], &[&args.magnitudes])?;
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
     let registry = kinds::registry(&args.plugins.plugin)?;

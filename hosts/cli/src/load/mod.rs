@@ -16,7 +16,7 @@ use crate::failure::{Failure, clean, warn};
 use crate::kinds::{self, Kinds};
 
 /// A graph and changes to it.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct GraphArgs {
     /// Graph file or scene file
     #[arg(value_parser = crate::shipped::path())]
@@ -41,15 +41,7 @@ pub struct GraphArgs {
 
 impl GraphArgs {
     pub fn plain(graph: &Path, plugins: &PluginArgs) -> Self {
-        Self {
-            graph: graph.to_owned(),
-            set: Vec::new(),
-            input: None,
-            hand: None,
-            no_prune: false,
-            strict: false,
-            plugins: plugins.clone(),
-        }
+        Self { graph: graph.to_owned(), plugins: plugins.clone(), ..Self::default() }
     }
 }
 

@@ -13,7 +13,7 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::failure::{Failure, warn, without_path, wrong};
+use crate::failure::{Failure, clean, warn, without_path, wrong};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
@@ -216,6 +216,29 @@ pub fn resolved(path: &Path) -> PathBuf {
         (Ok(dir), Some(name)) => dir.join(name),
         _ => path,
     }
+}
+
+/// Refuses an output, with its option, in the place of a file that is read or of another output.
+pub fn apart(outputs: &[(&str, Option<&Path>)], read: &[&Path]) -> Result<(), Failure> {
+    let help = "give it a name of its own";
+    let mut taken: Vec<(PathBuf, &str)> = read.iter().map(|path| (resolved(path), "")).collect();
+    for (option, path) in outputs.iter().filter_map(|(option, path)| Some((*option, resolved((*path)?)))) {
+        match taken.iter().find(|(other, _)| *other == path) {
+            Some((_, "")) => return Err(wrong(option, "this file is read, and would be overwritten", help)),
+            Some((_, other)) => return Err(wrong(option, format!("this file is that of {other}"), help)),
+            None => taken.push((path, option)),
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a new file that nobody would find, since its name does not end in .ron.
+pub fn ends_in_ron(path: &Path, what: &str) -> Result<(), Failure> {
+    if ending(path) == "ron" {
+        return Ok(());
+    }
+    let found = format!("{} would not be found as a {what}", clean(&path.display().to_string()));
+    Err(wrong("--out", found, format!("a {what}'s name ends in .ron")))
 }
 
 /// The extension of a file's name, in lower case.

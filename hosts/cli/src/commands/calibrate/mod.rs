@@ -22,7 +22,7 @@ use crate::card::{OutputArgs, actuator, range};
 use crate::failure::{Failure, complain, print_report, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
-use crate::output::{Pending, keep_all, resolved};
+use crate::output::{Pending, apart, ends_in_ron, keep_all};
 use report::Report;
 use sweeps::{Bench, Tape, refused};
 
@@ -185,19 +185,9 @@ fn check(args: &Args) -> Result<(), Failure> {
         let what = format!("{grams} g and {first} g are too much alike to tell the moving mass");
         return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
     }
-    let (out, base) = (resolved(&args.out), resolved(Path::new(&args.base)));
-    if args.base.ends_with(".ron") && base == out {
-        let help = "give the new profile a name of its own";
-        return Err(wrong("--out", "the base profile is read, and would be overwritten", help));
-    }
-    if args.out.extension().is_none_or(|e| e != "ron") {
-        let what = format!("{} would not be found as a profile", args.out.display());
-        return Err(wrong("--out", what, "a profile's name ends in .ron"));
-    }
-    if args.plot.as_deref().map(resolved).is_some_and(|plot| plot == out || plot == base) {
-        return Err(wrong("--plot", "this file is the profile", "give the picture a name of its own"));
-    }
-    Ok(())
+    let outputs = [("--out", Some(args.out.as_path())), ("--plot", args.plot.as_deref())];
+    apart(&outputs, &[Path::new(&args.base)])?;
+    ends_in_ron(&args.out, "profile")
 }
 
 /// The amplifier behind the card, and the level of the measurement.

@@ -10,13 +10,12 @@ mod vectors;
 
 use std::path::PathBuf;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
 use crate::failure::{Failure, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
-use crate::output::{Pending, keep_all, resolved};
+use crate::output::{Pending, apart, keep_all, resolved};
 use crate::phase::{Chain, Method, retrievers};
 use contest::{Outcome, Row};
 use vectors::Set;
@@ -63,11 +62,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .into_iter()
         .filter_map(|(path, text)| Some((path.as_ref()?, text)))
         .collect();
-    if let [(a, _), (b, _)] = files[..]
-        && resolved(a) == resolved(b)
-    {
-        return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
-    }
+    apart(&[("--svg", args.svg.as_deref()), ("--csv", args.csv.as_deref())], &[])?;
     // Opened before minutes of work, so that a missing folder is an error at once.
     let mut pending = Vec::new();
     for (path, text) in files {

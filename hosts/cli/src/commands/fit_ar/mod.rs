@@ -12,9 +12,9 @@ use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
-use crate::failure::{Failure, clean, print_report, warn, wrong};
+use crate::failure::{Failure, print_report, warn, wrong};
 use crate::number::{number, whole};
-use crate::output::{Pending, ending, keep_all, resolved};
+use crate::output::{Pending, apart, ending, ends_in_ron, keep_all};
 use report::Report;
 
 /// Criterion for the order.
@@ -103,7 +103,9 @@ const CHANCES: f64 = 4.0;
 const LITTLE: f64 = 0.25;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    check(args)?;
+    let outputs = [("--out", Some(args.out.as_path())), ("--plot", args.plot.as_deref())];
+    apart(&outputs, &[&args.recording, &recordings::channels_file(&args.recording)])?;
+    ends_in_ron(&args.out, "texture")?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;
     let plot_file = args.plot.as_deref().map(|path| create(path, "--plot")).transpose()?;
@@ -147,25 +149,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
     print_report(args.json, || report.json(), || report.text())
-}
-
-/// Refuses outputs in the place of inputs.
-fn check(args: &Args) -> Result<(), Failure> {
-    let (out, recording) = (resolved(&args.out), resolved(&args.recording));
-    let names = resolved(&recordings::channels_file(&args.recording));
-    let own = "give the texture a name of its own";
-    if out == recording || out == names {
-        return Err(wrong("--out", "this file is read, and would be overwritten", own));
-    }
-    if ending(&args.out) != "ron" {
-        let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
-        return Err(wrong("--out", what, "a texture's name ends in .ron"));
-    }
-    if args.plot.as_deref().map(resolved).is_some_and(|plot| [out, recording, names].contains(&plot)) {
-        let help = "give the picture a name of its own";
-        return Err(wrong("--plot", "this file is read, or is the texture", help));
-    }
-    Ok(())
 }
 
 fn settings(args: &Args) -> Settings {

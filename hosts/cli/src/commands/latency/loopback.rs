@@ -10,7 +10,7 @@ use asperity_graph::{Compiled, GraphFile};
 use asperity_live::view::View;
 use asperity_live::{DeviceQueues, Listener, Sample, SampleWriter, now_ns, samples};
 
-use super::Args;
+use super::{Args, Item};
 use crate::card::{TICK_HZ, Watching, graph, output_nodes, play};
 use crate::failure::{Failure, warn};
 
@@ -28,8 +28,8 @@ pub struct Loopback {
     pub device: String,
     pub clock: String,
     pub period_frames: u32,
-    /// Declared items, each in words and \[ms\].
-    pub items: Vec<(String, f64)>,
+    /// Declared.
+    pub items: Vec<Item>,
     /// Latency of each trial \[ms\].
     pub measured_ms: Vec<f64>,
 }
@@ -38,7 +38,7 @@ pub const TICK_MS: f64 = 1e3 / TICK_HZ;
 
 impl Loopback {
     pub fn declared_ms(&self) -> f64 {
-        self.items.iter().map(|(_, ms)| ms).sum()
+        self.items.iter().map(|item| item.ms).sum()
     }
 
     pub fn range_ms(&self) -> [f64; 3] {
@@ -118,9 +118,9 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let mut items = trials.items();
     if args.inside {
         // A loopback inside a server goes through no card.
-        items.retain(|(what, _)| !what.starts_with("device"));
+        items.retain(|item| !item.what.starts_with("device"));
     } else if let Some(ms) = args.input_latency_ms {
-        items.push(("input: from sound to callback, as given".to_owned(), ms));
+        items.push(Item { what: "input: from sound to callback, as given".to_owned(), ms });
     }
     let (device, clock) = (ended.view.device.clone(), ended.view.clock.clone());
     let (period_frames, measured_ms) = (last.period_frames, trials.measured_ms);
@@ -228,13 +228,13 @@ impl Trials {
         }
     }
 
-    fn items(&self) -> Vec<(String, f64)> {
+    fn items(&self) -> Vec<Item> {
         let names = self.declared.last().into_iter().flatten().map(|(what, _)| what);
         let median = |name: &String| {
             let all = self.declared.iter().flatten().filter(|(what, _)| what == name);
             let mut all: Vec<f64> = all.map(|(_, ms)| *ms).collect();
             all.sort_by(f64::total_cmp);
-            (name.clone(), all.get(all.len() / 2).copied().unwrap_or(0.0))
+            Item { what: name.clone(), ms: all.get(all.len() / 2).copied().unwrap_or(0.0) }
         };
         names.map(median).collect()
     }

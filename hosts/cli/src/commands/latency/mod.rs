@@ -10,6 +10,7 @@ mod loopback;
 use std::path::PathBuf;
 
 use clap::{Arg, ArgGroup};
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::card::{ActuatorArgs, OutputArgs};
@@ -66,6 +67,13 @@ pub struct Args {
     pub json: bool,
 }
 
+/// A part of a latency, in words.
+#[derive(Serialize)]
+struct Item {
+    what: String,
+    ms: f64,
+}
+
 /// Refuses options without effect: those of graphs need a graph, all others a device.
 fn with_graph_or_device(arg: Arg) -> Arg {
     match arg.get_id().as_str() {
@@ -95,8 +103,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
     let mut out = String::new();
-    let items = |items: &[(String, f64)]| -> String {
-        items.iter().map(|(what, ms)| format!("  {ms:8.2} ms  {what}\n")).collect()
+    let items = |items: &[Item]| -> String {
+        items.iter().map(|Item { what, ms }| format!("  {ms:8.2} ms  {what}\n")).collect()
     };
     if let Some(a) = around {
         let (device, clock, frames) = (&a.device, &a.clock, a.period_frames);
@@ -131,17 +139,10 @@ fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
 }
 
 fn as_json(chains: &[Chain], around: Option<&Loopback>) -> Value {
-    let items = |items: &[(String, f64)]| -> Vec<Value> {
-        items.iter().map(|(what, ms)| json!({ "what": what, "ms": ms })).collect()
-    };
-    let chains: Vec<Value> = chains
-        .iter()
-        .map(|c| json!({ "graph": c.graph, "lag_ms": c.lag_ms, "items": items(&c.items) }))
-        .collect();
     let around = around.map(|a| {
         json!({
             "device": a.device, "clock": a.clock, "period_frames": a.period_frames, "tick_ms": TICK_MS,
-            "items": items(&a.items), "declared_ms": a.declared_ms(), "measured_ms": a.measured_ms,
+            "items": a.items, "declared_ms": a.declared_ms(), "measured_ms": a.measured_ms,
             "median_ms": a.range_ms()[1], "agrees": a.agrees(),
         })
     });

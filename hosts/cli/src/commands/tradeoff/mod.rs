@@ -175,21 +175,14 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
         // An installed program does not have the files of the baselines.
         tradeoff.baselines.clear();
     }
-    match &tradeoff.graph {
-        _ if !graphs.is_empty() => {}
-        Some(named) if !shipped => graphs.push((named.path.clone(), Some(named.place.clone()))),
-        _ if shipped => {
-            return Err(wrong(
-                "asperity tradeoff",
-                "no graph is given",
-                "name a graph or scene; or a trade-off file that names one: \
-                 asperity tradeoff graphs/tradeoffs/shipped.ron --out out/tradeoff",
-            ));
-        }
-        _ => {
-            let help = "graph: \"../texture.ron\"; or name one on the command line";
-            return Err(wrong(source.path(), "this trade-off names no graph", help));
-        }
+    if graphs.is_empty() {
+        let help = match shipped {
+            true => "name a graph or scene; or a trade-off file: graphs/tradeoffs/shipped.ron",
+            false => "graph: \"../texture.ron\"; or name one on the command line",
+        };
+        let named = tradeoff.graph.as_ref().filter(|_| !shipped);
+        let named = named.ok_or_else(|| wrong(source.path(), "no graph is given", help))?;
+        graphs.push((named.path.clone(), Some(named.place.clone())));
     }
     Ok((tradeoff, graphs))
 }
