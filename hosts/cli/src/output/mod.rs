@@ -186,17 +186,17 @@ pub fn overwrite() {
 }
 
 /// Checks that a graph may write this file. A file that the command line names needs no check.
-pub fn permit(file: &Path) -> Result<(), Diagnostic> {
+pub fn permit(file: &Path, node: &str) -> Result<(), Diagnostic> {
     let whole = resolved(file);
     let here = Path::new(".").canonicalize();
     if !here.is_ok_and(|here| whole.starts_with(here)) {
         let what = format!("this graph would write outside of the working directory, to {}", whole.display());
-        return Err(Diagnostic::new(what).help("name the file on the command line: --set NODE.file=FILE"));
+        return Err(Diagnostic::new(what).help(format!("name the file: --set {node}.file=FILE")));
     }
     if whole.exists() && !OVERWRITE.load(Relaxed) && !made::is_ours(&whole) {
         let what = format!("this graph would write over {}, which Asperity did not make", file.display());
-        return Err(Diagnostic::new(what)
-            .help("add --overwrite, or name another file on the command line: --set NODE.file=FILE"));
+        let help = format!("add --overwrite, or name another file: --set {node}.file=FILE");
+        return Err(Diagnostic::new(what).help(help));
     }
     Ok(())
 }
