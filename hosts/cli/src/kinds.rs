@@ -170,26 +170,27 @@ struct Merged {
 impl Merged {
     /// Adds a plugin. One that was not asked for replaces no kind of another plugin.
     fn add(&mut self, plugin: &Plugin, asked: bool) -> Result<(), Diagnostic> {
-        let refuse = |kind: &str, other: &str| {
-            Diagnostic::new(format!("its kind `{kind}` is there already: {other}"))
-                .in_file(plugin.path())
-                .help("rename the kind, or leave one of the two out")
-        };
+        let refuse = |what: String, help: &str| Err(Diagnostic::new(what).in_file(plugin.path()).help(help));
         let mut kinds = Vec::new();
         for kind in plugin.kinds() {
             let name = kind.descriptor().kind.to_string();
             // `--phase` gives these names another meaning.
             if name == "default" || OFFLINE.contains(&name.as_str()) {
-                let message =
+                let what =
                     format!("its kind cannot be called `{name}`, which `--phase` knows as something else");
-                return Err(Diagnostic::new(message).in_file(plugin.path()).help("rename the kind"));
+                return refuse(what, "rename the kind");
             }
-            match (self.from.get(&name), self.registry.get(&name)) {
+            let other = match (self.from.get(&name), self.registry.get(&name)) {
                 (Some(other), _) if other.build() == plugin.build() || !asked => continue,
-                (Some(other), _) => return Err(refuse(&name, &other.path().display().to_string())),
-                (None, Some(_)) => return Err(refuse(&name, "it is built in")),
-                (None, None) => kinds.push((name, kind.clone())),
-            }
+                (Some(other), _) => other.path().display().to_string(),
+                (None, Some(_)) => "it is built in".to_owned(),
+                (None, None) => {
+                    kinds.push((name, kind.clone()));
+                    continue;
+                }
+            };
+            let what = format!("its kind `{name}` is there already: {other}");
+            return refuse(what, "rename the kind, or leave one of the two out");
         }
         for (name, kind) in kinds {
             self.registry.add(if self.apart { apart(kind, Some(PRIORITY)) } else { kind });

@@ -1,7 +1,5 @@
 //! `asperity nodes`: lists and describes kinds of nodes.
 
-use std::fmt::Write as _;
-
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, Input, Output, Param, ParamKind, ParamValue};
 use serde_json::{Value, json};
@@ -42,12 +40,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn text_of(d: &Descriptor) -> String {
-    let mut out = String::new();
-    let _ = writeln!(out, "{}\n  {}", d.kind, d.summary);
-    if !d.inputs.is_empty() {
-        let _ = writeln!(out, "\ninputs");
-    }
-    for p in &d.inputs {
+    let mut out = format!("{}\n  {}\n", d.kind, d.summary);
+    let mut section = |title: &str, lines: &mut dyn Iterator<Item = String>| {
+        let lines: String = lines.map(|line| line + "\n").collect();
+        out += &if lines.is_empty() { lines } else { format!("\n{title}{lines}") };
+    };
+    let input = |p: &Input| {
         let note = match (p.host_fed, p.optional, p.default) {
             (true, ..) => Some("from the device, unless wired".into()),
             (_, true, 0.0) => Some("optional".into()),
@@ -57,43 +55,30 @@ fn text_of(d: &Descriptor) -> String {
         let limited = p.limited.then(|| "only behind a limiter".to_owned());
         let notes: Vec<String> = note.into_iter().chain(limited).collect();
         let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
-        let _ = writeln!(out, "  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
-    }
-    if !d.outputs.is_empty() {
-        let _ = writeln!(out, "\noutputs");
-    }
-    for p in &d.outputs {
+        format!("  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc)
+    };
+    let output = |p: &Output| {
         let limited = if p.limited { " (limited)" } else { "" };
-        let _ = writeln!(out, "  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc);
-    }
-    if !d.params.is_empty() {
-        let _ = writeln!(out, "\nparameters");
-    }
-    for p in &d.params {
-        let _ = writeln!(out, "{}", parameter(p, 2));
-    }
+        format!("  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc)
+    };
+    section("inputs\n", &mut d.inputs.iter().map(input));
+    section("outputs\n", &mut d.outputs.iter().map(output));
+    section("parameters\n", &mut d.params.iter().map(|p| parameter(p, 2)));
     if let Some(effect) = &d.effect {
-        let _ = writeln!(out, "\nin a scene, {}", effect.acts.words());
-        for form in &effect.forms {
-            let _ = writeln!(out, "  {}", effect.written(&d.kind, form));
-            for field in &form.fields {
-                let _ = writeln!(out, "{}", parameter(field, 4));
-            }
-        }
+        let mut forms = effect.forms.iter().flat_map(|form| {
+            let fields = form.fields.iter().map(|field| parameter(field, 4));
+            std::iter::once(format!("  {}", effect.written(&d.kind, form))).chain(fields)
+        });
+        section(&format!("in a scene, {}\n", effect.acts.words()), &mut forms);
     }
-    let _ = writeln!(out, "\nwhen it wakes: {}", d.resume.word());
-    if let Some(gate) = &d.gate {
-        let _ = writeln!(out, "gates what serves `{gate}` alone");
-    }
-    if d.feedback.is_some() {
-        let _ = writeln!(out, "can close a cycle");
-    }
-    if d.sink {
-        let _ = writeln!(out, "is a sink: a graph is built for its sinks");
-    }
-    if !d.timing.is_empty() {
-        let _ = writeln!(out, "timing: {}", d.timing);
-    }
+    let facts = [
+        Some(format!("when it wakes: {}", d.resume.word())),
+        d.gate.as_ref().map(|gate| format!("gates what serves `{gate}` alone")),
+        d.feedback.is_some().then(|| "can close a cycle".into()),
+        d.sink.then(|| "is a sink: a graph is built for its sinks".into()),
+        (!d.timing.is_empty()).then(|| format!("timing: {}", d.timing)),
+    ];
+    section("", &mut facts.into_iter().flatten());
     out
 }
 

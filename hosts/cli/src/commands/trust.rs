@@ -30,21 +30,15 @@ pub struct Args {
 const VARIABLE: &str = "ASPERITY_TRUST";
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    match &args.folder {
+    print(&match &args.folder {
         Some(folder) if args.remove => {
             remove(folder)?;
-            print(&format!("{} is trusted no more\n", folder.display()))?;
+            format!("{} is trusted no more\n", folder.display())
         }
-        Some(folder) => {
-            let folder = add(folder)?;
-            print(&format!("graphs may load plugins from {}\n", folder.display()))?;
-        }
-        None => {
-            let lines = lines(&folders());
-            print(if lines.is_empty() { "no folder is trusted\n" } else { &lines })?;
-        }
-    }
-    Ok(())
+        Some(folder) => format!("graphs may load plugins from {}\n", add(folder)?.display()),
+        None if folders().is_empty() => "no folder is trusted\n".to_owned(),
+        None => lines(&folders()),
+    })
 }
 
 /// Whether a file lies in or below a trusted folder; links are followed.
