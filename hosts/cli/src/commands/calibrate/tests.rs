@@ -109,24 +109,6 @@ fn unchanged_handle_mass_writes_nothing() {
 }
 
 #[test]
-fn one_handle_uses_moving_mass_of_base() {
-    for (i, (figures, [grams, _])) in ACTUATORS.into_iter().enumerate() {
-        let dir = tempfile::tempdir().unwrap();
-        let base = dir.path().join("base.ron");
-        let shipped = include_str!("../../../../../graphs/actuators/hapcoil_one.ron");
-        std::fs::write(&base, shipped.replace("g: 4.4", &format!("g: {}", figures[0]))).unwrap();
-        let quiet = Actuator { handle_g: grams, invert: i % 2 == 1, ..actuator(figures) };
-        let truth = Actuator { noise: noise(&quiet, 4.0), ..quiet };
-        let (card, _) = card(&format!("one handle {i}"), truth.at(RATE).unwrap());
-        let more = format!("--handle-mass-g {grams} --seconds 4 --base {}", base.display());
-        let args = args(&card, dir.path(), &more);
-        calibrate(&args, &mut |_| panic!("one handle")).unwrap();
-        let errors = errors(&ActuatorProfile::read(&args.out).unwrap(), &truth.profile);
-        assert!(errors.iter().all(|e| e.abs() < 0.05), "{figures:?} {errors:?}");
-    }
-}
-
-#[test]
 fn clipping_input_stops_sweep_and_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let mut respond = actuator(ACTUATORS[0].0).at(RATE).unwrap();

@@ -1,9 +1,7 @@
 //! Latency of a real-time run, measured over a loopback.
 
 use std::collections::HashMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::*};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use asperity_graph::{Compiled, GraphFile};
@@ -127,49 +125,32 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     Ok(Loopback { device, clock, period_frames, items, measured_ms })
 }
 
-/// A simulated hand that touches on command.
+/// A simulated hand that touches on command, and tells when. It ends when it is dropped.
 struct Hand {
-    shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
-}
-
-#[derive(Default)]
-struct Shared {
-    down: AtomicBool,
-    touched_ns: AtomicU64,
-    stop: AtomicBool,
+    down: Sender<bool>,
+    touched_ns: Receiver<u64>,
 }
 
 impl Hand {
     fn start(mut writer: SampleWriter) -> Self {
-        let shared = Arc::new(Shared::default());
-        let hand = shared.clone();
-        let thread = std::thread::spawn(move || {
-            let (mut was, mut stroke) = (false, 0);
-            while !hand.stop.load(Relaxed) {
-                let now = hand.down.load(Acquire);
+        let ((down, commands), (told, touched_ns)) = (channel(), channel());
+        std::thread::spawn(move || {
+            let (mut force, mut stroke) = (0.0, 0);
+            loop {
                 let time_ns = now_ns();
-                if now && !was {
-                    hand.touched_ns.store(time_ns, Release);
-                }
-                // A new stroke: nothing is interpolated between air and touch.
-                stroke += u32::from(now != was);
-                was = now;
-                let force = f64::from(u8::from(now));
                 writer.send(Sample { time_ns, arrived_ns: now_ns(), force, stroke, ..Sample::default() });
-                std::thread::sleep(HAND);
+                match commands.recv_timeout(HAND) {
+                    Ok(down) => {
+                        // A new stroke: nothing is interpolated between air and touch.
+                        (force, stroke) = (f64::from(u8::from(down)), stroke + 1);
+                        let _ = told.send(now_ns());
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => return,
+                }
             }
         });
-        Self { shared, thread: Some(thread) }
-    }
-}
-
-impl Drop for Hand {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Self { down, touched_ns }
     }
 }
 
@@ -207,23 +188,23 @@ impl Trials {
         let wait = Duration::from_micros(120_000 + u64::from(self.phase.wrapping_mul(1236) % 2000));
         if !self.down && self.since.elapsed() >= wait {
             listener.listen(self.level);
-            hand.shared.down.store(true, Release);
+            let _ = hand.down.send(true);
             (self.down, self.since, self.phase) = (true, Instant::now(), self.phase + 1);
         } else if self.down {
             let heard = listener.heard_ns();
             if heard.is_none() && self.since.elapsed() < PATIENCE {
                 return;
             }
+            let touched = hand.touched_ns.try_iter().last().unwrap_or(0);
             match heard {
                 Some(ns) => {
-                    let touched = hand.shared.touched_ns.load(Acquire);
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
                     self.declared.push(view.latency_ms.clone());
                 }
                 None if self.measured_ms.is_empty() => self.silent += 1,
                 None => self.missed += 1,
             }
-            hand.shared.down.store(false, Release);
+            let _ = hand.down.send(false);
             (self.down, self.since) = (false, Instant::now());
         }
     }
