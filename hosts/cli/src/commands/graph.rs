@@ -8,9 +8,9 @@ use asperity_plot::{GraphPicture, GraphPictureNode, GraphPictureWire};
 
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
-use crate::load::files::not_read;
+use crate::load::files::files_read;
 use crate::load::{self, GraphArgs, Loaded};
-use crate::output;
+use crate::output::{apart, named, write_text};
 
 /// Draw a graph as a picture
 #[derive(Debug, clap::Args)]
@@ -26,8 +26,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let Loaded { graph, compiled, .. } = load::load(&args.graph, &mut kinds)?;
     let schedule = compiled.schedule;
-    not_read(&args.svg, &args.graph, &schedule, kinds.files(), "name another file")?;
-    output::write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
+    apart(files_read(&args.graph, &schedule, kinds.files()), named(&[("--svg", Some(&args.svg))]))?;
+    write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
     print(&format!("wrote {}\n", args.svg.display()))
 }
 

@@ -9,7 +9,7 @@ use asperity_engine::NoClock;
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
-use crate::output::{Format, Pending, Rows, apart, ending};
+use crate::output::{Format, Pending, Rows, apart, ending, named};
 use crate::phase::{Frames, Method, Played, check_rate};
 
 /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
@@ -36,7 +36,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    apart(&[("--out", Some(&args.out))], &[&args.magnitudes])?;
+    apart(named(&[("--magnitudes", Some(&args.magnitudes))]), named(&[("--out", Some(&args.out))]))?;
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
     let registry = kinds::registry(&args.plugins.plugin)?;

@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
 use asperity_node::ParamValue;
 
 use super::GraphArgs;
 use crate::commands::render::recorder;
-use crate::failure::{Failure, wrong};
-use crate::output::resolved;
+use crate::failure::Failure;
+use crate::output::{Named, apart};
 
 pub struct NodeFile {
     pub path: PathBuf,
@@ -43,7 +42,7 @@ pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
 }
 
 /// Files that a graph is made of, each with its reader in words.
-fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec<(PathBuf, String)> {
+pub fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec<Named> {
     let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
     files.extend(node_files(schedule).into_iter().map(|f| {
         let reader = if f.param.is_empty() { f.node } else { format!("{}.{}", f.node, f.param) };
@@ -53,51 +52,15 @@ fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec
     files
 }
 
-/// Refuses to write a file that the graph is made of.
-pub fn not_read(
-    path: &Path,
-    args: &GraphArgs,
-    schedule: &Schedule,
-    plugins: &[PathBuf],
-    help: &str,
-) -> Result<(), Diagnostic> {
-    let written = resolved(path);
-    match files_read(args, schedule, plugins).into_iter().find(|(path, _)| resolved(path) == written) {
-        None => Ok(()),
-        Some((_, who)) => {
-            let what = format!("{who} reads this file, and it would be overwritten");
-            Err(Diagnostic::new(what).in_file(path).help(help.to_owned()))
-        }
-    }
-}
-
-/// Refuses two outputs in one file, or in a file that is read; `named` are outputs of options.
+/// Refuses two outputs in one file, or in a file that is read; `written` are outputs beside the sinks'.
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &Schedule,
     plugins: &[PathBuf],
-    named: &[(&str, &Option<PathBuf>)],
+    mut written: Vec<Named>,
 ) -> Result<(), Failure> {
-    let mut seen = files_read(args, schedule, plugins);
-    let read = seen.len();
-    seen.extend(named.iter().filter_map(|(name, path)| Some(((*path).clone()?, (*name).to_owned()))));
-    seen.extend(recorder::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
-    let seen: Vec<(PathBuf, String)> = seen.into_iter().map(|(path, who)| (resolved(&path), who)).collect();
-    for (i, (path, who)) in seen.iter().enumerate().skip(read) {
-        if let Some(first) = seen[..i].iter().position(|(other, _)| other == path) {
-            let verb = if first < read {
-                "reads this file, and would be overwritten by"
-            } else {
-                "would write the same file as"
-            };
-            return Err(wrong(
-                path,
-                format!("{} {verb} {who}", seen[first].1),
-                "give each a file of its own",
-            ));
-        }
-    }
-    Ok(())
+    written.extend(recorder::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
+    apart(files_read(args, schedule, plugins), written)
 }
 
 /// How often files are looked at. Polling works on every system and over a network; notifications do not.

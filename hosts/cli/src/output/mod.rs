@@ -218,16 +218,26 @@ pub fn resolved(path: &Path) -> PathBuf {
     }
 }
 
-/// Refuses an output, with its option, in the place of a file that is read or of another output.
-pub fn apart(outputs: &[(&str, Option<&Path>)], read: &[&Path]) -> Result<(), Failure> {
-    let help = "give it a name of its own";
-    let mut taken: Vec<(PathBuf, &str)> = read.iter().map(|path| (resolved(path), "")).collect();
-    for (option, path) in outputs.iter().filter_map(|(option, path)| Some((*option, resolved((*path)?)))) {
-        match taken.iter().find(|(other, _)| *other == path) {
-            Some((_, "")) => return Err(wrong(option, "this file is read, and would be overwritten", help)),
-            Some((_, other)) => return Err(wrong(option, format!("this file is that of {other}"), help)),
-            None => taken.push((path, option)),
-        }
+/// A file, and who reads or writes it.
+pub type Named = (PathBuf, String);
+
+/// Files that options name.
+pub fn named(options: &[(&str, Option<&PathBuf>)]) -> Vec<Named> {
+    options.iter().filter_map(|(option, path)| Some(((*path)?.clone(), (*option).to_owned()))).collect()
+}
+
+/// Refuses to write where a file is read, or where another one is written.
+pub fn apart(read: Vec<Named>, written: Vec<Named>) -> Result<(), Failure> {
+    let reads = read.len();
+    let all: Vec<Named> = read.into_iter().chain(written).map(|(path, who)| (resolved(&path), who)).collect();
+    for (i, (path, who)) in all.iter().enumerate().skip(reads) {
+        let Some(first) = all[..i].iter().position(|(other, _)| other == path) else { continue };
+        let other = &all[first].1;
+        let what = match first < reads {
+            true => format!("{other} reads this file, and it would be overwritten by {who}"),
+            false => format!("{other} would write the same file as {who}"),
+        };
+        return Err(wrong(path, what, "give each a file of its own"));
     }
     Ok(())
 }

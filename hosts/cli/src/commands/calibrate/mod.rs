@@ -22,7 +22,7 @@ use crate::card::{OutputArgs, actuator, range};
 use crate::failure::{Failure, complain, print_report, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
-use crate::output::{Pending, apart, ends_in_ron, keep_all};
+use crate::output::{Pending, apart, ends_in_ron, keep_all, named};
 use report::Report;
 use sweeps::{Bench, Tape, refused};
 
@@ -185,8 +185,8 @@ fn check(args: &Args) -> Result<(), Failure> {
         let what = format!("{grams} g and {first} g are too much alike to tell the moving mass");
         return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
     }
-    let outputs = [("--out", Some(args.out.as_path())), ("--plot", args.plot.as_deref())];
-    apart(&outputs, &[Path::new(&args.base)])?;
+    let written = named(&[("--out", Some(&args.out)), ("--plot", args.plot.as_ref())]);
+    apart(named(&[("--base", Some(&PathBuf::from(&args.base)))]), written)?;
     ends_in_ron(&args.out, "profile")
 }
 

@@ -15,7 +15,7 @@ use asperity_node::Registry;
 use crate::failure::{Failure, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
-use crate::output::{Pending, apart, keep_all, resolved};
+use crate::output::{Pending, apart, keep_all, named, resolved};
 use crate::phase::{Chain, Method, retrievers};
 use contest::{Outcome, Row};
 use vectors::Set;
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .into_iter()
         .filter_map(|(path, text)| Some((path.as_ref()?, text)))
         .collect();
-    apart(&[("--svg", args.svg.as_deref()), ("--csv", args.csv.as_deref())], &[])?;
+    apart(Vec::new(), named(&[("--svg", args.svg.as_ref()), ("--csv", args.csv.as_ref())]))?;
     // Opened before minutes of work, so that a missing folder is an error at once.
     let mut pending = Vec::new();
     for (path, text) in files {

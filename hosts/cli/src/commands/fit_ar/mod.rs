@@ -14,7 +14,7 @@ use clap::ValueEnum;
 
 use crate::failure::{Failure, print_report, warn, wrong};
 use crate::number::{number, whole};
-use crate::output::{Pending, apart, ending, ends_in_ron, keep_all};
+use crate::output::{Pending, apart, ending, ends_in_ron, keep_all, named};
 use report::Report;
 
 /// Criterion for the order.
@@ -103,8 +103,9 @@ const CHANCES: f64 = 4.0;
 const LITTLE: f64 = 0.25;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let outputs = [("--out", Some(args.out.as_path())), ("--plot", args.plot.as_deref())];
-    apart(&outputs, &[&args.recording, &recordings::channels_file(&args.recording)])?;
+    let channels = recordings::channels_file(&args.recording);
+    let written = named(&[("--out", Some(&args.out)), ("--plot", args.plot.as_ref())]);
+    apart(named(&[("RECORDING", Some(&args.recording)), ("RECORDING", Some(&channels))]), written)?;
     ends_in_ron(&args.out, "texture")?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;

@@ -24,7 +24,7 @@ use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number;
-use crate::output::{Format, Pending, Rows, ending, keep_all};
+use crate::output::{Format, Pending, Rows, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use report::{Level, Run};
@@ -91,8 +91,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     })?;
     load::warn_about(schedule);
 
-    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
-    distinct_files(&args.graph, schedule, kinds.files(), &named)?;
+    let written =
+        [("--out", args.out.as_ref()), ("--plot", args.plot.as_ref()), ("--report", args.report.as_ref())];
+    distinct_files(&args.graph, schedule, kinds.files(), named(&written))?;
     check_lengths(args, schedule, ticks)?;
     let mut capture = Capture::new(args, &compiled, scene)?;
     // Opened before the work, so that a missing folder is an error at once.

@@ -22,7 +22,7 @@ use crate::failure::{Failure, print, warn};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
 use crate::number;
-use crate::output::Pending;
+use crate::output::{Pending, named};
 use editor::{Editor, Playing};
 use hands::Hands;
 use recordings::Recordings;
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let request = card::request(&args.device, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?;
     load::warn_about(schedule);
-    distinct_files(&args.graph, schedule, editor.plugins(), &[("--report", &args.report)])?;
+    distinct_files(&args.graph, schedule, editor.plugins(), named(&[("--report", args.report.as_ref())]))?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
     let mut hands = Hands::default();

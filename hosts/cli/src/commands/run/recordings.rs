@@ -9,7 +9,7 @@ use asperity_node::PortType;
 
 use crate::commands::render::recorder::{Kept, Recorder, file_of};
 use crate::failure::Failure;
-use crate::output::Pending;
+use crate::output::{Named, Pending};
 
 /// How often files and their headers are brought up to date: a killed run loses that much.
 const REFRESH: Duration = Duration::from_secs(1);
@@ -59,14 +59,14 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
 }
 
 /// Files of `begun` that this graph does not continue.
-pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<(String, Option<PathBuf>)> {
+pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<Named> {
     let sinks: Vec<Sink> = schedule.nodes.iter().filter_map(Sink::of).collect();
     let goes_on = |i: usize| {
         let newest = !begun[i + 1..].iter().any(|later| later.id == begun[i].id);
         newest && sinks.contains(&begun[i])
     };
     let left = begun.iter().enumerate().filter(|(i, _)| !goes_on(*i)).map(|(_, sink)| sink);
-    left.map(|sink| (format!("`{}` before this change", sink.id), Some(sink.file.clone()))).collect()
+    left.map(|sink| (sink.file.clone(), format!("`{}` before this change", sink.id))).collect()
 }
 
 /// Whether a sink continues its newest recording.

@@ -21,6 +21,7 @@ use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded};
+use crate::output::named;
 
 pub struct Made {
     /// The file, with the changes of the command line.
@@ -121,10 +122,9 @@ impl Order {
     fn ready(&self, made: Made, plugins: &[PathBuf]) -> Result<Ready, Failure> {
         let next = &made.compiled.schedule;
         fits(&self.running, next)?;
-        let left = left_behind(next, &self.begun);
-        let left = left.iter().map(|(who, path)| (who.as_str(), path));
-        let named: Vec<_> = [("--report", &self.report)].into_iter().chain(left).collect();
-        distinct_files(&self.args, next, plugins, &named)?;
+        let mut written = named(&[("--report", self.report.as_ref())]);
+        written.extend(left_behind(next, &self.begun));
+        distinct_files(&self.args, next, plugins, written)?;
         self.wanted()?;
         // Files that cannot be written are refused before a device is opened.
         drop(recorders(next, &self.begun)?);

@@ -11,10 +11,10 @@ use clap::Subcommand;
 
 use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
-use crate::load::files::not_read;
+use crate::load::files::files_read;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number::number;
-use crate::output::{resolved, write_text};
+use crate::output::{apart, named, resolved, write_text};
 
 /// Print the graph that a scene lowers to, or explain it: what is built, why, and at what cost
 #[derive(Debug, Subcommand)]
@@ -69,12 +69,7 @@ fn expand(args: &Expand) -> Result<(), Failure> {
     let Some(out) = &args.out else {
         return print(&text);
     };
-    let another = "name another file in the same folder";
-    if resolved(out) == resolved(&args.scene.graph) {
-        let what = "the scene would be overwritten by its graph";
-        return Err(wrong(out, what, another));
-    }
-    not_read(out, &args.scene, &compiled.schedule, kinds.files(), another)?;
+    apart(files_read(&args.scene, &compiled.schedule, kinds.files()), named(&[("--out", Some(out))]))?;
     let folder = |path: &Path| resolved(path).parent().map(Path::to_path_buf);
     if folder(out) != folder(&args.scene.graph) {
         return Err(wrong(

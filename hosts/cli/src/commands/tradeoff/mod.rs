@@ -16,6 +16,7 @@ use crate::failure::{Failure, be_quiet, print, warn, wrong};
 use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::{self, PluginArgs};
 use crate::number::whole;
+use crate::output::{apart, named};
 
 use bars::Bars;
 pub use folder::read as read_results;
@@ -201,7 +202,8 @@ fn loaded(path: &Path, plugins: &PluginArgs, set: &[String]) -> Result<LoadedGra
 }
 
 fn merge(args: &Merge) -> Result<(), Failure> {
-    folder::keep_apart(&args.from, &args.out)?;
+    let read = args.from.iter().map(|from| (folder::file(from), "the merge".to_owned())).collect();
+    apart(read, named(&[("the merged results", Some(&args.out.join(folder::JSON)))]))?;
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
     let missing: Vec<String> = results.missing_shards().iter().map(usize::to_string).collect();
