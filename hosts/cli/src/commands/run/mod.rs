@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
-    let mut stage = Stage { session, editor, hands, recordings, hangs: None, stuck: Vec::new() };
+    let mut stage = Stage { session, editor, hands, recordings, failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
     editor.end();
@@ -142,7 +142,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&run.summary(&written))?;
     }
     let recorded = if cut.is_empty() { Ok(()) } else { Err(Failure::Machine(cut.join("; "))) };
-    let came_back = match (&ended.player, hanging(&ended.view, ended.graph_controller.layout())) {
+    let hangs = failed_by(DOES_NOT_COME_BACK, &ended.view, ended.graph_controller.layout());
+    let came_back = match (&ended.player, hangs.first()) {
         (None, Some(node)) => {
             Err(Failure::Machine(format!("a tick did not end: {node} {DOES_NOT_COME_BACK}")))
         }
@@ -162,19 +163,14 @@ struct Stage {
     editor: Editor,
     hands: Hands,
     recordings: Recordings,
-    hangs: Option<String>,
-    stuck: Vec<String>,
+    /// Nodes whose call does not end, and nodes that were taken out for it.
+    failed: [Vec<String>; 2],
 }
 
 /// Nodes with this last fault, as a user knows them.
 fn failed_by(fault: &str, view: &View, layout: &Layout) -> Vec<String> {
     let nodes = layout.nodes.iter().zip(&view.nodes).filter(|(_, seen)| seen.last_fault == fault);
     nodes.map(|(node, _)| format!("`{}` ({})", node.id, node.kind)).collect()
-}
-
-/// The node whose call does not end.
-fn hanging(view: &View, layout: &Layout) -> Option<String> {
-    failed_by(DOES_NOT_COME_BACK, view, layout).into_iter().next()
 }
 
 impl Stage {
@@ -206,24 +202,22 @@ impl Stage {
             recordings.drain(graph_controller);
             recordings.complaints().iter().for_each(|said| shows.say(said));
             let view = session.view();
-            let hangs = hanging(&view, session.graph_controller().layout());
-            // Where no tick ends, the planned time still ends the run.
-            let tick_hz = f64::from(session.graph_controller().layout().tick_hz);
-            let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
-            let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs.is_some() && late(ticks)));
-            if hangs != self.hangs {
-                if let Some(node) = &hangs {
-                    shows.say(&format!(
-                        "warning: {node} {DOES_NOT_COME_BACK}, and nothing is heard until it does"
-                    ));
+            let layout = session.graph_controller().layout();
+            let faults = [
+                (DOES_NOT_COME_BACK.to_owned(), ", and nothing is heard until it does"),
+                (Fault::Stuck.to_string(), ": the graph goes on without it"),
+            ];
+            for ((fault, then), known) in faults.iter().zip(&mut self.failed) {
+                let failed = failed_by(fault, &view, layout);
+                for node in failed.iter().filter(|node| !known.contains(node)) {
+                    shows.say(&format!("warning: {node} {fault}{then}"));
                 }
-                self.hangs = hangs;
+                *known = failed;
             }
-            let stuck = failed_by(&Fault::Stuck.to_string(), &view, session.graph_controller().layout());
-            for node in stuck.iter().filter(|node| !self.stuck.contains(node)) {
-                shows.say(&format!("warning: {node} {}: the graph goes on without it", Fault::Stuck));
-            }
-            self.stuck = stuck;
+            // Where no tick ends, the planned time still ends the run.
+            let (hangs, tick_hz) = (!self.failed[0].is_empty(), f64::from(layout.tick_hz));
+            let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
+            let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs && late(ticks)));
             let (condition, losses) = (view.condition, view.losses);
             let graph_controller = session.graph_controller();
             shows.show(view, graph_controller.layout(), graph_controller.schedule(), hands);
