@@ -126,6 +126,11 @@ fn grouped(number: usize) -> String {
     }
 }
 
+/// A number of things, in words.
+pub fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
 /// The text of an I/O error without the temporary name of an incomplete file.
 pub fn without_path(error: impl fmt::Display) -> String {
     error.to_string().split(" at path ").next().unwrap_or_default().to_owned()

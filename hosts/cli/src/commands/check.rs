@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
-use crate::failure::{Failure, print_report, warn};
+use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
 use crate::load::{self, GraphArgs};
 
@@ -44,8 +44,7 @@ fn text_of(schedule: &Schedule) -> String {
         for output in node.outputs.iter() {
             let readers = match output.readers {
                 0 => "unread".to_owned(),
-                1 => "1 reader".to_owned(),
-                n => format!("{n} readers"),
+                n => plural(n, "reader"),
             };
             let _ = writeln!(out, "      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
         }

@@ -162,20 +162,18 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
     let several = given.iter().filter(|given| **given).count() > 1;
     let (rest, which) =
         if several { (" of those within the other limits", " within the other limits") } else { ("", "") };
-    if let Some(us) = quickest {
-        let without = if budget.strict { "" } else { ", without the machine's stalls" };
-        out += &format!("  the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}\n");
-    }
-    if let Some(ms) = soonest {
-        out += &format!("  the shortest response lag{rest}: {ms:.1} ms\n");
-    }
+    let without = if budget.strict { "" } else { ", without the machine's stalls" };
+    let shortest = |us| format!("the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}");
+    let lag = |ms| format!("the shortest response lag{rest}: {ms:.1} ms");
+    let mut nearest = Vec::from_iter(quickest.map(shortest).into_iter().chain(soonest.map(lag)));
     if !rates.is_empty() {
         let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
-        out += &format!("  tick rates of settings{which}: {} Hz\n", rates.join(", "));
+        nearest.push(format!("tick rates of settings{which}: {} Hz", rates.join(", ")));
     }
-    if quickest.is_none() && soonest.is_none() && rates.is_empty() && several {
-        out += "  each setting misses several of the limits\n";
+    if nearest.is_empty() && several {
+        nearest.push("each setting misses several of the limits".into());
     }
+    nearest.iter().for_each(|line| out += &format!("  {line}\n"));
     out
 }
 

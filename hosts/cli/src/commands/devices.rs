@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
 
-use crate::failure::{Failure, print_report};
+use crate::failure::{Failure, plural, print_report};
 
 /// List audio hosts and devices: rates, formats, channels, buffer sizes
 #[derive(Debug, clap::Args)]
@@ -59,8 +59,7 @@ fn device(out: &mut String, d: &DeviceInfo) {
 }
 
 fn side_text(side: &SideInfo) -> String {
-    let channels =
-        if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
+    let channels = plural(side.channels.into(), "channel");
     let card = side.card_channels.map_or(String::new(), |n| format!(", {n} of them to a card"));
     let rates: Vec<String> = side.rates_hz.iter().map(u32::to_string).collect();
     let rates = if rates.is_empty() {

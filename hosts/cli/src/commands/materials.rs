@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use asperity_texture::{Library, LibraryMaterial};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, clean, print_report};
+use crate::failure::{Failure, clean, plural, print_report};
 
 /// List the materials of a library: names, families, descriptions, pictures
 #[derive(Clone, Debug, clap::Args)]
@@ -43,8 +43,7 @@ fn text_of(library: &Library) -> String {
             let _ = writeln!(out, "{:names$}  {}{missing}", "", clean(&path));
         }
     }
-    let count = materials.len();
-    let _ = writeln!(out, "\n{count} material{}", if count == 1 { "" } else { "s" });
+    let _ = writeln!(out, "\n{}", plural(materials.len(), "material"));
     if let Some(encoder) = library.encoder() {
         let missing = if encoder.is_file() { "" } else { " (missing)" };
         let _ = writeln!(out, "encoder {}{missing}", clean(&encoder.display().to_string()));

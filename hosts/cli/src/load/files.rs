@@ -64,7 +64,7 @@ pub fn distinct_files(
 }
 
 /// How often files are looked at. Polling works on every system and over a network; notifications do not.
-pub const POLL: Duration = Duration::from_millis(100);
+const POLL: Duration = Duration::from_millis(100);
 /// Longest wait for a file that is written all the time.
 const LONGEST: Duration = Duration::from_secs(1);
 
@@ -85,11 +85,19 @@ pub struct Watched {
     /// Versions when they were last looked at.
     before: Stamps,
     since: Option<Instant>,
+    looked: Instant,
 }
 
 impl Watched {
     pub fn new(now: Stamps) -> Self {
-        Self { before: now.clone(), known: now, since: None }
+        Self { before: now.clone(), known: now, since: None, looked: Instant::now() }
+    }
+
+    /// Whether it is time to look again.
+    pub fn due(&mut self) -> bool {
+        let due = self.looked.elapsed() >= POLL;
+        self.looked = if due { Instant::now() } else { self.looked };
+        due
     }
 
     /// Files that changed and look the same twice in a row, or that are written for a second.

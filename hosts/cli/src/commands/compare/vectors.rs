@@ -131,16 +131,9 @@ impl Set {
     }
 }
 
-/// The built-in vectors, all at 2500 Hz, with their published scores: the files of `graphs/phase`.
-///
-/// - `sine_off`: a sine between two bins.
-/// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
-/// - `chirp`.
-/// - `texture`: a noise through three resonances.
-/// - `contact`: the same, switched on and off.
-/// - `taps`: decaying sines.
-/// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
-///   has them.
+/// The built-in vectors, all at 2500 Hz, with their published scores: `sine_off` between two bins, `two25`
+/// sines 25 Hz apart, a `chirp`, a `texture` of three resonances, `contact` that switches it, decaying
+/// `taps`, and `nnsmooth`: mean magnitudes of the texture, which no signal has.
 pub fn built_in() -> Result<Set, Failure> {
     let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
     let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));

@@ -10,7 +10,7 @@ use asperity_plot::{Fit, Spectrum};
 use serde_json::{Value, json};
 
 use super::{Args, By};
-use crate::failure::clean;
+use crate::failure::{clean, plural};
 
 /// Orders below and above the chosen one whose criterion is shown.
 const AROUND: usize = 3;
@@ -37,15 +37,15 @@ impl Report<'_> {
             n => format!("{n} axes"),
         };
         let seconds: f64 = fitted.segments.iter().map(|s| s.length_s).sum();
-        let segments = count(fitted.segments.len(), "segment");
+        let segments = plural(fitted.segments.len(), "segment");
         let dropped = Why::ALL.iter().map(|why| (why, fitted.dropped_s(*why))).filter(|(_, s)| *s > 0.0);
         let dropped: Vec<String> = dropped.map(|(why, seconds)| format!("{seconds:.2} s {why}")).collect();
         let joined = match (texture.triangles().corners().len(), texture.models().len()) {
             (0, 1) => "the same at every speed and force".to_owned(),
             (0, _) => "no triangle: between them, along a line".to_owned(),
-            (n, _) => count(n, "triangle"),
+            (n, _) => plural(n, "triangle"),
         };
-        let models = count(texture.models().len(), "model");
+        let models = plural(texture.models().len(), "model");
         let [[slowest, fastest], [least, most]] = self.ranges();
         let mut out = format!(
             "recording     {name}: {:.2} s at {rate:.0} Hz, {axes} of acceleration\n\
@@ -165,10 +165,6 @@ impl Report<'_> {
             "all": compared_json(&self.compared.all), "written": written,
         })
     }
-}
-
-fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 fn worst(band: &Band) -> String {

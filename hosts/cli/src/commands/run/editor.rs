@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
@@ -22,7 +21,7 @@ use super::recordings::Recordings;
 use super::reloader::{self, Answer, Made, Order, Ready, on_thread};
 use crate::failure::Failure;
 use crate::kinds::Kinds;
-use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
+use crate::load::files::{Stamps, Watched, listed, readers, stamps};
 use crate::machine::Ceiling;
 
 /// Prepares a new graph when something changes, and sends it to the engine.
@@ -33,8 +32,8 @@ pub struct Editor {
     ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
     base: Option<GraphFile>,
-    /// With `--watch`: the files, and when they were last looked at.
-    files: Option<(Watched, Instant)>,
+    /// With `--watch`.
+    files: Option<Watched>,
     /// Materials that the user chose: node and material. They stay when files change.
     chosen: BTreeMap<String, String>,
     /// Live parameters that the user moved, by node and name. The next change of a file resets them.
@@ -135,7 +134,7 @@ impl Editor {
     }
 
     pub fn watch(&mut self, schedule: &Schedule) {
-        self.files = Some((Watched::new(self.stamps(schedule)), Instant::now()));
+        self.files = Some(Watched::new(self.stamps(schedule)));
     }
 
     fn stamps(&self, schedule: &Schedule) -> Stamps {
@@ -190,12 +189,11 @@ impl Editor {
     }
 
     fn look(&mut self, schedule: &Schedule) {
-        if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
+        if !self.files.as_mut().is_some_and(Watched::due) {
             return;
         }
         let seen = self.stamps(schedule);
-        let Some((files, at)) = &mut self.files else { return };
-        *at = Instant::now();
+        let Some(files) = &mut self.files else { return };
         let Some(mut changed) = files.changed(&seen) else { return };
         files.know(seen.clone(), &seen);
         // Earlier changes that were not taken over have still to be read.
@@ -372,7 +370,7 @@ impl Editor {
 
     fn know(&mut self, schedule: &Schedule, seen: &Stamps) {
         let after = self.stamps(schedule);
-        if let Some((files, _)) = &mut self.files {
+        if let Some(files) = &mut self.files {
             files.know(after, seen);
         }
     }

@@ -144,10 +144,8 @@ pub struct Opened {
     later: Vec<Source>,
 }
 
-/// Opens the devices of these nodes of a graph, until `over` is set. A device may take seconds to answer.
-///
-/// Nothing is closed here: a device that is open for a node which goes or changes is left for
-/// [`open_the_rest`](Opened::open_the_rest).
+/// Opens the devices of these nodes of a graph, until `over` is set, and closes none: a device that excludes
+/// an open one is left for [`open_the_rest`](Opened::open_the_rest).
 pub fn open(
     schedule: &Schedule,
     ids: &[String],

@@ -174,12 +174,8 @@ fn failed_by(fault: &str, view: &View, layout: &Layout) -> Vec<String> {
 }
 
 impl Stage {
-    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on.
-    ///
-    /// It waits for a slow disk. Where a device is lost it waits for its driver: the callback driver until
-    /// the running tick has ended (1 s at most), the paced driver until its tick thread has ended (0.2 to
-    /// 0.8 s). Pages, edits and recordings wait meanwhile. Devices that push back have threads of their
-    /// own.
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. It waits for a
+    /// slow disk, and up to 1 s for the driver of a lost device.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
         loop {
