@@ -94,7 +94,7 @@ fn is_part_of(part: &Path, path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// What a kill leaves, `tests/stability` and `tests/it/hostile` show.
+    /// Kills are tested by `tests/stability` and `tests/it/hostile`.
     #[test]
     fn files_of_a_living_process_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();
