@@ -139,9 +139,10 @@ pub fn json(set: &Set, outcome: &Outcome, published: &[Row]) -> Value {
 
 /// The result as CSV: a line for each method and vector. Figures of the method alone are repeated.
 pub fn csv(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
-    const HEADER: &str = "method,kind,published,vector,rate_hz,convergence_db,level_db,ltas_rms_db,faults,latency_ms,offline,\
-         lag_texture_10_ms,lag_texture_50_ms,lag_texture_90_ms,lag_tone_10_ms,lag_tone_50_ms,lag_tone_90_ms,\
-         us_a_frame,pulses,repetition,kurtosis,noise_pulses,noise_repetition,noise_kurtosis,notes\n";
+    const HEADER: &str = "\
+        method,kind,published,vector,rate_hz,convergence_db,level_db,ltas_rms_db,faults,latency_ms,offline,\
+        lag_texture_10_ms,lag_texture_50_ms,lag_texture_90_ms,lag_tone_10_ms,lag_tone_50_ms,lag_tone_90_ms,\
+        us_a_frame,pulses,repetition,kurtosis,noise_pulses,noise_repetition,noise_kurtosis,notes\n";
     // A number to a ten-thousandth; nothing where there is none.
     let cell = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.4}"));
     let rhythm = |r: Option<Rhythm>| {
