@@ -377,7 +377,6 @@ mod tests {
             Record::read(&mut file)
         };
         assert_eq!(read().map(|read| (read.heat_a2, read.running)), Some((0.125, false)));
-        drop(read);
         let len = file.metadata().unwrap().len();
         for cut in [0, 1, len / 2, len - 2] {
             file.set_len(cut).unwrap();
