@@ -258,7 +258,7 @@ fn a_model_that_is_none_is_refused() {
         let line = g[..quote].matches('\n').count() + 1;
         let column = quote - g[..quote].rfind('\n').unwrap();
         assert!(ran.err.contains(&format!("read by `texture` at g.ron:{line}:{column}")), "{}", ran.err);
-        assert!(ran.err.contains("──") && ran.err.contains("model:"), "{}", ran.err);
+        assert!(ran.err.contains("^^^") && ran.err.contains("model:"), "{}", ran.err);
     }
 }
 

@@ -394,8 +394,8 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("s.csv --most-models 0", "--most-models"),
         ("s.csv --speed-tolerance-mm-s 0", "--speed-tolerance-mm-s"),
         ("s.csv --tolerance-percent 101", "--tolerance-percent"),
-        ("s.csv --plot s.csv", "--plot: error: this file is read"),
-        ("s.csv --plot mine.ron", "--plot: error: this file is read, or is the texture"),
+        ("s.csv --plot s.csv", "would be overwritten by --plot"),
+        ("s.csv --plot mine.ron", "--out would write the same file as --plot"),
         ("s.csv --plot no/p.svg", "--plot names this file"),
         ("", "RECORDING"),
     ] {
@@ -407,8 +407,8 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         assert_eq!(files(dir.path()).len(), before.len(), "{args}: {:?}", files(dir.path()));
     }
     for (out, said) in [
-        ("s.csv", "--out: error: this file is read, and would be overwritten"),
-        ("./folder/../s.csv", "--out: error: this file is read"),
+        ("s.csv", "would be overwritten by --out"),
+        ("./folder/../s.csv", "would be overwritten by --out"),
         ("m.txt", "--out: error: m.txt would not be found as a texture"),
         ("no/m.ron", "--out names this file"),
         ("folder", "--out"),

@@ -185,8 +185,8 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         ("merge --out no 1 1", "shard 1 of 2 is given twice"),
         ("merge --out no 1 gone", "cannot read this file"),
         ("tradeoff.ron --out 1 --shard 2/2 --no-cases", "has the results of shard 1/2"),
-        ("merge 2 1/results.json --out 1", "would overwrite these results"),
-        ("merge 2 1/results.json --out half/../1", "would overwrite these results"),
+        ("merge 2 1/results.json --out 1", "would be overwritten by the merged"),
+        ("merge 2 1/results.json --out half/../1", "would be overwritten by the merged"),
     ] {
         run_line(dir.path(), &format!("tradeoff {line}")).refused(why);
     }

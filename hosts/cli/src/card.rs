@@ -18,7 +18,6 @@ use asperity_live::{
 };
 use asperity_node::Role;
 use clap::ValueEnum;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::failure::{Failure, warn, wrong};
 use crate::kinds;
@@ -32,8 +31,7 @@ pub struct CardArgs {
     /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
     #[arg(long, value_name = "HOST")]
     pub host: Option<String>,
-    /// Device to play on: its name, its id, or HOST:ID. By default the host's default device; a device that
-    /// is named is never replaced by another
+    /// Device to play on: its name, its id, or HOST:ID. By default the host's; a named one is never replaced
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Requested buffer size in frames. The device may choose another
@@ -42,8 +40,7 @@ pub struct CardArgs {
     /// Sample format of the device: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]
     pub device_format: Option<String>,
-    /// File that says which actuator and amplifier stand behind each channel; by default your own. No graph
-    /// can raise its limits
+    /// File of the actuator and amplifier behind each channel; by default your own. No graph can exceed it
     #[arg(long, value_name = "FILE")]
     pub machine: Option<PathBuf>,
     /// Share the actuator with another run: each gets half of every limit, and both must use --share
@@ -62,8 +59,7 @@ pub struct DeviceArgs {
     /// Device to record from, for `audio_in`; by default the same host's default
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
-    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
-    /// paced
+    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
     #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
     /// Give up when the device is lost, instead of waiting for it
@@ -79,9 +75,8 @@ pub struct OutputArgs {
     /// Channel of the device, from 1; by default 1
     #[arg(long, value_name = "N", value_parser = channel)]
     pub channel: Option<u16>,
-    /// Clock of the ticks. By default the device's buffer size decides: callback for at most a tick, else
-    /// paced
-    #[arg(long, value_name = "CLOCK", value_parser = audio_clock())]
+    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
+    #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
 }
 
@@ -113,12 +108,6 @@ pub enum ClockKind {
     Timer,
 }
 
-/// Parses a clock that drives a device.
-fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
-    PossibleValuesParser::new(["callback", "paced"])
-        .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
-}
-
 /// The actuator, and the amplifier before it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ActuatorArgs {
@@ -137,9 +126,6 @@ pub struct ActuatorArgs {
 }
 
 /// The device that a graph needs, as the command line asks for it; `None` where it needs no sound card.
-///
-/// # Errors
-/// Options that the graph has no use for, or that do not fit it.
 pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>, Failure> {
     let of = |role| schedule.with_role(role).map(|(_, node)| node).collect::<Vec<_>>();
     let (outs, ins) = (of(Role::AudioOutput), of(Role::AudioInput));
@@ -184,20 +170,19 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
 }
 
 fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
-    let wanted = outs.max(1);
-    if args.channel.is_empty() {
+    let (named, wanted) = (&args.channel, outs.max(1));
+    if named.is_empty() {
         return Ok((1..=u16::try_from(wanted).unwrap_or(u16::MAX)).collect());
     }
-    if args.channel.len() != wanted {
-        let what = format!("{} channels are named, and the graph has {outs} audio_out", args.channel.len());
+    if named.len() != wanted {
+        let what = format!("{} channels are named, and the graph has {outs} audio_out", named.len());
         return Err(wrong("--channel", what, "one channel for each, such as --channel 3,4"));
     }
-    if let Some(twice) = (1..wanted).find(|&i| args.channel[..i].contains(&args.channel[i])) {
-        let what = format!("channel {} is named twice", args.channel[twice]);
-        let help = "a channel for each audio_out; `mix` adds signals";
-        return Err(wrong("--channel", what, help));
+    if let Some(twice) = (1..wanted).find(|&i| named[..i].contains(&named[i])) {
+        let what = format!("channel {} is named twice", named[twice]);
+        return Err(wrong("--channel", what, "a channel for each audio_out; `mix` adds signals"));
     }
-    Ok(args.channel.clone())
+    Ok(named.clone())
 }
 
 fn format(text: &str) -> Result<Format, Failure> {
@@ -207,7 +192,6 @@ fn format(text: &str) -> Result<Format, Failure> {
     })
 }
 
-/// Guards the coils behind the card, as the machine's file says.
 pub fn coils(args: &DeviceArgs, schedule: &Schedule) -> Result<Coils, Failure> {
     let machine = Machine::find(args.card.machine.as_deref())?;
     Ok(Coils::new(args.card.share, machine.map(Arc::new), Arc::new(schedule.clone())))
@@ -231,23 +215,13 @@ pub fn options(args: &DeviceArgs, device: Option<Request>, coils: Coils) -> Sess
     }
 }
 
-/// Who plays: errors name the options by which it sets rate and input channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Player {
-    /// A graph file: `--set` changes it.
-    Graph,
-    /// A command with options of its own.
-    Command,
-}
-
-/// The error for a device that cannot be opened, with the option that is wrong and help.
-pub fn not_opened(error: SessionError, player: Player) -> Failure {
+/// The error for a device that cannot be opened. A graph file sets rate and channels itself: `graph`.
+pub fn not_opened(error: SessionError, graph: bool) -> Failure {
     let e = match error {
         SessionError::Device(e) => e,
         SessionError::Refused(d) => return d.into(),
         other => return Failure::Machine(other.to_string()),
     };
-    let graph = player == Player::Graph;
     let option = match e.cause {
         Cause::Host => "--host",
         Cause::Device if e.input => "--input-device",
@@ -272,10 +246,7 @@ pub fn not_opened(error: SessionError, player: Player) -> Failure {
         _ => None,
     };
     let d = Diagnostic::new(e.to_string()).in_file(option);
-    match help {
-        Some(help) => d.help(help).into(),
-        None => d.into(),
-    }
+    help.into_iter().fold(d, Diagnostic::help).into()
 }
 
 /// Nodes that stand before every device, from amperes on: `limiter` and `out`.
@@ -318,8 +289,7 @@ pub fn absolute(profile: &str) -> Result<String, Failure> {
 /// Ticks a second of the graphs that commands make.
 pub const TICK_HZ: f64 = 500.0;
 
-/// A graph from its nodes and wires; errors call it `name`. They show no place in its text, which no user
-/// wrote.
+/// A graph from nodes and wires, called `name`. Errors show no place in its text, which no user wrote.
 pub fn graph(name: &str, rate_hz: u32, nodes: &str, wires: &str) -> Result<(GraphFile, Compiled), Failure> {
     let text = format!(
         "Graph(version: 1, tick_hz: {TICK_HZ:.0}, audio_hz: {rate_hz}, nodes: {{{nodes}}}, wires: [{wires}])"
@@ -359,7 +329,7 @@ pub fn play(
     let (writer, reader) = if recorded > 0 { (Some(writer), Some(reader)) } else { (None, None) };
     let (graph_controller, player) =
         prepare_live(compiled, &graph, Default::default(), queues, reader, Vec::new());
-    let not_opened = |e| not_opened(e, Player::Command);
+    let not_opened = |e| not_opened(e, false);
     let stop = stop_flag();
     let options = SessionOptions { start_s, ..options(args, request, coils) };
     let mut session = Session::start(graph_controller, player, writer, options).map_err(not_opened)?;

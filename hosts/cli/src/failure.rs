@@ -7,15 +7,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place};
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use serde::Serialize;
 
-/// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
     /// The user's input is wrong: exit code 2; or too many files are open to read it: 1.
     Input(Vec<Diagnostic>),
     /// The machine failed, such as a full disk: exit code 1.
     Machine(String),
+    /// All is said: the exit code.
+    Said(u8),
 }
 
 impl From<Diagnostic> for Failure {
@@ -36,9 +37,13 @@ pub fn wrong(at: impl Into<PathBuf>, what: impl Into<String>, help: impl Into<St
 }
 
 impl Failure {
-    /// A file that could not be written.
     pub fn writing(path: &Path, error: impl fmt::Display) -> Self {
         Self::Machine(format!("cannot write {}: {}", path.display(), without_path(error)))
+    }
+
+    /// Exit code 1 without more words, where something failed.
+    pub fn said(failed: bool) -> Result<(), Self> {
+        if failed { Err(Self::Said(1)) } else { Ok(()) }
     }
 
     /// Adds the option that names the file.
@@ -64,11 +69,11 @@ impl Failure {
         Self::Input(all)
     }
 
-    /// The error in a line.
     pub fn reason(&self) -> String {
         match self {
             Failure::Input(all) => all.first().map(|d| clean(&d.message)).unwrap_or_default(),
             Failure::Machine(message) => message.clone(),
+            Failure::Said(code) => format!("exit code {code}"),
         }
     }
 
@@ -85,10 +90,10 @@ impl Failure {
                 ExitCode::from(if machine { 1 } else { 2 })
             }
             Failure::Machine(_) => ExitCode::from(1),
+            Failure::Said(code) => ExitCode::from(*code),
         }
     }
 
-    /// The error as a user reads it.
     pub fn text(&self) -> String {
         match self {
             Failure::Input(all) => {
@@ -103,11 +108,11 @@ impl Failure {
                 let help = open_files(message).map(|help| format!("  help: {help}\n"));
                 format!("error: {message}\n{}", help.unwrap_or_default())
             }
+            Failure::Said(_) => String::new(),
         }
     }
 }
 
-/// Most errors that are printed.
 const MOST_SHOWN: usize = 50;
 
 /// Most further places that are shown with an error.
@@ -121,14 +126,17 @@ fn grouped(number: usize) -> String {
     }
 }
 
+/// A number of things, in words.
+pub fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
 /// The text of an I/O error without the temporary name of an incomplete file.
 pub fn without_path(error: impl fmt::Display) -> String {
     error.to_string().split(" at path ").next().unwrap_or_default().to_owned()
 }
 
-/// Help for an error of too many open files; `None` for any other.
-///
-/// It looks at the text: wrappers of an I/O error seldom keep its type.
+/// Help for an error of too many open files, found in its text: wrappers seldom keep the type of an error.
 fn open_files(message: &str) -> Option<&'static str> {
     let found = message.split_once("Too many open files")?.1;
     Some(match found.starts_with(" in system") {
@@ -148,6 +156,19 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// Prints a report as JSON or as text.
+pub fn print_report<T: Serialize>(
+    json: bool,
+    value: impl FnOnce() -> T,
+    text: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    print(&if json { self::json(&value())? } else { text() })
+}
+
+pub fn json(value: &impl Serialize) -> Result<String, Failure> {
+    serde_json::to_string_pretty(value).map(|text| text + "\n").map_err(|e| Failure::Machine(e.to_string()))
+}
+
 /// A progress bar; a quiet one is hidden.
 pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
@@ -157,14 +178,12 @@ pub fn progress(steps: u64, template: &str, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// Prints a warning in the way of an error.
 pub fn warn(message: &str) {
     if !QUIET.load(Ordering::Relaxed) {
         complain(&format!("warning: {message}\n"));
     }
 }
 
-/// Whether only errors are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Prints only errors from now on, if `quiet`.
@@ -215,13 +234,12 @@ impl fmt::Display for Shown<'_> {
             .iter()
             .take(MOST_RELATED)
             .partition(|(p, _)| d.place.as_ref().is_some_and(|at| at.source.path() == p.source.path()));
-        if let Some(place) = &d.place {
-            write_snippet(f, place, &d.label, &here)?;
-        }
+        let own = d.place.iter().map(|place| (place, d.label.as_str()));
+        write_snippet(f, own.chain(here.into_iter().map(|(place, text)| (place, text.as_str()))))?;
         for (p, text) in elsewhere {
             let at = p.position();
             writeln!(f, "  {text} at {}:{}:{}", p.source.path().display(), at.line, at.column)?;
-            write_snippet(f, p, "", &[])?;
+            write_snippet(f, std::iter::once((p, "")))?;
         }
         if let Some(more @ 1..) = d.related.len().checked_sub(MOST_RELATED) {
             writeln!(f, "  ... and {} more places", grouped(more))?;
@@ -233,91 +251,34 @@ impl fmt::Display for Shown<'_> {
     }
 }
 
-/// Writes the lines around a place with carets under it and under others of the same text.
-fn write_snippet(
+/// Characters that are shown on each side of a place in a long line.
+const AROUND: usize = 80;
+
+/// Writes the lines of places in one text, with carets and a label under each place.
+fn write_snippet<'a>(
     f: &mut fmt::Formatter<'_>,
-    place: &Place,
-    label: &str,
-    others: &[&(Place, String)],
+    places: impl Iterator<Item = (&'a Place, &'a str)>,
 ) -> fmt::Result {
-    if place.source.text().is_empty() {
-        return Ok(());
-    }
-    let long = |p: &Place| longest_line(p) > MAX_LINE;
-    if long(place) || others.iter().any(|(p, _)| long(p)) {
-        return writeln!(f, "{}", cut_line(place, label));
-    }
-    let labelled = |p: &Place, text: &str| {
-        let len = p.span.end.saturating_sub(p.span.start).max(1);
-        LabeledSpan::new_with_span((!text.is_empty()).then(|| text.to_owned()), (p.span.start, len))
-    };
-    let mut labels = vec![labelled(place, label)];
-    labels.extend(others.iter().map(|(p, text)| labelled(p, text)));
-    let theme = GraphicalTheme::unicode_nocolor();
-    let handler = GraphicalReportHandler::new_themed(theme).with_width(110).with_context_lines(1);
-    let name = place.source.path().display().to_string();
-    let snippet = Snippet { source: NamedSource::new(name, place.source.text().to_owned()), labels };
-    let mut text = String::new();
-    handler.render_report(&mut text, &snippet)?;
-    // Skip the report's title, which is printed above.
-    for line in text.lines().skip_while(|l| !l.contains('╭')).filter(|l| !l.trim().is_empty()) {
-        // Its first line counts columns in bytes; the one above counts characters.
-        match line.split_once("─[") {
-            Some((before, _)) if before.ends_with('╭') => writeln!(f, "{before}────")?,
-            _ => writeln!(f, "{}", clean(line))?,
+    let mut places: Vec<_> = places.filter(|(place, _)| !place.source.text().is_empty()).collect();
+    places.sort_by_key(|(place, _)| place.span.start);
+    let mut shown = None;
+    for (place, label) in places {
+        let (at, text) = (place.position(), place.source.text());
+        let line = place.source.line_span(at.line);
+        let line = &text[line.start..line.end];
+        let first = (at.column - 1).saturating_sub(AROUND);
+        let dots = if first > 0 { "…" } else { "" };
+        if shown != Some((at.line, first)) {
+            let part: String = line.chars().skip(first).take(2 * AROUND).collect();
+            let more = if line.chars().count() > first + 2 * AROUND { "…" } else { "" };
+            writeln!(f, "{:>5} │ {dots}{}{more}", at.line, clean(&part.replace('\t', " ")))?;
+            shown = Some((at.line, first));
         }
+        let before = at.column - 1 - first + dots.chars().count();
+        let marked = text.get(place.span.start..place.span.end).unwrap_or_default();
+        let marked = marked.lines().next().unwrap_or_default().chars().count().clamp(1, AROUND);
+        let marks = format!("{:>5} │ {:before$}{} {}", "", "", "^".repeat(marked), clean(label));
+        writeln!(f, "{}", marks.trim_end())?;
     }
     Ok(())
-}
-
-/// Longest line that is shown whole \[bytes\]. Beyond 65535 columns the renderer gives up.
-const MAX_LINE: usize = 240;
-
-/// Length of the longest line around a place: its own and its neighbours \[bytes\].
-fn longest_line(place: &Place) -> usize {
-    let line = place.position().line;
-    let len = |n: usize| {
-        let span = place.source.line_span(n);
-        span.end - span.start
-    };
-    (line.saturating_sub(1).max(1)..=line + 1).map(len).max().unwrap_or(0)
-}
-
-/// The text around a place in a long line, with a caret under it.
-fn cut_line(place: &Place, label: &str) -> String {
-    const AROUND: usize = 40;
-    let line = place.source.line_span(place.position().line);
-    let text = &place.source.text()[line.start..line.end];
-    let at = place.position().column - 1;
-    let first = at.saturating_sub(AROUND);
-    let shown: String =
-        text.chars().skip(first).take(2 * AROUND).map(|c| if c.is_control() { ' ' } else { c }).collect();
-    let dots = if first > 0 { "…" } else { "" };
-    let indent = " ".repeat(at - first + dots.chars().count());
-    format!("   │ {dots}{shown}…\n   │ {indent}^ {label}")
-}
-
-/// A piece of a file with carets.
-#[derive(Debug)]
-struct Snippet {
-    source: NamedSource<String>,
-    labels: Vec<LabeledSpan>,
-}
-
-impl fmt::Display for Snippet {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("error")
-    }
-}
-
-impl std::error::Error for Snippet {}
-
-impl miette::Diagnostic for Snippet {
-    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        Some(&self.source)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        Some(Box::new(self.labels.iter().cloned()))
-    }
 }

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use asperity_diagnostics::budget;
 
-/// Bytes that the program holds on the heap, by the count that glibc keeps anyway. Elsewhere all resident
-/// memory: pages that nobody has touched yet are not counted.
+/// Bytes on the heap, as glibc counts them. Elsewhere resident memory, without pages that nobody touched.
 pub fn bytes() -> u64 {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
@@ -18,8 +17,7 @@ pub fn bytes() -> u64 {
     memory_stats::memory_stats().map_or(0, |held| held.physical_mem as u64)
 }
 
-/// Limits the program to `most` bytes, or else to half of the machine's memory. Without either there is no
-/// limit.
+/// Limits the program to `most` bytes, or else to half of the machine's memory.
 pub fn limit(most: Option<u64>) {
     if let Some(most) = most.or_else(|| Some(of_machine()? / 2)) {
         budget::set(most, bytes);

@@ -20,9 +20,7 @@ use crate::phase::OFFLINE;
 pub struct Kinds {
     loader: Loader,
     named: Vec<PathBuf>,
-    /// Files of the plugins of the last registry, also of those that did not load.
     files: Vec<PathBuf>,
-    /// Whether a graph plays with these kinds.
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
     apart: bool,
@@ -35,7 +33,6 @@ pub struct Kinds {
 }
 
 impl Kinds {
-    /// Kinds with the plugins that `--plugin` names.
     pub fn new(named: &[PathBuf]) -> Self {
         Self { named: named.to_vec(), ..Self::default() }
     }
@@ -45,8 +42,7 @@ impl Kinds {
         Self { apart, ..self }
     }
 
-    /// For a graph that is inspected: untrusted plugins are left out, and [`judge`](Self::judge) reports
-    /// them.
+    /// For a graph that is only inspected: untrusted plugins are left out, and `judge` reports them.
     pub fn looking(self) -> Self {
         Self { looks: true, ..self }
     }
@@ -55,29 +51,22 @@ impl Kinds {
     pub fn judge<T>(&self, found: Result<T, Failure>) -> Result<T, Failure> {
         match found {
             _ if self.left_out.is_empty() => found,
-            Err(Failure::Machine(what)) => Err(Failure::Machine(what)),
             Err(Failure::Input(errors)) => Err([self.left_out.clone(), errors].concat().into()),
             Ok(_) => Err(self.left_out.clone().into()),
+            failed => failed,
         }
     }
 
-    /// Files of the plugins of the last registry, also of those that did not load.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
-    /// Says that a graph plays from now on: new code is tried in another process first, and nobody is
-    /// asked.
+    /// From now on a graph plays: new code is tried in another process first, and nobody is asked.
     pub fn plays(&mut self) {
         self.plays = true;
     }
 
-    /// All kinds that a graph may use: built in, from its own plugins, from `--plugin` and along the plugin
-    /// path.
-    ///
-    /// # Errors
-    /// A plugin that the graph or `--plugin` names does not load, or has a kind that exists already.
-    /// Such a plugin on the plugin path is left out with a warning.
+    /// All kinds that a graph may use. A bad plugin on the plugin path is left out with a warning.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
         let mut merged = Merged { registry: built_in(), from: HashMap::new(), apart: self.apart };
         self.files.clear();
@@ -116,8 +105,7 @@ impl Kinds {
         Ok(merged.registry)
     }
 
-    /// Whether a plugin that a graph names may be loaded: its folder is trusted, or the command line or the
-    /// plugin path names it too.
+    /// Whether a graph may load a plugin: its folder is trusted, or the user names it.
     fn may_load(&mut self, path: &Path, place: &Place) -> bool {
         let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let is_it = |other: PathBuf| other.canonicalize().is_ok_and(|other| whole == other);
@@ -131,15 +119,13 @@ impl Kinds {
         !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
     }
 
-    /// Loads a plugin. While a graph plays, new code is tried in another process first: it could end the
-    /// run.
+    /// Loads a plugin. While a graph plays, its code is tried in another process first.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         let plays = self.plays;
         self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
     }
 }
 
-/// The kinds that exist without plugins.
 pub fn built_in() -> Registry {
     asperity_hand::register(asperity_nodes::registry())
 }
@@ -162,7 +148,6 @@ pub fn plugins_on_path() -> Vec<Found> {
     found
 }
 
-/// The error for a plugin whose folder is not trusted.
 fn untrusted(path: &Path, decl: &PluginDecl) -> Diagnostic {
     let folder = path.parent().unwrap_or(Path::new("."));
     Diagnostic::new(format!("the plugin `{}` was not loaded: its folder is not trusted", decl.name))
@@ -185,26 +170,27 @@ struct Merged {
 impl Merged {
     /// Adds a plugin. One that was not asked for replaces no kind of another plugin.
     fn add(&mut self, plugin: &Plugin, asked: bool) -> Result<(), Diagnostic> {
-        let refuse = |kind: &str, other: &str| {
-            Diagnostic::new(format!("its kind `{kind}` is there already: {other}"))
-                .in_file(plugin.path())
-                .help("rename the kind, or leave one of the two out")
-        };
+        let refuse = |what: String, help: &str| Err(Diagnostic::new(what).in_file(plugin.path()).help(help));
         let mut kinds = Vec::new();
         for kind in plugin.kinds() {
             let name = kind.descriptor().kind.to_string();
             // `--phase` gives these names another meaning.
             if name == "default" || OFFLINE.contains(&name.as_str()) {
-                let message =
+                let what =
                     format!("its kind cannot be called `{name}`, which `--phase` knows as something else");
-                return Err(Diagnostic::new(message).in_file(plugin.path()).help("rename the kind"));
+                return refuse(what, "rename the kind");
             }
-            match (self.from.get(&name), self.registry.get(&name)) {
+            let other = match (self.from.get(&name), self.registry.get(&name)) {
                 (Some(other), _) if other.build() == plugin.build() || !asked => continue,
-                (Some(other), _) => return Err(refuse(&name, &other.path().display().to_string())),
-                (None, Some(_)) => return Err(refuse(&name, "it is built in")),
-                (None, None) => kinds.push((name, kind.clone())),
-            }
+                (Some(other), _) => other.path().display().to_string(),
+                (None, Some(_)) => "it is built in".to_owned(),
+                (None, None) => {
+                    kinds.push((name, kind.clone()));
+                    continue;
+                }
+            };
+            let what = format!("its kind `{name}` is there already: {other}");
+            return refuse(what, "rename the kind, or leave one of the two out");
         }
         for (name, kind) in kinds {
             self.registry.add(if self.apart { apart(kind, Some(PRIORITY)) } else { kind });

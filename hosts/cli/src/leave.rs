@@ -8,7 +8,6 @@ use crate::failure::{complain, warn};
 /// Exit code of an interrupted command, as a shell would have it.
 pub const INTERRUPTED: u8 = 130;
 
-/// Whether the program ends because it wants to.
 static MEANT: AtomicBool = AtomicBool::new(false);
 
 /// From here on, an end that the program did not choose has exit code 1: a plugin that calls `exit` does
@@ -52,16 +51,12 @@ pub fn as_it_likes() {
     MEANT.store(true, SeqCst);
 }
 
-/// Ends the program now, with this exit code.
 pub fn now(code: u8) -> ! {
     MEANT.store(true, SeqCst);
     std::process::exit(code.into())
 }
 
-/// Set when the user asks to stop. The third time, the program ends at once: what runs may not listen, such
-/// as a plugin in an endless loop.
-///
-/// The whole program has one flag, also where a command plays several times.
+/// The program's one flag that the user asks to stop. The third time, the program ends at once.
 pub fn stop_flag() -> Arc<AtomicBool> {
     static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     let make = || {

@@ -26,10 +26,7 @@ use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
 use clap::{Parser, Subcommand};
 
-use commands::{
-    calibrate, check, choose, compare, devices, encode, fit_ar, graph, invert, latency, materials, nodes,
-    plugin, recover, render, run, scene, selftest, setup, tone, tradeoff, trust,
-};
+use commands::*;
 use failure::Failure;
 
 /// Haptic rendering as a real-time dataflow graph.
@@ -115,7 +112,7 @@ fn main() -> ExitCode {
         Command::Plugin(command) => plugin::run(&command),
         Command::Trust(args) => trust::run(&args),
     };
-    result.unwrap_or_else(|failure| failure.report())
+    result.map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
 }
 
 /// Environment variable that names the best instruction set to use.
@@ -123,24 +120,20 @@ const INSTRUCTIONS: &str = "ASPERITY_ISA";
 
 /// Limits the vector instructions of kernels, as `--portable` or the environment asks.
 fn instructions(portable: bool) -> Result<(), Failure> {
-    let Some(name) = std::env::var_os(INSTRUCTIONS).filter(|name| !name.is_empty()) else {
-        if portable {
-            Isa::limit(Isa::Portable);
+    let name = std::env::var_os(INSTRUCTIONS).filter(|name| !name.is_empty());
+    if let Some(name) = name.map(|name| name.to_string_lossy().into_owned()) {
+        let refuse = |what: String| Diagnostic::new(what).in_file(INSTRUCTIONS);
+        let Some(isa) = Isa::ALL.into_iter().find(|isa| isa.name() == name) else {
+            let help = one_of(&name, Isa::ALL.map(Isa::name));
+            return Err(refuse(format!("there is no instruction set `{name}`")).help(help).into());
+        };
+        if !isa.is_available() {
+            return Err(refuse(format!("this CPU does not have {}", isa.name())).into());
         }
-        return Ok(());
-    };
-    let name = name.to_string_lossy();
-    let Some(isa) = Isa::ALL.into_iter().find(|isa| isa.name() == name) else {
-        let help = one_of(&name, Isa::ALL.map(Isa::name));
-        return Err(Diagnostic::new(format!("there is no instruction set `{name}`"))
-            .in_file(INSTRUCTIONS)
-            .help(help)
-            .into());
-    };
-    if !isa.is_available() {
-        let what = format!("this CPU does not have {}", isa.name());
-        return Err(Diagnostic::new(what).in_file(INSTRUCTIONS).into());
+        Isa::limit(isa);
     }
-    Isa::limit(if portable { Isa::Portable } else { isa });
+    if portable {
+        Isa::limit(Isa::Portable);
+    }
     Ok(())
 }

@@ -26,7 +26,6 @@ where
     move |text| within(text, "a whole number", least, most, unit)
 }
 
-/// Parses the number of a device's channel.
 pub fn channel(text: &str) -> Result<u16, String> {
     within(text, "the number of a channel", 1, 1024, "")
 }

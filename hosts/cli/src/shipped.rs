@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use include_dir::{Dir, File, include_dir};
 
-/// The folder.
 pub static FILES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../graphs");
 
 /// Parses a path to be read. A path that begins with `graphs/` and does not exist in the working directory

@@ -12,7 +12,6 @@ use asperity_node::random::uniform;
 /// Steps of the plant in a sample, with linear interpolation: close enough to a card's converters.
 const OVERSAMPLING: u32 = 8;
 
-/// Parameters of a plant.
 const WORDS: [&str; 8] = [
     "plant",
     "plant_handle_g",
@@ -40,9 +39,7 @@ pub fn register() {
 #[derive(Clone, Debug)]
 pub struct Actuator {
     pub profile: ActuatorProfile,
-    /// Mass of the handle \[g\].
     pub handle_g: f64,
-    /// Output of the amplifier.
     pub drive: Drive,
     /// Drive at the card's full scale \[A or V\].
     pub at_full_scale: f64,
@@ -56,8 +53,7 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// An actuator on 100 g, 1 A at full scale, and an accelerometer of 100 m/s^2 at full scale without
-    /// noise.
+    /// An actuator on 100 g, 1 A at full scale; an accelerometer of 100 m/s^2 at full scale without noise.
     pub fn new(profile: ActuatorProfile) -> Self {
         Self {
             profile,

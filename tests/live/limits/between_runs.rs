@@ -49,8 +49,8 @@ fn seat(dir: &Path, number: &str) -> String {
 }
 
 fn heat(dir: &Path) -> f64 {
-    let text = seat(dir, ".1.1");
-    text.lines().find_map(|l| l.strip_prefix("heat_a2: ")).and_then(|x| x.trim().parse().ok()).unwrap()
+    let record: serde_json::Value = serde_json::from_str(&seat(dir, ".1.1")).unwrap();
+    record["heat_a2"].as_f64().unwrap()
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn killed_run_leaves_a_coil_at_its_rating() {
     until("the run to take down its coil", || !seats(dir.path()).is_empty());
     std::thread::sleep(Duration::from_millis(300));
     run.stop_by("KILL");
-    assert!(seat(dir.path(), ".1.1").contains("running: true"));
+    assert!(seat(dir.path(), ".1.1").contains("\"running\":true"));
     let ran = start(dir.path(), &["--seconds", "0.5"]).end().ok();
     assert!(ran.err.contains("channel 1 counts as being at its rating"), "{}", ran.err);
     // And it cools: the next run knows how warm it is.
@@ -96,11 +96,9 @@ fn clock_that_went_back_leaves_a_coil_at_its_rating() {
     let dir = folder();
     start(dir.path(), &["--seconds", "0.5"]).end().ok();
     for path in seats(dir.path()) {
-        let text = std::fs::read_to_string(&path).unwrap();
-        let late =
-            |line: &str| if line.starts_with("at_s") { "at_s: 99999999999".into() } else { line.to_owned() };
-        let text: Vec<String> = text.lines().map(late).collect();
-        std::fs::write(path, text.join("\n")).unwrap();
+        let mut record = harness::json(&path);
+        record["at_s"] = 99_999_999_999_u64.into();
+        std::fs::write(path, record.to_string()).unwrap();
     }
     let ran = start(dir.path(), &["--seconds", "0.5"]).end().ok();
     assert!(ran.err.contains("at its rating") && ran.err.contains("clock"), "{}", ran.err);
@@ -111,7 +109,7 @@ fn damaged_record_leaves_a_coil_at_its_rating() {
     let _alone = beside_others();
     let dir = folder();
     start(dir.path(), &["--seconds", "0.3"]).end().ok();
-    for damage in [&b""[..], b"heat_a2: 0.0", b"\xff\xfe\x00"] {
+    for damage in [&b""[..], b"{\"heat_a2\":0.0", b"\xff\xfe\x00"] {
         seats(dir.path()).iter().for_each(|file| std::fs::write(file, damage).unwrap());
         let ran = start(dir.path(), &["--seconds", "0.3"]).end().ok();
         assert!(ran.err.contains("at its rating"), "{damage:?}: {}", ran.err);

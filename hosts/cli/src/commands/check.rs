@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::process::ExitCode;
 
 use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, Step};
 use asperity_node::{Fact, FactValue};
@@ -10,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
-use crate::failure::{Failure, print, warn};
+use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
 use crate::load::{self, GraphArgs};
 
@@ -24,18 +23,12 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&schedule)))?;
-    } else {
-        print(&text_of(&schedule))?;
-    }
-    for warning in load::warnings(&schedule) {
-        warn(&warning);
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
+    load::warnings(&schedule).iter().for_each(|warning| warn(warning));
+    Ok(())
 }
 
 fn text_of(schedule: &Schedule) -> String {
@@ -51,8 +44,7 @@ fn text_of(schedule: &Schedule) -> String {
         for output in node.outputs.iter() {
             let readers = match output.readers {
                 0 => "unread".to_owned(),
-                1 => "1 reader".to_owned(),
-                n => format!("{n} readers"),
+                n => plural(n, "reader"),
             };
             let _ = writeln!(out, "      {:id_width$}    .{}: {} ({readers})", "", output.name, output.port);
         }

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::one_of;
 use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
 use serde_json::json;
 
 use super::tradeoff::{count, read_results};
-use crate::failure::{Failure, complain, print, wrong};
+use crate::failure::{Failure, complain, print_report, wrong};
 use crate::number::{number, whole};
 
 /// Results of the shipped trade-off.
@@ -43,7 +42,7 @@ pub struct Args {
 }
 
 /// Runs the command. Exit code 1 where no setting is within the budget.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let (results, from) = match &args.results {
         Some(path) => (read_results(path)?, path.display().to_string()),
         None => (Results::parse(SHIPPED).map_err(Failure::Machine)?, "the shipped trade-off".to_owned()),
@@ -58,19 +57,16 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     known(&results, &budget.by, &from)?;
     let Some(choice) = results.choose(&budget) else {
         complain(&nothing(&results, &budget, &from));
-        return Ok(ExitCode::from(1));
+        return Err(Failure::Said(1));
     };
-    if args.json {
-        let row = choice.row;
-        let out = json!({
+    let row = choice.row;
+    let value = || {
+        json!({
             "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
             "lag_ms": row.lag_ms, "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
-        });
-        print(&format!("{out:#}\n"))?;
-    } else {
-        print(&text(&results, &choice, &from))?;
-    }
-    Ok(ExitCode::SUCCESS)
+        })
+    };
+    print_report(args.json, value, || text(&results, &choice, &from))
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
@@ -166,20 +162,18 @@ fn nothing(results: &Results, budget: &Budget, from: &str) -> String {
     let several = given.iter().filter(|given| **given).count() > 1;
     let (rest, which) =
         if several { (" of those within the other limits", " within the other limits") } else { ("", "") };
-    if let Some(us) = quickest {
-        let without = if budget.strict { "" } else { ", without the machine's stalls" };
-        out += &format!("  the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}\n");
-    }
-    if let Some(ms) = soonest {
-        out += &format!("  the shortest response lag{rest}: {ms:.1} ms\n");
-    }
+    let without = if budget.strict { "" } else { ", without the machine's stalls" };
+    let shortest = |us| format!("the shortest tick{rest}: {us:.1} us at the 99.9th percentile{without}");
+    let lag = |ms| format!("the shortest response lag{rest}: {ms:.1} ms");
+    let mut nearest = Vec::from_iter(quickest.map(shortest).into_iter().chain(soonest.map(lag)));
     if !rates.is_empty() {
         let rates: Vec<String> = rates.iter().map(u32::to_string).collect();
-        out += &format!("  tick rates of settings{which}: {} Hz\n", rates.join(", "));
+        nearest.push(format!("tick rates of settings{which}: {} Hz", rates.join(", ")));
     }
-    if quickest.is_none() && soonest.is_none() && rates.is_empty() && several {
-        out += "  each setting misses several of the limits\n";
+    if nearest.is_empty() && several {
+        nearest.push("each setting misses several of the limits".into());
     }
+    nearest.iter().for_each(|line| out += &format!("  {line}\n"));
     out
 }
 
@@ -276,15 +270,16 @@ mod tests {
 
     #[test]
     fn figures_are_listed_until_one_decides() {
-        let all = results(vec![row("a", 500)]);
-        let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
-        assert!(said.contains("of one setting of it one is within the budget"), "{said}");
-        assert!(!said.contains("The best by"), "{said}");
+        let said = |rows| {
+            let all = results(rows);
+            text(&all, &all.choose(&Budget::default()).unwrap(), "it")
+        };
+        let one = said(vec![row("a", 500)]);
+        assert!(one.contains("of one setting of it one is within") && !one.contains("The best by"), "{one}");
         let mut other = row("b", 500);
         other.figures.insert(Figure::Bands, 2.0);
-        let all = results(vec![row("a", 500), other]);
-        let said = text(&all, &all.choose(&Budget::default()).unwrap(), "it");
-        assert!(said.contains("of 2 settings of it 2 are within the budget."), "{said}");
-        assert!(said.contains("by bands (1) (settings") && !said.contains("level ("), "{said}");
+        let two = said(vec![row("a", 500), other]);
+        assert!(two.contains("of 2 settings of it 2 are within the budget."), "{two}");
+        assert!(two.contains("by bands (1) (settings") && !two.contains("level ("), "{two}");
     }
 }

@@ -1,11 +1,10 @@
 //! `asperity devices`: lists audio hosts and devices.
 
 use std::fmt::Write as _;
-use std::process::ExitCode;
 
 use asperity_audio::{DeviceInfo, HostInfo, SideInfo};
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, plural, print_report};
 
 /// List audio hosts and devices: rates, formats, channels, buffer sizes
 #[derive(Debug, clap::Args)]
@@ -15,15 +14,9 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let hosts = asperity_audio::hosts();
-    if args.json {
-        let json = serde_json::to_value(&hosts).map_err(|e| Failure::Machine(e.to_string()))?;
-        print(&format!("{json:#}\n"))?;
-    } else {
-        print(&text(&hosts))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || &hosts, || text(&hosts))
 }
 
 fn text(hosts: &[HostInfo]) -> String {
@@ -66,8 +59,7 @@ fn device(out: &mut String, d: &DeviceInfo) {
 }
 
 fn side_text(side: &SideInfo) -> String {
-    let channels =
-        if side.channels == 1 { "1 channel".to_owned() } else { format!("{} channels", side.channels) };
+    let channels = plural(side.channels.into(), "channel");
     let card = side.card_channels.map_or(String::new(), |n| format!(", {n} of them to a card"));
     let rates: Vec<String> = side.rates_hz.iter().map(u32::to_string).collect();
     let rates = if rates.is_empty() {

@@ -1,10 +1,7 @@
 //! `asperity encode`: finds materials like pictures of a surface, and adds one to a library.
 
 use std::fs::File;
-#[cfg(unix)]
-use std::fs::Metadata;
 use std::path::{Component, Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
 use asperity_texture::{
@@ -14,7 +11,7 @@ use clap::ValueEnum;
 
 use crate::failure::{Failure, clean, print, warn, wrong};
 use crate::number::whole;
-use crate::output::{resolved, write_text};
+use crate::output::{folder_of, resolved, write_text};
 
 /// Vector of a new material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -68,11 +65,9 @@ fn family(text: &str) -> Result<String, String> {
 
 type Vector = [f32; VECTOR_LEN];
 
-/// Materials that are listed by default.
 const LISTED: usize = 5;
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
     let name = name(args)?;
     if library.materials().iter().any(|m| m.name == name) {
@@ -113,8 +108,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     };
     let (shown, will) = (clean(&name), clean(&gets));
     if args.dry_run {
-        print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"))?;
-        return Ok(ExitCode::SUCCESS);
+        return print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"));
     }
     let from = match vectors.len() {
         1 => "a picture".to_owned(),
@@ -130,11 +124,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         vector: library.assign(&mean, how),
     };
     add(&args.library, &material)?;
-    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))?;
-    Ok(ExitCode::SUCCESS)
+    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))
 }
 
-/// Name of the material.
 fn name(args: &Args) -> Result<String, Failure> {
     let stem = args.images.first().and_then(|i| i.file_stem()).unwrap_or_default().to_string_lossy();
     let name = args.name.clone().unwrap_or_else(|| stem.into_owned());
@@ -196,37 +188,15 @@ fn list(near: &[Neighbour<'_>]) -> String {
 /// Adds a material to the file as it is now, or nothing.
 fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
     // Held until it is written, so that no other process adds to the text that was read.
-    let _held = hold(&resolved(library))?;
+    let _held = File::open(folder_of(&resolved(library))).and_then(|folder| {
+        folder.lock()?;
+        Ok(folder)
+    });
     let text = Library::insert(&Source::read(library)?, material)?;
     // Reading removes a byte order mark. Writing restores it.
     let bytes = file::read(library, MAX_TEXT_BYTES)?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
-}
-
-/// Waits until no other process holds a file, and holds it until the answer is dropped.
-fn hold(path: &Path) -> Result<File, Failure> {
-    let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", path.display()));
-    loop {
-        let file = File::open(path).map_err(fail)?;
-        file.lock().map_err(fail)?;
-        // The process that held it before may have replaced the file.
-        if is_at(&file, path) {
-            return Ok(file);
-        }
-    }
-}
-
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let same = |(a, b): (Metadata, Metadata)| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    file.metadata().ok().zip(std::fs::metadata(path).ok()).is_some_and(same)
-}
-
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> bool {
-    true
 }
 
 /// A picture's path for the library: from its folder, with `/`; from the root if they share no folder.
@@ -235,8 +205,7 @@ fn beside(library: &Path, image: &Path) -> Result<String, Failure> {
         path.canonicalize().map_err(|e| Diagnostic::new(format!("cannot find this file: {e}")).in_file(path))
     };
     // Paths start at the folder of the name that was given, also where that is a link.
-    let folder = library.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let (folder, image) = (whole(folder)?, whole(image)?);
+    let (folder, image) = (whole(folder_of(library))?, whole(image)?);
     let shared = folder.components().zip(image.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| Component::ParentDir);
     let path = match shared {

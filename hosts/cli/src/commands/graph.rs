@@ -1,7 +1,6 @@
 //! `asperity graph`: draws a graph.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_graph::{GraphFile, Schedule};
 use asperity_node::Shape;
@@ -9,9 +8,9 @@ use asperity_plot::{GraphPicture, GraphPictureNode, GraphPictureWire};
 
 use crate::failure::{Failure, print};
 use crate::kinds::Kinds;
-use crate::load::files::not_read;
+use crate::load::files::files_read;
 use crate::load::{self, GraphArgs, Loaded};
-use crate::output;
+use crate::output::{apart, named, write_text};
 
 /// Draw a graph as a picture
 #[derive(Debug, clap::Args)]
@@ -23,14 +22,13 @@ pub struct Args {
     pub svg: PathBuf,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
     let Loaded { graph, compiled, .. } = load::load(&args.graph, &mut kinds)?;
     let schedule = compiled.schedule;
-    not_read(&args.svg, &args.graph, &schedule, kinds.files(), "name another file")?;
-    output::write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
-    print(&format!("wrote {}\n", args.svg.display()))?;
-    Ok(ExitCode::SUCCESS)
+    apart(files_read(&args.graph, &schedule, kinds.files()), named(&[("--svg", Some(&args.svg))]))?;
+    write_text(&args.svg, &picture(&graph, &schedule).to_svg())?;
+    print(&format!("wrote {}\n", args.svg.display()))
 }
 
 fn picture(graph: &GraphFile, schedule: &Schedule) -> GraphPicture {

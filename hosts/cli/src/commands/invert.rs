@@ -1,7 +1,6 @@
 //! `asperity invert`: turns magnitude frames into a signal.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use asperity_accuracy::npy;
@@ -10,7 +9,7 @@ use asperity_engine::NoClock;
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
-use crate::output::{Format, Pending, Rows, ending, resolved};
+use crate::output::{Format, Pending, Rows, apart, ending, named};
 use crate::phase::{Frames, Method, Played, check_rate};
 
 /// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
@@ -20,8 +19,7 @@ pub struct Args {
     /// Offline methods: griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
-    /// Magnitudes, float32 [frames, bins], 2 ms apart, bin 0 first, of an unscaled Hann-windowed DFT of 0.1
-    /// s
+    /// Magnitudes of unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart: float32 [frames, bins], bin 0 first
     #[arg(long, value_name = "S.npy")]
     pub magnitudes: PathBuf,
     /// Sample rate of the signal
@@ -37,11 +35,8 @@ pub struct Args {
     pub plugins: PluginArgs,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    if resolved(&args.out) == resolved(&args.magnitudes) {
-        return Err(wrong(&args.out, "these are the magnitudes themselves", "name another file"));
-    }
+pub fn run(args: &Args) -> Result<(), Failure> {
+    apart(named(&[("--magnitudes", Some(&args.magnitudes))]), named(&[("--out", Some(&args.out))]))?;
     let rate = args.rate;
     check_rate(&format!("--rate {rate}"), rate)?;
     let registry = kinds::registry(&args.plugins.plugin)?;
@@ -70,7 +65,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (out, samples, count) = (args.out.display(), signal.len(), frames.count());
     print(&format!("wrote {out}: {samples} samples at {rate} Hz from {count} frames\n"))?;
     match faults {
-        0 => Ok(ExitCode::SUCCESS),
+        0 => Ok(()),
         n => Err(Failure::Machine(format!("the node failed {n} times; these ticks are silent"))),
     }
 }

@@ -2,12 +2,11 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_texture::{Library, LibraryMaterial};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, clean, print};
+use crate::failure::{Failure, clean, plural, print_report};
 
 /// List the materials of a library: names, families, descriptions, pictures
 #[derive(Clone, Debug, clap::Args)]
@@ -21,14 +20,9 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let library = Library::read(&args.library).map_err(|e| Failure::from(e).named_by("--library"))?;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&library)))?;
-    } else {
-        print(&text_of(&library))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || as_json(&library), || text_of(&library))
 }
 
 fn text_of(library: &Library) -> String {
@@ -49,8 +43,7 @@ fn text_of(library: &Library) -> String {
             let _ = writeln!(out, "{:names$}  {}{missing}", "", clean(&path));
         }
     }
-    let count = materials.len();
-    let _ = writeln!(out, "\n{count} material{}", if count == 1 { "" } else { "s" });
+    let _ = writeln!(out, "\n{}", plural(materials.len(), "material"));
     if let Some(encoder) = library.encoder() {
         let missing = if encoder.is_file() { "" } else { " (missing)" };
         let _ = writeln!(out, "encoder {}{missing}", clean(&encoder.display().to_string()));

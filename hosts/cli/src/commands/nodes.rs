@@ -1,13 +1,10 @@
 //! `asperity nodes`: lists and describes kinds of nodes.
 
-use std::fmt::Write as _;
-use std::process::ExitCode;
-
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_node::{Descriptor, Input, Output, Param, ParamKind, ParamValue};
 use serde_json::{Value, json};
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print_report};
 use crate::kinds;
 use crate::load::PluginArgs;
 
@@ -23,38 +20,32 @@ pub struct Args {
     pub json: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let registry = kinds::registry(&args.plugins.plugin)?;
-    let text = match &args.kind {
-        Some(name) => {
-            let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));
-            let kind = registry.get(name).ok_or_else(|| unknown.help(one_of(name, registry.names())))?;
-            match args.json {
-                true => format!("{:#}\n", as_json(kind.descriptor())),
-                false => text_of(kind.descriptor()),
-            }
-        }
-        None if args.json => {
-            format!("{:#}\n", Value::from_iter(registry.iter().map(|k| as_json(k.descriptor()))))
-        }
-        None => {
-            let width = registry.names().map(str::len).max().unwrap_or(0);
-            let line = |d: &Descriptor| format!("{:width$}  {}\n", d.kind, d.summary);
+    if let Some(name) = &args.kind {
+        let unknown = Diagnostic::new(format!("there is no node kind `{name}`"));
+        let kind = registry.get(name).ok_or_else(|| unknown.help(one_of(name, registry.names())))?;
+        return print_report(args.json, || as_json(kind.descriptor()), || text_of(kind.descriptor()));
+    }
+    let width = registry.names().map(str::len).max().unwrap_or(0);
+    let line = |d: &Descriptor| format!("{:width$}  {}\n", d.kind, d.summary);
+    print_report(
+        args.json,
+        || Value::from_iter(registry.iter().map(|kind| as_json(kind.descriptor()))),
+        || {
             let lines: String = registry.iter().map(|kind| line(kind.descriptor())).collect();
             lines + "\nasperity nodes KIND describes one.\n"
-        }
-    };
-    print(&text)?;
-    Ok(ExitCode::SUCCESS)
+        },
+    )
 }
 
 fn text_of(d: &Descriptor) -> String {
-    let mut out = String::new();
-    let _ = writeln!(out, "{}\n  {}", d.kind, d.summary);
-    if !d.inputs.is_empty() {
-        let _ = writeln!(out, "\ninputs");
-    }
-    for p in &d.inputs {
+    let mut out = format!("{}\n  {}\n", d.kind, d.summary);
+    let mut section = |title: &str, lines: &mut dyn Iterator<Item = String>| {
+        let lines: String = lines.map(|line| line + "\n").collect();
+        out += &if lines.is_empty() { lines } else { format!("\n{title}{lines}") };
+    };
+    let input = |p: &Input| {
         let note = match (p.host_fed, p.optional, p.default) {
             (true, ..) => Some("from the device, unless wired".into()),
             (_, true, 0.0) => Some("optional".into()),
@@ -64,43 +55,30 @@ fn text_of(d: &Descriptor) -> String {
         let limited = p.limited.then(|| "only behind a limiter".to_owned());
         let notes: Vec<String> = note.into_iter().chain(limited).collect();
         let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
-        let _ = writeln!(out, "  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc);
-    }
-    if !d.outputs.is_empty() {
-        let _ = writeln!(out, "\noutputs");
-    }
-    for p in &d.outputs {
+        format!("  {}: {} [{}]{notes}\n      {}", p.name, p.shape, p.unit, p.doc)
+    };
+    let output = |p: &Output| {
         let limited = if p.limited { " (limited)" } else { "" };
-        let _ = writeln!(out, "  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc);
-    }
-    if !d.params.is_empty() {
-        let _ = writeln!(out, "\nparameters");
-    }
-    for p in &d.params {
-        let _ = writeln!(out, "{}", parameter(p, 2));
-    }
+        format!("  {}: {} [{}]{limited}\n      {}", p.name, p.shape, p.unit, p.doc)
+    };
+    section("inputs\n", &mut d.inputs.iter().map(input));
+    section("outputs\n", &mut d.outputs.iter().map(output));
+    section("parameters\n", &mut d.params.iter().map(|p| parameter(p, 2)));
     if let Some(effect) = &d.effect {
-        let _ = writeln!(out, "\nin a scene, {}", effect.acts.words());
-        for form in &effect.forms {
-            let _ = writeln!(out, "  {}", effect.written(&d.kind, form));
-            for field in &form.fields {
-                let _ = writeln!(out, "{}", parameter(field, 4));
-            }
-        }
+        let mut forms = effect.forms.iter().flat_map(|form| {
+            let fields = form.fields.iter().map(|field| parameter(field, 4));
+            std::iter::once(format!("  {}", effect.written(&d.kind, form))).chain(fields)
+        });
+        section(&format!("in a scene, {}\n", effect.acts.words()), &mut forms);
     }
-    let _ = writeln!(out, "\nwhen it wakes: {}", d.resume.word());
-    if let Some(gate) = &d.gate {
-        let _ = writeln!(out, "gates what serves `{gate}` alone");
-    }
-    if d.feedback.is_some() {
-        let _ = writeln!(out, "can close a cycle");
-    }
-    if d.sink {
-        let _ = writeln!(out, "is a sink: a graph is built for its sinks");
-    }
-    if !d.timing.is_empty() {
-        let _ = writeln!(out, "timing: {}", d.timing);
-    }
+    let facts = [
+        Some(format!("when it wakes: {}", d.resume.word())),
+        d.gate.as_ref().map(|gate| format!("gates what serves `{gate}` alone")),
+        d.feedback.is_some().then(|| "can close a cycle".into()),
+        d.sink.then(|| "is a sink: a graph is built for its sinks".into()),
+        (!d.timing.is_empty()).then(|| format!("timing: {}", d.timing)),
+    ];
+    section("", &mut facts.into_iter().flatten());
     out
 }
 

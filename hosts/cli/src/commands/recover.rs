@@ -1,7 +1,6 @@
 //! `asperity recover`: completes recordings of runs that were killed.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
@@ -19,8 +18,7 @@ pub struct Args {
     pub path: PathBuf,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let cannot = |e: std::io::Error| Diagnostic::new(format!("cannot read this: {e}")).in_file(&args.path);
     let files = if args.path.is_dir() {
         let entries = std::fs::read_dir(&args.path).map_err(cannot)?;
@@ -45,5 +43,5 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             Err(e) => wrong.push(Diagnostic::new(format!("cannot recover this: {e}")).in_file(&file)),
         }
     }
-    if wrong.is_empty() { Ok(ExitCode::SUCCESS) } else { Err(wrong.into()) }
+    if wrong.is_empty() { Ok(()) } else { Err(wrong.into()) }
 }

@@ -2,7 +2,6 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use asperity_checks::{Case, Effort, Stop, Subject, cases};
 use asperity_diagnostics::{Diagnostic, one_of};
@@ -61,7 +60,7 @@ pub struct Args {
     pub quiet: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let chosen = chosen(args)?;
     let (graph, registry) = subject(args)?;
     let mut subject = Subject::new(registry).effort(match args.effort {
@@ -106,23 +105,24 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         };
         print(&format!("\n{held} hold, {failed} failed, {other} not applicable{more}\n"))?;
     }
-    Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Failure::said(failed > 0)
 }
 
 fn chosen(args: &Args) -> Result<Vec<&'static Case>, Failure> {
     let all = cases();
-    let known = |what: &str, wanted: &[String], names: fn(&Case) -> &'static str| {
-        let names: Vec<&str> = all.iter().map(|case| names(case)).collect();
-        let wrong = wanted.iter().find(|name| !names.contains(&name.as_str()));
-        wrong.map_or(Ok(()), |name| {
+    let (named, families) = (|case: &&Case| case.name, |case: &&Case| case.family);
+    let mut known = [
+        ("case", &args.case, all.iter().map(named).collect::<Vec<_>>()),
+        ("family", &args.family, all.iter().map(families).collect()),
+    ];
+    for (what, wanted, names) in &mut known {
+        // Families stand one after another.
+        names.dedup();
+        if let Some(name) = wanted.iter().find(|name| !names.contains(&name.as_str())) {
             let message = format!("there is no {what} `{}`", clean(name));
-            // Families stand one after another.
-            let names = names.chunk_by(|a, b| a == b).map(|same| same[0]);
-            Err(Diagnostic::new(message).help(one_of(name, names)))
-        })
-    };
-    known("case", &args.case, |case| case.name)?;
-    known("family", &args.family, |case| case.family)?;
+            return Err(Diagnostic::new(message).help(one_of(name, names.iter().copied())).into());
+        }
+    }
     let asked = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
     Ok(all.into_iter().filter(|c| asked(&args.case, c.name) && asked(&args.family, c.family)).collect())
 }

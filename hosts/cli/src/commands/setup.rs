@@ -3,7 +3,6 @@
 use std::io::{BufRead as _, IsTerminal as _};
 use std::path::Path;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::str::FromStr;
 
 use asperity_diagnostics::{Diagnostic, Source};
@@ -53,7 +52,7 @@ pub struct Args {
     pub overwrite: bool,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let path = args.machine.clone().or_else(default_path);
     let path = path.ok_or_else(|| Failure::Machine("this system has no folder for configuration".into()))?;
     let device: String = given(&args.device, "--device", "Device, as `asperity devices` lists it")?;
@@ -90,8 +89,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     print(&format!(
         "wrote {}: no graph can drive channel {channel} of `{device}` beyond it\n{entry}\n",
         path.display()
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    ))
 }
 
 /// The file's text with an entry for a channel. The rest of the text stays.

@@ -1,7 +1,6 @@
 //! `asperity tone`: plays a sine on one channel, to find the actuator.
 
 use std::io::IsTerminal;
-use std::process::ExitCode;
 
 use asperity_engine::Engine;
 use asperity_graph::Compiled;
@@ -45,7 +44,7 @@ const LAST_S: f64 = 0.2;
 /// A level below this part of the requested one is reported.
 const AS_ASKED: f64 = 0.99;
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     range("--hz", args.hz, 1.0, (0.45 * f64::from(args.rate)).min(20_000.0), "Hz")?;
     let nodes = format!(
         r#""tone": (kind: "sine", params: (frequency_hz: {:?}, amplitude: {:?}, unit: "A")), {}"#,
@@ -80,11 +79,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&limited(&ended))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
-/// Level of the tone behind the limiter, the card's full scale and the ramp \[A peak\]: its maximum, and
-/// the steady level. The graph runs without a device.
+/// Maximum and steady level of the tone behind limiter, full scale and ramp \[A peak\], without a device.
 fn peaks(compiled: Compiled, args: &Args) -> [f64; 2] {
     let full_scale = args.actuator.amps_per_volt * args.actuator.volts_at_full_scale;
     let Some(out) = compiled.schedule.index_of("out") else { return [args.amps.min(full_scale); 2] };

@@ -6,7 +6,6 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::Diagnostic;
 
@@ -30,22 +29,16 @@ pub struct Args {
 /// More trusted folders, separated as in `PATH`: for machines without a user.
 const VARIABLE: &str = "ASPERITY_TRUST";
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    match &args.folder {
+pub fn run(args: &Args) -> Result<(), Failure> {
+    print(&match &args.folder {
         Some(folder) if args.remove => {
             remove(folder)?;
-            print(&format!("{} is trusted no more\n", folder.display()))?;
+            format!("{} is trusted no more\n", folder.display())
         }
-        Some(folder) => {
-            let folder = add(folder)?;
-            print(&format!("graphs may load plugins from {}\n", folder.display()))?;
-        }
-        None => {
-            let lines = lines(&folders());
-            print(if lines.is_empty() { "no folder is trusted\n" } else { &lines })?;
-        }
-    }
-    Ok(ExitCode::SUCCESS)
+        Some(folder) => format!("graphs may load plugins from {}\n", add(folder)?.display()),
+        None if folders().is_empty() => "no folder is trusted\n".to_owned(),
+        None => lines(&folders()),
+    })
 }
 
 /// Whether a file lies in or below a trusted folder; links are followed.
@@ -76,10 +69,6 @@ pub fn ask(graph: &Path, file: &Path) -> bool {
     add(folder).map_err(|failure| failure.report()).is_ok()
 }
 
-/// Trusts a folder.
-///
-/// # Errors
-/// The path is no folder, everybody may write into it, or the list cannot be written.
 fn add(folder: &Path) -> Result<PathBuf, Failure> {
     let refuse = |what: &str| Diagnostic::new(what).in_file(folder);
     let whole = folder.canonicalize().map_err(|e| refuse(&format!("there is no such folder: {e}")))?;
@@ -106,10 +95,6 @@ fn add(folder: &Path) -> Result<PathBuf, Failure> {
     Ok(whole)
 }
 
-/// Trusts a folder no more.
-///
-/// # Errors
-/// The folder is not on the list, or the list cannot be written.
 fn remove(folder: &Path) -> Result<(), Failure> {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     let (gone, left): (Vec<_>, Vec<_>) = folders().into_iter().partition(|f| *f == whole || f == folder);
@@ -125,7 +110,6 @@ fn list() -> Option<PathBuf> {
     Some(dirs::config_dir()?.join("asperity").join("trusted"))
 }
 
-/// Folders of the user's list.
 fn folders() -> Vec<PathBuf> {
     let text = list().and_then(|list| std::fs::read_to_string(list).ok()).unwrap_or_default();
     text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).collect()

@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
 use asperity_node::ParamValue;
 
 use super::GraphArgs;
 use crate::commands::render::recorder;
-use crate::failure::{Failure, wrong};
-use crate::output::resolved;
+use crate::failure::Failure;
+use crate::output::{Named, apart};
 
 pub struct NodeFile {
     pub path: PathBuf,
@@ -43,7 +42,7 @@ pub fn node_files(schedule: &Schedule) -> Vec<NodeFile> {
 }
 
 /// Files that a graph is made of, each with its reader in words.
-fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec<(PathBuf, String)> {
+pub fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec<Named> {
     let mut files = vec![(args.graph.clone(), "the graph".to_owned())];
     files.extend(node_files(schedule).into_iter().map(|f| {
         let reader = if f.param.is_empty() { f.node } else { format!("{}.{}", f.node, f.param) };
@@ -53,63 +52,19 @@ fn files_read(args: &GraphArgs, schedule: &Schedule, plugins: &[PathBuf]) -> Vec
     files
 }
 
-/// Refuses to write a file that the graph is made of.
-///
-/// # Errors
-/// The file is read; `help` says which name to choose.
-pub fn not_read(
-    path: &Path,
-    args: &GraphArgs,
-    schedule: &Schedule,
-    plugins: &[PathBuf],
-    help: &str,
-) -> Result<(), Diagnostic> {
-    let written = resolved(path);
-    match files_read(args, schedule, plugins).into_iter().find(|(path, _)| resolved(path) == written) {
-        None => Ok(()),
-        Some((_, who)) => {
-            let what = format!("{who} reads this file, and it would be overwritten");
-            Err(Diagnostic::new(what).in_file(path).help(help.to_owned()))
-        }
-    }
-}
-
-/// Refuses two outputs in one file, and outputs in the place of files that are read.
-///
-/// `named` are outputs that options or earlier graphs name.
-///
-/// # Errors
-/// The file, with the two that use it.
+/// Refuses two outputs in one file, or in a file that is read; `written` are outputs beside the sinks'.
 pub fn distinct_files(
     args: &GraphArgs,
     schedule: &Schedule,
     plugins: &[PathBuf],
-    named: &[(&str, &Option<PathBuf>)],
+    mut written: Vec<Named>,
 ) -> Result<(), Failure> {
-    let mut seen = files_read(args, schedule, plugins);
-    let read = seen.len();
-    seen.extend(named.iter().filter_map(|(name, path)| Some(((*path).clone()?, (*name).to_owned()))));
-    seen.extend(recorder::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
-    let seen: Vec<(PathBuf, String)> = seen.into_iter().map(|(path, who)| (resolved(&path), who)).collect();
-    for (i, (path, who)) in seen.iter().enumerate().skip(read) {
-        if let Some(first) = seen[..i].iter().position(|(other, _)| other == path) {
-            let verb = if first < read {
-                "reads this file, and would be overwritten by"
-            } else {
-                "would write the same file as"
-            };
-            return Err(wrong(
-                path,
-                format!("{} {verb} {who}", seen[first].1),
-                "give each a file of its own",
-            ));
-        }
-    }
-    Ok(())
+    written.extend(recorder::files(schedule).map(|(path, id)| (path, format!("`{id}`"))));
+    apart(files_read(args, schedule, plugins), written)
 }
 
 /// How often files are looked at. Polling works on every system and over a network; notifications do not.
-pub const POLL: Duration = Duration::from_millis(100);
+const POLL: Duration = Duration::from_millis(100);
 /// Longest wait for a file that is written all the time.
 const LONGEST: Duration = Duration::from_secs(1);
 
@@ -118,31 +73,34 @@ type Stamp = Option<(SystemTime, u64)>;
 
 pub type Stamps = BTreeMap<PathBuf, Stamp>;
 
-/// Versions of all files that a graph is made of, as they are now.
 pub fn stamps(args: &GraphArgs, plugins: &[PathBuf], schedule: &Schedule) -> Stamps {
     let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
     let files = files_read(args, schedule, plugins).into_iter().map(|(path, _)| path);
     files.map(|path| (path.clone(), stamp(&path))).collect()
 }
 
-/// The files of a running graph.
 pub struct Watched {
     /// Versions of which the running graph was made.
     known: Stamps,
     /// Versions when they were last looked at.
     before: Stamps,
-    /// Since when they differ from the known ones.
     since: Option<Instant>,
+    looked: Instant,
 }
 
 impl Watched {
-    /// Watches files of which the running graph was made.
     pub fn new(now: Stamps) -> Self {
-        Self { before: now.clone(), known: now, since: None }
+        Self { before: now.clone(), known: now, since: None, looked: Instant::now() }
     }
 
-    /// Files that changed, once their writer has finished: they look the same twice in a row.
-    /// A file that is written all the time counts as finished after a second.
+    /// Whether it is time to look again.
+    pub fn due(&mut self) -> bool {
+        let due = self.looked.elapsed() >= POLL;
+        self.looked = if due { Instant::now() } else { self.looked };
+        due
+    }
+
+    /// Files that changed and look the same twice in a row, or that are written for a second.
     pub fn changed(&mut self, now: &Stamps) -> Option<Vec<PathBuf>> {
         let changed = *now != self.known;
         self.since = if changed { self.since.or_else(|| Some(Instant::now())) } else { None };
@@ -156,8 +114,7 @@ impl Watched {
         settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())
     }
 
-    /// Watches the files of the graph that runs from now on. `seen` are the versions from before it was
-    /// read: files that changed meanwhile are reported again.
+    /// Watches the files of a new graph. What changed since `seen`, before it was read, is reported again.
     pub fn know(&mut self, after: Stamps, seen: &Stamps) {
         self.known = after;
         for (path, stamp) in seen {
@@ -172,7 +129,6 @@ pub fn readers(schedule: &Schedule, changed: &[PathBuf]) -> Vec<String> {
     node_files(schedule).into_iter().filter(|f| changed.contains(&f.path)).map(|f| f.node).collect()
 }
 
-/// The files in a line.
 pub fn listed(changed: &[PathBuf]) -> String {
     let names: Vec<String> = changed.iter().map(|p| p.display().to_string()).collect();
     if names.is_empty() { "a file of the graph".to_owned() } else { names.join(", ") }

@@ -16,7 +16,7 @@ use crate::failure::{Failure, clean, warn};
 use crate::kinds::{self, Kinds};
 
 /// A graph and changes to it.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct GraphArgs {
     /// Graph file or scene file
     #[arg(value_parser = crate::shipped::path())]
@@ -40,17 +40,8 @@ pub struct GraphArgs {
 }
 
 impl GraphArgs {
-    /// A graph without changes.
     pub fn plain(graph: &Path, plugins: &PluginArgs) -> Self {
-        Self {
-            graph: graph.to_owned(),
-            set: Vec::new(),
-            input: None,
-            hand: None,
-            no_prune: false,
-            strict: false,
-            plugins: plugins.clone(),
-        }
+        Self { graph: graph.to_owned(), plugins: plugins.clone(), ..Self::default() }
     }
 }
 
@@ -71,7 +62,6 @@ pub struct PluginArgs {
 pub struct Loaded {
     /// The graph, with the changes of the command line.
     pub graph: GraphFile,
-    /// The scene that was lowered to the graph.
     pub scene: Option<OfScene>,
     pub registry: Registry,
     pub compiled: Compiled,
@@ -89,19 +79,12 @@ pub struct OfScene {
 /// Most findings about a scene that cause a warning each.
 const MOST_FINDINGS: usize = 8;
 
-/// Reads and compiles a graph or scene.
-///
-/// # Errors
-/// Everything that is wrong with the files, the arguments or the graph.
 pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (graph, scene) = read(args, kinds)?;
     compile(args, kinds, graph, scene)
 }
 
 /// Reads a graph, or lowers a scene to one, and applies the arguments to it.
-///
-/// # Errors
-/// Everything that is wrong with the files or the arguments.
 pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
     let source = Source::read(&args.graph)?;
     if !Scene::is_meant(&source) {
@@ -123,10 +106,6 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
 }
 
-/// Compiles a graph that was [`read`].
-///
-/// # Errors
-/// Plugins that do not load; everything that is wrong with the graph.
 pub fn compile(
     args: &GraphArgs,
     kinds: &mut Kinds,
@@ -144,9 +123,6 @@ pub fn compile(
 const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
 /// Ticks to run: those of `--seconds`, else those of the graph's sources; `None` if nothing says how many.
-///
-/// # Errors
-/// A time that is not above 0, or longer than a year.
 pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, Diagnostic> {
     match seconds {
         Some(s) if s > 0.0 && s <= MAX_SECONDS => {
@@ -159,7 +135,6 @@ pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, D
     }
 }
 
-/// A graph that runs without any device.
 pub struct Offline {
     /// The graph without nodes that push back.
     pub graph: GraphFile,
@@ -170,9 +145,6 @@ pub struct Offline {
 }
 
 /// Reads a graph or scene to be run without any device: nodes that push back are removed.
-///
-/// # Errors
-/// Everything that is wrong with the file.
 pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let args = GraphArgs::plain(path, plugins);
     let mut kinds = Kinds::new(&plugins.plugin);
@@ -223,7 +195,6 @@ pub fn warn_about(schedule: &Schedule) {
     }
 }
 
-/// Settings that compile and are probably mistakes.
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
@@ -257,7 +228,6 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
     out
 }
 
-/// Frames that begin within a window.
 fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
     match input.port.as_ref()?.shape {
         Shape::Magnitude(layout) => {

@@ -21,8 +21,7 @@ pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(
     Ok(())
 }
 
-/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`. KIND is a kind's name, or that without
-/// `_input`.
+/// Lets a hand move the stylus: `--hand KIND[:param=value,...]`, where KIND may lack its `_input`.
 pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let mut hands = registry.with_role(Role::Hand);
@@ -51,7 +50,6 @@ pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> R
     Ok(())
 }
 
-/// Index of the one node that moves the stylus.
 fn only(graph: &GraphFile, registry: &Registry, option: &str, help: &str) -> Result<usize, Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
     let found: Vec<usize> = (0..graph.nodes.len()).filter(|&i| moves(&graph.nodes[i].kind)).collect();

@@ -14,11 +14,11 @@ use asperity_diagnostics::{Diagnostic, fnv};
 use asperity_graph::Schedule;
 use asperity_live::{CoilMonitor, Opened, StartValues};
 use parking_lot::Mutex;
+use serde::{Deserialize, Serialize};
 
 use super::Machine;
 
-/// Environment variable that names the folder of the seats; empty for none. Simulated cards, which have no
-/// coil, use seats only if it is set.
+/// Names the folder of the seats; empty for none. Simulated cards, which have no coil, need it for seats.
 const FOLDER: &str = "ASPERITY_STATE";
 /// At most two processes share a channel.
 const SEATS: usize = 2;
@@ -29,9 +29,7 @@ pub struct Coils {
     share: bool,
     machine: Option<Arc<Machine>>,
     schedule: Arc<Schedule>,
-    seats: Vec<Vec<Seat>>,
-    /// Rating \[A^2\] and time constant \[s\] of each channel's coil.
-    actuators: Vec<(f64, f64)>,
+    channels: Vec<Channel>,
     /// The device that plays, for the [`Ceiling`].
     device: Arc<Mutex<Option<Opened>>>,
     /// Whether the warning that heat cannot be written was said.
@@ -56,65 +54,63 @@ impl Ceiling {
     }
 }
 
-/// A seat of a channel that this process holds.
+/// A channel of the device that plays: the seats that this process holds, and their content.
 #[derive(Debug)]
-struct Seat {
-    file: File,
-    last: Option<Record>,
+struct Channel {
+    seats: Vec<File>,
+    record: Record,
 }
 
-/// Content of a seat's file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Content of a seat's file, as a line of JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Record {
-    /// Mean of the square of the current \[A^2\].
-    heat: f64,
-    /// Mean square of the current that the coil stands for ever \[A^2\].
-    rating: f64,
-    /// Time constant with which it cools \[s\].
-    cools_in: f64,
+    /// Mean of the square of the current.
+    heat_a2: f64,
+    /// Mean square of the current that the coil stands for ever.
+    rating_a2: f64,
+    /// Time constant with which it cools.
+    cools_in_s: f64,
+    #[serde(flatten)]
     clock: Clock,
     /// Whether a run is under way.
     running: bool,
+    process: u32,
 }
 
 /// A time by the wall clock, and since the machine was started.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Clock {
     /// Seconds since 1970.
-    wall: f64,
+    at_s: f64,
     /// Identifies the start of the machine; 0 if not known.
     boot: u64,
     /// Seconds since then.
-    up: f64,
+    up_s: f64,
 }
 
 /// Heat of a coil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Warm {
-    /// Mean of the square of the current \[A^2\].
-    heat: f64,
+    heat_a2: f64,
     /// Else the coil may be hotter: it counts as at least at its rating.
     known: bool,
 }
 
 impl Coils {
-    /// For a run of this graph.
     pub fn new(share: bool, machine: Option<Arc<Machine>>, schedule: Arc<Schedule>) -> Self {
-        let (seats, actuators, device) = (Vec::new(), Vec::new(), Arc::default());
-        Self { share, machine, schedule, seats, actuators, device, told: false }
+        Self { share, machine, schedule, channels: Vec::new(), device: Arc::default(), told: false }
     }
 
-    /// Check for graphs that contradict the machine's file.
     pub fn ceiling(&self) -> Option<Ceiling> {
         Some(Ceiling { machine: self.machine.clone()?, device: self.device.clone() })
     }
 
     /// Takes seats on a channel. Answers them, and the heat of the coil.
-    fn sit(&self, folder: &Path, device: &Opened, i: usize) -> Result<(Vec<Seat>, Warm), Diagnostic> {
+    fn sit(&self, folder: &Path, device: &Opened, i: usize) -> Result<(Vec<File>, Warm), Diagnostic> {
         let channel = device.channels[i].0;
-        let (rating, cools_in) = self.actuators[i];
+        let (rating_a2, cools_in_s) = self.actuator(device, i);
         let (mut taken, mut by) = (Vec::new(), None);
-        let mut warm = Warm { heat: 0.0, known: true };
+        let mut warm = Warm { heat_a2: 0.0, known: true };
         for seat in 1..=SEATS {
             let path = folder.join(format!("{}.{seat}", file_name(device, channel)));
             let (mut file, new) = open(&path).map_err(|e| unusable(&path, &e))?;
@@ -123,30 +119,26 @@ impl Coils {
                 Err(TryLockError::WouldBlock) => false,
                 Err(TryLockError::Error(e)) => return Err(unusable(&path, &e)),
             };
-            let mut bytes = Vec::new();
-            let read = file.read_to_end(&mut bytes);
-            let text = String::from_utf8_lossy(&bytes);
-            let stands = match Record::parse(&text).filter(|_| read.is_ok()) {
-                _ if new => Warm { heat: 0.0, known: true },
+            let record = Record::read(&mut file);
+            let stands = match record {
+                _ if new => Warm { heat_a2: 0.0, known: true },
                 // A run under way keeps its record up to date.
-                Some(record) if !free => Warm { heat: record.heat, known: true },
+                Some(record) if !free => Warm { heat_a2: record.heat_a2, known: true },
                 Some(record) => record.now(&Clock::now()),
-                None => Warm { heat: 0.0, known: false },
+                None => Warm { heat_a2: 0.0, known: false },
             };
             warm = warm.or(stands);
             if !free {
-                by = by.or_else(|| text.lines().find_map(|l| l.strip_prefix("process: ")).map(str::to_owned));
+                by = by.or(record.map(|record| record.process));
             } else if !self.share || taken.is_empty() {
-                taken.push(Seat { file, last: None });
+                taken.push(file);
             } else if !stands.known {
                 // The other seat is free: from now on the heat is known, and falls.
-                let (heat, clock) = (stands.heat.max(rating), Clock::now());
-                let _ =
-                    Seat { file, last: None }.write(Record { heat, rating, cools_in, clock, running: false });
+                let _ = Record::new(stands.heat_a2.max(rating_a2), rating_a2, cools_in_s).write(&mut file);
             }
         }
         if taken.len() < if self.share { 1 } else { SEATS } {
-            let process = by.map_or("another process".to_owned(), |id| format!("process {}", id.trim()));
+            let process = by.map_or("another process".to_owned(), |id| format!("process {id}"));
             let help = match self.share {
                 true => "end it: it does not share, or two that share are there already",
                 false => "end it; or start both with --share: each has half of every limit",
@@ -157,12 +149,10 @@ impl Coils {
         Ok((taken, warm))
     }
 
-    /// Writes a record to the seats of each channel.
-    fn write(&mut self, of: impl Fn(usize, Option<Record>) -> Option<Record>) {
-        for (channel, seats) in self.seats.iter_mut().enumerate() {
+    fn write(&mut self) {
+        for Channel { seats, record } in &mut self.channels {
             for seat in seats {
-                if let Some(record) = of(channel, seat.last)
-                    && let Err(e) = seat.write(record)
+                if let Err(e) = record.write(seat)
                     && !std::mem::replace(&mut self.told, true)
                 {
                     crate::failure::warn(&format!("cannot write the heat of the coils: {e}"));
@@ -170,63 +160,7 @@ impl Coils {
             }
         }
     }
-}
 
-impl CoilMonitor for Coils {
-    fn opened(&mut self, device: &Opened) -> Result<StartValues, Diagnostic> {
-        let mut start =
-            StartValues { share: self.share.then_some(1.0 / SEATS as f32), ..StartValues::default() };
-        if let Some(machine) = &self.machine {
-            machine.check(device, &device.channels, &self.schedule)?;
-            start.machine = machine.limits(device, self.schedule.audio_hz)?;
-        }
-        *self.device.lock() = Some(device.clone());
-        self.actuators = (0..device.channels.len()).map(|i| self.actuator(device, i)).collect();
-        let simulated = device.id.starts_with("simulated");
-        start.notices.extend(self.unprotected(device).filter(|_| !simulated));
-        let Some(folder) = folder(simulated) else {
-            if !simulated && std::env::var_os(FOLDER).is_none() {
-                let notice = "this system has no state folder: the coils count as being at their rating";
-                start.notices.push(notice.into());
-                start.heat = self.actuators.iter().map(|(rating, _)| *rating).collect();
-            }
-            return Ok(start);
-        };
-        std::fs::create_dir_all(&folder).map_err(|e| unusable(&folder, &e))?;
-        for (i, (channel, _)) in device.channels.iter().enumerate() {
-            let (seats, warm) = self.sit(&folder, device, i)?;
-            self.seats.push(seats);
-            start.heat.push(if warm.known { warm.heat } else { warm.heat.max(self.actuators[i].0) });
-            if !warm.known {
-                start.notices.push(format!(
-                    "the coil on channel {channel} counts as being at its rating: \
-                     the last run was killed, or the clock went back"
-                ));
-            }
-        }
-        self.note(&start.heat);
-        for seat in self.seats.iter().flatten() {
-            // The record of a run under way must survive a crash of the machine.
-            let _ = seat.file.sync_all();
-        }
-        Ok(start)
-    }
-
-    fn note(&mut self, heat: &[f64]) {
-        let (clock, actuators) = (Clock::now(), self.actuators.clone());
-        self.write(|channel, _| {
-            let (rating, cools_in) = *actuators.get(channel)?;
-            Some(Record { heat: *heat.get(channel)?, rating, cools_in, clock, running: true })
-        });
-    }
-
-    fn ended(&mut self) {
-        self.write(|_, last| last.map(|last| Record { running: false, ..last }));
-        self.seats.clear();
-    }
-}
-
-impl Coils {
     /// Rating of a channel's coil \[A^2\], and the time constant with which it cools \[s\].
     fn actuator(&self, device: &Opened, i: usize) -> (f64, f64) {
         let machine = self.machine.as_ref().and_then(|m| m.output(device, device.channels[i].0));
@@ -247,53 +181,90 @@ impl Coils {
     }
 }
 
-impl Seat {
-    /// Overwrites the record in place: the lock is on the file itself. All records have the same length, so
-    /// that a record that is cut short is noticed.
-    fn write(&mut self, record: Record) -> std::io::Result<()> {
-        self.last = Some(record);
-        let text = record.text();
-        self.file.rewind()?;
-        self.file.write_all(text.as_bytes())?;
-        self.file.set_len(text.len() as u64)
+impl CoilMonitor for Coils {
+    fn opened(&mut self, device: &Opened) -> Result<StartValues, Diagnostic> {
+        let mut start =
+            StartValues { share: self.share.then_some(1.0 / SEATS as f32), ..StartValues::default() };
+        if let Some(machine) = &self.machine {
+            machine.check(device, &device.channels, &self.schedule)?;
+            start.machine = machine.limits(device, self.schedule.audio_hz)?;
+        }
+        *self.device.lock() = Some(device.clone());
+        let simulated = device.id.starts_with("simulated");
+        start.notices.extend(self.unprotected(device).filter(|_| !simulated));
+        let Some(folder) = folder(simulated) else {
+            if !simulated && std::env::var_os(FOLDER).is_none() {
+                let notice = "this system has no state folder: the coils count as being at their rating";
+                start.notices.push(notice.into());
+                start.heat = (0..device.channels.len()).map(|i| self.actuator(device, i).0).collect();
+            }
+            return Ok(start);
+        };
+        std::fs::create_dir_all(&folder).map_err(|e| unusable(&folder, &e))?;
+        for (i, (channel, _)) in device.channels.iter().enumerate() {
+            let (seats, warm) = self.sit(&folder, device, i)?;
+            let (rating_a2, cools_in_s) = self.actuator(device, i);
+            let heat_a2 = if warm.known { warm.heat_a2 } else { warm.heat_a2.max(rating_a2) };
+            self.channels.push(Channel { seats, record: Record::new(heat_a2, rating_a2, cools_in_s) });
+            start.heat.push(heat_a2);
+            if !warm.known {
+                start.notices.push(format!(
+                    "the coil on channel {channel} counts as being at its rating: \
+                     the last run was killed, or the clock went back"
+                ));
+            }
+        }
+        self.note(&start.heat);
+        for seat in self.channels.iter().flat_map(|channel| &channel.seats) {
+            // The record of a run under way must survive a crash of the machine.
+            let _ = seat.sync_all();
+        }
+        Ok(start)
+    }
+
+    fn note(&mut self, heat: &[f64]) {
+        let clock = Clock::now();
+        for (Channel { record, .. }, &heat_a2) in self.channels.iter_mut().zip(heat) {
+            *record = Record { heat_a2, clock, running: true, ..*record };
+        }
+        self.write();
+    }
+
+    fn ended(&mut self) {
+        self.channels.iter_mut().for_each(|channel| channel.record.running = false);
+        self.write();
+        self.channels.clear();
     }
 }
 
 impl Record {
-    fn text(&self) -> String {
-        let Self { heat, rating, cools_in, clock, running } = self;
-        format!(
-            "heat_a2: {heat:<24e}\nrating_a2: {rating:<24e}\ncools_in_s: {cools_in:<24e}\nat_s: {:<20.3}\n\
-             boot: {:016x}\nup_s: {:<20.3}\nrunning: {running:<5}\nprocess: {:<10}\n",
-            clock.wall,
-            clock.boot,
-            clock.up,
-            std::process::id()
-        )
+    fn new(heat_a2: f64, rating_a2: f64, cools_in_s: f64) -> Self {
+        let (clock, process) = (Clock::now(), std::process::id());
+        Self { heat_a2, rating_a2, cools_in_s, clock, running: false, process }
     }
 
-    fn parse(text: &str) -> Option<Self> {
-        let field = |name: &str| text.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(": "));
-        let number = |name| field(name)?.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
-        let running = match field("running")?.trim() {
-            "true" => true,
-            "false" => false,
-            _ => return None,
-        };
-        field("process")?;
-        let boot = u64::from_str_radix(field("boot")?.trim(), 16).ok()?;
-        let clock = Clock { wall: number("at_s")?, boot, up: number("up_s")? };
-        let (heat, rating) = (number("heat_a2")?, number("rating_a2")?);
-        Some(Self { heat, rating, cools_in: number("cools_in_s")?, clock, running })
+    /// `None` for a damaged file.
+    fn read(file: &mut File) -> Option<Self> {
+        let mut text = String::new();
+        file.read_to_string(&mut text).ok()?;
+        serde_json::from_str(&text).ok().filter(|record: &Self| record.heat_a2 >= 0.0)
+    }
+
+    /// Overwrites the record in place: the lock is on the file itself.
+    fn write(&self, file: &mut File) -> std::io::Result<()> {
+        let text = serde_json::to_string(self)? + "\n";
+        file.rewind()?;
+        file.write_all(text.as_bytes())?;
+        file.set_len(text.len() as u64)
     }
 
     /// Heat of the coil now. It is not known if a run was killed or the clock went back.
     fn now(&self, now: &Clock) -> Warm {
         match now.since(&self.clock) {
             Some(since) if !self.running => {
-                Warm { heat: self.heat * (-since / self.cools_in.max(1e-3)).exp(), known: true }
+                Warm { heat_a2: self.heat_a2 * (-since / self.cools_in_s.max(1e-3)).exp(), known: true }
             }
-            _ => Warm { heat: self.heat.max(self.rating), known: false },
+            _ => Warm { heat_a2: self.heat_a2.max(self.rating_a2), known: false },
         }
     }
 }
@@ -301,24 +272,23 @@ impl Record {
 impl Warm {
     /// Joins the heat of two records of one coil: the larger one holds.
     fn or(self, other: Self) -> Self {
-        Self { heat: self.heat.max(other.heat), known: self.known && other.known }
+        Self { heat_a2: self.heat_a2.max(other.heat_a2), known: self.known && other.known }
     }
 }
 
 impl Clock {
     fn now() -> Self {
-        let wall = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        let at_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
         let read = |path| std::fs::read_to_string(path).ok();
         let up = read("/proc/uptime").and_then(|t| t.split_whitespace().next()?.parse().ok());
         let boot = read("/proc/sys/kernel/random/boot_id").map_or(0, |id| fnv(id.trim().as_bytes()));
-        Self { wall, boot: if up.is_some() { boot } else { 0 }, up: up.unwrap_or(0.0) }
+        Self { at_s, boot: if up.is_some() { boot } else { 0 }, up_s: up.unwrap_or(0.0) }
     }
 
-    /// Seconds since an earlier time; `None` if the clock went back. A clock that was set ahead since the
-    /// machine started cools no coil.
+    /// Seconds since `before`; `None` if the clock went back. A clock that was set ahead cools no coil.
     fn since(&self, before: &Self) -> Option<f64> {
-        let wall = self.wall - before.wall;
-        let up = (self.boot == before.boot && self.boot != 0).then_some(self.up - before.up);
+        let wall = self.at_s - before.at_s;
+        let up = (self.boot == before.boot && self.boot != 0).then_some(self.up_s - before.up_s);
         (wall >= 0.0).then(|| up.map_or(wall, |up| wall.min(up.max(0.0))))
     }
 }
@@ -363,27 +333,27 @@ mod tests {
 
     fn record(ago: f64, running: bool) -> Record {
         let now = Clock::now();
-        let clock = Clock { wall: now.wall - ago, up: now.up - ago, ..now };
-        Record { heat: 0.02, rating: 0.03, cools_in: 2.0, clock, running }
+        let clock = Clock { at_s: now.at_s - ago, up_s: now.up_s - ago, ..now };
+        Record { clock, running, ..Record::new(0.02, 0.03, 2.0) }
     }
 
     #[test]
     fn coil_cools_by_its_profile_between_runs() {
-        let Warm { heat, known } = record(2.0, false).now(&Clock::now());
-        assert!(known && (heat / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-2, "{heat}");
+        let Warm { heat_a2, known } = record(2.0, false).now(&Clock::now());
+        assert!(known && (heat_a2 / (0.02 * (-1.0f64).exp()) - 1.0).abs() < 1e-2, "{heat_a2}");
     }
 
     #[test]
     fn coil_of_a_killed_run_or_a_clock_gone_back_is_at_its_rating() {
-        let unknown = Warm { heat: 0.03, known: false };
+        let unknown = Warm { heat_a2: 0.03, known: false };
         assert_eq!(record(100.0, true).now(&Clock::now()), unknown);
         assert_eq!(record(-100.0, false).now(&Clock::now()), unknown);
     }
 
     #[test]
     fn clock_set_ahead_cools_no_coil() {
-        let now = Clock { wall: 2e9, boot: 7, up: 101.0 };
-        let before = Clock { wall: 1e9, boot: 7, up: 100.0 };
+        let now = Clock { at_s: 2e9, boot: 7, up_s: 101.0 };
+        let before = Clock { at_s: 1e9, boot: 7, up_s: 100.0 };
         assert_eq!(now.since(&before), Some(1.0));
         // The machine was restarted: only the wall clock counts.
         assert_eq!(now.since(&Clock { boot: 8, ..before }), Some(1e9));
@@ -391,20 +361,27 @@ mod tests {
 
     #[test]
     fn one_unknown_record_makes_the_coil_unknown() {
-        let warm = |heat, known| Warm { heat, known };
+        let warm = |heat_a2, known| Warm { heat_a2, known };
         assert_eq!(warm(1.0, true).or(warm(2.0, true)), warm(2.0, true));
         assert_eq!(warm(3.0, true).or(warm(2.0, false)), warm(3.0, false));
     }
 
     #[test]
     fn record_comes_back_and_a_cut_one_does_not() {
-        let clock = Clock { wall: 1.0e9, boot: 77, up: 5.5 };
-        let record = Record { heat: 1.5e-7, rating: 0.03, cools_in: 2.0, clock, running: false };
-        let text = record.text();
-        assert_eq!(Record::parse(&text), Some(record));
-        assert_eq!(Record { heat: 0.0, running: true, ..record }.text().len(), text.len());
-        for cut in ["", "heat", &text[..text.len() / 2], &text.replace('0', "x")] {
-            assert_eq!(Record::parse(cut), None, "{cut}");
+        let mut file = tempfile::tempfile().unwrap();
+        record(9.0, true).write(&mut file).unwrap();
+        let record = Record { heat_a2: 0.125, ..record(5.5, false) };
+        record.write(&mut file).unwrap();
+        let mut read = || {
+            file.rewind().unwrap();
+            Record::read(&mut file)
+        };
+        assert_eq!(read().map(|read| (read.heat_a2, read.running)), Some((0.125, false)));
+        let len = file.metadata().unwrap().len();
+        for cut in [0, 1, len / 2, len - 2] {
+            file.set_len(cut).unwrap();
+            file.rewind().unwrap();
+            assert_eq!(Record::read(&mut file), None, "{cut}");
         }
     }
 }

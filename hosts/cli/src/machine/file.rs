@@ -14,7 +14,6 @@ use asperity_node::{Guard, Unit};
 /// Relative difference of numbers that count as equal.
 const SAME: f64 = 1e-6;
 
-/// The machine's file.
 #[derive(Clone, Debug)]
 pub struct Machine {
     pub source: Arc<Source>,
@@ -26,11 +25,8 @@ pub struct Machine {
 /// Actuator and amplifier behind one channel of a device.
 #[derive(Clone, Debug)]
 pub struct Output {
-    /// The device's name or id.
     pub device: String,
-    /// From 1.
     pub channel: u16,
-    /// The actuator on its handle.
     pub actuator: Dynamics,
     /// Peak volts of the card at full scale.
     pub volts_at_full_scale: f64,
@@ -38,7 +34,6 @@ pub struct Output {
     pub amplifier: (Drive, f64),
     /// Most volts that the card may put out.
     pub most_volts: f64,
-    /// Place of the entry.
     pub place: Place,
 }
 
@@ -55,12 +50,10 @@ impl Machine {
         path.map(|path| Self::read(&path)).transpose()
     }
 
-    /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?)
     }
 
-    /// Parses its text.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let root = parse(source)?;
         let mut record = root.record("Machine")?;
@@ -84,7 +77,6 @@ impl Machine {
         Ok(Self { source: source.clone(), outputs, list: list.place() })
     }
 
-    /// The entry for a channel of a device.
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
         self.outputs_of(device, channel).next()
     }
@@ -118,7 +110,6 @@ impl Machine {
         Ok(())
     }
 
-    /// Guards for the channels in the file.
     pub fn limits(&self, device: &Opened, rate_hz: u32) -> Result<OutputLimits, Diagnostic> {
         let guard = |(channel, _): &(u16, String)| {
             self.output(device, *channel).map(|output| output.guard(rate_hz)).transpose()
@@ -175,46 +166,39 @@ impl Output {
         let profile = ActuatorProfile::find(limiter.params.text("profile"), base)?;
         let said = Dynamics::new(&profile, limiter.params.number("handle_mass_g"))
             .map_err(|e| limiter.params.node_error(e.to_string()))?;
-        let (is, id) = (&self.actuator, &limiter.id);
-        let same = [
-            ("handle mass", said.handle_mass, is.handle_mass),
-            ("moving mass", said.moving_mass, is.moving_mass),
-            ("stiffness", said.stiffness, is.stiffness),
-            ("damping", said.damping, is.damping),
-            ("force factor", said.force_factor, is.force_factor),
-            ("resistance", said.resistance, is.resistance),
-            ("inductance", said.inductance, is.inductance),
-            ("thermal time constant", said.thermal_time_constant, is.thermal_time_constant),
-        ];
-        if let Some((what, ..)) = same.into_iter().find(|(_, said, is)| (said - is).abs() > SAME * is) {
-            let param = if what == "handle mass" { "handle_mass_g" } else { "profile" };
-            let what = format!("the {what} of `{id}`'s actuator is not that of the machine's file");
-            return Err(self.contradicts(limiter, param, what));
-        }
-        let most = [
-            ("rated current", said.rated_current, is.rated_current),
-            ("peak current", said.peak_current, is.peak_current),
-            ("peak voltage", said.peak_voltage, is.peak_voltage),
-            ("stroke", said.stroke, is.stroke),
-        ];
-        if let Some((what, ..)) = most.into_iter().find(|(_, said, is)| *said > is * (1.0 + SAME)) {
-            let what = format!("the {what} of `{id}`'s profile is above that of the machine's file");
-            return Err(self.contradicts(limiter, "profile", what));
-        }
-        let own = LimiterSettings::default();
+        let (is, id, own) = (&self.actuator, &limiter.id, LimiterSettings::default());
         let (slew_hz, dc_hz) = (limiter.params.number("slew_hz"), limiter.params.number("dc_corner_hz"));
-        let laxer = [
-            ("slew_hz", slew_hz > own.slew_hz * (1.0 + SAME), own.slew_hz),
-            ("dc_corner_hz", dc_hz < own.dc_corner_hz * (1.0 - SAME), own.dc_corner_hz),
+        let differs = |said: f64, is: f64| (said - is).abs() > SAME * is;
+        let above = |said: f64, is: f64| said > is * (1.0 + SAME);
+        let wrong = [
+            ("handle_mass_g", "handle mass", differs(said.handle_mass, is.handle_mass)),
+            ("profile", "moving mass", differs(said.moving_mass, is.moving_mass)),
+            ("profile", "stiffness", differs(said.stiffness, is.stiffness)),
+            ("profile", "damping", differs(said.damping, is.damping)),
+            ("profile", "force factor", differs(said.force_factor, is.force_factor)),
+            ("profile", "resistance", differs(said.resistance, is.resistance)),
+            ("profile", "inductance", differs(said.inductance, is.inductance)),
+            (
+                "profile",
+                "thermal time constant",
+                differs(said.thermal_time_constant, is.thermal_time_constant),
+            ),
+            ("profile", "rated current", above(said.rated_current, is.rated_current)),
+            ("profile", "peak current", above(said.peak_current, is.peak_current)),
+            ("profile", "peak voltage", above(said.peak_voltage, is.peak_voltage)),
+            ("profile", "stroke", above(said.stroke, is.stroke)),
+            ("slew_hz", "", above(slew_hz, own.slew_hz)),
+            ("dc_corner_hz", "", above(own.dc_corner_hz, dc_hz)),
         ];
-        if let Some((param, _, is)) = laxer.into_iter().find(|(_, laxer, _)| *laxer) {
-            let what = format!("`{id}.{param}` is laxer than the {is} Hz that hold on this machine");
-            return Err(self.contradicts(limiter, param, what));
-        }
-        Ok(())
+        let Some((param, what, _)) = wrong.into_iter().find(|(.., wrong)| *wrong) else { return Ok(()) };
+        let of = if what.is_empty() {
+            format!("`{id}.{param}`")
+        } else {
+            format!("the {what} of `{id}`'s actuator")
+        };
+        Err(self.contradicts(limiter, param, format!("{of} is not within what holds on this machine")))
     }
 
-    /// An error with both places.
     fn contradicts(&self, node: &ScheduledNode, param: &str, message: String) -> Diagnostic {
         let at = self.place.position();
         let file = self.place.source.path().display();

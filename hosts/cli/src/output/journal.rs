@@ -6,13 +6,12 @@
 //!
 //! If the process is killed, the next one that writes into the folder of the journal finishes the renames.
 
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::{NamedTempFile, TempPath};
+use tempfile::NamedTempFile;
 
-use super::{PART, Pending, claimed, folder_of, left_over, made, sync_folder};
+use super::{PART, Pending, claimed, folder_of, left_over, made, new_file, sync_folder};
 use crate::failure::Failure;
 
 /// A journal's name: that of the first temporary file, with this ending.
@@ -40,36 +39,28 @@ pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
 /// Writes a journal beside the first file; `None` if a name is not UTF-8.
 fn write(files: &[Pending]) -> Result<Option<NamedTempFile>, Failure> {
     let renames: Vec<_> = files.iter().map(|file| (file.temp.path(), &file.path)).collect();
-    let (Ok(text), Some((first, _))) = (serde_json::to_vec(&renames), renames.first()) else {
-        return Ok(None);
-    };
-    let path = first.with_file_name(format!("{}{JOURNAL}", name(first)));
-    let made = claimed(|| {
-        let file = File::options().write(true).create_new(true).open(&path)?;
-        Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(&path)?))
-    });
-    let written = made.and_then(|mut journal| {
+    let Ok(text) = serde_json::to_vec(&renames) else { return Ok(None) };
+    let first = files[0].temp.path();
+    let path = first.with_file_name(name(first) + JOURNAL);
+    let made = claimed(|| new_file(&path)).and_then(|mut journal| {
         journal.write_all(&text)?;
         journal.as_file().sync_all()?;
         sync_folder(&path);
-        Ok(journal)
+        Ok(Some(journal))
     });
-    written.map(Some).map_err(|e| Failure::writing(&path, e))
+    made.map_err(|e| Failure::writing(&path, e))
 }
 
 /// Finishes renames that a killed process began in the folder of this file. Removes its temporary files.
 pub fn tidy(path: &Path) {
     let Ok(entries) = std::fs::read_dir(folder_of(path)) else { return };
     let entries: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let is_journal = |path: &&PathBuf| name(path).ends_with(&format!("{PART}{JOURNAL}"));
+    let is_part = |part: &&PathBuf| is_part_of(part, path);
     // The next process tries again what fails here.
-    for journal in entries.iter().filter(|path| name(path).ends_with(&format!("{PART}{JOURNAL}"))) {
-        if let Ok(Some(_lock)) = left_over(journal) {
-            let _ = finish(journal);
-        }
-    }
-    for part in entries.iter().filter(|part| is_part_of(part, path)) {
-        if let Ok(Some(_lock)) = left_over(part) {
-            let _ = std::fs::remove_file(part);
+    for left in entries.iter().filter(is_journal).chain(entries.iter().filter(is_part)) {
+        if let Ok(Some(_lock)) = left_over(left) {
+            let _ = if is_part(&left) { std::fs::remove_file(left) } else { finish(left) };
         }
     }
 }
@@ -103,58 +94,17 @@ fn is_part_of(part: &Path, path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// A killed process leaves its files, unlocked.
-    fn killed(file: NamedTempFile) {
-        let (file, path) = file.into_parts();
-        path.keep().unwrap();
-        drop(file);
-    }
-
-    /// Regression: a kill between two renames left old and new files mixed.
+    /// Kills are tested by `tests/stability` and `tests/it/hostile`.
     #[test]
-    fn kill_leaves_no_mix_of_old_and_new_files() {
-        for at in ["never", "before the journal", "in the journal", "between renames", "not yet"] {
-            let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
-            let paths = [0, 1].map(|i| dirs[i].path().canonicalize().unwrap().join("a"));
-            let pending = paths.each_ref().map(|path| {
-                std::fs::write(path, "old").unwrap();
-                Pending::create(path).unwrap().fill("new").unwrap()
-            });
-            if at == "never" {
-                assert_eq!(keep_all(pending.into()).unwrap(), paths);
-            } else {
-                let journal = write(&pending).unwrap().unwrap();
-                let [first, second] = pending;
-                match at {
-                    "before the journal" => drop(journal),
-                    "in the journal" => {
-                        journal.as_file().set_len(9).unwrap();
-                        killed(journal);
-                    }
-                    "between renames" => {
-                        killed(journal);
-                        std::fs::rename(first.temp.path(), &paths[0]).unwrap();
-                    }
-                    // Another process leaves alone what a living one writes.
-                    _ => {
-                        tidy(&paths[0]);
-                        assert!(journal.path().exists() && first.temp.path().exists());
-                        drop(journal);
-                    }
-                }
-                for Pending { temp, .. } in [first, second] {
-                    if temp.path().exists() {
-                        killed(temp);
-                    }
-                }
-            }
-            paths.iter().for_each(|path| tidy(path));
-            let new = at == "never" || at == "between renames";
-            for path in &paths {
-                let text = std::fs::read_to_string(path).unwrap();
-                assert_eq!(text, if new { "new" } else { "old" }, "{at}");
-                assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "{at}");
-            }
-        }
+    fn files_of_a_living_process_are_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let paths = ["a", "b"].map(|name| dir.path().canonicalize().unwrap().join(name));
+        let pending = paths.each_ref().map(|path| Pending::create(path).unwrap().fill("new").unwrap());
+        let journal = write(&pending).unwrap().unwrap();
+        tidy(&paths[0]);
+        assert!(journal.path().exists() && pending.iter().all(|file| file.temp.path().exists()));
+        drop(journal);
+        assert_eq!(keep_all(pending.into()).unwrap(), paths);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
     }
 }

@@ -1,12 +1,12 @@
 //! Files that Asperity made: a line for each in the user's state folder. A file that was changed since does
 //! not count.
 
-use std::fs::{File, Metadata, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// Above this size \[bytes\] the older half of the list is removed.
+/// Above this size \[bytes\] the list begins anew.
 const MOST_BYTES: u64 = 1 << 20;
 
 fn list() -> Option<PathBuf> {
@@ -14,7 +14,8 @@ fn list() -> Option<PathBuf> {
 }
 
 /// Length, time of the last change and full name, as a line.
-fn line(path: &Path, meta: &Metadata) -> Option<String> {
+fn line(path: &Path) -> Option<String> {
+    let meta = std::fs::metadata(path).ok()?;
     let time = meta.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     let name = path.canonicalize().ok()?;
     // The list cannot hold names with line breaks, or that are not UTF-8.
@@ -22,15 +23,17 @@ fn line(path: &Path, meta: &Metadata) -> Option<String> {
     Some(format!("{} {} {name}\n", meta.len(), time.as_nanos()))
 }
 
-/// Adds a file to the list, if that is possible.
 pub fn remember(path: &Path) {
     let put_down = || {
-        let line = line(path, &std::fs::metadata(path).ok()?)?;
+        let line = line(path)?;
         let list = list()?;
         std::fs::create_dir_all(list.parent()?).ok()?;
-        shorten(&list);
+        let mut list = OpenOptions::new().append(true).create(true).open(&list).ok()?;
+        if list.metadata().ok()?.len() > MOST_BYTES {
+            list.set_len(0).ok()?;
+        }
         // In one call: other processes write here too.
-        OpenOptions::new().append(true).create(true).open(&list).ok()?.write_all(line.as_bytes()).ok()
+        list.write_all(line.as_bytes()).ok()
     };
     let _ = put_down();
 }
@@ -38,21 +41,8 @@ pub fn remember(path: &Path) {
 /// Whether Asperity made the file, and nobody changed it since.
 pub fn is_ours(path: &Path) -> bool {
     let known = || {
-        let line = line(path, &std::fs::metadata(path).ok()?)?;
+        let line = line(path)?;
         Some(std::fs::read_to_string(list()?).ok()?.split_inclusive('\n').any(|known| known == line))
     };
     known().unwrap_or(false)
-}
-
-fn shorten(list: &Path) {
-    let shorter = || {
-        let long = std::fs::metadata(list).ok()?.len() > MOST_BYTES;
-        let text = if long { std::fs::read_to_string(list).ok()? } else { return None };
-        let half = text.len() - text.len() / 2;
-        let from = text.as_bytes()[half..].iter().position(|&b| b == b'\n')? + half + 1;
-        let mut new = tempfile::NamedTempFile::new_in(list.parent()?).ok()?;
-        new.write_all(&text.as_bytes()[from..]).ok()?;
-        new.persist(list).ok().map(|_: File| ())
-    };
-    let _ = shorter();
 }

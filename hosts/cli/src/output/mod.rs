@@ -13,7 +13,7 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::failure::{Failure, warn, without_path};
+use crate::failure::{Failure, clean, warn, without_path, wrong};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
@@ -58,36 +58,28 @@ impl Pending {
         Ok(Self::with(path, temp, there))
     }
 
-    /// Creates a recording: a file called `NAME.recording` while it grows, which stays if the run is
-    /// killed.
-    ///
-    /// A recording that an earlier run left is completed first, under a name with a number.
+    /// Creates a file called `NAME.recording` until it ends, also by a kill. Completes one that was left.
     pub fn recording(path: &Path) -> Result<Self, Failure> {
         let (path, there) = free(path)?;
         let name = format!("{}{GROWING}", path.file_name().unwrap_or_default().to_string_lossy());
         let growing = path.with_file_name(name);
-        let refuse = |what: String| Diagnostic::new(what).in_file(&growing);
-        if growing.exists() {
-            match recover(&growing, 1) {
-                Ok(Recovered::Kept(kept)) => {
-                    let kept = kept.display();
-                    warn(&format!("{}: a run left this recording; it is now {kept}", growing.display()));
-                }
-                Ok(Recovered::Empty) => {}
-                Ok(Recovered::Busy) => {
-                    return Err(refuse("another run records into this file".into()).into());
-                }
-                Err(e) => {
-                    let why = format!("this is in the way and cannot be completed: {e}");
-                    return Err(refuse(why).help("move or remove it").into());
-                }
+        match recover(&growing, 1) {
+            Ok(Recovered::Kept(kept)) => {
+                let kept = kept.display();
+                warn(&format!("{}: a run left this recording; it is now {kept}", growing.display()));
+            }
+            Ok(Recovered::Empty) => {}
+            Ok(Recovered::Busy) => {
+                let what = "another run records into this file";
+                return Err(Diagnostic::new(what).in_file(&growing).into());
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound => {}
+            Err(e) => {
+                let what = format!("this is in the way and cannot be completed: {e}");
+                return Err(wrong(&growing, what, "move or remove it"));
             }
         }
-        let make = || {
-            let file = File::options().read(true).write(true).create_new(true).open(&growing)?;
-            Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(&growing)?))
-        };
-        let temp = claimed(make).map_err(|e| refused(&path, e))?;
+        let temp = claimed(|| new_file(&growing)).map_err(|e| refused(&path, e))?;
         Ok(Self::with(path, temp, there))
     }
 
@@ -99,7 +91,6 @@ impl Pending {
         Self { path, temp }
     }
 
-    /// A second handle on the file.
     pub fn file(&self) -> Result<File, Failure> {
         self.temp.as_file().try_clone().map_err(|e| Failure::writing(&self.path, e))
     }
@@ -131,7 +122,6 @@ fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
     Ok((resolved, there))
 }
 
-/// The error for a file that cannot be created.
 fn refused(path: &Path, e: io::Error) -> Failure {
     match e.kind() {
         // Not an error of the user's input.
@@ -154,10 +144,12 @@ fn claimed(mut make: impl FnMut() -> io::Result<NamedTempFile>) -> io::Result<Na
     }
 }
 
+fn new_file(path: &Path) -> io::Result<NamedTempFile> {
+    let file = File::options().read(true).write(true).create_new(true).open(path)?;
+    Ok(NamedTempFile::from_parts(file, TempPath::try_from_path(path)?))
+}
+
 /// Opens and locks a file whose process has ended; `None` if the process lives.
-///
-/// # Errors
-/// The file cannot be opened; the disk has no locks.
 fn left_over(path: &Path) -> io::Result<Option<File>> {
     // Opening a pipe could block.
     if !std::fs::symlink_metadata(path)?.is_file() {
@@ -171,8 +163,7 @@ fn left_over(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// The folder that a file lies in.
-fn folder_of(file: &Path) -> &Path {
+pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -188,7 +179,6 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     Pending::create(path)?.fill(text)?.keep().map(drop)
 }
 
-/// Whether a graph may overwrite files that Asperity did not make.
 static OVERWRITE: AtomicBool = AtomicBool::new(false);
 
 pub fn overwrite() {
@@ -196,20 +186,17 @@ pub fn overwrite() {
 }
 
 /// Checks that a graph may write this file. A file that the command line names needs no check.
-///
-/// # Errors
-/// The file is outside the working directory, or would overwrite one that Asperity did not make.
-pub fn permit(file: &Path) -> Result<(), Diagnostic> {
+pub fn permit(file: &Path, node: &str) -> Result<(), Diagnostic> {
     let whole = resolved(file);
     let here = Path::new(".").canonicalize();
     if !here.is_ok_and(|here| whole.starts_with(here)) {
         let what = format!("this graph would write outside of the working directory, to {}", whole.display());
-        return Err(Diagnostic::new(what).help("name the file on the command line: --set NODE.file=FILE"));
+        return Err(Diagnostic::new(what).help(format!("name the file: --set {node}.file=FILE")));
     }
     if whole.exists() && !OVERWRITE.load(Relaxed) && !made::is_ours(&whole) {
         let what = format!("this graph would write over {}, which Asperity did not make", file.display());
-        return Err(Diagnostic::new(what)
-            .help("add --overwrite, or name another file on the command line: --set NODE.file=FILE"));
+        let help = format!("add --overwrite, or name another file: --set {node}.file=FILE");
+        return Err(Diagnostic::new(what).help(help));
     }
     Ok(())
 }
@@ -229,6 +216,39 @@ pub fn resolved(path: &Path) -> PathBuf {
         (Ok(dir), Some(name)) => dir.join(name),
         _ => path,
     }
+}
+
+/// A file, and who reads or writes it.
+pub type Named = (PathBuf, String);
+
+/// Files that options name.
+pub fn named(options: &[(&str, Option<&PathBuf>)]) -> Vec<Named> {
+    options.iter().filter_map(|(option, path)| Some(((*path)?.clone(), (*option).to_owned()))).collect()
+}
+
+/// Refuses to write where a file is read, or where another one is written.
+pub fn apart(read: Vec<Named>, written: Vec<Named>) -> Result<(), Failure> {
+    let reads = read.len();
+    let all: Vec<Named> = read.into_iter().chain(written).map(|(path, who)| (resolved(&path), who)).collect();
+    for (i, (path, who)) in all.iter().enumerate().skip(reads) {
+        let Some(first) = all[..i].iter().position(|(other, _)| other == path) else { continue };
+        let other = &all[first].1;
+        let what = match first < reads {
+            true => format!("{other} reads this file, and it would be overwritten by {who}"),
+            false => format!("{other} would write the same file as {who}"),
+        };
+        return Err(wrong(path, what, "give each a file of its own"));
+    }
+    Ok(())
+}
+
+/// Refuses a new file that nobody would find, since its name does not end in .ron.
+pub fn ends_in_ron(path: &Path, what: &str) -> Result<(), Failure> {
+    if ending(path) == "ron" {
+        return Ok(());
+    }
+    let found = format!("{} would not be found as a {what}", clean(&path.display().to_string()));
+    Err(wrong("--out", found, format!("a {what}'s name ends in .ron")))
 }
 
 /// The extension of a file's name, in lower case.
@@ -252,18 +272,18 @@ enum To {
 const MAX_WAV_BYTES: u64 = u32::MAX as u64 - 1024;
 
 impl Format {
-    fn of_samples(self) -> (u16, hound::SampleFormat) {
+    fn bits(self) -> u16 {
         match self {
-            Format::F32 => (32, hound::SampleFormat::Float),
-            Format::I24 => (24, hound::SampleFormat::Int),
-            Format::I16 => (16, hound::SampleFormat::Int),
+            Format::F32 => 32,
+            Format::I24 => 24,
+            Format::I16 => 16,
         }
     }
 }
 
 impl Rows {
     pub fn check_wav_length(path: &Path, samples: u64, format: Format) -> Result<(), Diagnostic> {
-        let bytes = samples * u64::from(format.of_samples().0 / 8);
+        let bytes = samples * u64::from(format.bits() / 8);
         if bytes <= MAX_WAV_BYTES {
             return Ok(());
         }
@@ -280,9 +300,11 @@ impl Rows {
 
     /// A WAV file; a row has a sample of each channel.
     pub fn wav(pending: Pending, channels: usize, rate_hz: u32, format: Format) -> Result<Self, Failure> {
-        let (bits_per_sample, sample_format) = format.of_samples();
+        let is_float = format == Format::F32;
+        let sample_format = if is_float { hound::SampleFormat::Float } else { hound::SampleFormat::Int };
         Self::new(pending, |file| {
             let channels = u16::try_from(channels).map_err(io::Error::other)?;
+            let bits_per_sample = format.bits();
             let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
             Ok(To::Wav(hound::WavWriter::new(file, spec).map_err(of_wav)?, format))
         })
@@ -306,9 +328,25 @@ impl Rows {
         &mut self,
         values: &[f32],
         columns: usize,
-        time: impl FnMut(usize) -> f64,
+        mut time: impl FnMut(usize) -> f64,
     ) -> Result<(), Failure> {
-        self.to.append(values, columns, time).map_err(|e| Failure::writing(&self.pending.path, e))
+        let done = match &mut self.to {
+            To::Wav(writer, format) => values.iter().try_for_each(|&x| {
+                match format {
+                    Format::F32 => writer.write_sample(x),
+                    Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
+                    Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
+                }
+                .map_err(of_wav)
+            }),
+            To::Npy(writer) => writer.append(values),
+            To::Csv(file) => values.chunks(columns.max(1)).enumerate().try_for_each(|(i, row)| {
+                write!(file, "{}", time(i))?;
+                row.iter().try_for_each(|x| write!(file, ",{x}"))?;
+                writeln!(file)
+            }),
+        };
+        done.map_err(|e| Failure::writing(&self.pending.path, e))
     }
 
     /// Brings the file and its header up to date, and keeps it if the run is killed.
@@ -327,47 +365,16 @@ impl Rows {
         &self.pending.path
     }
 
-    /// The incomplete file, with the rows that the disk took.
     pub fn abandon(self) -> Pending {
         // Dropping a writer flushes it, if that is possible.
         drop(self.to);
         self.pending
     }
 
-    pub fn finish(self) -> Result<Pending, Failure> {
-        let done = match self.to {
-            To::Wav(writer, _) => writer.finalize().map_err(of_wav),
-            To::Npy(writer) => writer.finish().map(drop),
-            To::Csv(mut file) => file.flush(),
-        };
-        done.map_err(|e| Failure::writing(&self.pending.path, e))?;
-        Ok(self.pending)
-    }
-}
-
-impl To {
-    fn append(
-        &mut self,
-        values: &[f32],
-        columns: usize,
-        mut time: impl FnMut(usize) -> f64,
-    ) -> io::Result<()> {
-        match self {
-            To::Wav(writer, format) => values.iter().try_for_each(|&x| {
-                match format {
-                    Format::F32 => writer.write_sample(x),
-                    Format::I24 => writer.write_sample((x.clamp(-1.0, 1.0) * 8_388_607.0).round() as i32),
-                    Format::I16 => writer.write_sample((x.clamp(-1.0, 1.0) * 32_767.0).round() as i16),
-                }
-                .map_err(of_wav)
-            }),
-            To::Npy(writer) => writer.append(values),
-            To::Csv(file) => values.chunks(columns.max(1)).enumerate().try_for_each(|(i, row)| {
-                write!(file, "{}", time(i))?;
-                row.iter().try_for_each(|x| write!(file, ",{x}"))?;
-                writeln!(file)
-            }),
-        }
+    pub fn finish(mut self) -> Result<Pending, Failure> {
+        self.refresh()?;
+        self.pending.temp.disable_cleanup(false);
+        Ok(self.abandon())
     }
 }
 

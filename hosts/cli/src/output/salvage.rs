@@ -15,7 +15,6 @@ pub const GROWING: &str = ".recording";
 /// Limit for the length of a line of a CSV file \[bytes\].
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// Outcome of [`recover`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Recovered {
     Kept(PathBuf),
@@ -25,12 +24,7 @@ pub enum Recovered {
     Busy,
 }
 
-/// Completes a recording whose run was killed, under a name that no other file has.
-///
-/// Tries names with a number from `first` on; 0 is the name without a number.
-///
-/// # Errors
-/// Errors of the disk; the file is no recording.
+/// Completes a recording of a killed run under a free name, with a number from `first` on; 0 is none.
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "this is no recording that was left");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
@@ -68,11 +62,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(format!("{}-{number}.{}", part(path.file_stem()), part(path.extension())))
 }
 
-/// Cuts a file of 32-bit floats or lines of text after its last complete row, and corrects its header.
-/// Answers the number of rows; `None` for a CSV file.
-///
-/// # Errors
-/// Errors of the disk; the header did not reach the disk.
+/// Cuts a file after its last complete row, and corrects its header. Answers the rows; `None` for CSV.
 pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     let len = file.metadata()?.len();
     match ending {

@@ -18,11 +18,7 @@ pub struct Frames {
     bins: Vec<f32>,
 }
 
-/// Refuses a rate at which 0.1 s is not a whole number of samples. `what` names its origin, such as `--rate
-/// 44`.
-///
-/// # Errors
-/// A rate that is too low, too high or no multiple of 10.
+/// Refuses a rate, called `what`, at which 0.1 s is not a whole number of samples.
 pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
     if RATES.contains(&rate_hz) && rate_hz.is_multiple_of(10) {
         return Ok(());
@@ -34,11 +30,7 @@ pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
 }
 
 impl Frames {
-    /// Frames of unscaled Hann-windowed DFTs of 0.1 s, `bins` values each, bin 0 first, [`FRAME_HZ`] a
-    /// second. Values that are negative or not finite become 0; answers their number.
-    ///
-    /// # Errors
-    /// Not a whole number of frames, no frame, or more bins than the transform has.
+    /// Frames of unscaled Hann-windowed DFTs of 0.1 s. Bad values become 0; answers their number.
     pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;
@@ -62,24 +54,18 @@ impl Frames {
     }
 
     /// Frames of amplitudes; a whole number, at least one.
-    ///
-    /// # Errors
-    /// None.
     pub fn from_amplitudes(bins: Vec<f32>, bins_a_frame: usize, rate_hz: u32) -> Result<Self, Diagnostic> {
         Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
     }
 
-    /// Layout of the frames.
     pub fn layout(&self) -> FrameLayout {
         self.layout
     }
 
-    /// Number of frames.
     pub fn count(&self) -> usize {
         self.bins.len() / self.layout.bins as usize
     }
 
-    /// First sample of a frame.
     pub fn start(&self, frame: u64) -> u64 {
         time::first_sample(frame, self.layout.rate_hz, FRAME_HZ)
     }
@@ -89,7 +75,6 @@ impl Frames {
         self.start((self.count() as u64).saturating_sub(1)) + u64::from(self.layout.length)
     }
 
-    /// All amplitudes, frame by frame.
     pub fn amplitudes(&self) -> &[f32] {
         &self.bins
     }
@@ -109,7 +94,6 @@ fn layout(bins: usize, rate_hz: u32) -> Result<FrameLayout, Diagnostic> {
 /// Kind of the source. No graph file can name it: its name has spaces.
 pub(super) const MAGNITUDES: &str = "magnitudes from memory";
 
-/// A kind that plays these frames.
 pub(super) fn magnitudes(frames: Arc<Frames>) -> NodeKind {
     let shape = ShapeSpec::Magnitude(LayoutSpec::Is(frames.layout));
     let output = Output::new("magnitude", shape, Unit::METRE_PER_SECOND_SQUARED);

@@ -42,7 +42,6 @@ pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
 /// A way to retrieve phase, with its settings.
 #[derive(Clone, Debug)]
 pub struct Method {
-    /// The text that names it.
     pub label: String,
     /// Kind of the node, or name of the offline method.
     pub kind: String,
@@ -56,24 +55,16 @@ enum How {
     Offline(griffin_lim::Options, Option<u64>),
 }
 
-/// The output of a method for some frames.
 pub struct Played {
     /// Sample i is sample i of the frames.
     pub signal: Vec<f32>,
-    /// Declared latency; `None` for an offline method.
     pub latency_ms: Option<f64>,
-    /// Number of failures of all nodes.
     pub faults: u64,
-    /// Report of the node.
     pub report: Option<NodeReport>,
 }
 
 impl Method {
-    /// Parses `KIND` or `KIND:param=value,...`. KIND may be an offline method, or `default`: the node of
-    /// the shipped graph, with its settings. [`Chain::new`] checks the parameters of a node.
-    ///
-    /// # Errors
-    /// The kind does not exist or does not retrieve phase; a setting has no `=`.
+    /// Parses `KIND:param=value,...`; KIND may be an offline method, or `default` of the shipped graph.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
         let settings = settings.split(',').map(str::trim).filter(|s| !s.is_empty());
@@ -100,16 +91,11 @@ impl Method {
         Ok(Self { label: text.to_owned(), kind: node.kind.clone(), how: How::Node(Box::new(node)) })
     }
 
-    /// Whether it needs all frames at once.
     pub fn is_offline(&self) -> bool {
         matches!(self.how, How::Offline(..))
     }
 
-    /// The output for these frames. Calls `took` for each frame with the time of the node and `overlap_add`
-    /// \[ns\].
-    ///
-    /// # Errors
-    /// A node that refuses the frames, as [`Chain::new`].
+    /// The output for these frames. Calls `took` with each frame's time of node and `overlap_add` \[ns\].
     pub fn play<C: Clock>(
         &self,
         registry: &Registry,
@@ -184,11 +170,6 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Prepares the nodes for these frames.
-    ///
-    /// # Errors
-    /// Settings that the kind does not have; frames that it refuses; another output rate than the frames';
-    /// a declared latency of more than 10 s; an offline method.
     pub fn new(
         registry: &Registry,
         method: &Method,
@@ -227,8 +208,7 @@ impl Chain {
         Ok(Self { engine, frames: frames.clone(), timed, node, probe, latency })
     }
 
-    /// Runs all frames and answers their signal without the declared latency: sample i is sample i of the
-    /// frames. Calls `took` for each frame with the time of node and `overlap_add` \[ns\].
+    /// The signal of all frames without the declared latency: sample i is sample i of the frames.
     pub fn signal<C: Clock>(&mut self, clock: &C, took: impl FnMut(u64)) -> Vec<f32> {
         let (num, den) = self.latency.as_ratio();
         let rate_hz = i128::from(self.frames.layout().rate_hz);

@@ -22,8 +22,7 @@ pub fn audio_kind(kind: &'static str) -> Descriptor {
         )
 }
 
-/// Puts out the number of each sample, `late` samples later (earlier if negative), which it declares as
-/// latency.
+/// Puts out the number of each sample, `late` samples later, which it declares as latency.
 pub struct Counter {
     late: i64,
     rate_hz: u32,
@@ -52,8 +51,7 @@ impl Processor for Counter {
     fn reset(&mut self) {}
 }
 
-/// Plays a sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a
-/// failure.
+/// A sine of 250 Hz with the largest amplitude of the frame `delay` ticks ago. `how` chooses a failure.
 pub struct Tone {
     levels: Vec<f32>,
     rate_hz: u32,
@@ -140,44 +138,36 @@ fn declared_latency_is_taken_out_whatever_its_sign() {
 
 #[test]
 fn live_output_keeps_its_latency() {
-    let frames = frames(40, 2500);
-    let heard = chain("counter:late=30", &frames).unwrap().live();
+    let heard = chain("counter:late=30", &frames(40, 2500)).unwrap().live();
     assert_eq!((heard.len(), heard[0], heard[199]), (200, -30.0, 169.0));
 }
 
 #[test]
 fn long_latency_and_unknown_parameter_are_refused() {
-    let frames = frames(40, 2500);
-    let why = chain("counter:late=1000000", &frames).err().unwrap();
-    assert!(why.contains("declares a latency of 400000 ms"), "{why}");
-    let why = chain("counter:late=-1000000", &frames).err().unwrap();
-    assert!(why.contains("declares a latency of -400000 ms"), "{why}");
-    let why = chain("counter:lat=1", &frames).err().unwrap();
-    assert!(why.contains("no parameter `lat`"), "{why}");
+    for (text, says) in [
+        ("counter:late=1000000", "declares a latency of 400000 ms"),
+        ("counter:late=-1000000", "declares a latency of -400000 ms"),
+        ("counter:lat=1", "no parameter `lat`"),
+    ] {
+        let why = chain(text, &frames(40, 2500)).err().unwrap();
+        assert!(why.contains(says), "{why}");
+    }
 }
 
 #[test]
 fn retrieval_needs_one_magnitude_input_and_one_output() {
+    let found = audio_kind("a").retrieval().map(|r| (r.input, r.output, r.spectrum));
+    assert_eq!(found, Some(("magnitude", "signal", false)));
     let control = || Input::new("more", ShapeSpec::Control(1), Unit::NONE);
-    let plain = audio_kind("a");
-    assert_eq!(
-        plain.retrieval().map(|r| (r.input, r.output, r.spectrum)),
-        Some(("magnitude", "signal", false))
-    );
+    let (mut two_outputs, mut of_audio) = (audio_kind("a"), audio_kind("a"));
+    two_outputs.outputs.push(two_outputs.outputs[0].clone());
+    of_audio.inputs[0].shape = ShapeSpec::Audio(RateSpec::Graph);
+    let another_input = audio_kind("a").input(control());
     assert!(audio_kind("a").input(control().or(1.0)).retrieval().is_some());
-    assert!(audio_kind("a").input(control()).retrieval().is_none(), "another required input");
-    let mut two = audio_kind("a");
-    two.outputs.push(two.outputs[0].clone());
-    assert!(two.retrieval().is_none(), "two outputs");
-    let mut audio = audio_kind("a");
-    audio.inputs[0].shape = ShapeSpec::Audio(RateSpec::Graph);
-    assert!(audio.retrieval().is_none(), "no magnitudes");
+    assert!([two_outputs, of_audio, another_input].iter().all(|d| d.retrieval().is_none()));
     let registry = registry();
-    let kinds: Vec<&str> = retrievers(&registry).iter().map(|d| d.kind.as_ref()).collect();
-    assert!(
-        kinds.contains(&"spsi") && kinds.contains(&"tone") && !kinds.contains(&"overlap_add"),
-        "{kinds:?}"
-    );
+    let has = |kind: &str| retrievers(&registry).iter().any(|d| d.kind == kind);
+    assert!(has("spsi") && has("tone") && !has("overlap_add"));
 }
 
 #[test]
@@ -188,20 +178,13 @@ fn default_is_the_node_of_the_shipped_graph() {
 
 #[test]
 fn offline_settings_are_parsed_and_wrong_ones_refused() {
-    let registry = registry();
-    let parse = |text: &str| Method::parse(text, &registry).map(|m| m.how).map_err(|e| e.reason());
+    let parse = |text: &str| Method::parse(text, &registry()).map(|m| m.how).map_err(|e| e.reason());
     assert!(matches!(parse("griffin_lim"), Ok(How::Offline(options, None)) if options.alpha == 0.0));
     let set = parse("fast_griffin_lim:iterations=7, alpha=0.5,seed=3");
     let Ok(How::Offline(options, Some(3))) = set else { panic!("{set:?}") };
     assert_eq!((options.iterations, options.alpha), (7, 0.5));
-    for text in [
-        "griffin_lim:alpha=0.5",
-        "griffin_lim:iterations=0",
-        "fast_griffin_lim:alpha=NaN",
-        "fast_griffin_lim:alpha=2",
-        "fast_griffin_lim:iterations",
-        "fast_griffin_lim:iteration=5",
-    ] {
-        assert!(parse(text).is_err(), "{text}");
+    for wrong in ["alpha=NaN", "alpha=2", "iterations=0", "iterations", "iteration=5"] {
+        assert!(parse(&format!("fast_griffin_lim:{wrong}")).is_err(), "{wrong}");
     }
+    assert!(parse("griffin_lim:alpha=0.5").is_err());
 }

@@ -9,10 +9,9 @@ mod tests;
 
 use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use asperity_actuator::identify::{IdentifySettings, Trust, identify, write_profile};
 use asperity_actuator::{ActuatorProfile, Drive};
@@ -20,10 +19,10 @@ use asperity_diagnostics::Source;
 use clap::ValueEnum;
 
 use crate::card::{OutputArgs, actuator, range};
-use crate::failure::{Failure, complain, print, wrong};
+use crate::failure::{Failure, complain, print_report, wrong};
 use crate::leave::stop_flag;
 use crate::number::{channel, number, whole};
-use crate::output::{Pending, keep_all, resolved};
+use crate::output::{Pending, apart, ends_in_ron, keep_all, named};
 use report::Report;
 use sweeps::{Bench, Tape, refused};
 
@@ -54,23 +53,19 @@ pub struct Args {
     /// Profile to write; nothing is written unless all succeeds
     #[arg(long, value_name = "PROFILE.ron")]
     pub out: PathBuf,
-    /// Mass of the handle with all that is fixed to it: the actuator's housing and the accelerometer, but
-    /// not the mover
+    /// Mass of the handle with housing and accelerometer, but without the mover
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub handle_mass_g: f64,
-    /// Measure a second time, with the handle at this mass: this gives the moving mass too. Waits for Enter
-    /// in between
+    /// Wait for Enter, and measure again at this mass of the handle: this gives the moving mass too
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub second_mass_g: Option<f64>,
     /// Uncertainty of the handle's mass: half of the 95 % interval
     #[arg(long, default_value_t = 1.0, value_name = "PERCENT", value_parser = number(0.01, 50.0, "%"))]
     pub mass_uncertainty: f64,
-    /// Acceleration in m/s^2 at full scale of the card's input: its volts there, divided by the
-    /// accelerometer's volts per m/s^2
+    /// Acceleration at full scale of the card's input: its volts there / the accelerometer's volts per m/s^2
     #[arg(long, value_name = "M/S2", value_parser = number(1e-3, 1e6, "m/s^2"))]
     pub accelerometer_full_scale: f64,
-    /// The actuator whose limits hold, and whose figures are used where none is measured: a shipped profile
-    /// or a .ron file
+    /// Profile whose limits hold, and whose figures are used where none is measured: a shipped one or a file
     #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
     pub base: String,
     /// Peak of the sweep's current; by default 0.1
@@ -120,8 +115,7 @@ pub struct Args {
 /// Least ratio of the masses of two handles.
 const APART: f64 = 1.05;
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     if args.second_mass_g.is_some() && !args.yes && !std::io::stdin().is_terminal() {
         return Err(wrong(
             "--second-mass-g",
@@ -133,7 +127,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 }
 
 /// Measures and writes. Calls `change` with the mass that the handle must get \[g\].
-fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<ExitCode, Failure> {
+fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) -> Result<(), Failure> {
     let amplifier = amplifier(args)?;
     check(args)?;
     let handles = [("--handle-mass-g", Some(args.handle_mass_g)), ("--second-mass-g", args.second_mass_g)];
@@ -166,18 +160,18 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
         files.push(file.fill(&report.picture())?);
     }
     if trusted {
-        let text = write_profile(&findings, &base, Some(&today()));
+        let today = time::OffsetDateTime::now_utc().date().to_string();
+        let text = write_profile(&findings, &base, Some(&today));
         // It must be possible to read it again.
         ActuatorProfile::parse(&Source::new("the measured profile", text.clone()))
             .map_err(|d| refused(format!("the measured figures are those of no usable actuator: {d}")))?;
         files.push(profile_file.fill(&text)?);
     }
     report.written = keep_all(files)?;
-    print(&if args.json { report.json(trusted) } else { report.text(trusted) })?;
-    Ok(if trusted { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    print_report(args.json, || report.json(trusted), || report.text(trusted))?;
+    Failure::said(!trusted)
 }
 
-/// Refuses options that contradict each other.
 fn check(args: &Args) -> Result<(), Failure> {
     let rate = f64::from(args.rate);
     range("--from-hz", args.from_hz, 1.0, (0.45 * rate / 4.0).min(1000.0), "Hz")?;
@@ -191,77 +185,44 @@ fn check(args: &Args) -> Result<(), Failure> {
         let what = format!("{grams} g and {first} g are too much alike to tell the moving mass");
         return Err(wrong("--second-mass-g", what, "the farther apart the better: 50 and 200 g"));
     }
-    let (out, base) = (resolved(&args.out), resolved(Path::new(&args.base)));
-    if args.base.ends_with(".ron") && base == out {
-        let help = "give the new profile a name of its own";
-        return Err(wrong("--out", "the base profile is read, and would be overwritten", help));
-    }
-    if args.out.extension().is_none_or(|e| e != "ron") {
-        let what = format!("{} would not be found as a profile", args.out.display());
-        return Err(wrong("--out", what, "a profile's name ends in .ron"));
-    }
-    if args.plot.as_deref().map(resolved).is_some_and(|plot| plot == out || plot == base) {
-        return Err(wrong("--plot", "this file is the profile", "give the picture a name of its own"));
-    }
-    Ok(())
+    let written = named(&[("--out", Some(&args.out)), ("--plot", args.plot.as_ref())]);
+    apart(named(&[("--base", Some(&PathBuf::from(&args.base)))]), written)?;
+    ends_in_ron(&args.out, "profile")
 }
 
 /// The amplifier behind the card, and the level of the measurement.
 #[derive(Clone, Copy)]
 struct Amplifier {
     drive: Drive,
-    /// Unit of the drive.
     unit: &'static str,
     /// Drive for a volt of the card \[A/V or V/V\].
     gain: f64,
-    /// The option that sets the level.
     option: &'static str,
-    /// Requested peak of the sweep \[A or V\].
     level: f64,
 }
 
 /// The amplifier of the options. Refuses those of the other kind, and a level above full scale.
 fn amplifier(args: &Args) -> Result<Amplifier, Failure> {
-    let amps = ("--amps", args.amps, "--amps-per-volt", args.amps_per_volt, 0.1);
-    let volts = ("--volts", args.volts, "--volts-per-volt", args.volts_per_volt, 0.5);
-    let (drive, own, other, word) = match args.drive {
+    let amps = [("--amps", args.amps, 0.1), ("--amps-per-volt", args.amps_per_volt, 1.0)];
+    let volts = [("--volts", args.volts, 0.5), ("--volts-per-volt", args.volts_per_volt, 1.0)];
+    let (drive, own, others, word) = match args.drive {
         DriveKind::Current => (Drive::Current, amps, volts, "voltage"),
         DriveKind::Voltage => (Drive::Voltage, volts, amps, "current"),
     };
-    for (option, given, instead) in [(other.0, other.1, own.0), (other.2, other.3, own.2)] {
+    for ((option, given, _), (instead, ..)) in others.into_iter().zip(own) {
         if given.is_some() {
             let help = format!("{instead}, or --drive {word}");
             return Err(wrong(option, "this is an option of the other kind of amplifier", help));
         }
     }
-    let (option, level, gain_option, gain, by_default) = own;
-    let unit = drive.unit();
-    let (level, gain) = (level.unwrap_or(by_default), gain.unwrap_or(1.0));
+    let [level, gain] = own.map(|(_, given, by_default)| given.unwrap_or(by_default));
+    let (unit, [(option, ..), (gain_option, ..)]) = (drive.unit(), own);
     let most = gain * args.volts_at_full_scale;
     if level > most {
         let help = format!("at most {most} {unit}, by --volts-at-full-scale and {gain_option}");
         return Err(wrong(option, format!("{level} {unit} is out of range"), help));
     }
     Ok(Amplifier { drive, unit, gain, option, level })
-}
-
-/// The date in UTC, such as 2026-03-01.
-fn today() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    date(i64::try_from(seconds / 86_400).unwrap_or(0))
-}
-
-/// The date this many days after 1 January 1970, by years of 365.2425 days that begin in March.
-fn date(days: i64) -> String {
-    let days = days + 719_468;
-    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let of_month = of_year - (153 * month + 2) / 5 + 1;
-    let (year, month) =
-        (era * 400 + year + i64::from(month >= 10), if month < 10 { month + 3 } else { month - 9 });
-    format!("{year:04}-{month:02}-{of_month:02}")
 }
 
 /// Waits until the user presses Enter: the handle has its other mass. Ctrl-C ends it.

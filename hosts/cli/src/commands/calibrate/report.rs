@@ -10,7 +10,6 @@ use serde_json::{Map, Value, json};
 use super::sweeps::Tape;
 use super::{Amplifier, Args};
 
-/// A calibration that is over.
 pub(super) struct Report<'a> {
     pub args: &'a Args,
     pub amplifier: Amplifier,
@@ -27,7 +26,6 @@ struct Figure {
     unit: &'static str,
     found: Estimate,
     base: f64,
-    /// Whether the base's figure is an estimate.
     estimate: bool,
     /// Whether it was measured; else it is the base's.
     measured: bool,
@@ -51,7 +49,6 @@ impl Report<'_> {
         })
     }
 
-    /// The result as text.
     pub fn text(&self, trusted: bool) -> String {
         let f = self.findings;
         let mut out = format!("{:<14}{:>18}   {:<24}{}\n", "", "measured", "95 % interval", self.base.name);
@@ -92,7 +89,6 @@ impl Report<'_> {
         out
     }
 
-    /// Assumptions behind the figures.
     fn assumed(&self) -> Vec<String> {
         let Args { mass_uncertainty, accelerometer_full_scale, volts_at_full_scale, .. } = self.args;
         let masses: Vec<String> = self.tapes.iter().map(|t| format!("{} g", t.handle_mass_g)).collect();
@@ -121,8 +117,7 @@ impl Report<'_> {
         all
     }
 
-    /// The result as JSON.
-    pub fn json(&self, trusted: bool) -> String {
+    pub fn json(&self, trusted: bool) -> Value {
         let found = self.findings;
         let estimate = |e: &Estimate| json!({ "value": e.value, "low": e.low, "high": e.high });
         let figures = self.figures().map(|f| {
@@ -149,17 +144,15 @@ impl Report<'_> {
                 "band_hz": [m.band_hz.0, m.band_hz.1], "points": points.collect::<Vec<Value>>(),
             })
         });
-        let report = json!({
+        json!({
             "asperity": env!("CARGO_PKG_VERSION"), "base": self.base.name, "drive": self.amplifier.unit,
             "figures": Map::from_iter(figures), "moving_mass_measured": found.moving_mass_measured,
             "recordings": recordings.collect::<Vec<Value>>(),
             "trust": found.trust.word(), "notes": found.notes, "assumed": self.assumed(),
             "profile_written": trusted, "written": self.written,
-        });
-        format!("{report:#}\n")
+        })
     }
 
-    /// Measured and fitted response as SVG.
     pub fn picture(&self) -> String {
         let (f, unit) = (self.findings, self.amplifier.unit);
         let (device, level) = self.tapes.first().map_or(("", 0.0), |t| (t.device.as_str(), t.amplitude));
@@ -198,7 +191,6 @@ fn interval(e: &Estimate) -> String {
     format!("{} to {}", digits(e.low), digits(e.high))
 }
 
-/// Four significant digits.
 fn digits(x: f64) -> String {
     let decimals = (3 - x.abs().max(1e-9).log10().floor() as i32).clamp(0, 8);
     format!("{x:.*}", decimals as usize)

@@ -39,7 +39,6 @@ const WELL_HEARD: f64 = 0.9;
 /// Below this part of full scale, the card's own noise may limit the measurement.
 const FAINT: f64 = 0.01;
 
-/// Settings of all sweeps.
 pub struct Bench<'a> {
     args: &'a Args,
     amplifier: &'a Amplifier,
@@ -53,24 +52,19 @@ pub struct Bench<'a> {
 /// A sweep that was played, and its recording, from the same sample on.
 #[derive(Debug)]
 pub struct Tape {
-    /// Output of the limiter \[A or V\].
     drive: Vec<f32>,
-    /// Acceleration of the handle \[m/s^2\].
     acceleration: Vec<f32>,
     /// Whether the limiter changed the sweep.
     pub limited: bool,
-    /// Mass of the handle \[g\].
     pub handle_mass_g: f64,
     /// Peak of the sweep \[A or V\].
     pub amplitude: f64,
-    /// Name of the device.
     pub device: String,
     rate_hz: f64,
     time_constant_s: f64,
 }
 
 impl Tape {
-    /// Input of the fit.
     pub fn recording(&self) -> Recording<'_> {
         Recording {
             drive: &self.drive,
@@ -84,7 +78,6 @@ impl Tape {
 }
 
 impl<'a> Bench<'a> {
-    /// A bench for the arguments.
     pub fn new(
         args: &'a Args,
         amplifier: &'a Amplifier,
@@ -99,52 +92,46 @@ impl<'a> Bench<'a> {
     /// Plays a quiet sweep and, if the input follows it without clipping, the measurement.
     pub fn measure(&self, handle_mass_g: f64) -> Result<Tape, Failure> {
         let (unit, quiet) = (self.amplifier.unit, QUIET * self.amplifier.level);
-        let Args { input_channel, from_hz, to_hz, seconds, .. } = self.args;
+        let Args { from_hz, to_hz, seconds, .. } = self.args;
         complain(&format!("quiet sweep: {quiet:.3} {unit}, on {handle_mass_g} g\n"));
-        let heard = self.play(quiet, seconds.min(QUIET_S), handle_mass_g, |hz| {
-            format!(
-                "input channel {input_channel} clips in the quiet sweep of {quiet:.3} {unit} already \
-                 (at {hz:.0} Hz): lower the input's gain, and give its --accelerometer-full-scale; \
-                 or is this another signal than the accelerometer's?"
-            )
-        })?;
+        let heard = self.play(quiet, seconds.min(QUIET_S), handle_mass_g)?;
         let amplitude = self.level(&heard)?;
         complain(&format!(
             "heard; measuring: {amplitude:.3} {unit}, {from_hz} to {to_hz} Hz in {seconds} s, on {}\n",
             heard.device
         ));
-        self.play(amplitude, *seconds, handle_mass_g, |hz| {
-            format!(
-                "input channel {input_channel} clipped at {hz:.0} Hz, and the sweep was stopped: \
-                 try less than {amplitude:.3} {unit} ({}), \
-                 or a lower gain of the input with its --accelerometer-full-scale",
-                self.amplifier.option
-            )
+        self.play(amplitude, *seconds, handle_mass_g)
+    }
+
+    /// Plays a sweep and records it. A recording with gaps is tried again.
+    fn play(&self, amplitude: f64, seconds: f64, handle_mass_g: f64) -> Result<Tape, Failure> {
+        for _ in 1..ATTEMPTS {
+            match self.play_once(amplitude, seconds, handle_mass_g)? {
+                Ok(tape) => return Ok(tape),
+                Err(gaps) => complain(&format!("{gaps}: once more\n")),
+            }
+        }
+        self.play_once(amplitude, seconds, handle_mass_g)?.map_err(|gaps| {
+            let try_this = "try a longer --period, or a less busy machine";
+            refused(format!("{gaps}, {ATTEMPTS} times in a row: {try_this}"))
         })
     }
 
-    /// Plays a sweep and records it. A recording with gaps is tried again. `clipped` says at which frequency
-    /// the input clipped, which stops the sweep.
-    fn play(
-        &self,
-        amplitude: f64,
-        seconds: f64,
-        handle_mass_g: f64,
-        clipped: impl Fn(f64) -> String,
-    ) -> Result<Tape, Failure> {
-        let mut attempt = 1;
-        loop {
-            match self.play_once(amplitude, seconds, handle_mass_g, &clipped)? {
-                Ok(tape) => return Ok(tape),
-                Err(gaps) if attempt < ATTEMPTS => complain(&format!("{gaps}: once more\n")),
-                Err(gaps) => {
-                    return Err(refused(format!(
-                        "{gaps}, {ATTEMPTS} times in a row: try a longer --period, or a less busy machine"
-                    )));
-                }
-            }
-            attempt += 1;
-        }
+    fn clipped(&self, amplitude: f64, hz: f64) -> Failure {
+        let (channel, Amplifier { unit, level, option, .. }) = (self.args.input_channel, self.amplifier);
+        refused(if amplitude <= QUIET * level {
+            format!(
+                "input channel {channel} clips in the quiet sweep of {amplitude:.3} {unit} already \
+                 (at {hz:.0} Hz): lower the input's gain, and give its --accelerometer-full-scale; \
+                 or is this another signal than the accelerometer's?"
+            )
+        } else {
+            format!(
+                "input channel {channel} clipped at {hz:.0} Hz, and the sweep was stopped: try less than \
+                 {amplitude:.3} {unit} ({option}), or a lower gain of the input with its \
+                 --accelerometer-full-scale"
+            )
+        })
     }
 
     /// The sweep, from the first sample of a session on; or its gaps in words.
@@ -153,7 +140,6 @@ impl<'a> Bench<'a> {
         amplitude: f64,
         seconds: f64,
         handle_mass_g: f64,
-        clipped: &impl Fn(f64) -> String,
     ) -> Result<Result<Tape, String>, Failure> {
         let (args, rate_hz) = (self.args, f64::from(self.args.rate));
         let settings = SweepSettings {
@@ -195,7 +181,7 @@ impl<'a> Bench<'a> {
         if let Some(at) = clips.get() {
             let since = at as f64 / rate_hz - settings.before_s;
             let hz = settings.from_hz * (since / sweep.time_constant_s()).exp();
-            return Err(refused(clipped(hz.clamp(settings.from_hz, settings.to_hz))));
+            return Err(self.clipped(amplitude, hz.clamp(settings.from_hz, settings.to_hz)));
         }
         if !whole {
             return Err(refused("stopped before the end".into()));

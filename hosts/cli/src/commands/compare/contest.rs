@@ -1,7 +1,6 @@
 //! Every method on every vector: scores, response lag and time.
 //!
-//! Methods take turns on each vector, and all that is repeated in rounds: disturbances by other programs
-//! fall on all methods alike.
+//! Methods take turns on each vector: disturbances by other programs fall on all of them alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,17 +20,15 @@ use serde_json::{Value, json};
 use super::vectors::{Score, Set, Vector};
 use crate::commands::render::ClockTime;
 use crate::failure::{Failure, progress};
-use crate::phase::{Chain, FRAME_HZ, Frames, Method};
+use crate::phase::{Chain, FRAME_HZ, Frames, Method, Played};
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
-/// Seed of the graphs.
 const SEED: u64 = 1;
 
 /// Figures of a method, measured or published.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Name of the method.
     pub label: String,
     /// The node's kind; `None` for a published method.
     pub kind: Option<String>,
@@ -48,7 +45,6 @@ pub struct Row {
     /// Rhythm of the output for [steady magnitudes](Set::steady); `None` for published methods and silence.
     #[serde(serialize_with = "serialize_rhythm")]
     pub rhythm: Option<Rhythm>,
-    /// Remarks for the user.
     pub notes: Vec<String>,
 }
 
@@ -56,7 +52,6 @@ fn serialize_rhythm<S: Serializer>(rhythm: &Option<Rhythm>, to: S) -> Result<S::
     rhythm_json(*rhythm).serialize(to)
 }
 
-/// A rhythm as JSON.
 pub fn rhythm_json(rhythm: Option<Rhythm>) -> Option<Value> {
     let r = rhythm?;
     Some(json!({
@@ -82,13 +77,11 @@ impl Row {
         }
     }
 
-    /// Its score on a vector.
     pub fn score(&self, vector: &Vector) -> Option<Score> {
         self.scores.get(&vector.name).copied().flatten()
     }
 }
 
-/// The result of all methods.
 #[derive(Debug)]
 pub struct Outcome {
     /// A row for each method, the best first.
@@ -97,23 +90,17 @@ pub struct Outcome {
     pub noise: Option<Rhythm>,
 }
 
-/// Runs all methods over all vectors.
-///
-/// # Errors
-/// None that comes from a method: its row says how it failed.
 pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
     let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
     let steady = set.steady()?;
-    let steps = methods.len() * (ROUNDS * set.vectors.len() + 1);
+    let steps = methods.len() * (set.vectors.len() + 1);
     let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, registry, set)).collect();
     let clock = ClockTime(Instant::now());
-    for round in 0..ROUNDS {
-        for vector in &set.vectors {
-            for entry in &mut entries {
-                entry.play(&clock, vector, round == 0);
-                bar.inc(1);
-            }
+    for vector in &set.vectors {
+        for entry in &mut entries {
+            entry.play(&clock, vector);
+            bar.inc(1);
         }
     }
     for entry in &mut entries {
@@ -158,8 +145,7 @@ pub fn published(set: &Set) -> Vec<Row> {
     rows
 }
 
-/// Sorts rows by their mean rank in spectral convergence over the vectors. A missing score is the last
-/// rank.
+/// Sorts rows by their mean rank in spectral convergence. A missing score is the last rank.
 fn sort(rows: &mut [Row]) {
     let db = |row: &Row| -> Vec<f64> {
         row.scores.values().map(|s| s.map_or(f64::INFINITY, |s| s.convergence_db)).collect()
@@ -171,14 +157,11 @@ fn sort(rows: &mut [Row]) {
     });
 }
 
-/// A method while it is measured.
 struct Entry<'a> {
     method: &'a Method,
     registry: &'a Registry,
     row: Row,
     timing: BTreeMap<u32, Timing>,
-    /// Its signal for each vector, from the first round.
-    signals: BTreeMap<String, Vec<f32>>,
     /// Problems, each with the runs in which it occurred.
     problems: Vec<(String, Vec<String>)>,
 }
@@ -190,8 +173,7 @@ impl<'a> Entry<'a> {
             offline: method.is_offline(),
             ..Row::new(&method.label, set)
         };
-        let (timing, signals) = (BTreeMap::new(), BTreeMap::new());
-        Self { method, registry, row, timing, signals, problems: Vec::new() }
+        Self { method, registry, row, timing: BTreeMap::new(), problems: Vec::new() }
     }
 
     /// Notes a problem of a run. The same problem of several runs is reported once.
@@ -218,53 +200,50 @@ impl<'a> Entry<'a> {
         None
     }
 
-    /// Plays a vector. The first time it is scored; later the samples must be the same.
-    fn play(&mut self, clock: &ClockTime, vector: &Vector, first: bool) {
+    /// Plays a vector some times. The first time it is scored; later the samples must be the same.
+    fn play(&mut self, clock: &ClockTime, vector: &Vector) {
+        let (name, mut before) = (vector.short_name(), None::<Vec<f32>>);
         // An offline method has no time per frame, and is not repeated.
-        if !first && (self.row.offline || !self.signals.contains_key(&vector.name)) {
-            return;
-        }
-        let name = vector.short_name();
-        let mut took = Vec::with_capacity(vector.frames.count());
-        let played = self.attempt(name, |registry, method| {
-            method.play(registry, &vector.frames, SEED, clock, |ns| took.push(ns))
-        });
-        let Some(played) = played else { return };
-        let faults = played.faults;
-        // The time of a run with failures does not count.
-        if faults == 0 && !took.is_empty() {
-            let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
-            took.into_iter().for_each(|ns| timing.record(ns));
-        }
-        if let Some(before) = self.signals.get(&vector.name) {
-            if differ(before, &played.signal) {
-                self.problem(DIFFERS.into(), name);
+        for _ in 0..if self.row.offline { 1 } else { ROUNDS } {
+            let mut took = Vec::with_capacity(vector.frames.count());
+            let played = self.attempt(name, |registry, method| {
+                method.play(registry, &vector.frames, SEED, clock, |ns| took.push(ns))
+            });
+            let Some(played) = played else { return };
+            // The time of a run with failures does not count.
+            if played.faults == 0 && !took.is_empty() {
+                let timing = self.timing.entry(vector.rate_hz).or_insert_with(|| Timing::new(3));
+                took.into_iter().for_each(|ns| timing.record(ns));
             }
-            return;
+            match &before {
+                None => self.score(vector, &played),
+                Some(before) if differ(before, &played.signal) => self.problem(DIFFERS.into(), name),
+                Some(_) => {}
+            }
+            before.get_or_insert(played.signal);
         }
+    }
+
+    fn score(&mut self, vector: &Vector, played: &Played) {
+        let (name, faults) = (vector.short_name(), played.faults);
         self.row.latency_ms = played.latency_ms;
         if faults > 0 {
             let times = if faults == 1 { "once:".into() } else { format!("{faults} times, the last time") };
-            let why = played.report.as_ref().and_then(|r| r.last_fault);
-            let why = why.map_or("unknown".into(), |fault| fault.to_string());
-            let gone = played.report.is_some_and(|r| r.quarantined);
+            let why = played.report.as_ref().and_then(|r| r.last_fault.as_ref());
+            let why = why.map_or("unknown".into(), ToString::to_string);
+            let gone = played.report.as_ref().is_some_and(|r| r.quarantined);
             let gone = if gone { ", and was called no more" } else { "" };
             self.problem(format!("it failed {times} it {why}{gone}"), name);
         }
         let framing = phase::framing(vector.rate_hz, vector.frames.layout().bins as usize);
         match phase::score(&vector.unscaled, &framing, &wide(&played.signal)) {
             Ok(s) => {
-                let score = Score {
-                    convergence_db: s.convergence_db,
-                    level_db: s.gain_db,
-                    ltas_rms_db: s.ltas_rms_db,
-                    faults,
-                };
+                let (convergence_db, level_db, ltas_rms_db) = (s.convergence_db, s.gain_db, s.ltas_rms_db);
+                let score = Score { convergence_db, level_db, ltas_rms_db, faults };
                 self.row.scores.insert(vector.name.clone(), Some(score));
             }
             Err(e) => self.problem(e.to_string(), name),
         }
-        self.signals.insert(vector.name.clone(), played.signal);
     }
 
     /// Plays steady magnitudes, for the rhythm.
@@ -279,15 +258,13 @@ impl<'a> Entry<'a> {
         });
     }
 
-    /// Measures its response lag.
     fn follow(&mut self, name: &'static str, stimulus: &Stimulus) {
         if self.row.offline {
             return;
         }
         let run = format!("response to a {name}");
-        let Some(lag) = self.attempt(&run, |registry, method| stimulus.drive(registry, method)) else {
-            return;
-        };
+        let lag = self.attempt(&run, |registry, method| stimulus.drive(registry, method));
+        let Some(lag) = lag else { return };
         self.row.lag_ms.insert(name, lag.ms);
         if lag.differs {
             self.problem(DIFFERS.into(), &run);
@@ -304,7 +281,6 @@ impl<'a> Entry<'a> {
 
 const DIFFERS: &str = "the same frames gave other samples the second time";
 
-/// Whether any bit differs.
 fn differ(a: &[f32], b: &[f32]) -> bool {
     a.iter().map(|x| x.to_bits()).ne(b.iter().map(|x| x.to_bits()))
 }
@@ -317,7 +293,6 @@ fn wide(signal: &[f32]) -> Vec<f64> {
 // 0.24 s, and in a second run the same without steps. What is heard live, with the method's latency, is
 // compared around every step up. A step is at the tick in which the first louder frame comes.
 
-/// Rate of the stimuli \[Hz\].
 const RATE_HZ: u32 = 2500;
 /// Amplitude after a step up over that before it.
 const RISE: f32 = 4.0;
@@ -338,11 +313,9 @@ pub struct Stimulus {
     steps: Vec<usize>,
 }
 
-/// Response lag.
 pub struct Lag {
     /// Times until 10, 50 and 90 % of the way; `None` if the method did not follow.
     pub ms: Option<[f64; 3]>,
-    /// Whether the same frames gave other samples the second time.
     pub differs: bool,
 }
 
@@ -381,10 +354,6 @@ impl Stimulus {
         Ok(Self { stepped, still, steps })
     }
 
-    /// Plays the stimulus through a method.
-    ///
-    /// # Errors
-    /// A method that refuses the frames, or is too late.
     pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
         let hear = |frames| {
             let mut chain = Chain::new(registry, method, frames, SEED)?;

@@ -9,15 +9,13 @@ mod tests;
 mod vectors;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use asperity_diagnostics::Diagnostic;
 use asperity_node::Registry;
 
-use crate::failure::{Failure, print, wrong};
+use crate::failure::{Failure, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
-use crate::output::{Pending, keep_all, resolved};
+use crate::output::{Pending, apart, keep_all, named, resolved};
 use crate::phase::{Chain, Method, retrievers};
 use contest::{Outcome, Row};
 use vectors::Set;
@@ -52,8 +50,7 @@ pub struct Args {
 /// Writes the result in one form.
 type Text = fn(&Set, &Outcome, &[Row]) -> String;
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.plugins.plugin);
     let registry = kinds.registry(None)?;
     let set = match &args.vectors {
@@ -65,11 +62,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         .into_iter()
         .filter_map(|(path, text)| Some((path.as_ref()?, text)))
         .collect();
-    if let [(a, _), (b, _)] = files[..]
-        && resolved(a) == resolved(b)
-    {
-        return Err(Diagnostic::new("the picture and the table cannot both go here").in_file(a).into());
-    }
+    apart(Vec::new(), named(&[("--svg", args.svg.as_ref()), ("--csv", args.csv.as_ref())]))?;
     // Opened before minutes of work, so that a missing folder is an error at once.
     let mut pending = Vec::new();
     for (path, text) in files {
@@ -81,29 +74,22 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             let what = "this file is there already, and may be one that is compared";
             return Err(wrong(path, what, "name another file"));
         }
-        pending.push((Pending::create(path)?, path, text));
+        pending.push((Pending::create(path)?, text));
     }
 
     let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
     let published = contest::published(&set);
-    let (mut files, mut wrote) = (Vec::new(), String::new());
-    for (pending, path, text) in pending {
-        files.push(pending.fill(&text(&set, &outcome, &published))?);
-        wrote += &format!("wrote {}\n", path.display());
-    }
-    keep_all(files)?;
-    if args.json {
-        print(&format!("{:#}\n", report::json(&set, &outcome, &published)))?;
-    } else {
-        print(&format!("{}{wrote}", report::text(&set, &outcome, &published)))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    let fill = |(file, text): (Pending, Text)| file.fill(&text(&set, &outcome, &published));
+    let written = keep_all(pending.into_iter().map(fill).collect::<Result<_, _>>()?)?;
+    let wrote: String = written.iter().map(|path| format!("wrote {}\n", path.display())).collect();
+    print_report(
+        args.json,
+        || report::json(&set, &outcome, &published),
+        || report::text(&set, &outcome, &published) + &wrote,
+    )
 }
 
 /// Every kind that retrieves phase, with defaults, and the methods of `--phase`.
-///
-/// # Errors
-/// A method of `--phase` that cannot be prepared. Other kinds report their failure in their row.
 fn methods(registry: &Registry, asked: &[String], set: &Set) -> Result<Vec<Method>, Failure> {
     let kinds = retrievers(registry);
     let mut all = kinds.iter().map(|d| Method::parse(&d.kind, registry)).collect::<Result<Vec<_>, _>>()?;

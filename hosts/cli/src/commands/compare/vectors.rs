@@ -26,34 +26,26 @@ const BINS: usize = 101;
 const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
                      Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
-/// Magnitude frames with a name.
 pub struct Vector {
     /// Name, with the rate at its end if the file has it.
     pub name: String,
-    /// Sample rate in Hz.
     pub rate_hz: u32,
-    /// Input of the nodes.
     pub frames: Arc<Frames>,
     /// The same as unscaled DFT magnitudes, for the scores.
     pub unscaled: Vec<f32>,
 }
 
-/// Vectors, with published scores.
 pub struct Set {
     /// Origin, in words.
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
     smoothest: usize,
-    /// Published scores, if any.
     pub published: Published,
 }
 
 impl Vector {
     /// A vector of unscaled magnitudes, `bins` a frame.
-    ///
-    /// # Errors
-    /// A rate or shape that does not fit, too few frames to be scored, magnitudes that are all 0.
     pub fn new(name: &str, rate_hz: u32, magnitudes: Vec<f32>, bins: usize) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         let (frames, bad) = Frames::from_unscaled(magnitudes, bins, rate_hz)?;
@@ -75,9 +67,6 @@ impl Vector {
     }
 
     /// A vector of the magnitudes of a signal.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new); a sample that is not finite.
     pub fn of_signal(name: &str, rate_hz: u32, signal: &[f64]) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         if signal.iter().any(|x| !x.is_finite()) {
@@ -91,14 +80,11 @@ impl Vector {
         Self::new(name, rate_hz, magnitudes.into_iter().map(|x| x as f32).collect(), bins)
     }
 
-    /// The name without the rate at its end.
     pub fn short_name(&self) -> &str {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
 
-    /// Roughness of the magnitudes over frequency: the mean second difference of their logarithms, over
-    /// bins within 40 dB of their frame's maximum. The output of a network trained on squared errors, a
-    /// mean spectrum, is smooth.
+    /// Mean second difference of log magnitudes over frequency, within 40 dB of each frame's maximum.
     pub fn roughness(&self) -> f64 {
         let bins = self.frames.layout().bins as usize;
         let (mut sum, mut count) = (0.0, 0_u64);
@@ -122,15 +108,11 @@ impl Set {
         Self { from, vectors, smoothest, published }
     }
 
-    /// The vector with the least roughness.
     pub fn smoothest(&self) -> &Vector {
         &self.vectors[self.smoothest]
     }
 
     /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
-    ///
-    /// # Errors
-    /// A mean spectrum that cannot be scored.
     pub fn steady(&self) -> Result<Vector, Diagnostic> {
         let vector = self.smoothest();
         let bins = vector.frames.layout().bins as usize;
@@ -149,19 +131,9 @@ impl Set {
     }
 }
 
-/// The built-in vectors, all at 2500 Hz, with their published scores: the files of `graphs/phase`.
-///
-/// - `sine_off`: a sine between two bins.
-/// - `two25`: two sines 25 Hz apart, which share a window's main lobe.
-/// - `chirp`.
-/// - `texture`: a noise through three resonances.
-/// - `contact`: the same, switched on and off.
-/// - `taps`: decaying sines.
-/// - `nnsmooth`: the mean magnitudes of the texture, as of a network trained on squared errors. No signal
-///   has them.
-///
-/// # Errors
-/// None, unless the program was built from broken files.
+/// The built-in vectors, all at 2500 Hz, with their published scores: `sine_off` between two bins, `two25`
+/// sines 25 Hz apart, a `chirp`, a `texture` of three resonances, `contact` that switches it, decaying
+/// `taps`, and `nnsmooth`: mean magnitudes of the texture, which no signal has.
 pub fn built_in() -> Result<Set, Failure> {
     let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
     let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));
@@ -169,9 +141,6 @@ pub fn built_in() -> Result<Set, Failure> {
 }
 
 /// Reads every vector of a folder, and `sc.json` if it exists.
-///
-/// # Errors
-/// A folder that cannot be read or has no vectors; everything that is wrong with its files.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
     let mut files = Files::new();
@@ -186,7 +155,6 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
     set(dir.display().to_string(), dir, files)
 }
 
-/// Content of files.
 type Files = BTreeMap<PathBuf, Cow<'static, [u8]>>;
 
 fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
@@ -217,7 +185,6 @@ fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
     Ok(Set::new(from, vectors, json(&files, &dir.join("sc.json"))?))
 }
 
-/// A JSON file, if it exists.
 fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, Diagnostic> {
     let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
     files.get(path).map_or(Ok(T::default()), |bytes| serde_json::from_slice(bytes).map_err(fail))
@@ -242,16 +209,12 @@ fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector
 /// Agreement of one signal with one vector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Spectral convergence.
     #[serde(rename(deserialize = "SC_dB"))]
     pub convergence_db: f64,
-    /// Energy relative to that of the magnitudes.
     #[serde(rename(deserialize = "gain_dB"))]
     pub level_db: f64,
-    /// Root mean square error of the long-term spectrum.
     #[serde(rename(deserialize = "LTAS_rms_dB"))]
     pub ltas_rms_db: f64,
-    /// How often the node failed.
     #[serde(default)]
     pub faults: u64,
 }
@@ -263,7 +226,6 @@ impl Score {
     }
 }
 
-/// Published scores.
 #[derive(Default, Deserialize)]
 pub struct Published {
     /// Scores by the name of the vector, then of the method.

@@ -3,7 +3,6 @@
 mod report;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 
 use asperity_accuracy::npy;
@@ -13,9 +12,9 @@ use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
-use crate::failure::{Failure, clean, print, warn, wrong};
+use crate::failure::{Failure, print_report, warn, wrong};
 use crate::number::{number, whole};
-use crate::output::{Pending, ending, keep_all, resolved};
+use crate::output::{Pending, apart, ending, ends_in_ron, keep_all, named};
 use report::Report;
 
 /// Criterion for the order.
@@ -57,8 +56,7 @@ pub struct Args {
     /// Rate of the models
     #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
     pub model_hz: u32,
-    /// Corner of the high-pass against gravity and the hand's motion, at most a tenth of the models' rate;
-    /// 0 for none
+    /// Corner of the high-pass against slow motion, at most a tenth of the models' rate; 0 for none
     #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
     pub high_pass_hz: f64,
     /// Shortest segment of constant speed and force to fit
@@ -104,9 +102,11 @@ const CHANCES: f64 = 4.0;
 /// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    check(args)?;
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let channels = recordings::channels_file(&args.recording);
+    let written = named(&[("--out", Some(&args.out)), ("--plot", args.plot.as_ref())]);
+    apart(named(&[("RECORDING", Some(&args.recording)), ("RECORDING", Some(&channels))]), written)?;
+    ends_in_ron(&args.out, "texture")?;
     let create = |path: &Path, option: &str| Pending::create(path).map_err(|f| f.named_by(option));
     let texture_file = create(&args.out, "--out")?;
     let plot_file = args.plot.as_deref().map(|path| create(path, "--plot")).transpose()?;
@@ -149,27 +149,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut report = Report { args, recorded, texture, fitted, compared: &compared, written: Vec::new() };
     let plot = plot_file.map(|file| file.fill(&report::svg(&report))).transpose()?;
     report.written = keep_all(plot.into_iter().chain([texture_file.fill(&text)?]).collect())?;
-    print(&if args.json { report.json() } else { report.text() })?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Refuses outputs in the place of inputs.
-fn check(args: &Args) -> Result<(), Failure> {
-    let (out, recording) = (resolved(&args.out), resolved(&args.recording));
-    let names = resolved(&recordings::channels_file(&args.recording));
-    let own = "give the texture a name of its own";
-    if out == recording || out == names {
-        return Err(wrong("--out", "this file is read, and would be overwritten", own));
-    }
-    if ending(&args.out) != "ron" {
-        let what = format!("{} would not be found as a texture", clean(&args.out.display().to_string()));
-        return Err(wrong("--out", what, "a texture's name ends in .ron"));
-    }
-    if args.plot.as_deref().map(resolved).is_some_and(|plot| [out, recording, names].contains(&plot)) {
-        let help = "give the picture a name of its own";
-        return Err(wrong("--plot", "this file is read, or is the texture", help));
-    }
-    Ok(())
+    print_report(args.json, || report.json(), || report.text())
 }
 
 fn settings(args: &Args) -> Settings {

@@ -10,17 +10,14 @@ use asperity_plot::{Fit, Spectrum};
 use serde_json::{Value, json};
 
 use super::{Args, By};
-use crate::failure::clean;
+use crate::failure::{clean, plural};
 
-/// Most segments that are listed; JSON has all.
-const LISTED: usize = 12;
 /// Orders below and above the chosen one whose criterion is shown.
 const AROUND: usize = 3;
 /// Names of thirds of an octave from 25 Hz on (IEC 61260).
 const BANDS: [&str; 13] =
     ["25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400"];
 
-/// A fit that is over.
 pub struct Report<'a> {
     pub args: &'a Args,
     pub recorded: &'a Recorded,
@@ -31,7 +28,6 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// The result as text.
     pub fn text(&self) -> String {
         let (fitted, texture, compared) = (self.fitted, self.texture, self.compared);
         let name = clean(&self.args.recording.display().to_string());
@@ -41,15 +37,15 @@ impl Report<'_> {
             n => format!("{n} axes"),
         };
         let seconds: f64 = fitted.segments.iter().map(|s| s.length_s).sum();
-        let segments = count(fitted.segments.len(), "segment");
+        let segments = plural(fitted.segments.len(), "segment");
         let dropped = Why::ALL.iter().map(|why| (why, fitted.dropped_s(*why))).filter(|(_, s)| *s > 0.0);
         let dropped: Vec<String> = dropped.map(|(why, seconds)| format!("{seconds:.2} s {why}")).collect();
         let joined = match (texture.triangles().corners().len(), texture.models().len()) {
             (0, 1) => "the same at every speed and force".to_owned(),
             (0, _) => "no triangle: between them, along a line".to_owned(),
-            (n, _) => count(n, "triangle"),
+            (n, _) => plural(n, "triangle"),
         };
-        let models = count(texture.models().len(), "model");
+        let models = plural(texture.models().len(), "model");
         let [[slowest, fastest], [least, most]] = self.ranges();
         let mut out = format!(
             "recording     {name}: {:.2} s at {rate:.0} Hz, {axes} of acceleration\n\
@@ -68,15 +64,12 @@ impl Report<'_> {
             texture.rate_hz()
         );
         out += "\nsegment   from s    for s     mm/s        N    m/s^2 rms  model\n";
-        for (i, s) in fitted.segments.iter().take(LISTED).enumerate() {
+        for (i, s) in fitted.segments.iter().enumerate() {
             let Segment { start_s, length_s, speed_mm_s, force_n, model, .. } = s;
             let rms = s.mean_square.sqrt();
             out += &format!(
                 "{i:7} {start_s:8.2} {length_s:8.2} {speed_mm_s:8.1} {force_n:8.3} {rms:12.4} {model:6}\n"
             );
-        }
-        if let Some(more @ 1..) = fitted.segments.len().checked_sub(LISTED) {
-            out += &format!("        and {more} more, with --json\n");
         }
         out += "\n  model     mm/s        N    for s  segments    m/s^2 rms  rendered  worst band\n";
         for (i, (model, compared)) in texture.models().iter().zip(&compared.models).enumerate() {
@@ -126,8 +119,7 @@ impl Report<'_> {
         })
     }
 
-    /// The result as JSON.
-    pub fn json(&self) -> String {
+    pub fn json(&self) -> Value {
         let (texture, fitted) = (self.texture, self.fitted);
         let models = texture.models().iter().zip(&self.compared.models).enumerate().map(|(i, (model, c))| {
             let segments = fitted.segments.iter().enumerate().filter(|(_, s)| s.model == i);
@@ -162,7 +154,7 @@ impl Report<'_> {
             json!({ "start_s": d.start_s, "length_s": d.length_s, "why": why })
         });
         let written: Vec<String> = self.written.iter().map(|p| p.display().to_string()).collect();
-        let value = json!({
+        json!({
             "recording": self.args.recording.display().to_string(), "rate_hz": self.recorded.rate_hz,
             "seconds": fitted.duration_s, "axes": self.recorded.acceleration_m_s2.len(),
             "model_hz": texture.rate_hz(), "high_pass_hz": fitted.high_pass_hz, "order": fitted.order,
@@ -171,13 +163,8 @@ impl Report<'_> {
             "hull": { "speed_mm_s": speed, "force_n": force, "corners": corners },
             "segments": segments.collect::<Vec<_>>(), "dropped": dropped.collect::<Vec<_>>(),
             "all": compared_json(&self.compared.all), "written": written,
-        });
-        format!("{value:#}\n")
+        })
     }
-}
-
-fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 fn worst(band: &Band) -> String {

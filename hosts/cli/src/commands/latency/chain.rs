@@ -8,24 +8,24 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Latency, Role};
 use asperity_tradeoff::Response;
 
-use super::Args;
+use serde::Serialize;
+
+use super::{Args, Item};
 use crate::failure::{Failure, complain, wrong};
 use crate::load;
 
 /// Steps of speed: more make the level of a random texture more certain.
 const STEPS: usize = 148;
 
-/// Response lag of a graph.
+#[derive(Serialize)]
 pub struct Chain {
-    /// The graph's file.
     pub graph: String,
     /// Milliseconds after a step of speed until the level has gone 10, 50 and 90 % of its way.
     pub lag_ms: [f64; 3],
-    /// Known parts of the 50 %, each in words and \[ms\].
-    pub items: Vec<(String, f64)>,
+    /// Known parts of the 50 %.
+    pub items: Vec<Item>,
 }
 
-/// A graph that can be measured.
 pub struct Ready {
     path: PathBuf,
     response: Response,
@@ -33,8 +33,7 @@ pub struct Ready {
     end: usize,
 }
 
-/// Prepares every graph, so that errors come before any measurement. A setting changes only the graphs that
-/// have its parameter; a note names the others. If no graph has it, that is an error.
+/// Prepares every graph. A setting changes the graphs that have it; one that none has is an error.
 pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     let mut drafts = Vec::new();
     for path in &args.graphs {
@@ -63,8 +62,7 @@ pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
     drafts.into_iter().map(ready).collect()
 }
 
-/// Whether a graph has the parameter of an assignment. Every graph has the graph's own settings, such as
-/// `seed`.
+/// Whether a graph has the parameter of an assignment. All have the graph's own settings, such as `seed`.
 fn has(draft: &load::Offline, assignment: &str) -> bool {
     let target = assignment.split_once('=').map_or(assignment, |(target, _)| target);
     let Some((id, name)) = target.trim().split_once('.') else { return true };
@@ -92,8 +90,9 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
 }
 
 /// Known parts of the lag up to a node, and the rest. Of parallel paths the slowest counts.
-fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
+fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<Item> {
     let mut items = Vec::new();
+    let item = |what: String, ms: f64| Item { what, ms };
     let (leads, slowest) = leading_to(schedule, end);
     for (i, node) in schedule.nodes.iter().enumerate() {
         if leads[i]
@@ -104,14 +103,14 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<(String, f64)> {
             let hz = opened_hz(hz, node.params.number("cutoff_hz_per_mm_s"), at, rate_hz);
             // The group delay of a second-order Butterworth low-pass at 0: sqrt(2) / w_c.
             let ms = std::f64::consts::SQRT_2 / (std::f64::consts::TAU * hz) * 1e3;
-            items.push((format!("`{}`: its low-pass, of {hz:.0} Hz at {at:.0} mm/s", node.id), ms));
+            items.push(item(format!("`{}`: its low-pass, of {hz:.0} Hz at {at:.0} mm/s", node.id), ms));
         }
         if slowest[i] && node.latency != Latency::ZERO {
-            items.push((format!("`{}` ({}): declared", node.id, node.kind), node.latency.ms()));
+            items.push(item(format!("`{}` ({}): declared", node.id, node.kind), node.latency.ms()));
         }
     }
-    let known: f64 = items.iter().map(|(_, ms)| ms).sum();
-    items.push(("windows, history and the model's own rise: the rest".into(), lag_ms - known));
+    let known: f64 = items.iter().map(|item| item.ms).sum();
+    items.push(item("windows, history and the model's own rise: the rest".into(), lag_ms - known));
     items
 }
 

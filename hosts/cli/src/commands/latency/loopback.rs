@@ -1,16 +1,14 @@
 //! Latency of a real-time run, measured over a loopback.
 
 use std::collections::HashMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::*};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::view::View;
 use asperity_live::{DeviceQueues, Listener, Sample, SampleWriter, now_ns, samples};
 
-use super::Args;
+use super::{Args, Item};
 use crate::card::{TICK_HZ, Watching, graph, output_nodes, play};
 use crate::failure::{Failure, warn};
 
@@ -18,38 +16,29 @@ use crate::failure::{Failure, warn};
 const HAND: Duration = Duration::from_millis(1);
 /// Seconds until the output has ramped up and the clock has settled.
 const SETTLE_S: f64 = 2.5;
-/// Longest that a click is waited for.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Most unheard clicks before the first one that is heard: half a minute, in which a user may connect
-/// ports.
+/// Most unheard clicks before the first that is heard: half a minute in which a user may connect ports.
 const SILENT: u32 = 27;
 /// Ramp from silence to full level \[s\].
 const START_S: f64 = 0.5;
 
-/// Declared and measured latency.
 pub struct Loopback {
-    /// Name of the device.
     pub device: String,
-    /// Clock of the ticks.
     pub clock: String,
-    /// Frames of a callback.
     pub period_frames: u32,
-    /// Declared items, each in words and \[ms\].
-    pub items: Vec<(String, f64)>,
+    /// Declared.
+    pub items: Vec<Item>,
     /// Latency of each trial \[ms\].
     pub measured_ms: Vec<f64>,
 }
 
-/// Length of a tick \[ms\].
 pub const TICK_MS: f64 = 1e3 / TICK_HZ;
 
 impl Loopback {
-    /// Sum of the declared items.
     pub fn declared_ms(&self) -> f64 {
-        self.items.iter().map(|(_, ms)| ms).sum()
+        self.items.iter().map(|item| item.ms).sum()
     }
 
-    /// Shortest trial, median and longest trial.
     pub fn range_ms(&self) -> [f64; 3] {
         let mut sorted = self.measured_ms.clone();
         sorted.sort_by(f64::total_cmp);
@@ -57,7 +46,6 @@ impl Loopback {
         [0, sorted.len() / 2, last].map(|i| sorted.get(i).copied().unwrap_or(f64::NAN))
     }
 
-    /// Median less the sum.
     pub fn off_ms(&self) -> f64 {
         self.range_ms()[1] - self.declared_ms()
     }
@@ -83,7 +71,6 @@ pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
     graph("the measurement", args.rate, &nodes, wires)
 }
 
-/// Plays the graph and measures.
 pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Failure> {
     let (writer, reader) = samples();
     let queues =
@@ -129,59 +116,41 @@ pub fn measure(args: &Args, made: (GraphFile, Compiled)) -> Result<Loopback, Fai
     let mut items = trials.items();
     if args.inside {
         // A loopback inside a server goes through no card.
-        items.retain(|(what, _)| !what.starts_with("device"));
+        items.retain(|item| !item.what.starts_with("device"));
     } else if let Some(ms) = args.input_latency_ms {
-        items.push(("input: from sound to callback, as given".to_owned(), ms));
+        items.push(Item { what: "input: from sound to callback, as given".to_owned(), ms });
     }
     let (device, clock) = (ended.view.device.clone(), ended.view.clock.clone());
     let (period_frames, measured_ms) = (last.period_frames, trials.measured_ms);
     Ok(Loopback { device, clock, period_frames, items, measured_ms })
 }
 
-/// A simulated hand that touches on command.
+/// A simulated hand that touches on command, and tells when. It ends when it is dropped.
 struct Hand {
-    shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
-}
-
-#[derive(Default)]
-struct Shared {
-    down: AtomicBool,
-    /// When it last touched.
-    touched_ns: AtomicU64,
-    stop: AtomicBool,
+    down: Sender<bool>,
+    touched_ns: Receiver<u64>,
 }
 
 impl Hand {
     fn start(mut writer: SampleWriter) -> Self {
-        let shared = Arc::new(Shared::default());
-        let hand = shared.clone();
-        let thread = std::thread::spawn(move || {
-            let (mut was, mut stroke) = (false, 0);
-            while !hand.stop.load(Relaxed) {
-                let now = hand.down.load(Acquire);
+        let ((down, commands), (told, touched_ns)) = (channel(), channel());
+        std::thread::spawn(move || {
+            let (mut force, mut stroke) = (0.0, 0);
+            loop {
                 let time_ns = now_ns();
-                if now && !was {
-                    hand.touched_ns.store(time_ns, Release);
-                }
-                // A new stroke: nothing is interpolated between air and touch.
-                stroke += u32::from(now != was);
-                was = now;
-                let force = f64::from(u8::from(now));
                 writer.send(Sample { time_ns, arrived_ns: now_ns(), force, stroke, ..Sample::default() });
-                std::thread::sleep(HAND);
+                match commands.recv_timeout(HAND) {
+                    Ok(down) => {
+                        // A new stroke: nothing is interpolated between air and touch.
+                        (force, stroke) = (f64::from(u8::from(down)), stroke + 1);
+                        let _ = told.send(now_ns());
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => return,
+                }
             }
         });
-        Self { shared, thread: Some(thread) }
-    }
-}
-
-impl Drop for Hand {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Self { down, touched_ns }
     }
 }
 
@@ -219,35 +188,34 @@ impl Trials {
         let wait = Duration::from_micros(120_000 + u64::from(self.phase.wrapping_mul(1236) % 2000));
         if !self.down && self.since.elapsed() >= wait {
             listener.listen(self.level);
-            hand.shared.down.store(true, Release);
+            let _ = hand.down.send(true);
             (self.down, self.since, self.phase) = (true, Instant::now(), self.phase + 1);
         } else if self.down {
             let heard = listener.heard_ns();
             if heard.is_none() && self.since.elapsed() < PATIENCE {
                 return;
             }
+            let touched = hand.touched_ns.try_iter().last().unwrap_or(0);
             match heard {
                 Some(ns) => {
-                    let touched = hand.shared.touched_ns.load(Acquire);
                     self.measured_ms.push((ns as f64 - touched as f64) * 1e-6);
                     self.declared.push(view.latency_ms.clone());
                 }
                 None if self.measured_ms.is_empty() => self.silent += 1,
                 None => self.missed += 1,
             }
-            hand.shared.down.store(false, Release);
+            let _ = hand.down.send(false);
             (self.down, self.since) = (false, Instant::now());
         }
     }
 
-    /// Median of each declared item.
-    fn items(&self) -> Vec<(String, f64)> {
+    fn items(&self) -> Vec<Item> {
         let names = self.declared.last().into_iter().flatten().map(|(what, _)| what);
         let median = |name: &String| {
             let all = self.declared.iter().flatten().filter(|(what, _)| what == name);
             let mut all: Vec<f64> = all.map(|(_, ms)| *ms).collect();
             all.sort_by(f64::total_cmp);
-            (name.clone(), all.get(all.len() / 2).copied().unwrap_or(0.0))
+            Item { what: name.clone(), ms: all.get(all.len() / 2).copied().unwrap_or(0.0) }
         };
         names.map(median).collect()
     }

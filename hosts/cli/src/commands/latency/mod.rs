@@ -8,20 +8,19 @@ mod chain;
 mod loopback;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::{Arg, ArgGroup};
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::card::{ActuatorArgs, OutputArgs};
-use crate::failure::{Failure, print, wrong};
+use crate::failure::{Failure, print_report, wrong};
 use crate::load::PluginArgs;
 use crate::number::{channel, number, whole};
 use chain::Chain;
 use loopback::{Loopback, TICK_MS};
 
-/// Report the response lag of graphs, and measure the latency of a device over a loopback from output to
-/// input
+/// Report the response lag of graphs; measure a device's latency over a loopback from output to input
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
@@ -68,6 +67,13 @@ pub struct Args {
     pub json: bool,
 }
 
+/// A part of a latency, in words.
+#[derive(Serialize)]
+struct Item {
+    what: String,
+    ms: f64,
+}
+
 /// Refuses options without effect: those of graphs need a graph, all others a device.
 fn with_graph_or_device(arg: Arg) -> Arg {
     match arg.get_id().as_str() {
@@ -77,8 +83,7 @@ fn with_graph_or_device(arg: Arg) -> Arg {
     }
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let wanted = args.output.card.device.is_some() || args.output.card.host.is_some();
     if args.graphs.is_empty() && !wanted {
         return Err(wrong(
@@ -91,18 +96,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let ready = chain::prepare(args)?;
     let chains: Vec<Chain> = ready.into_iter().map(chain::measure).collect::<Result<_, _>>()?;
     let around = clicks.map(|made| loopback::measure(args, made)).transpose()?;
-    if args.json {
-        print(&format!("{:#}\n", as_json(&chains, around.as_ref())))?;
-    } else {
-        print(&text(&chains, around.as_ref()))?;
-    }
-    Ok(if around.is_some_and(|a| !a.agrees()) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    let around = around.as_ref();
+    print_report(args.json, || as_json(&chains, around), || text(&chains, around))?;
+    Failure::said(around.is_some_and(|a| !a.agrees()))
 }
 
 fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
     let mut out = String::new();
-    let items = |items: &[(String, f64)]| -> String {
-        items.iter().map(|(what, ms)| format!("  {ms:8.2} ms  {what}\n")).collect()
+    let items = |items: &[Item]| -> String {
+        items.iter().map(|Item { what, ms }| format!("  {ms:8.2} ms  {what}\n")).collect()
     };
     if let Some(a) = around {
         let (device, clock, frames) = (&a.device, &a.clock, a.period_frames);
@@ -137,17 +139,10 @@ fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
 }
 
 fn as_json(chains: &[Chain], around: Option<&Loopback>) -> Value {
-    let items = |items: &[(String, f64)]| -> Vec<Value> {
-        items.iter().map(|(what, ms)| json!({ "what": what, "ms": ms })).collect()
-    };
-    let chains: Vec<Value> = chains
-        .iter()
-        .map(|c| json!({ "graph": c.graph, "lag_ms": c.lag_ms, "items": items(&c.items) }))
-        .collect();
     let around = around.map(|a| {
         json!({
             "device": a.device, "clock": a.clock, "period_frames": a.period_frames, "tick_ms": TICK_MS,
-            "items": items(&a.items), "declared_ms": a.declared_ms(), "measured_ms": a.measured_ms,
+            "items": a.items, "declared_ms": a.declared_ms(), "measured_ms": a.measured_ms,
             "median_ms": a.range_ms()[1], "agrees": a.agrees(),
         })
     });

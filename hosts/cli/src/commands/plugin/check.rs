@@ -6,7 +6,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -30,8 +30,7 @@ const FIRST: [&str; 4] = ["descriptor", "prepare", "zero", SURROUNDINGS];
 /// Time limit of an answer of a plugin that is rebuilt while a graph plays.
 const TRIAL: Duration = Duration::from_secs(5);
 
-/// Runs the command.
-pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
+pub fn run(args: &CheckPlugin) -> Result<(), Failure> {
     let asked = &args.cases.case;
     let names = || node_cases().iter().map(|c| c.name).chain([SURROUNDINGS, TIME, OTHER_PROCESS]);
     if let Some(unknown) = asked.iter().find(|asked| names().all(|name| name != *asked)) {
@@ -52,11 +51,7 @@ pub fn run(args: &CheckPlugin) -> Result<ExitCode, Failure> {
     checker.finish()
 }
 
-/// Tries the copy of a plugin's file in another process: its code, which may be damaged, must return and
-/// leave the process as it was. Other failures do not matter here.
-///
-/// # Errors
-/// The way in which the process ended or changed.
+/// Tries a copy of a plugin in another process: its code must return and leave the process as it was.
 pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
     let case = FIRST.map(str::to_owned).to_vec();
     let cases = Cases { plugin: String::new(), kind: None, case, set: Vec::new(), ticks: 500 };
@@ -80,7 +75,7 @@ pub fn survives(path: &Path, copy: &Path) -> Result<(), Diagnostic> {
         (Ok(Ended::Broke { how, .. }), _) => how,
         // The loader reports a plugin that does not load.
         (Err(Failure::Input(_)), _) => return Ok(()),
-        (Err(Failure::Machine(what)), _) => return Err(Diagnostic::new(what).in_file(path)),
+        (Err(other), _) => return Err(Diagnostic::new(other.reason()).in_file(path)),
     };
     let what = format!("tried in another process, this plugin {did}");
     Err(Diagnostic::new(what).in_file(path).help("`asperity plugin check` says more"))
@@ -190,8 +185,7 @@ impl Checker<'_> {
         if self.json { Ok(()) } else { print(&line) }
     }
 
-    /// Prints the summary. Answers the exit code.
-    fn finish(&self) -> Result<ExitCode, Failure> {
+    fn finish(&self) -> Result<(), Failure> {
         let count = |verdict: &str| self.rows.iter().filter(|r| r.verdict == verdict).count();
         let (passed, failed, other) = (count("pass"), count("fail"), count("not applicable"));
         if self.json {
@@ -206,7 +200,7 @@ impl Checker<'_> {
         } else {
             print(&format!("\n{passed} passed, {failed} failed, {other} not applicable\n"))?;
         }
-        Ok(if failed == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+        Failure::said(failed > 0)
     }
 }
 
@@ -221,10 +215,13 @@ struct Trial {
 
 /// End of a process that runs cases.
 enum Ended {
-    /// It ran all cases.
     Done,
     /// It broke: in this case of this kind, during this step; or outside of any case.
-    Broke { row: Option<(String, String)>, doing: String, how: String },
+    Broke {
+        row: Option<(String, String)>,
+        doing: String,
+        how: String,
+    },
 }
 
 impl Trial {
@@ -313,7 +310,6 @@ impl Running {
         }
     }
 
-    /// Its end in words.
     fn end(&mut self, patience: Duration) -> String {
         let Some(status) = self.status(patience) else {
             return format!("did not end within {} s", patience.as_secs());
@@ -336,7 +332,6 @@ impl Drop for Running {
     }
 }
 
-/// A signal's number and name.
 pub(super) fn signal_name(signal: i32) -> String {
     // Other numbers differ between systems.
     let bus = if cfg!(target_os = "linux") { 7 } else { 10 };

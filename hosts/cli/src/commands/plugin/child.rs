@@ -5,7 +5,6 @@ use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -19,18 +18,16 @@ use serde_json::{Map, Value};
 use super::CasesOfPlugin;
 use super::heap::Counter;
 use super::surroundings::{SURROUNDINGS, Surroundings};
+use crate::failure::Failure;
 
 /// Name of the row with the time of a tick.
 pub const TIME: &str = "time";
 
-/// Interval of the signs of life.
 const SIGN_OF_LIFE: Duration = Duration::from_millis(200);
 
-/// A message to the process that started this one.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Message {
     Alive,
-    /// A step of a case.
     Doing(String),
     Loaded(Loaded),
     Begin {
@@ -46,17 +43,14 @@ pub enum Message {
     Done,
 }
 
-/// A plugin that is loaded.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Loaded {
     pub name: String,
     pub version: String,
     pub kinds: Vec<String>,
-    /// Whether its allocations are counted.
     pub heap: bool,
 }
 
-/// The result of a case for a kind.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub kind: String,
@@ -76,7 +70,6 @@ impl Row {
     }
 }
 
-/// The way to the process that started this one.
 struct Line {
     out: RefCell<File>,
     last: Cell<Instant>,
@@ -128,21 +121,16 @@ fn end_with_parent() {
     }
 }
 
-/// Runs the cases.
-pub fn run(args: &CasesOfPlugin) -> ExitCode {
+pub fn run(args: &CasesOfPlugin) -> Result<(), Failure> {
     crate::leave::as_it_likes();
     end_with_parent();
-    let Ok(line) = Line::open() else { return ExitCode::FAILURE };
-    match checked(args, &line) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(d) => {
-            line.say(&Message::Refused { message: d.message, help: d.help });
-            ExitCode::from(2)
-        }
-    }
+    let line = Line::open().map_err(|_| Failure::Said(1))?;
+    checked(args, &line).map_err(|d| {
+        line.say(&Message::Refused { message: d.message, help: d.help });
+        Failure::Said(2)
+    })
 }
 
-/// The wanted kinds.
 fn kinds(plugin: &Plugin, wanted: Option<&str>) -> Result<Vec<Arc<NodeKind>>, Diagnostic> {
     let name = |k: &Arc<NodeKind>| k.descriptor().kind.to_string();
     let is_wanted = |k: &&Arc<NodeKind>| wanted.is_none_or(|wanted| wanted == name(k));

@@ -1,11 +1,9 @@
 //! `asperity plugin list`: the plugins that are found, and where.
 
-use std::process::ExitCode;
-
 use asperity_loader::{Found, Loader, PATH_VARIABLE};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print_report};
 use crate::kinds::{named_plugin, plugins_on_path};
 use crate::load::PluginArgs;
 
@@ -20,7 +18,7 @@ pub struct Args {
 }
 
 /// Runs the command. A plugin that does not load is a row like any other.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut loader = Loader::default();
     let mut files = Vec::new();
     for name in &args.plugins.plugin {
@@ -55,6 +53,5 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
              asperity plugin new NAME makes one; a graph file names its own: plugins: [\"libmine.so\"]\n"
         );
     }
-    print(&if args.json { format!("{:#}\n", Value::Array(all)) } else { out })?;
-    Ok(ExitCode::SUCCESS)
+    print_report(args.json, || all, || out)
 }

@@ -8,8 +8,6 @@ mod list;
 mod new;
 mod surroundings;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use crate::failure::Failure;
@@ -76,12 +74,11 @@ pub struct CasesOfPlugin {
     pub skip: usize,
 }
 
-/// Runs the command.
-pub fn run(command: &Command) -> Result<ExitCode, Failure> {
+pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::New(args) => new::run(args),
         Command::List(args) => list::run(args),
         Command::Check(args) => check::run(args),
-        Command::Cases(args) => Ok(child::run(args)),
+        Command::Cases(args) => child::run(args),
     }
 }

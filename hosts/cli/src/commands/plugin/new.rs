@@ -1,7 +1,6 @@
 //! `asperity plugin new`: a folder with a plugin that builds, to be changed.
 
 use std::path::Path;
-use std::process::ExitCode;
 use std::{fs, io};
 
 use asperity_diagnostics::Diagnostic;
@@ -52,7 +51,6 @@ pub struct Args {
 static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
 static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
 
-/// The crates that a plugin in Rust gets.
 static SDK: [(&str, Dir<'_>); 6] = [
     ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
     ("core/node", include_dir!("$CARGO_MANIFEST_DIR/../../core/node")),
@@ -71,8 +69,7 @@ const RESERVED: &str = "\
     stdc struct super test trait true try type typeof union unsafe unsized use virtual where while \
     yield";
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let name = checked(&args.name)?;
     let folder = Path::new(&args.name);
     if folder.exists() {
@@ -99,8 +96,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     print(&format!(
         "made {folder}: a plugin with the kind `{name}`. Next:\n\n    cd {folder}\n    {build}\n    \
          asperity plugin check {library}\n{compare}"
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    ))
 }
 
 /// The last part of the path, as the name of a crate and a kind.
@@ -125,7 +121,6 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
     Ok(name)
 }
 
-/// A text among the templates.
 fn template(path: &str) -> io::Result<&'static str> {
     let file = TEMPLATES.get_file(path).and_then(|f| f.contents_utf8());
     file.ok_or_else(|| io::Error::other(format!("the template {path} is missing")))

@@ -18,7 +18,6 @@ const STIRRED_BY: [&str; 3] = ["zero", "reset", "state"];
 /// Time in which a thread has to end after its instance.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// State of the process that a plugin could change.
 pub struct Surroundings {
     float: FloatControl,
     folder: Option<PathBuf>,
@@ -28,7 +27,6 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// The state now.
     pub fn now() -> Self {
         Self {
             float: FloatControl::now(),

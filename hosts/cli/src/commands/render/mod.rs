@@ -6,7 +6,6 @@ pub mod report;
 mod watch;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -25,7 +24,7 @@ use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number;
-use crate::output::{Format, Pending, Rows, ending, keep_all};
+use crate::output::{Format, Pending, Rows, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use report::{Level, Run};
@@ -57,12 +56,10 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
-    /// By default there is no limit, with --watch 10 ticks
+    /// Longest call of a node; a longer one is a fault of it. By default none; 10 ticks with --watch
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Run in real time, and take over changes of the graph, its plugins and the files it reads as they
-    /// come
+    /// Run in real time, and take over changes of the graph, its plugins and the files it reads
     #[arg(long)]
     pub watch: bool,
     /// Print errors only
@@ -70,11 +67,9 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Ticks that one call of a node may take with `--watch`, by default. A busy machine stalls for a few ticks
-/// now and then; that is no fault of the node.
+/// Ticks that one call may take with `--watch`: a busy machine stalls for a few now and then.
 const WATCH_LIMIT_TICKS: u64 = 10;
 
-/// The computer's clock.
 pub struct ClockTime(pub Instant);
 
 impl Clock for ClockTime {
@@ -83,7 +78,7 @@ impl Clock for ClockTime {
     }
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
     let Loaded { compiled, scene, .. } = load_with_probes(args, &mut kinds)?;
@@ -96,8 +91,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     })?;
     load::warn_about(schedule);
 
-    let named = [("--out", &args.out), ("--plot", &args.plot), ("--report", &args.report)];
-    distinct_files(&args.graph, schedule, kinds.files(), &named)?;
+    let written =
+        [("--out", args.out.as_ref()), ("--plot", args.plot.as_ref()), ("--report", args.report.as_ref())];
+    distinct_files(&args.graph, schedule, kinds.files(), named(&written))?;
     check_lengths(args, schedule, ticks)?;
     let mut capture = Capture::new(args, &compiled, scene)?;
     // Opened before the work, so that a missing folder is an error at once.
@@ -117,32 +113,28 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         (Engine::new(compiled, options), None)
     };
 
-    let clock = ClockTime(Instant::now());
+    let mut timed = Timed::new(&engine);
     let mut done = 0;
     while done < ticks && !stop.load(Ordering::Relaxed) {
         if let Some(watch) = &mut watch {
             capture.sent = watch.poll().or(capture.sent.take());
             let due = Duration::from_secs_f64(done as f64 / f64::from(engine.schedule().tick_hz));
-            std::thread::sleep(due.saturating_sub(clock.0.elapsed()));
+            std::thread::sleep(due.saturating_sub(timed.clock.0.elapsed()));
         }
-        capture.tick(&mut engine, &clock, done)?;
+        capture.tick(&mut engine, &mut timed, done)?;
         done += 1;
         if done.is_multiple_of(1024) {
-            show_rate(&bar, done, engine.schedule(), clock.0.elapsed().as_secs_f64());
+            show_rate(&bar, done, engine.schedule(), timed.clock.0.elapsed().as_secs_f64());
         }
     }
-    let elapsed_s = clock.0.elapsed().as_secs_f64();
+    let elapsed_s = timed.clock.0.elapsed().as_secs_f64();
     let swaps = watch.map(Watch::finish).unwrap_or_default();
     bar.finish_and_clear();
 
-    let Capture { master, recorders, traces, times, level, .. } = capture;
-    let mut files = Vec::new();
-    if let Some(master) = master {
-        files.push(master.finish()?);
-    }
-    for recorder in recorders {
-        files.push(recorder.finish()?);
-    }
+    let Capture { master, recorders, traces, level, .. } = capture;
+    let master = master.map(Master::finish);
+    let mut files: Vec<Pending> =
+        master.into_iter().chain(recorders.into_iter().map(Recorder::finish)).collect::<Result<_, _>>()?;
     let facts = (0..engine.schedule().nodes.len()).map(|i| engine.facts(i)).collect();
     let run = Run {
         args,
@@ -152,7 +144,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         swaps,
         engine: &engine,
         facts,
-        times: &times,
+        times: &timed.times,
         level: &level,
     };
     if let (Some(file), Some(traces)) = (plot_file, traces) {
@@ -165,7 +157,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&run.summary(&written))?;
     }
-    Ok(if done < ticks { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    if done < ticks { Err(Failure::Said(INTERRUPTED)) } else { Ok(()) }
 }
 
 fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
@@ -239,52 +231,38 @@ fn samples(buffer: Option<&Buffer>) -> &[f32] {
     }
 }
 
-/// Files, figures and traces that grow while a render runs.
-struct Capture {
-    master: Option<Master>,
-    recorders: Vec<Recorder>,
-    traces: Option<Traces>,
-    times: Times,
-    level: Level,
+/// Times of an engine's ticks, and of the calls of its nodes.
+pub struct Timed {
+    pub times: Times,
+    clock: ClockTime,
     schedule: Arc<Schedule>,
-    /// Of the graph that the engine takes over next.
-    sent: Option<Extras>,
-    /// With `--watch`: holds the file's channels to their limits while graphs change.
-    output_limits: Option<OutputLimits>,
     /// Time of each node in this tick \[ns\].
     spent: Vec<u64>,
     /// Calls of each node before this tick.
     calls: Vec<u64>,
 }
 
-impl Capture {
-    /// Opens the files that the command line and the graph's sinks name.
-    fn new(args: &Args, compiled: &Compiled, scene: Option<OfScene>) -> Result<Self, Failure> {
-        let schedule = &compiled.schedule;
+impl Timed {
+    pub fn new(engine: &Engine) -> Self {
+        let (schedule, clock) = (engine.schedule().clone(), ClockTime(Instant::now()));
         let nodes = schedule.nodes.len();
-        Ok(Self {
-            recorders: Recorder::for_sinks(schedule)?,
-            master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
-            traces: args.plot.as_ref().map(|_| Traces::new(schedule, scene)),
-            times: Times::new(nodes),
-            level: Level::new(schedule),
-            schedule: Arc::new(schedule.clone()),
-            sent: None,
-            output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
-            spent: vec![0; nodes],
-            calls: vec![0; nodes],
-        })
+        Self { times: Times::new(nodes), clock, schedule, spent: vec![0; nodes], calls: vec![0; nodes] }
     }
 
-    /// Runs a tick and records its outputs.
-    fn tick(&mut self, engine: &mut Engine, clock: &ClockTime, tick: u64) -> Result<(), Failure> {
-        let swaps = engine.swaps();
+    /// Runs a tick and answers its time \[ns\].
+    pub fn tick(&mut self, engine: &mut Engine) -> u64 {
         self.spent.fill(0);
-        let before = clock.now_ns();
-        engine.tick_timed(clock, &mut self.spent);
-        self.times.tick(clock.now_ns() - before);
-        if engine.swaps() != swaps {
-            self.follow(engine.schedule().clone());
+        let before = self.clock.now_ns();
+        engine.tick_timed(&self.clock, &mut self.spent);
+        let took = self.clock.now_ns() - before;
+        self.times.tick(took);
+        if !Arc::ptr_eq(&self.schedule, engine.schedule()) {
+            // The nodes' times of this tick are left out: their numbers are new, and the table is old.
+            let next = engine.schedule().clone();
+            let from: Vec<_> = next.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();
+            self.times.renumber(&from);
+            (self.spent, self.calls) = (vec![0; from.len()], vec![u64::MAX; from.len()]);
+            self.schedule = next;
         }
         for (i, ns) in self.spent.iter().enumerate() {
             let calls = engine.report(i).map_or(0, |r| r.calls);
@@ -292,6 +270,43 @@ impl Capture {
                 self.times.node(i, *ns);
             }
             self.calls[i] = calls;
+        }
+        took
+    }
+}
+
+/// Files, figures and traces that grow while a render runs.
+struct Capture {
+    master: Option<Master>,
+    recorders: Vec<Recorder>,
+    traces: Option<Traces>,
+    level: Level,
+    /// Of the graph that the engine takes over next.
+    sent: Option<Extras>,
+    /// With `--watch`: holds the file's channels to their limits while graphs change.
+    output_limits: Option<OutputLimits>,
+}
+
+impl Capture {
+    /// Opens the files that the command line and the graph's sinks name.
+    fn new(args: &Args, compiled: &Compiled, scene: Option<OfScene>) -> Result<Self, Failure> {
+        let schedule = &compiled.schedule;
+        Ok(Self {
+            recorders: Recorder::for_sinks(schedule)?,
+            master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
+            traces: args.plot.as_ref().map(|_| Traces::new(schedule, scene)),
+            level: Level::new(schedule),
+            sent: None,
+            output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
+        })
+    }
+
+    /// Runs a tick and records its outputs.
+    fn tick(&mut self, engine: &mut Engine, timed: &mut Timed, tick: u64) -> Result<(), Failure> {
+        let before = timed.schedule.clone();
+        timed.tick(engine);
+        if !Arc::ptr_eq(&before, engine.schedule()) {
+            self.follow(&before, engine.schedule());
         }
         self.level.take(engine);
         if let Some(master) = &mut self.master {
@@ -307,15 +322,14 @@ impl Capture {
     }
 
     /// Continues with the nodes of the same ids in a new graph. [`watch`] has checked that the sinks exist.
-    fn follow(&mut self, schedule: Arc<Schedule>) {
+    fn follow(&mut self, before: &Schedule, schedule: &Schedule) {
         let moved = |i: usize| {
-            let id = self.schedule.nodes.get(i).map_or("", |n| n.id.as_str());
+            let id = before.nodes.get(i).map_or("", |n| n.id.as_str());
             schedule.index_of(id).unwrap_or(usize::MAX)
         };
-        self.level.follow(moved);
-        if let Some(master) = &mut self.master {
-            master.follow(moved);
-        }
+        self.level.nodes.iter_mut().for_each(|node| *node = moved(*node));
+        let channels = self.master.iter_mut().flat_map(|master| &mut master.nodes);
+        channels.for_each(|node| *node = moved(*node));
         self.recorders.iter_mut().for_each(|r| r.follow(moved));
         let (scene, next) = self.sent.take().map(|sent| (sent.scene, sent.output_limits)).unzip();
         if let (Some(current), Some(next)) = (&mut self.output_limits, next) {
@@ -323,13 +337,7 @@ impl Capture {
             current.go_on(&mut before);
         }
         if let Some(traces) = &mut self.traces {
-            traces.follow(&schedule, scene.flatten());
+            traces.follow(schedule, scene.flatten());
         }
-        // The times of this tick are left out: they have the new numbers in a table of the old length.
-        let from: Vec<Option<usize>> = schedule.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();
-        self.times.renumber(&from);
-        self.spent = vec![0; schedule.nodes.len()];
-        self.calls = vec![u64::MAX; schedule.nodes.len()];
-        self.schedule = schedule;
     }
 }

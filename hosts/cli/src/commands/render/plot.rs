@@ -30,7 +30,6 @@ struct Trace {
     data: Vec<f32>,
 }
 
-/// Finds the signals in a graph.
 fn traces(schedule: &Schedule) -> [Option<Trace>; 6] {
     let port = |(node, output): (usize, usize)| &schedule.nodes[node].outputs[output];
     let trace = |from| {
@@ -166,6 +165,7 @@ pub struct Effects {
     /// Of each surface: whether it is stiff, whether it is damped.
     walls: Vec<[bool; 2]>,
     surfaces: Vec<Seen>,
+    pub touched: Vec<u64>,
     watched: Vec<Watched>,
     contact: Option<Contact>,
     /// The gate that textures go through.
@@ -174,27 +174,23 @@ pub struct Effects {
     moments: Vec<Moment>,
 }
 
-/// A node whose output is an effect.
 struct Watched {
     bit: usize,
     node: usize,
-    /// Calls of it so far.
     calls: u64,
     /// Whether its output goes through the gate.
     gated: bool,
 }
 
-/// The `contact` node, and indices of its inputs and outputs.
+/// The `contact` node, and indices of its inputs position and stroke and outputs surface and volume.
+#[derive(Clone, Copy)]
 struct Contact {
     node: usize,
-    position: usize,
-    stroke: usize,
-    surface: usize,
-    volume: usize,
+    inputs: [usize; 2],
+    outputs: [usize; 2],
 }
 
 impl Effects {
-    /// Starts for a scene and its schedule.
     pub fn new(of: OfScene, schedule: &Schedule) -> Self {
         let mut effects = Self::default();
         effects.follow(Some(of), schedule);
@@ -209,18 +205,17 @@ impl Effects {
                 let damping = s.effects.damping.as_ref().is_some_and(|d| d.of > 0.0);
                 [s.effects.stiffness.is_some(), damping]
             });
+            let before = &self.surfaces;
             let surfaces = scene.surfaces.iter().map(|s| Seen {
                 name: s.name.clone(),
                 note: s.material.as_ref().map(|m| m.of.clone()).unwrap_or_default(),
                 surface: s.surface.clone(),
                 soft: s.effects.stiffness.is_none(),
                 // A surface that did not change stays touched.
-                touched: self
-                    .surfaces
-                    .iter()
-                    .any(|b| b.touched && b.name == s.name && b.surface == s.surface),
+                touched: before.iter().any(|b| b.touched && b.name == s.name && b.surface == s.surface),
             });
             (self.walls, self.surfaces) = (walls.collect(), surfaces.collect());
+            self.touched = vec![0; self.surfaces.len()];
             self.rendered = rendered;
         }
         self.watched.clear();
@@ -242,13 +237,8 @@ impl Effects {
         self.contact = schedule.with_role(Role::Contact).next().and_then(|(node, of)| {
             let input = |name: &str| of.inputs.iter().position(|i| i.name == name);
             let output = |name: &str| of.outputs.iter().position(|o| o.name == name);
-            Some(Contact {
-                node,
-                position: input("position")?,
-                stroke: input("stroke")?,
-                surface: output("surface")?,
-                volume: output("volume")?,
-            })
+            let inputs = [input("position")?, input("stroke")?];
+            Some(Contact { node, inputs, outputs: [output("surface")?, output("volume")?] })
         });
     }
 
@@ -268,29 +258,33 @@ impl Effects {
                 effects |= 1 << watched.bit;
             }
         }
-        let Some(contact) = &self.contact else { return };
+        let Some(Contact { node, inputs, outputs }) = self.contact else { return };
         let value = |buffer: Option<&Buffer>, i: usize| match buffer {
             Some(Buffer::Control { values, .. }) => values.get(i).copied().unwrap_or(f64::NAN),
             _ => f64::NAN,
         };
-        let position = engine.input(contact.node, contact.position);
+        let [position, stroke] = inputs.map(|input| engine.input(node, input));
         // A wall and a volume may be touched at once.
-        let touched = [contact.surface, contact.volume].map(|output| {
-            let number = value(engine.output(contact.node, output), 0);
+        let touched = outputs.map(|output| {
+            let number = value(engine.output(node, output), 0);
             // NaN is not at least 0.
             (number >= 0.0).then_some(number as usize)
         });
-        for i in touched.into_iter().flatten() {
-            let wall = self.walls.get(i).copied().unwrap_or_default();
-            (0..wall.len()).filter(|k| wall[*k]).for_each(|k| effects |= 1 << k);
-            if let Some(seen) = self.surfaces.get_mut(i) {
-                seen.touched = true;
-            }
+        for i in touched.into_iter().flatten().filter(|i| *i < self.walls.len()) {
+            let [stiff, damped] = self.walls[i];
+            effects |= u16::from(stiff) | u16::from(damped) << 1;
+            self.surfaces[i].touched = true;
+            self.touched[i] += 1;
         }
-        let stroke = value(engine.input(contact.node, contact.stroke), 0);
+        let stroke = value(stroke, 0);
         let jumps = std::mem::replace(&mut self.stroke, stroke) != stroke && !self.moments.is_empty();
         let at_mm = [0, 1].map(|k| value(position, k) as f32);
         self.moments.push(Moment { at_mm, effects, touches: touched != [None, None], jumps });
+    }
+
+    /// Whether a surface was touched in the last tick.
+    pub fn touches(&self) -> bool {
+        self.moments.last().is_some_and(|moment| moment.touches)
     }
 
     /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.

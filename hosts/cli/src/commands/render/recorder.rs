@@ -12,10 +12,9 @@ use super::samples;
 use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, ending, salvage};
 
-/// Writes a sink's buffer after each tick.
 pub struct Recorder {
     rows: Rows,
-    from: From,
+    node: usize,
     columns: usize,
     shape: Shape,
     /// Number of the next row; `None` before the first one of a sink that begins late.
@@ -25,16 +24,15 @@ pub struct Recorder {
     rows_written: u64,
     /// Most samples that the file holds.
     most: u64,
-    /// Why the recording stopped, and whether that was said.
-    stopped: Option<(String, bool)>,
+    stopped: bool,
+    /// Why it stopped, until that is said.
+    complaint: Option<String>,
 }
 
-/// Recordings that ended.
 #[derive(Debug, Default)]
 pub struct Kept {
     /// Their files, where anything was kept.
     pub written: Vec<PathBuf>,
-    /// Messages for the user.
     pub said: Vec<String>,
     /// Files that are not complete, and why.
     pub cut: Vec<String>,
@@ -59,25 +57,14 @@ fn permit(node: &ScheduledNode, file: &Path) -> Result<(), Diagnostic> {
     match node.params.place("file") {
         // The user named it.
         Some(place) if place.source.path().to_string_lossy().starts_with("--set ") => Ok(()),
-        place => output::permit(file).map_err(|d| {
-            let d = match d.help.clone() {
-                Some(help) => d.help(help.replace("NODE", &node.id)),
-                None => d,
-            };
-            place.into_iter().fold(d, |d, place| d.at(&place.source, place.span))
-        }),
+        place => output::permit(file, &node.id)
+            .map_err(|d| place.into_iter().fold(d, |d, place| d.at(&place.source, place.span))),
     }
 }
 
 /// The files that sinks write, each with the node's id.
 pub fn files(schedule: &Schedule) -> impl Iterator<Item = (PathBuf, String)> {
     schedule.nodes.iter().filter_map(|n| Some((file_of(n)?.to_owned(), n.id.clone())))
-}
-
-#[derive(Clone, Copy, Debug)]
-enum From {
-    Input(usize),
-    Output(usize),
 }
 
 impl Recorder {
@@ -91,13 +78,12 @@ impl Recorder {
     pub fn for_sink(i: usize, node: &ScheduledNode, open: Open) -> Result<Option<Self>, Failure> {
         let Some(file) = file_of(node) else { return Ok(None) };
         permit(node, file)?;
-        match node.role {
-            Some(Role::Probe) => {
-                let Some(port) = &node.inputs[0].port else { return Ok(None) };
-                Self::new(file, open, From::Input(i), port.shape, &port.unit.to_string()).map(Some)
+        match (node.role, node.inputs.first().and_then(|input| input.port.as_ref())) {
+            (Some(Role::Probe), Some(port)) => {
+                Self::new(file, open, i, port.shape, &port.unit.to_string()).map(Some)
             }
-            Some(Role::Recorder) => {
-                Self::new(file, open, From::Output(i), node.outputs[0].port.shape, "value").map(Some)
+            (Some(Role::Recorder), _) => {
+                Self::new(file, open, i, node.outputs[0].port.shape, "value").map(Some)
             }
             _ => Ok(None),
         }
@@ -108,7 +94,7 @@ impl Recorder {
         Self { next: None, ..self }
     }
 
-    fn new(path: &Path, open: Open, from: From, shape: Shape, unit: &str) -> Result<Self, Failure> {
+    fn new(path: &Path, open: Open, node: usize, shape: Shape, unit: &str) -> Result<Self, Failure> {
         let (columns, names): (usize, Vec<String>) = match shape {
             Shape::Control { count: 1 } | Shape::Audio { .. } => (1, vec![unit.to_owned()]),
             Shape::Control { count } => (count, (0..count).map(|i| format!("{i} [{unit}]")).collect()),
@@ -129,24 +115,13 @@ impl Recorder {
             _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
         };
         let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
-        Ok(Self {
-            rows,
-            from,
-            columns,
-            shape,
-            next: Some(0),
-            missing: 0,
-            rows_written: 0,
-            most,
-            stopped: None,
-        })
+        let (next, stopped, complaint) = (Some(0), false, None);
+        Ok(Self { rows, node, columns, shape, next, missing: 0, rows_written: 0, most, stopped, complaint })
     }
 
     pub fn take(&mut self, engine: &Engine, tick: u64) -> Result<(), Failure> {
-        let buffer = match self.from {
-            From::Input(node) => engine.input(node, 0),
-            From::Output(node) => engine.output(node, 0),
-        };
+        // A probe has no output.
+        let buffer = engine.output(self.node, 0).or_else(|| engine.input(self.node, 0));
         let tick_hz = engine.schedule().tick_hz;
         let (start, values) = match (buffer, self.shape) {
             (Some(Buffer::Control { values, .. }), _) => (tick, values.iter().map(|x| *x as f32).collect()),
@@ -164,8 +139,7 @@ impl Recorder {
         self.append(start, &values, tick_hz)
     }
 
-    /// Writes values that begin at `start`: a tick for controls, a sample at the signal's rate for audio
-    /// and frames.
+    /// Writes values from `start` on: a tick for controls, a sample of the signal for audio and frames.
     pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
         let rate_hz = match self.shape {
             Shape::Control { .. } => tick_hz,
@@ -191,7 +165,7 @@ impl Recorder {
 
     /// Like [`append`](Self::append), but an error ends only the recording of this file.
     pub fn append_while_possible(&mut self, start: u64, values: &[f32], tick_hz: u32) {
-        if self.stopped.is_none() {
+        if !self.stopped {
             let done = self.append(start, values, tick_hz);
             self.stop_unless(done);
         }
@@ -199,7 +173,7 @@ impl Recorder {
 
     /// Brings the file up to date, so that it is complete if the run is killed.
     pub fn refresh(&mut self) {
-        if self.stopped.is_none() && self.rows_written > 0 {
+        if !self.stopped && self.rows_written > 0 {
             let done = self.rows.refresh();
             self.stop_unless(done);
         }
@@ -208,14 +182,13 @@ impl Recorder {
     fn stop_unless(&mut self, done: Result<(), Failure>) {
         if let Err(failure) = done {
             let said = format!("{}; no more of it is recorded, and all else goes on", failure.reason());
-            self.stopped = Some((said, false));
+            (self.stopped, self.complaint) = (true, Some(said));
         }
     }
 
     /// Why the recording stopped; answered once.
     pub fn complaint(&mut self) -> Option<String> {
-        let (said, told) = self.stopped.as_mut()?;
-        (!std::mem::replace(told, true)).then(|| said.clone())
+        self.complaint.take()
     }
 
     /// Completes the file with the rows that reached the disk, whatever happened.
@@ -239,17 +212,14 @@ impl Recorder {
                 let of = self.rows_written;
                 kept.cut.push(format!("{name} is not whole: the disk took {rows} of {of} rows"));
             }
-            Ok(_) if self.stopped.is_some() => kept.cut.push(format!("{name} is not whole")),
+            Ok(_) if self.stopped => kept.cut.push(format!("{name} is not whole")),
             Ok(_) => {}
         }
         kept.written.push(path);
     }
 
-    /// Continues with the same node in a new graph.
     pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
-        match &mut self.from {
-            From::Input(node) | From::Output(node) => *node = moved(*node),
-        }
+        self.node = moved(self.node);
     }
 
     pub fn finish(self) -> Result<Pending, Failure> {
@@ -260,7 +230,7 @@ impl Recorder {
 /// The file that `--out` names: every `audio_out` of the graph is a channel.
 pub struct Master {
     rows: Rows,
-    nodes: Vec<usize>,
+    pub nodes: Vec<usize>,
 }
 
 impl Master {
@@ -283,11 +253,6 @@ impl Master {
 
     pub fn channels(schedule: &Schedule) -> Vec<usize> {
         schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
-    }
-
-    /// Continues with the same nodes in a new graph.
-    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
-        self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
     /// Records the tick that has just run, held to its limits.
@@ -319,10 +284,7 @@ mod tests {
 
     fn recorder(path: &Path, most: u64) -> Recorder {
         let shape = Shape::Audio { rate_hz: 48_000 };
-        Recorder {
-            most,
-            ..Recorder::new(path, Pending::create, From::Output(0), shape, "value").expect("a file")
-        }
+        Recorder { most, ..Recorder::new(path, Pending::create, 0, shape, "value").expect("a file") }
     }
 
     #[test]

@@ -17,9 +17,7 @@ pub struct Run<'a> {
     pub args: &'a Args,
     pub ticks: u64,
     pub asked: u64,
-    /// Time that they took \[s\].
     pub elapsed_s: f64,
-    /// Changes that were taken over while it ran.
     pub swaps: Vec<Swapped>,
     pub engine: &'a Engine,
     pub facts: Vec<Vec<Fact>>,
@@ -36,7 +34,7 @@ pub struct Swapped {
 
 /// Level of the signals into every `audio_out`, which drive the coil.
 pub struct Level {
-    nodes: Vec<usize>,
+    pub nodes: Vec<usize>,
     unit: String,
     peak: f64,
     sum: f64,
@@ -49,11 +47,6 @@ impl Level {
         let port = nodes.first().and_then(|&i| schedule.nodes[i].inputs.first()?.port.clone());
         let unit = port.map(|p| p.unit.to_string()).unwrap_or_default();
         Self { nodes, unit, peak: 0.0, sum: 0.0, count: 0 }
-    }
-
-    /// Continues with the same nodes in a new graph.
-    pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
-        self.nodes.iter_mut().for_each(|node| *node = moved(*node));
     }
 
     pub fn take(&mut self, engine: &Engine) {

@@ -1,7 +1,6 @@
 //! `--watch`: takes over changes of the graph's files between two ticks of a render.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
 
 use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
@@ -14,25 +13,21 @@ use super::report::Swapped;
 use super::{Args, load_with_probes};
 use crate::failure::{Failure, complain};
 use crate::kinds::Kinds;
-use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
+use crate::load::files::{Stamps, Watched, listed, readers, stamps};
 use crate::load::{Loaded, OfScene};
 
 /// Scene and guards of a graph that the engine takes over in the next tick.
 pub struct Extras {
-    /// The scene that the plot shows.
     pub scene: Option<OfScene>,
-    /// Guards of the file's channels.
     pub output_limits: OutputLimits,
 }
 
-/// The files of a graph that renders.
 pub struct Watch<'a> {
     args: &'a Args,
     kinds: Kinds,
     controller: Controller,
     bar: &'a ProgressBar,
     files: Watched,
-    looked: Instant,
     /// Ids of the nodes that are channels of the file, in its order.
     outs: Vec<String>,
     /// Graphs that were sent, by their number.
@@ -43,15 +38,14 @@ impl<'a> Watch<'a> {
     pub fn new(args: &'a Args, kinds: Kinds, controller: Controller, bar: &'a ProgressBar) -> Self {
         let files = Watched::new(stamps(&args.graph, kinds.files(), controller.schedule()));
         let outs = outs_of(controller.schedule());
-        Self { args, kinds, controller, bar, files, looked: Instant::now(), outs, swaps: BTreeMap::new() }
+        Self { args, kinds, controller, bar, files, outs, swaps: BTreeMap::new() }
     }
 
     /// Looks at the files some times a second, and sends what changed to the engine.
     pub fn poll(&mut self) -> Option<Extras> {
-        if self.looked.elapsed() < POLL {
+        if !self.files.due() {
             return None;
         }
-        self.looked = Instant::now();
         self.collect();
         let now = self.stamps();
         let changed = if self.controller.ready() { self.files.changed(&now)? } else { return None };
@@ -73,13 +67,11 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Ends. Answers the changes that were sent.
     pub fn finish(mut self) -> Vec<Swapped> {
         self.collect();
         self.swaps.into_values().collect()
     }
 
-    /// Versions of the files that the graph is made of.
     fn stamps(&self) -> Stamps {
         stamps(&self.args.graph, self.kinds.files(), self.controller.schedule())
     }

@@ -4,12 +4,11 @@
 //! [`Editor::poll`] takes it over when it is ready. Of edits that come meanwhile the newest counts. If
 //! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
@@ -19,10 +18,10 @@ use asperity_node::ParamKind;
 use super::Args;
 use super::hands::{Hands, close_elsewhere};
 use super::recordings::Recordings;
-use super::reloader::{self, Answer, Changes, Made, Order, Ready, on_thread};
+use super::reloader::{self, Answer, Made, Order, Ready, on_thread};
 use crate::failure::Failure;
 use crate::kinds::Kinds;
-use crate::load::files::{POLL, Stamps, Watched, listed, readers, stamps};
+use crate::load::files::{Stamps, Watched, listed, readers, stamps};
 use crate::machine::Ceiling;
 
 /// Prepares a new graph when something changes, and sends it to the engine.
@@ -30,32 +29,25 @@ pub struct Editor {
     args: Args,
     kinds: Arc<Mutex<Kinds>>,
     plugins: Vec<PathBuf>,
-    /// Refuses edits that contradict the machine's file.
     ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
     base: Option<GraphFile>,
-    /// With `--watch`: the files, and when they were last looked at.
-    files: Option<(Watched, Instant)>,
+    /// With `--watch`.
+    files: Option<Watched>,
     /// Materials that the user chose: node and material. They stay when files change.
-    chosen: Vec<(String, String)>,
-    /// Live parameters that the user moved. The next change of a file resets them.
-    moved: Vec<Moved>,
-    /// Moves so far.
+    chosen: BTreeMap<String, String>,
+    /// Live parameters that the user moved, by node and name. The next change of a file resets them.
+    moved: BTreeMap<(String, String), Moved>,
     moves: u64,
     /// Edits that wait.
     file: Option<FileEdit>,
-    choices: VecDeque<(String, String)>,
+    choices: BTreeMap<String, String>,
     job: Option<Job>,
 }
 
-/// A live parameter that the user moved.
 struct Moved {
-    node: String,
-    param: String,
     value: f64,
-    /// The move as a setting of the graph.
     setting: String,
-    /// Number of the move.
     at: u64,
 }
 
@@ -70,48 +62,36 @@ enum Edit {
     Choice(String, String),
 }
 
-/// An edit whose graph is being prepared.
 struct Job {
     edit: Edit,
     /// Moves before it began.
     since: u64,
-    over: Over,
+    over: Arc<AtomicBool>,
+    /// Whether a device was closed for it, so that it cannot be abandoned.
+    exchanges: bool,
     stage: Stage,
 }
 
 enum Stage {
-    /// It can be abandoned.
+    /// A thread works.
     Making(Receiver<Answer>),
-    /// A device was closed for it.
-    Exchanging(Receiver<Answer>),
     /// The graph waits until the engine can take it.
     Ready(Box<Ready>),
-}
-
-/// Stops the thread of a job when it is dropped.
-struct Over(Arc<AtomicBool>);
-
-impl Drop for Over {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-    }
 }
 
 impl Job {
     /// Stops the job and closes the devices that it opened. Answers the edit.
     fn abandon(self) -> Edit {
-        let Self { edit, over, stage, .. } = self;
-        drop(over);
-        close_elsewhere(move || match stage {
+        self.over.store(true, Relaxed);
+        close_elsewhere(move || match self.stage {
             // Received here, so that its devices close where others wait for it.
-            Stage::Making(from) | Stage::Exchanging(from) => drop(from.recv()),
+            Stage::Making(from) => drop(from.recv()),
             Stage::Ready(ready) => drop(ready),
         });
-        edit
+        self.edit
     }
 }
 
-/// A playing graph, its devices and its recordings.
 pub struct Playing<'p> {
     pub graph_controller: &'p mut GraphController,
     pub hands: &'p mut Hands,
@@ -119,7 +99,6 @@ pub struct Playing<'p> {
 }
 
 impl Editor {
-    /// An editor of the graph that the command line names.
     pub fn new(args: &Args) -> Self {
         Self {
             args: args.clone(),
@@ -128,16 +107,15 @@ impl Editor {
             ceiling: None,
             base: None,
             files: None,
-            chosen: Vec::new(),
-            moved: Vec::new(),
+            chosen: BTreeMap::new(),
+            moved: BTreeMap::new(),
             moves: 0,
             file: None,
-            choices: VecDeque::new(),
+            choices: BTreeMap::new(),
             job: None,
         }
     }
 
-    /// Refuses graphs that contradict the machine's file from now on.
     pub fn hold_to(&mut self, ceiling: Option<Ceiling>) {
         self.ceiling = ceiling;
     }
@@ -146,19 +124,17 @@ impl Editor {
         &self.plugins
     }
 
-    /// Reads and compiles the graph that plays first.
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = reloader::lock(&self.kinds);
-        let made = reloader::make(&self.args.graph, &mut kinds, None, &Changes::default())?;
+        let made = reloader::make(&self.args.graph, &mut kinds, None, &[], &BTreeMap::new())?;
         kinds.plays();
         self.plugins = kinds.files().to_vec();
         self.base = Some(made.base.clone());
         Ok(made)
     }
 
-    /// Starts to watch the files that the graph is made of.
     pub fn watch(&mut self, schedule: &Schedule) {
-        self.files = Some((Watched::new(self.stamps(schedule)), Instant::now()));
+        self.files = Some(Watched::new(self.stamps(schedule)));
     }
 
     fn stamps(&self, schedule: &Schedule) -> Stamps {
@@ -167,13 +143,12 @@ impl Editor {
 
     /// Gives a texture node another material, as soon as its graph is ready.
     pub fn choose(&mut self, node: String, material: String) {
-        self.choices.retain(|(n, _)| *n != node);
         // Devices may take long to open, so a file edit is put off. A material is quick: one that is being
         // prepared is heard, and then the newest.
         if let Some(edit) = self.give_up() {
             self.file = self.file.take().or(Some(edit));
         }
-        self.choices.push_back((node, material));
+        self.choices.insert(node, material);
     }
 
     /// Sets a live parameter, also in graphs that are prepared for another material.
@@ -198,14 +173,12 @@ impl Editor {
             _ => format!("{value:?}"),
         };
         self.moves += 1;
-        self.moved.retain(|m| m.node != node || m.param != param);
         let setting = format!("{node}.{param}={text}");
-        self.moved.push(Moved { node, param, value, setting, at: self.moves });
+        self.moved.insert((node, param), Moved { value, setting, at: self.moves });
         Ok(())
     }
 
-    /// Looks at the files, takes over a graph that is ready, and begins the next edit. Call it some tens of
-    /// times a second. Answers a message for the user.
+    /// Takes over a graph that is ready, and begins the next edit. Answers a message for the user.
     pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         self.look(playing.graph_controller.schedule());
         let said = self.advance(playing);
@@ -215,14 +188,12 @@ impl Editor {
         said
     }
 
-    /// Looks whether files have changed.
     fn look(&mut self, schedule: &Schedule) {
-        if self.files.as_ref().is_none_or(|(_, at)| at.elapsed() < POLL) {
+        if !self.files.as_mut().is_some_and(Watched::due) {
             return;
         }
         let seen = self.stamps(schedule);
-        let Some((files, at)) = &mut self.files else { return };
-        *at = Instant::now();
+        let Some(files) = &mut self.files else { return };
         let Some(mut changed) = files.changed(&seen) else { return };
         files.know(seen.clone(), &seen);
         // Earlier changes that were not taken over have still to be read.
@@ -235,14 +206,7 @@ impl Editor {
 
     /// Abandons the graph of changed files, unless a device was closed for it. Answers the edit.
     fn give_up(&mut self) -> Option<FileEdit> {
-        let job = self.job.take_if(|job| {
-            let touched = match &job.stage {
-                Stage::Making(_) => false,
-                Stage::Exchanging(_) => true,
-                Stage::Ready(ready) => ready.refused.is_some() || ready.opened.came_last(),
-            };
-            matches!(job.edit, Edit::File(_)) && !touched
-        })?;
+        let job = self.job.take_if(|job| matches!(job.edit, Edit::File(_)) && !job.exchanges)?;
         match job.abandon() {
             Edit::File(edit) => Some(edit),
             Edit::Choice(..) => None,
@@ -256,41 +220,36 @@ impl Editor {
 
     /// Begins the next edit, a choice of material first.
     fn begin(&mut self, playing: &Playing<'_>) {
-        let choice = self.choices.pop_front().map(|(node, material)| Edit::Choice(node, material));
+        let choice = self.choices.pop_first().map(|(node, material)| Edit::Choice(node, material));
         let Some(edit) = choice.or_else(|| self.file.take().map(Edit::File)) else { return };
         let mut order = self.order(playing);
         match &edit {
             Edit::File(_) => {
                 order.base = None;
-                order.changes.moved.clear();
+                order.moved.clear();
                 order.again = true;
             }
             Edit::Choice(node, material) => {
-                order.changes.chosen.retain(|(n, _)| n != node);
-                order.changes.chosen.push((node.clone(), material.clone()));
+                order.chosen.insert(node.clone(), material.clone());
             }
         }
-        let over = Over(order.over.clone());
+        let over = order.over.clone();
         let stage = Stage::Making(on_thread(move || order.carry_out()));
-        self.job = Some(Job { edit, since: self.moves, over, stage });
+        self.job = Some(Job { edit, since: self.moves, over, exchanges: false, stage });
     }
 
-    /// The order for the graph that runs.
     fn order(&self, playing: &Playing<'_>) -> Order {
-        let named = [("--report", &self.args.report)];
         Order {
             args: self.args.graph.clone(),
             kinds: self.kinds.clone(),
             base: self.base.clone(),
-            changes: Changes {
-                moved: self.moved.iter().map(|m| m.setting.clone()).collect(),
-                chosen: self.chosen.clone(),
-            },
+            moved: self.moved.values().map(|m| m.setting.clone()).collect(),
+            chosen: self.chosen.clone(),
             running: playing.graph_controller.schedule().clone(),
             held: playing.hands.holding(),
             again: false,
             begun: playing.recordings.begun(),
-            named: named.map(|(option, file)| (option.to_owned(), file.clone())).to_vec(),
+            report: self.args.report.clone(),
             over: Arc::default(),
         }
     }
@@ -298,7 +257,7 @@ impl Editor {
     /// Continues the job under way with what the other thread sent. Answers a message for the user.
     fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         let mut job = self.job.take()?;
-        if let Stage::Making(from) | Stage::Exchanging(from) = &job.stage {
+        if let Stage::Making(from) = &job.stage {
             let (plugins, result) = match from.try_recv() {
                 Ok(answer) => answer,
                 Err(TryRecvError::Empty) => {
@@ -309,15 +268,18 @@ impl Editor {
                     (None, Err(Failure::Machine("the thread that makes it ready broke off".into())))
                 }
             };
-            self.plugins = plugins.unwrap_or(std::mem::take(&mut self.plugins));
-            match result {
-                Ok(ready) => {
-                    if let Err(d) = self.allowed(&ready, playing) {
-                        close_elsewhere(move || drop(ready));
-                        return Some(self.refused(job.edit, &d.into(), playing));
-                    }
-                    job.stage = Stage::Ready(Box::new(ready));
+            if let Some(plugins) = plugins {
+                self.plugins = plugins;
+            }
+            let allowed = result.and_then(|ready| match self.allowed(&ready, playing) {
+                Ok(()) => Ok(ready),
+                Err(d) => {
+                    close_elsewhere(move || drop(ready));
+                    Err(d.into())
                 }
+            });
+            match allowed {
+                Ok(ready) => job.stage = Stage::Ready(Box::new(ready)),
                 Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
             }
         }
@@ -327,9 +289,9 @@ impl Editor {
                     return self.take_over(job.edit, job.since, *ready, playing);
                 }
                 let old = playing.hands.let_go(&ready.opened.in_the_way);
-                let back = Order { over: job.over.0.clone(), ..self.order(playing) };
-                job.stage = Stage::Exchanging(on_thread(move || back.exchange(*ready, old)));
-                self.job = Some(job);
+                let back = Order { over: job.over.clone(), ..self.order(playing) };
+                let stage = Stage::Making(on_thread(move || back.exchange(*ready, old)));
+                self.job = Some(Job { exchanges: true, stage, ..job });
             }
             _ => self.job = Some(job),
         }
@@ -369,8 +331,8 @@ impl Editor {
         playing.hands.go_on_with(opened, playing.graph_controller.schedule());
         playing.recordings.add(playing.graph_controller.layout().number, recorders);
         // Parameters that were moved while the graph was prepared are moved in it too.
-        for m in self.moved.iter().filter(|m| m.at > since) {
-            let _ = playing.graph_controller.set_parameter(&m.node, &m.param, m.value);
+        for ((node, param), m) in self.moved.iter().filter(|(_, m)| m.at > since) {
+            let _ = playing.graph_controller.set_parameter(node, param, m.value);
         }
         if let Some(failure) = refused {
             return Some(self.refused(edit, &failure, playing));
@@ -378,15 +340,14 @@ impl Editor {
         self.base = Some(made.base);
         match edit {
             Edit::File(edit) => {
-                self.moved.retain(|m| m.at > since);
+                self.moved.retain(|_, m| m.at > since);
                 self.know(playing.graph_controller.schedule(), &edit.seen);
                 let report =
                     if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
                 Some(format!("{} changed: {report}", listed(&edit.changed)))
             }
             Edit::Choice(node, material) => {
-                self.chosen.retain(|(n, _)| *n != node);
-                self.chosen.push((node, material));
+                self.chosen.insert(node, material);
                 None
             }
         }
@@ -409,7 +370,7 @@ impl Editor {
 
     fn know(&mut self, schedule: &Schedule, seen: &Stamps) {
         let after = self.stamps(schedule);
-        if let Some((files, _)) = &mut self.files {
+        if let Some(files) = &mut self.files {
             files.know(after, seen);
         }
     }

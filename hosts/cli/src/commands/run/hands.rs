@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{Schedule, ScheduledNode};
@@ -21,14 +21,11 @@ pub struct Hands {
     open: HashMap<String, Held>,
     /// Takes the pointer positions of the live page; `None` once the page has it.
     pointer: Option<SampleWriter>,
-    /// Warnings about walls that were said.
     warned: Vec<String>,
 }
 
-/// An open device or socket.
 #[derive(Debug)]
 pub struct Held {
-    /// The node for which it was opened.
     pub node: ScheduledNode,
     handle: Handle,
 }
@@ -51,8 +48,7 @@ impl Hands {
         ids.iter().filter_map(|id| self.open.remove(id)).collect()
     }
 
-    /// Holds devices that were opened for a new graph, and closes those that it does not need, without
-    /// waiting.
+    /// Holds devices that were opened for a new graph. Closes those that it does not need, without waiting.
     pub fn go_on_with(&mut self, opened: Opened, schedule: &Schedule) {
         let goes = |id: &String, held: &mut Held| {
             schedule.index_of(id).is_none_or(|i| schedule.nodes[i].kind != held.node.kind)
@@ -140,20 +136,16 @@ fn refused(node: &ScheduledNode, error: Diagnostic) -> Failure {
 /// Devices that were opened for a graph that does not play yet.
 #[derive(Default)]
 pub struct Opened {
-    /// Queues of nodes that devices feed.
     pub queues: DeviceQueues,
     /// Nodes whose devices must be closed before the rest can be opened.
     pub in_the_way: Vec<String>,
     held: Vec<Held>,
     pointer: Option<SampleWriter>,
     later: Vec<Source>,
-    closed: bool,
 }
 
-/// Opens the devices of these nodes of a graph, until `over` is set. A device may take seconds to answer.
-///
-/// Nothing is closed here: a device that is open for a node which goes or changes is left for
-/// [`open_the_rest`](Opened::open_the_rest).
+/// Opens the devices of these nodes of a graph, until `over` is set, and closes none: a device that excludes
+/// an open one is left for [`open_the_rest`](Opened::open_the_rest).
 pub fn open(
     schedule: &Schedule,
     ids: &[String],
@@ -219,15 +211,9 @@ fn plan(schedule: &Schedule, ids: &[String]) -> Result<(Opened, Vec<Source>), Fa
 }
 
 impl Opened {
-    /// Whether other devices were closed to open these.
-    pub fn came_last(&self) -> bool {
-        self.closed
-    }
-
     /// Closes `old` and opens the devices that waited for that, until `over` is set.
     pub fn open_the_rest(&mut self, old: Vec<Held>, over: &AtomicBool) -> Result<(), Failure> {
         drop(old);
-        self.closed = true;
         self.in_the_way.clear();
         for source in std::mem::take(&mut self.later) {
             if over.load(Relaxed) {
@@ -335,12 +321,6 @@ pub fn wait(over: impl Fn() -> bool) -> bool {
     !over()
 }
 
-/// Waits until nothing is being closed, at most this long.
-pub fn wait_for(most: Duration) {
-    let began = Instant::now();
-    wait(|| began.elapsed() >= most);
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::{Arc, mpsc};
@@ -370,7 +350,6 @@ mod tests {
             done.store(true, Relaxed);
         });
         assert!(!wait(|| true));
-        wait_for(Duration::from_millis(1));
         assert!(!closed.load(Relaxed));
         go.send(()).expect("it waits");
         assert!(wait(|| false) && closed.load(Relaxed));

@@ -8,7 +8,6 @@ mod report;
 mod shows;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -17,13 +16,13 @@ use asperity_live::view::{Condition, Layout, Request, View};
 use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
 use asperity_node::{Fault, Role};
 
-use crate::card::{self, DeviceArgs, Player};
+use crate::card::{self, DeviceArgs};
 use crate::commands::render::recorder::Kept;
 use crate::failure::{Failure, print, warn};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
 use crate::number;
-use crate::output::Pending;
+use crate::output::{Pending, named};
 use editor::{Editor, Playing};
 use hands::Hands;
 use recordings::Recordings;
@@ -57,12 +56,10 @@ pub struct Args {
     /// Run every node in every tick, also those behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest that one call of a node may take; a longer one is a fault of the node, which is faded out.
-    /// By default 10 ticks
+    /// Longest call of a node; a longer one is a fault of it, and it is faded out. By default 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Call nodes of plugins on the tick thread: some 50 us less for each, but one that never returns ends
-    /// the sound
+    /// Call plugins on the tick thread: some 50 us less a node, but one that never returns ends the sound
     #[arg(long)]
     pub in_place: bool,
     /// Print errors only
@@ -70,8 +67,7 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Ticks that one call of a node may take, by default. A busy machine stalls for a few ticks now and then;
-/// that is no fault of the node.
+/// Ticks that one call of a node may take, by default: a busy machine stalls for a few now and then.
 const LIMIT_TICKS: u64 = 10;
 /// Least limit of a call, at any tick rate: machines stall by 14 ms and more.
 const LIMIT_NS: u64 = 50_000_000;
@@ -82,14 +78,14 @@ const LATE_S: f64 = 1.0;
 /// How long the end of a run waits for devices to close: they ramp their force down within 100 ms.
 const LET_GO: Duration = Duration::from_millis(200);
 
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let mut editor = Editor::new(args);
     let Made { graph, compiled, materials, .. } = editor.make()?;
     let schedule = &compiled.schedule;
     let request = card::request(&args.device, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?;
     load::warn_about(schedule);
-    distinct_files(&args.graph, schedule, editor.plugins(), &[("--report", &args.report)])?;
+    distinct_files(&args.graph, schedule, editor.plugins(), named(&[("--report", args.report.as_ref())]))?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
     let mut hands = Hands::default();
@@ -122,14 +118,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
-    let mut stage = Stage { session, editor, hands, recordings, hangs: None, stuck: Vec::new() };
+    let mut stage = Stage { session, editor, hands, recordings, failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
     editor.end();
     let grants = session.grants();
     let mut ended = session.stop();
     drop(hands);
-    hands::wait_for(LET_GO);
+    let ending = Instant::now();
+    hands::wait(|| ending.elapsed() >= LET_GO);
     recordings.drain(&mut ended.graph_controller);
     shows.close();
     // Recordings are kept, whatever ended the run and whatever else cannot be written.
@@ -145,18 +142,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         print(&run.summary(&written))?;
     }
     let recorded = if cut.is_empty() { Ok(()) } else { Err(Failure::Machine(cut.join("; "))) };
-    let came_back = match (&ended.player, hanging(&ended.view, ended.graph_controller.layout())) {
+    let hangs = failed_by(DOES_NOT_COME_BACK, &ended.view, ended.graph_controller.layout());
+    let came_back = match (&ended.player, hangs.first()) {
         (None, Some(node)) => {
             Err(Failure::Machine(format!("a tick did not end: {node} {DOES_NOT_COME_BACK}")))
         }
         _ => Ok(()),
     };
     outcome.and(came_back).and(reported).and(recorded)?;
-    Ok(if ended.view.condition == Condition::Failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Failure::said(ended.view.condition == Condition::Failed)
 }
 
 fn not_opened(error: asperity_live::SessionError) -> Failure {
-    card::not_opened(error, Player::Graph)
+    card::not_opened(error, true)
 }
 
 /// A playing graph, and all that is served while it plays.
@@ -165,8 +163,8 @@ struct Stage {
     editor: Editor,
     hands: Hands,
     recordings: Recordings,
-    hangs: Option<String>,
-    stuck: Vec<String>,
+    /// Nodes whose call does not end, and nodes that were taken out for it.
+    failed: [Vec<String>; 2],
 }
 
 /// Nodes with this last fault, as a user knows them.
@@ -175,18 +173,9 @@ fn failed_by(fault: &str, view: &View, layout: &Layout) -> Vec<String> {
     nodes.map(|(node, _)| format!("`{}` ({})", node.id, node.kind)).collect()
 }
 
-/// The node whose call does not end.
-fn hanging(view: &View, layout: &Layout) -> Option<String> {
-    failed_by(DOES_NOT_COME_BACK, view, layout).into_iter().next()
-}
-
 impl Stage {
-    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on.
-    ///
-    /// It waits for a slow disk. Where a device is lost it waits for its driver: the callback driver until
-    /// the running tick has ended (1 s at most), the paced driver until its tick thread has ended (0.2 to
-    /// 0.8 s). Pages, edits and recordings wait meanwhile. Devices that push back have threads of their
-    /// own.
+    /// Plays until the end of the stroke, until it is asked to stop, or until it cannot go on. It waits for a
+    /// slow disk, and up to 1 s for the driver of a lost device.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
         loop {
@@ -209,24 +198,22 @@ impl Stage {
             recordings.drain(graph_controller);
             recordings.complaints().iter().for_each(|said| shows.say(said));
             let view = session.view();
-            let hangs = hanging(&view, session.graph_controller().layout());
-            // Where no tick ends, the planned time still ends the run.
-            let tick_hz = f64::from(session.graph_controller().layout().tick_hz);
-            let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
-            let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs.is_some() && late(ticks)));
-            if hangs != self.hangs {
-                if let Some(node) = &hangs {
-                    shows.say(&format!(
-                        "warning: {node} {DOES_NOT_COME_BACK}, and nothing is heard until it does"
-                    ));
+            let layout = session.graph_controller().layout();
+            let faults = [
+                (DOES_NOT_COME_BACK.to_owned(), ", and nothing is heard until it does"),
+                (Fault::Stuck.to_string(), ": the graph goes on without it"),
+            ];
+            for ((fault, then), known) in faults.iter().zip(&mut self.failed) {
+                let failed = failed_by(fault, &view, layout);
+                for node in failed.iter().filter(|node| !known.contains(node)) {
+                    shows.say(&format!("warning: {node} {fault}{then}"));
                 }
-                self.hangs = hangs;
+                *known = failed;
             }
-            let stuck = failed_by(&Fault::Stuck.to_string(), &view, session.graph_controller().layout());
-            for node in stuck.iter().filter(|node| !self.stuck.contains(node)) {
-                shows.say(&format!("warning: {node} {}: the graph goes on without it", Fault::Stuck));
-            }
-            self.stuck = stuck;
+            // Where no tick ends, the planned time still ends the run.
+            let (hangs, tick_hz) = (!self.failed[0].is_empty(), f64::from(layout.tick_hz));
+            let late = |ticks: u64| began.elapsed().as_secs_f64() > ticks as f64 / tick_hz + LATE_S;
+            let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs && late(ticks)));
             let (condition, losses) = (view.condition, view.losses);
             let graph_controller = session.graph_controller();
             shows.show(view, graph_controller.layout(), graph_controller.schedule(), hands);

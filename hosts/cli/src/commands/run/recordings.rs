@@ -9,12 +9,11 @@ use asperity_node::PortType;
 
 use crate::commands::render::recorder::{Kept, Recorder, file_of};
 use crate::failure::Failure;
-use crate::output::Pending;
+use crate::output::{Named, Pending};
 
 /// How often files and their headers are brought up to date: a killed run loses that much.
 const REFRESH: Duration = Duration::from_secs(1);
 
-/// A sink that writes a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
     pub id: String,
@@ -23,7 +22,6 @@ pub struct Sink {
     port: Option<PortType>,
 }
 
-/// A file that grows.
 struct Recording {
     sink: Sink,
     /// Number of the first graph that it records.
@@ -35,9 +33,7 @@ struct Recording {
 #[derive(Default)]
 pub struct Recordings {
     all: Vec<Recording>,
-    /// Ticks that were not recorded.
     lost: u64,
-    /// When files were last brought up to date.
     refreshed: Option<Instant>,
 }
 
@@ -62,16 +58,15 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     Ok(new)
 }
 
-/// Files of `begun` that this graph does not continue, for
-/// [`distinct_files`](crate::load::files::distinct_files).
-pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<(String, Option<PathBuf>)> {
+/// Files of `begun` that this graph does not continue.
+pub fn left_behind(schedule: &Schedule, begun: &[Sink]) -> Vec<Named> {
     let sinks: Vec<Sink> = schedule.nodes.iter().filter_map(Sink::of).collect();
     let goes_on = |i: usize| {
         let newest = !begun[i + 1..].iter().any(|later| later.id == begun[i].id);
         newest && sinks.contains(&begun[i])
     };
     let left = begun.iter().enumerate().filter(|(i, _)| !goes_on(*i)).map(|(_, sink)| sink);
-    left.map(|sink| (format!("`{}` before this change", sink.id), Some(sink.file.clone()))).collect()
+    left.map(|sink| (sink.file.clone(), format!("`{}` before this change", sink.id))).collect()
 }
 
 /// Whether a sink continues its newest recording.

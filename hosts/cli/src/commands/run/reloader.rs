@@ -21,17 +21,8 @@ use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded};
+use crate::output::named;
 
-/// Changes that the user made beside the graph's file.
-#[derive(Clone, Debug, Default)]
-pub struct Changes {
-    /// Settings of live parameters: `NODE.PARAM=VALUE`.
-    pub moved: Vec<String>,
-    /// Materials: node and material.
-    pub chosen: Vec<(String, String)>,
-}
-
-/// A graph that can be played.
 pub struct Made {
     /// The file, with the changes of the command line.
     pub base: GraphFile,
@@ -47,22 +38,22 @@ pub struct Order {
     pub kinds: Arc<Mutex<Kinds>>,
     /// The graph to start from; `None` to read its file.
     pub base: Option<GraphFile>,
-    pub changes: Changes,
+    /// Live parameters that the user moved: `NODE.PARAM=VALUE`.
+    pub moved: Vec<String>,
+    /// Materials that the user chose: node and material.
+    pub chosen: BTreeMap<String, String>,
     pub running: Arc<Schedule>,
     pub held: Vec<Holding>,
     /// Whether devices that could not be opened are tried again.
     pub again: bool,
     pub begun: Vec<Sink>,
-    /// Files that the run writes at its end, by option.
-    pub named: Vec<(String, Option<PathBuf>)>,
-    /// Set when the graph is no longer wanted.
+    pub report: Option<PathBuf>,
     pub over: Arc<AtomicBool>,
 }
 
 /// Files of the graph's plugins, if known, and the graph or why it cannot be prepared.
 pub type Answer = (Option<Vec<PathBuf>>, Result<Ready, Failure>);
 
-/// A graph that may take the place of the running one.
 pub struct Ready {
     pub made: Made,
     pub opened: Opened,
@@ -72,23 +63,24 @@ pub struct Ready {
     pub refused: Option<Failure>,
 }
 
-/// Compiles a graph with the changes of the user.
+/// Compiles a graph with the changes of the user, from its file unless there is a `base`.
 pub fn make(
     args: &GraphArgs,
     kinds: &mut Kinds,
     base: Option<GraphFile>,
-    changes: &Changes,
+    moved: &[String],
+    chosen: &BTreeMap<String, String>,
 ) -> Result<Made, Failure> {
     let base = match base {
         Some(base) => base,
         None => load::read(args, kinds)?.0,
     };
     let mut graph = base.clone();
-    for setting in &changes.moved {
+    for setting in moved {
         // A parameter that the file no longer has is skipped.
         let _ = graph.set(setting, "the page");
     }
-    for (node, material) in &changes.chosen {
+    for (node, material) in chosen {
         let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
     }
     let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
@@ -123,17 +115,16 @@ impl Order {
         if let Err(unwanted) = self.wanted() {
             return (kinds.files().to_vec(), Err(unwanted));
         }
-        let made = make(&self.args, &mut kinds, self.base.clone(), &self.changes);
+        let made = make(&self.args, &mut kinds, self.base.clone(), &self.moved, &self.chosen);
         (kinds.files().to_vec(), made)
     }
 
     fn ready(&self, made: Made, plugins: &[PathBuf]) -> Result<Ready, Failure> {
         let next = &made.compiled.schedule;
         fits(&self.running, next)?;
-        let mut named = self.named.clone();
-        named.extend(left_behind(next, &self.begun));
-        let named: Vec<_> = named.iter().map(|(who, path)| (who.as_str(), path)).collect();
-        distinct_files(&self.args, next, plugins, &named)?;
+        let mut written = named(&[("--report", self.report.as_ref())]);
+        written.extend(left_behind(next, &self.begun));
+        distinct_files(&self.args, next, plugins, written)?;
         self.wanted()?;
         // Files that cannot be written are refused before a device is opened.
         drop(recorders(next, &self.begun)?);
@@ -158,14 +149,12 @@ impl Order {
         Ok(opened)
     }
 
-    /// Refuses to go on if the graph is no longer wanted.
     fn wanted(&self) -> Result<(), Failure> {
         let over = self.over.load(Relaxed);
         if over { Err(Failure::Machine("it is no longer wanted".into())) } else { Ok(()) }
     }
 
-    /// Closes old devices and opens the new ones that waited for it. If that fails, opens the old ones again;
-    /// this is the order for the old graph.
+    /// Closes old devices and opens new ones; if that fails, the old ones, of which this is the order.
     pub fn exchange(self, mut ready: Ready, old: Vec<Held>) -> Answer {
         let ids: Vec<String> = old.iter().map(|held: &Held| held.node.id.clone()).collect();
         hands::wait(|| self.over.load(Relaxed));
@@ -181,16 +170,17 @@ impl Order {
                     let opened = self.opened(&made.compiled.schedule, &ids)?;
                     Ok((made, opened))
                 });
-                match again {
-                    Ok((made, opened)) => {
-                        Ok(Ready { made, opened, recorders: Vec::new(), refused: Some(failure) })
-                    }
-                    Err(second) => Err(Failure::Machine(format!(
-                        "{}\nand what it was to replace cannot be had again: {}",
-                        failure.reason(),
-                        second.reason()
-                    ))),
-                }
+                let (first, second) = (failure.reason(), again.as_ref().err().map(Failure::reason));
+                let what = "what it was to replace cannot be had again";
+                let lost = format!("{first}\nand {what}: {}", second.unwrap_or_default());
+                again
+                    .map(|(made, opened)| Ready {
+                        made,
+                        opened,
+                        recorders: Vec::new(),
+                        refused: Some(failure),
+                    })
+                    .map_err(|_| Failure::Machine(lost))
             }
         };
         (None, result)
@@ -225,8 +215,7 @@ fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     Err(Failure::Machine(what))
 }
 
-/// The materials of each network's library, to choose from. Where a scene's surfaces choose, there are
-/// none.
+/// The materials of each network's library; none where a scene's surfaces choose.
 fn materials(schedule: &Schedule) -> Vec<Materials> {
     let told = |n: &ScheduledNode| n.inputs.iter().any(|i| i.name == "material" && i.from.is_some());
     let networks = schedule.with_role(Role::TextureNetwork).map(|(_, n)| n).filter(|n| !told(n));

@@ -15,7 +15,6 @@ use super::Args;
 use super::hands::{Hands, pointers};
 use crate::failure::{Failure, complain};
 
-/// The page, the terminal and the messages of a run.
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
@@ -25,32 +24,25 @@ pub struct Shows {
 }
 
 impl Shows {
-    /// Opens the page and the terminal. Call it before the engine starts, whose panic hook must be the
-    /// outer one.
+    /// Opens page and terminal, before the engine starts, whose panic hook must be the outer one.
     pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
-        let page = match args.page {
-            Some(port) => {
-                let feed = Arc::new(Feed::new());
-                let options = asperity_page::Options { port, ..asperity_page::Options::default() };
-                let page = serve(options, feed.clone(), run_control.clone(), pointer)
-                    .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
-                speaker.say(&format!("the page: {}", page.url()));
-                Some((page, feed))
-            }
-            None => None,
-        };
-        let terminal = match args.tui {
-            true => Some(
-                Terminal::open(run_control.clone())
-                    .map_err(|e| Failure::Machine(format!("cannot draw in the terminal: {e}")))?,
-            ),
-            false => None,
-        };
-        let mut it = Self { page, terminal, layout: None, speaker, begun: false };
-        if let (Some((page, _)), Some(terminal)) = (&it.page, &mut it.terminal) {
-            terminal.note(&format!("the page: {}", page.url()));
+        let mut it = Self { page: None, terminal: None, layout: None, speaker, begun: false };
+        if let Some(port) = args.page {
+            let feed = Arc::new(Feed::new());
+            let options = asperity_page::Options { port, ..asperity_page::Options::default() };
+            let page = serve(options, feed.clone(), run_control.clone(), pointer)
+                .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
+            it.page = Some((page, feed));
+        }
+        if args.tui {
+            let terminal = Terminal::open(run_control.clone());
+            let cannot = |e| Failure::Machine(format!("cannot draw in the terminal: {e}"));
+            it.terminal = Some(terminal.map_err(cannot)?);
+        }
+        if let Some(url) = it.page.as_ref().map(|(page, _)| page.url().to_string()) {
+            it.say(&format!("the page: {url}"));
         }
         Ok(it)
     }
@@ -62,7 +54,6 @@ impl Shows {
         }
     }
 
-    /// Shows the current figures, and the graph if it changed.
     pub fn show(&mut self, view: View, layout: &Layout, schedule: &Schedule, hands: &mut Hands) {
         if let Some(pointer) = hands.take_pointer() {
             match &self.page {
@@ -106,7 +97,6 @@ impl Shows {
     }
 }
 
-/// Device, rates and clock of the run, in a line.
 fn begins(view: &View, layout: &Layout) -> String {
     if view.device.is_empty() {
         return format!("runs at {} ticks/s without audio; Ctrl-C stops", layout.tick_hz);

@@ -3,36 +3,29 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::process::ExitCode;
-use std::time::Instant;
 
-use asperity_accuracy::timing::Recorder;
+use asperity_accuracy::timing::Timing;
 use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
-use asperity_node::{Buffer, Role};
+use asperity_node::Role;
 use asperity_scene::space::Form;
 use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{Explain, load_scene};
-use crate::commands::render::ClockTime;
+use crate::commands::render::Timed;
 use crate::commands::render::plot::Effects;
 use crate::commands::render::report::dropped_json;
-use crate::failure::{Failure, clean, print, wrong};
+use crate::failure::{Failure, clean, plural, print_report, wrong};
 use crate::kinds::Kinds;
 use crate::load::files::node_files;
 use crate::load::{Loaded, OfScene};
 
 /// Longest part of a stroke to run \[s\].
 const MOST_S: f64 = 60.0;
-/// Most surfaces that are listed.
-const MOST_SURFACES: usize = 40;
-/// Most materials that are named.
-const MOST_NAMED: usize = 12;
 
-/// Runs the command.
-pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
+pub fn run(args: &Explain) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { compiled, .. }, of_scene) = load_scene(&args.scene, &mut kinds)?;
     let schedule = compiled.schedule.clone();
@@ -44,21 +37,42 @@ pub fn run(args: &Explain) -> Result<ExitCode, Failure> {
     let tick_hz = f64::from(schedule.tick_hz);
     let whole = schedule.duration_ticks().unwrap_or((MOST_S * tick_hz) as u64);
     let most = (args.seconds.unwrap_or(MOST_S) * tick_hz) as u64;
-    let account = Account::of(compiled, !args.no_sleep, whole.min(most).max(1), &of_scene);
-    if args.json {
-        print(&format!("{:#}\n", json(&account, &of_scene, &schedule)))?;
-    } else {
-        print(&text(&account, &of_scene, &schedule))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    let told = explained(compiled, !args.no_sleep, whole.min(most).max(1), &of_scene);
+    print_report(args.json, || &told, || text(&told, &of_scene.scene, &schedule))
 }
 
-/// Figures of one node.
+/// A scene along its stroke.
+#[derive(Serialize)]
+struct Explained<'a> {
+    ticks: u64,
+    tick_hz: u32,
+    us_per_tick: Spent,
+    effects: Vec<Effect<'a>>,
+    nodes: Vec<Work>,
+    dropped: Vec<Value>,
+    models: Vec<Model>,
+    surfaces: Vec<Surface<'a>>,
+}
+
+/// Medians.
+#[derive(Serialize)]
+struct Spent {
+    touching: f64,
+    in_the_air: f64,
+}
+
+#[derive(Serialize)]
+struct Surface<'a> {
+    name: &'a str,
+    shape: &'static str,
+    effects: Vec<String>,
+    ticks_touched: u64,
+}
+
 #[derive(Serialize)]
 struct Work {
     id: String,
     kind: String,
-    /// Calls of `process`.
     calls: u64,
     /// Median.
     us_per_call: f64,
@@ -66,81 +80,54 @@ struct Work {
     us_per_tick: f64,
 }
 
-/// Figures of a run.
-struct Account {
-    /// Ticks that ran.
-    ticks: u64,
-    /// Median of a tick in which a surface was touched, and of one in the air \[us\].
-    tick_us: [f64; 2],
-    /// Nodes in the order in which they run.
-    nodes: Vec<Work>,
-    /// Ticks in which each surface was touched.
-    touched: Vec<u64>,
-    /// Ticks in which each effect was active: stiffness, damping, then the kinds that nodes render.
-    active: Vec<u64>,
-}
-
-impl Account {
-    /// Runs the graph of a scene with its stroke, and measures.
-    fn of(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Self {
-        let schedule = compiled.schedule.clone();
-        let count = schedule.nodes.len();
-        // Walls and volumes have an output each.
-        let contact = ["surface", "volume"].map(|name| {
-            let (node, of) = schedule.with_role(Role::Contact).next()?;
-            Some((node, of.outputs.iter().position(|o| o.name == name)?))
-        });
-        let mut effects = Effects::new(of_scene.clone(), &schedule);
-        let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
-        let clock = ClockTime(Instant::now());
-        let (mut spent, mut total, mut calls) = (vec![0; count], vec![0_u64; count], vec![0; count]);
-        let mut times = Recorder::new(count);
-        let mut ticks_of = [Recorder::new(0), Recorder::new(0)];
-        let mut touched = vec![0; of_scene.scene.surfaces.len()];
-        for _ in 0..ticks {
-            spent.fill(0);
-            let began = Instant::now();
-            engine.tick_timed(&clock, &mut spent);
-            let tick_ns = began.elapsed().as_nanos() as u64;
-            effects.take(&engine);
-            let now = contact.map(|port| match port.map(|(node, output)| engine.output(node, output))? {
-                Some(Buffer::Control { values, .. }) => {
-                    values.first().filter(|n| **n >= 0.0).map(|n| *n as usize)
-                }
-                _ => None,
-            });
-            for surface in now.into_iter().flatten() {
-                touched.get_mut(surface).into_iter().for_each(|count| *count += 1);
-            }
-            ticks_of[usize::from(now == [None, None])].tick(tick_ns);
-            for (node, spent) in spent.iter().enumerate() {
-                total[node] += spent;
-                let now = engine.report(node).map_or(0, |r| r.calls);
-                if now > calls[node] {
-                    times.node(node, *spent);
-                }
-                calls[node] = now;
-            }
-        }
-        let us = |ns: u64| ns as f64 / 1e3;
-        let work = |(i, node): (usize, &asperity_graph::ScheduledNode)| Work {
+/// Runs the graph of a scene with its stroke, and measures.
+fn explained(compiled: Compiled, sleep: bool, ticks: u64, of_scene: &OfScene) -> Explained<'_> {
+    let mut seen = Effects::new(of_scene.clone(), &compiled.schedule);
+    let mut engine = Engine::new(compiled, Options { sleep, ..Options::default() });
+    let mut timed = Timed::new(&engine);
+    let [mut touching, mut air] = [Timing::new(3), Timing::new(3)];
+    for _ in 0..ticks {
+        let took = timed.tick(&mut engine);
+        seen.take(&engine);
+        if seen.touches() { &mut touching } else { &mut air }.record(took);
+    }
+    let us = |ns: u64| ns as f64 / 1e3;
+    let work = |(i, node): (usize, &asperity_graph::ScheduledNode)| {
+        let time = timed.times.node_summary(i).unwrap_or_default();
+        Work {
             id: node.id.clone(),
             kind: node.kind.clone(),
-            calls: calls[i],
-            us_per_call: times.node_summary(i).map_or(0.0, |s| us(s.p50_ns)),
-            us_per_tick: us(total[i]) / ticks.max(1) as f64,
-        };
-        let nodes = schedule.nodes.iter().enumerate().map(work).collect();
-        let tick_us = ticks_of.each_ref().map(|of| us(of.tick_summary().p50_ns));
-        Self { ticks, tick_us, nodes, touched, active: effects.active() }
+            calls: engine.report(i).map_or(0, |report| report.calls),
+            us_per_call: us(time.p50_ns),
+            us_per_tick: time.mean_ns * time.count as f64 / 1e3 / ticks.max(1) as f64,
+        }
+    };
+    let schedule = engine.schedule();
+    let nodes: Vec<Work> = schedule.nodes.iter().enumerate().map(work).collect();
+    let surfaces = of_scene.scene.surfaces.iter().zip(&seen.touched);
+    let surfaces = surfaces.map(|(s, &ticks_touched)| Surface {
+        name: &s.name,
+        shape: form(s),
+        effects: names(s),
+        ticks_touched,
+    });
+    Explained {
+        ticks,
+        tick_hz: schedule.tick_hz,
+        us_per_tick: Spent { touching: us(touching.summary().p50_ns), in_the_air: us(air.summary().p50_ns) },
+        effects: effects(&nodes, &seen.active(), of_scene),
+        dropped: dropped_json(schedule),
+        models: models(&nodes, of_scene, schedule),
+        surfaces: surfaces.collect(),
+        nodes,
     }
+}
 
-    /// Those of these nodes that ran, and their time \[us a tick\].
-    fn cost<'a>(&self, nodes: &'a [String]) -> (Vec<&'a str>, f64) {
-        let work = |id: &'a String| Some((id.as_str(), self.nodes.iter().find(|w| w.id == *id)?.us_per_tick));
-        let works: Vec<(&str, f64)> = nodes.iter().filter_map(work).collect();
-        (works.iter().map(|(id, _)| *id).collect(), works.iter().fold(0.0, |sum, (_, us)| sum + us))
-    }
+/// Those of the nodes with these ids that ran, and their time \[us a tick\].
+fn cost<'a>(nodes: &[Work], ids: impl IntoIterator<Item = &'a str>) -> (Vec<&'a str>, f64) {
+    let work = |id| Some((id, nodes.iter().find(|work| work.id == id)?.us_per_tick));
+    let works: Vec<(&str, f64)> = ids.into_iter().filter_map(work).collect();
+    (works.iter().map(|(id, _)| *id).collect(), works.iter().fold(0.0, |sum, (_, us)| sum + us))
 }
 
 /// A kind of effect: whether it is built, why, and its nodes.
@@ -154,22 +141,22 @@ struct Effect<'a> {
     ticks_active: u64,
 }
 
-fn effects<'a>(account: &'a Account, of_scene: &'a OfScene, contact: &'a [String]) -> Vec<Effect<'a>> {
+fn effects<'a>(works: &[Work], active: &[u64], of_scene: &'a OfScene) -> Vec<Effect<'a>> {
     let scene = &of_scene.scene;
-    let walls = scene.surfaces.iter().filter(|s| s.effects.stiffness.is_some()).count();
-    let damped = scene.surfaces.iter().filter(|s| s.effects.damping.is_some()).count();
-    // `contact` is counted once.
-    let of_contact = [("stiffness", walls, contact), ("damping", damped, &[])].map(|(name, count, nodes)| {
-        let nodes = if count > 0 { nodes } else { &[] };
+    let count = |has: fn(&Touchable) -> bool| scene.surfaces.iter().filter(|s| has(s)).count();
+    // `contact` renders both, and is counted once.
+    let stiff = ("stiffness", count(|s| s.effects.stiffness.is_some()), Some("contact"));
+    let damped = ("damping", count(|s| s.effects.damping.is_some()), None);
+    let of_contact = [stiff, damped].map(|(name, count, node)| {
         let why = match count {
             0 => "no surface has it".to_owned(),
             n => format!("{}: by `contact`", plural(n, "surface")),
         };
-        (name, count > 0, why, account.cost(nodes))
+        (name, count > 0, why, cost(works, node.filter(|_| count > 0)))
     });
     let rendered = of_scene.rendered.iter().map(|Rendered { kind, nodes: ids, .. }| {
         let slots = scene.slots(kind);
-        let cost = account.cost(ids);
+        let cost = cost(works, ids.iter().map(String::as_str));
         let what = if kind == NETWORK { "material" } else { "setting" };
         let why = match (slots.surfaces(), ids.is_empty(), cost.0.is_empty()) {
             (0, true, _) => "no surface has it".into(),
@@ -179,17 +166,16 @@ fn effects<'a>(account: &'a Account, of_scene: &'a OfScene, contact: &'a [String
         };
         (kind.as_str(), !cost.0.is_empty(), why, cost)
     });
-    let active = account.active.iter().copied().chain(std::iter::repeat(0));
-    let all = of_contact.into_iter().chain(rendered).zip(active);
-    all.map(|((effect, built, why, (nodes, us_per_tick)), ticks_active)| Effect {
+    let active = active.iter().copied().chain(std::iter::repeat(0));
+    let effect = |((effect, built, why, (nodes, us_per_tick)), ticks_active)| Effect {
         effect,
         built,
         why,
         nodes,
         us_per_tick,
         ticks_active,
-    })
-    .collect()
+    };
+    of_contact.into_iter().chain(rendered).zip(active).map(effect).collect()
 }
 
 /// A model, library, recording or picture.
@@ -204,8 +190,8 @@ struct Model {
 }
 
 /// Files that the scene names or its nodes read.
-fn models(account: &Account, of: &OfScene, schedule: &Schedule) -> Vec<Model> {
-    let mut all = of_network(account, &of.scene, schedule);
+fn models(works: &[Work], of: &OfScene, schedule: &Schedule) -> Vec<Model> {
+    let mut all = of_network(works, &of.scene, schedule);
     let mut files: BTreeMap<PathBuf, (usize, Vec<String>)> = BTreeMap::new();
     for file in &of.files {
         files.entry(file.clone()).or_default().0 += 1;
@@ -220,39 +206,36 @@ fn models(account: &Account, of: &OfScene, schedule: &Schedule) -> Vec<Model> {
             false => format!("by {}", names.join(", ")),
         };
         let why = if surfaces > 0 { format!("{}, {by}", plural(surfaces, "surface")) } else { by };
-        let (loaded, us_per_tick) = (!nodes.is_empty(), account.cost(&nodes).1);
+        let (loaded, us_per_tick) = (!nodes.is_empty(), cost(works, nodes.iter().map(String::as_str)).1);
         Model { file: file.display().to_string(), loaded, us_per_tick, why }
     }));
     all
 }
 
 /// Model and library of the network, if the scene has one.
-fn of_network(account: &Account, scene: &Scene, schedule: &Schedule) -> Vec<Model> {
+fn of_network(works: &[Work], scene: &Scene, schedule: &Schedule) -> Vec<Model> {
     let Some(part) = &scene.network else { return Vec::new() };
     let slots = scene.slots(NETWORK);
+    let names: Vec<String> = scene.slot_texts(NETWORK, &slots).into_iter().map(|(name, _)| name).collect();
     let why = match slots.first.len() {
         0 => "no surface has a network texture".to_owned(),
-        n => {
-            let all = scene.slot_texts(NETWORK, &slots).into_iter().map(|(name, _)| name);
-            let names: Vec<String> = all.take(MOST_NAMED).collect();
-            let more = if n > MOST_NAMED { format!(" and {} more", n - MOST_NAMED) } else { String::new() };
-            format!("{}: {}{more}", plural(n, "material"), names.join(", "))
-        }
+        n => format!("{}: {}", plural(n, "material"), names.join(", ")),
     };
     let networks = schedule.with_role(Role::TextureNetwork);
-    let nodes: Vec<String> = networks.map(|(_, node)| node.id.clone()).collect();
+    let nodes: Vec<&str> = networks.map(|(_, node)| node.id.as_str()).collect();
     // The library is read only when the model is loaded.
     let of = |(name, us_per_tick)| {
         let value = part.settings.iter().find(|(key, _)| key.name == name);
         let file = value.and_then(|(_, v)| v.text().ok()).unwrap_or_default().to_owned();
         Model { file, loaded: !nodes.is_empty(), us_per_tick, why: why.clone() }
     };
-    [("model", account.cost(&nodes).1), ("library", 0.0)].map(of).into()
+    [("model", cost(works, nodes.iter().copied()).1), ("library", 0.0)].map(of).into()
 }
 
-fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
-    let (scene, tick_hz) = (&of_scene.scene, f64::from(schedule.tick_hz));
-    let spent = ["while touching", "in the air"].into_iter().zip(account.tick_us).filter(|(_, us)| *us > 0.0);
+fn text(told: &Explained<'_>, scene: &Scene, schedule: &Schedule) -> String {
+    let (tick_hz, spent) = (f64::from(told.tick_hz), &told.us_per_tick);
+    let spent = [("while touching", spent.touching), ("in the air", spent.in_the_air)];
+    let spent = spent.into_iter().filter(|(_, us)| *us > 0.0);
     let spent: Vec<String> = spent.map(|(place, us)| format!("{us:.1} us {place}")).collect();
     let (path, surfaces) = (scene.source.path().display(), plural(scene.surfaces.len(), "surface"));
     let mut out = format!(
@@ -260,20 +243,18 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
          run for {:.2} s of its stroke; a tick took {} \
          (medians; a node's `us a tick` is a mean and includes reading the clock)\n\
          \neffect          built   us a tick  active   why\n",
-        schedule.nodes.len(),
-        account.ticks as f64 / tick_hz,
+        told.nodes.len(),
+        told.ticks as f64 / tick_hz,
         spent.join(", ")
     );
-    for Effect { effect, built, why, nodes, us_per_tick, ticks_active } in
-        effects(account, of_scene, &["contact".to_owned()])
-    {
-        let share = 100.0 * ticks_active as f64 / account.ticks.max(1) as f64;
+    for Effect { effect, built, why, nodes, us_per_tick, ticks_active } in &told.effects {
+        let share = 100.0 * *ticks_active as f64 / told.ticks.max(1) as f64;
         let cost = if nodes.is_empty() { String::new() } else { format!("{us_per_tick:.2}") };
-        let (built, share) = if built { ("yes", format!("{share:.0} %")) } else { ("no", String::new()) };
-        out += &format!("{effect:<15} {built:<7} {cost:>9}  {share:>6}   {}\n", clean(&why));
+        let (built, share) = if *built { ("yes", format!("{share:.0} %")) } else { ("no", String::new()) };
+        out += &format!("{effect:<15} {built:<7} {cost:>9}  {share:>6}   {}\n", clean(why));
     }
     out += "\nnode                    kind                   calls   median us   us a tick\n";
-    for Work { id, kind, calls, us_per_call, us_per_tick } in &account.nodes {
+    for Work { id, kind, calls, us_per_call, us_per_tick } in &told.nodes {
         let (id, kind) = (clean(id), clean(kind));
         out += &format!("{id:<23} {kind:<20} {calls:>7}   {us_per_call:>9.2}   {us_per_tick:>9.2}\n");
     }
@@ -281,49 +262,23 @@ fn text(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> String {
         let (id, kind, why) = (clean(&dropped.id), clean(&dropped.kind), clean(&dropped.why));
         out += &format!("{id:<23} {kind:<20} dropped: {why}\n");
     }
-    let models = models(account, of_scene, schedule);
-    out += if models.is_empty() { "" } else { "\nmodel\n" };
-    for Model { file, loaded, us_per_tick, why } in models {
-        let loaded = if loaded { format!("loaded, {us_per_tick:.2} us a tick") } else { "not loaded".into() };
-        out += &format!("{}: {loaded}: {}\n", clean(&file), clean(&why));
+    out += if told.models.is_empty() { "" } else { "\nmodel\n" };
+    for Model { file, loaded, us_per_tick, why } in &told.models {
+        let loaded =
+            if *loaded { format!("loaded, {us_per_tick:.2} us a tick") } else { "not loaded".into() };
+        out += &format!("{}: {loaded}: {}\n", clean(file), clean(why));
     }
     out += "\nsurface\n";
-    let mut asked = BTreeSet::new();
-    for (surface, ticks) in scene.surfaces.iter().zip(&account.touched).take(MOST_SURFACES) {
-        asked.extend(scene.passivity(surface).map(|passivity| passivity.to_string()));
-        let (name, form, seconds) = (clean(&surface.name), form(surface), *ticks as f64 / tick_hz);
-        let effects = match names(surface) {
-            none if none.is_empty() => "no effect: it cannot be felt".to_owned(),
-            names => names.join(", "),
-        };
-        out += &format!("{name} ({form}): touched for {seconds:.2} s: {}\n", clean(&effects));
-    }
-    if let Some(more @ 1..) = scene.surfaces.len().checked_sub(MOST_SURFACES) {
-        let touched = account.touched.iter().filter(|ticks| **ticks > 0).count();
-        out += &format!("and {more} more; {touched} of all were touched\n");
+    for Surface { name, shape, effects, ticks_touched } in &told.surfaces {
+        let (name, seconds) = (clean(name), *ticks_touched as f64 / tick_hz);
+        let none = "no effect: it cannot be felt".to_owned();
+        let effects = if effects.is_empty() { none } else { effects.join(", ") };
+        out += &format!("{name} ({shape}): touched for {seconds:.2} s: {}\n", clean(&effects));
     }
     out += "\nwall\n";
-    asked.iter().for_each(|asked| out += &format!("{asked}\n"));
+    let asked = scene.surfaces.iter().filter_map(|surface| Some(scene.passivity(surface)?.to_string()));
+    asked.collect::<BTreeSet<_>>().iter().for_each(|asked| out += &format!("{asked}\n"));
     out
-}
-
-fn json(account: &Account, of_scene: &OfScene, schedule: &Schedule) -> Value {
-    let surfaces: Vec<Value> = (of_scene.scene.surfaces.iter().zip(&account.touched))
-        .map(|(s, ticks)| {
-            json!({ "name": s.name, "shape": form(s), "effects": names(s), "ticks_touched": ticks })
-        })
-        .collect();
-    json!({
-        "ticks": account.ticks, "tick_hz": schedule.tick_hz,
-        "us_per_tick": { "touching": account.tick_us[0], "in_the_air": account.tick_us[1] },
-        "effects": effects(account, of_scene, &["contact".to_owned()]), "nodes": account.nodes,
-        "dropped": dropped_json(schedule), "models": models(account, of_scene, schedule),
-        "surfaces": surfaces,
-    })
-}
-
-fn plural(count: usize, what: &str) -> String {
-    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
 fn form(surface: &Touchable) -> &'static str {

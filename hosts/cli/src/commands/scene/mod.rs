@@ -3,7 +3,6 @@
 mod explain;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::{GraphFile, Schedule};
@@ -12,10 +11,10 @@ use clap::Subcommand;
 
 use crate::failure::{Failure, print, wrong};
 use crate::kinds::Kinds;
-use crate::load::files::not_read;
+use crate::load::files::files_read;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number::number;
-use crate::output::{resolved, write_text};
+use crate::output::{apart, named, resolved, write_text};
 
 /// Print the graph that a scene lowers to, or explain it: what is built, why, and at what cost
 #[derive(Debug, Subcommand)]
@@ -34,8 +33,7 @@ pub struct Expand {
     pub out: Option<PathBuf>,
 }
 
-/// Say of every effect, node and model whether it is built, why, and its cost a tick along the scene's
-/// stroke
+/// Say whether each effect, node and model is built, why, and its cost a tick along the scene's stroke
 #[derive(Debug, clap::Args)]
 pub struct Explain {
     #[command(flatten)]
@@ -51,16 +49,14 @@ pub struct Explain {
     pub json: bool,
 }
 
-/// Runs the command.
-pub fn run(command: &Command) -> Result<ExitCode, Failure> {
+pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Expand(args) => expand(args),
         Command::Explain(args) => explain::run(args),
     }
 }
 
-/// Prints the graph that a scene lowers to.
-fn expand(args: &Expand) -> Result<ExitCode, Failure> {
+fn expand(args: &Expand) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.scene.plugins.plugin);
     let (Loaded { mut graph, compiled, .. }, _) = load_scene(&args.scene, &mut kinds)?;
     make_absolute(&mut graph, &compiled.schedule);
@@ -71,15 +67,9 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
          // Passivity is checked of the scene, not of this graph.\n{graph}"
     );
     let Some(out) = &args.out else {
-        print(&text)?;
-        return Ok(ExitCode::SUCCESS);
+        return print(&text);
     };
-    let another = "name another file in the same folder";
-    if resolved(out) == resolved(&args.scene.graph) {
-        let what = "the scene would be overwritten by its graph";
-        return Err(wrong(out, what, another));
-    }
-    not_read(out, &args.scene, &compiled.schedule, kinds.files(), another)?;
+    apart(files_read(&args.scene, &compiled.schedule, kinds.files()), named(&[("--out", Some(out))]))?;
     let folder = |path: &Path| resolved(path).parent().map(Path::to_path_buf);
     if folder(out) != folder(&args.scene.graph) {
         return Err(wrong(
@@ -89,8 +79,7 @@ fn expand(args: &Expand) -> Result<ExitCode, Failure> {
         ));
     }
     write_text(out, &text)?;
-    print(&format!("wrote {}\n", out.display()))?;
-    Ok(ExitCode::SUCCESS)
+    print(&format!("wrote {}\n", out.display()))
 }
 
 /// Makes paths of the command line absolute: those in a graph are relative to its folder.
@@ -106,10 +95,6 @@ fn make_absolute(graph: &mut GraphFile, schedule: &Schedule) {
     }
 }
 
-/// Loads a scene.
-///
-/// # Errors
-/// The file is a graph; everything that is wrong with the scene.
 fn load_scene(args: &GraphArgs, kinds: &mut Kinds) -> Result<(Loaded, OfScene), Failure> {
     let (graph, scene) = load::read(args, kinds)?;
     let Some(scene) = scene else {

@@ -1,6 +1,5 @@
 //! Progress bars, and the stop flag of a run.
 
-use std::io::IsTerminal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -11,15 +10,12 @@ use parking_lot::Mutex;
 use crate::failure::{complain, progress};
 use crate::heap;
 
-/// A bar for each stage.
 pub struct Bars {
-    /// Set when the run is to stop.
     pub stop: Arc<AtomicBool>,
     /// Counts of parts: of accuracy, and of times.
     pub parts: (u64, u64),
     pub quiet: bool,
     pub bar: Mutex<ProgressBar>,
-    /// Whether the end was said.
     pub told: AtomicBool,
 }
 
@@ -37,14 +33,7 @@ impl Monitor for Bars {
     }
 
     fn advanced(&self, parts: u64) {
-        let bar = self.bar.lock();
-        let tenth = || bar.length().and_then(|all| (10 * bar.position()).checked_div(all)).unwrap_or(0);
-        let before = tenth();
-        bar.inc(parts);
-        // Where standard error is no terminal, each tenth is a line.
-        if !self.quiet && !std::io::stderr().is_terminal() && tenth() > before {
-            complain(&format!("{}: {} %\n", bar.message(), 10 * tenth().min(10)));
-        }
+        self.bar.lock().inc(parts);
     }
 
     fn doing(&self, stage: &str) {

@@ -6,12 +6,10 @@ use asperity_diagnostics::{Diagnostic, Source};
 use asperity_tradeoff::{Figure, Results};
 
 use crate::failure::{Failure, wrong};
-use crate::output::{Pending, keep_all, resolved};
+use crate::output::{Pending, keep_all};
 
-/// The file that other commands read.
-const JSON: &str = "results.json";
+pub const JSON: &str = "results.json";
 
-/// Makes the folder where it does not exist.
 pub fn make(folder: &Path) -> Result<(), Failure> {
     let fail = |e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(folder);
     Ok(std::fs::create_dir_all(folder).map_err(fail)?)
@@ -38,25 +36,12 @@ pub fn check(folder: &Path, shard: (usize, usize)) -> Result<(), Failure> {
     ))
 }
 
-/// Whether there are results.
 pub fn has_results(folder: &Path) -> bool {
     folder.join(JSON).is_file()
 }
 
-/// Refuses to overwrite results that are to be read.
-pub fn keep_apart(from: &[PathBuf], out: &Path) -> Result<(), Failure> {
-    let written = resolved(&out.join(JSON));
-    match from.iter().find(|from| resolved(&file(from)) == written) {
-        None => Ok(()),
-        Some(from) => {
-            let what = "the merged results would overwrite these results";
-            Err(wrong(from, what, "choose another --out folder"))
-        }
-    }
-}
-
 /// The file of results: in a folder, or the path itself.
-fn file(path: &Path) -> PathBuf {
+pub fn file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(JSON) } else { path.to_owned() }
 }
 

@@ -4,7 +4,6 @@ mod bars;
 mod folder;
 
 use std::path::{Component, Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use asperity_diagnostics::{Diagnostic, Place, Source};
@@ -14,18 +13,16 @@ use indicatif::ProgressBar;
 use parking_lot::Mutex;
 
 use crate::failure::{Failure, be_quiet, print, warn, wrong};
-use crate::leave::stop_flag;
+use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::{self, PluginArgs};
 use crate::number::whole;
+use crate::output::{apart, named};
 
 use bars::Bars;
 pub use folder::read as read_results;
 
-/// The trade-off that runs where none is named.
 const SHIPPED: (&str, &str) =
     ("tradeoffs/shipped.ron (shipped)", include_str!("../../../../../graphs/tradeoffs/shipped.ron"));
-/// Exit code after an interrupt, as of a shell.
-const INTERRUPTED: u8 = 130;
 
 /// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
 ///
@@ -39,8 +36,7 @@ pub struct Args {
     /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
     #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE", value_parser = crate::shipped::path())]
     pub files: Vec<PathBuf>,
-    /// Output folder: results.csv, results.json, REPORT.md, pictures, and progress.jsonl, which a stopped run
-    /// resumes from
+    /// Output folder: results.csv, results.json, REPORT.md, pictures; progress.jsonl, to resume from
     #[arg(long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
     /// Threads for everything but times, which are always measured alone
@@ -83,8 +79,7 @@ pub struct Merge {
     pub quiet: bool,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(More::Merge(merge)) = &args.command {
         return self::merge(merge);
     }
@@ -132,7 +127,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let finished = results.rows.iter().any(Row::is_finished);
     if stopped && !finished && (results.rows.is_empty() || folder::has_results(out)) {
         warn("no setting is finished, and no results are written; the same command resumes");
-        return Ok(ExitCode::from(INTERRUPTED));
+        return Err(Failure::Said(INTERRUPTED));
     }
     let written = folder::write(out, &results)?;
     if !args.quiet {
@@ -140,14 +135,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     }
     if stopped {
         warn(&format!("{} settings are not finished; the same command resumes", results.unfinished));
-        return Ok(ExitCode::from(INTERRUPTED));
+        return Err(Failure::Said(INTERRUPTED));
     }
     if results.rows.iter().all(|row| row.error.is_some()) {
         let why = results.default_row().and_then(|row| row.error.clone()).unwrap_or_default();
         warn(&format!("no setting runs: {why}"));
-        return Ok(ExitCode::FAILURE);
+        return Err(Failure::Said(1));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// An error in a file, with the place where the trade-off names that file.
@@ -181,21 +176,14 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
         // An installed program does not have the files of the baselines.
         tradeoff.baselines.clear();
     }
-    match &tradeoff.graph {
-        _ if !graphs.is_empty() => {}
-        Some(named) if !shipped => graphs.push((named.path.clone(), Some(named.place.clone()))),
-        _ if shipped => {
-            return Err(wrong(
-                "asperity tradeoff",
-                "no graph is given",
-                "name a graph or scene; or a trade-off file that names one: \
-                 asperity tradeoff graphs/tradeoffs/shipped.ron --out out/tradeoff",
-            ));
-        }
-        _ => {
-            let help = "graph: \"../texture.ron\"; or name one on the command line";
-            return Err(wrong(source.path(), "this trade-off names no graph", help));
-        }
+    if graphs.is_empty() {
+        let help = match shipped {
+            true => "name a graph or scene; or a trade-off file: graphs/tradeoffs/shipped.ron",
+            false => "graph: \"../texture.ron\"; or name one on the command line",
+        };
+        let named = tradeoff.graph.as_ref().filter(|_| !shipped);
+        let named = named.ok_or_else(|| wrong(source.path(), "no graph is given", help))?;
+        graphs.push((named.path.clone(), Some(named.place.clone())));
     }
     Ok((tradeoff, graphs))
 }
@@ -213,8 +201,9 @@ fn loaded(path: &Path, plugins: &PluginArgs, set: &[String]) -> Result<LoadedGra
     Ok(LoadedGraph { name, graph, file: whole, registry, strength: 1.0, plugins })
 }
 
-fn merge(args: &Merge) -> Result<ExitCode, Failure> {
-    folder::keep_apart(&args.from, &args.out)?;
+fn merge(args: &Merge) -> Result<(), Failure> {
+    let read = args.from.iter().map(|from| (folder::file(from), "the merge".to_owned())).collect();
+    apart(read, named(&[("the merged results", Some(&args.out.join(folder::JSON)))]))?;
     let shards = args.from.iter().map(|path| Ok((path.display().to_string(), read_results(path)?)));
     let results = Results::merge(shards.collect::<Result<Vec<_>, Failure>>()?)?;
     let missing: Vec<String> = results.missing_shards().iter().map(usize::to_string).collect();
@@ -226,10 +215,9 @@ fn merge(args: &Merge) -> Result<ExitCode, Failure> {
     if !args.quiet {
         print(&summary(&results, &written))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
-/// Text for the terminal.
 fn summary(results: &Results, written: &[PathBuf]) -> String {
     let shown = [Figure::Perceptual, Figure::Spectrum, Figure::Convergence]
         .into_iter()
@@ -241,7 +229,6 @@ fn summary(results: &Results, written: &[PathBuf]) -> String {
     out + &format!("{settings}, of which {unsound} cannot be chosen; read REPORT.md\n")
 }
 
-/// Number of settings, in words.
 pub fn count(results: &Results) -> String {
     match results.rows.len() {
         1 => "one setting".to_owned(),
@@ -249,7 +236,6 @@ pub fn count(results: &Results) -> String {
     }
 }
 
-/// This machine.
 pub fn machine() -> Machine {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model =
@@ -263,7 +249,6 @@ pub fn machine() -> Machine {
     }
 }
 
-/// A path without `FOLDER/..`.
 fn tidy(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {
