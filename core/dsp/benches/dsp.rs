@@ -6,7 +6,7 @@ use asperity_dsp::{
     Complex, Conversion, FilterPhase, Framing, Level, OscillatorBank, OverlapAdd, Partials, PhaseVocoder,
     RandomPhase, Resampler, Spsi, StartPhase,
 };
-use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 
 /// Magnitudes of a noise: about as many peaks as a frame can have.
@@ -25,79 +25,62 @@ fn framing(rate_hz: u32, bins: usize) -> Framing {
     Framing { rate_hz, fft_len: rate_hz as usize / 10, bins, frame_num: 500, frame_den: 1 }
 }
 
+/// Times `run`, which takes the number of a frame and its magnitudes.
+fn bench<R>(c: &mut Criterion, name: &str, f: Framing, mut run: impl FnMut(u64, &[f32]) -> R) {
+    let (frames, mut frame) = (frames(f.bins, 97), 0);
+    c.bench_function(&format!("{name}/{}", f.fft_len), |b| {
+        b.iter(|| {
+            frame += 1;
+            run(frame, black_box(&frames[frame as usize % 97]))
+        });
+    });
+}
+
+/// The first sample of a frame's hop, and room for its samples.
+fn hop(f: Framing, frame: u64, out: &mut [f32]) -> (u64, &mut [f32]) {
+    (f.start(frame), &mut out[..(f.start(frame + 1) - f.start(frame)) as usize])
+}
+
 fn phase_retrieval(c: &mut Criterion) {
     for f in [framing(500, 26), framing(2500, 101), framing(44_100, 101), framing(48_000, 101)] {
-        let n = f.fft_len;
-        let frames = frames(f.bins, 97);
         let mut spectrum = vec![Complex::default(); f.bins];
         let mut out = vec![0.0f32; f.rate_hz as usize / 500 + 1];
-        let mut spsi = Spsi::<f32>::new(n, f.bins, 1);
-        let mut i = 0;
-        c.bench_function(&format!("spsi/{n}"), |b| {
-            b.iter(|| {
-                i = (i + 1) % frames.len();
-                spsi.process(black_box(&frames[i]), f.rate_hz / 500, &mut spectrum)
-            });
-        });
+        let mut spsi = Spsi::<f32>::new(f.fft_len, f.bins, 1);
+        bench(c, "spsi", f, |_, mags| spsi.process(mags, f.rate_hz / 500, &mut spectrum));
         let mut ola = OverlapAdd::<f32>::new(f).unwrap();
-        let mut frame = 0;
-        c.bench_function(&format!("overlap_add/{n}"), |b| {
-            b.iter(|| {
-                let start = f.start(frame);
-                frame += 1;
-                let hop = (f.start(frame) - start) as usize;
-                let _ = ola.add_frame(start, black_box(&spectrum));
-                ola.emit(start, &mut out[..hop]);
-                out[0]
-            });
+        bench(c, "overlap_add", f, |frame, _| {
+            let (start, out) = hop(f, frame, &mut out);
+            let _ = ola.add_frame(start, black_box(&spectrum));
+            ola.emit(start, out);
         });
-        c.bench_function(&format!("spsi+overlap_add/{n}"), |b| {
-            b.iter(|| {
-                let start = f.start(frame);
-                frame += 1;
-                let hop = (f.start(frame) - start) as usize;
-                i = (i + 1) % frames.len();
-                spsi.process(black_box(&frames[i]), hop as u32, &mut spectrum);
-                let _ = ola.add_frame(start, &spectrum);
-                ola.emit(start, &mut out[..hop]);
-                out[0]
-            });
+        ola.reset(0);
+        bench(c, "spsi+overlap_add", f, |frame, mags| {
+            let (start, out) = hop(f, frame, &mut out);
+            spsi.process(mags, out.len() as u32, &mut spectrum);
+            let _ = ola.add_frame(start, &spectrum);
+            ola.emit(start, out);
         });
     }
 }
 
 fn plain_phase_retrieval(c: &mut Criterion) {
     for f in [framing(2500, 101), framing(48_000, 101)] {
-        let n = f.fft_len;
-        let frames = frames(f.bins, 97);
         let mut spectrum = vec![Complex::default(); f.bins];
-        let mut frame = 0;
-        let mut vocoder = PhaseVocoder::<f32>::new(f, StartPhase::Quadratic, Level::Keep, 1).unwrap();
-        c.bench_function(&format!("phase_vocoder/{n}"), |b| {
-            b.iter(|| {
-                frame += 1;
-                vocoder.process(f.start(frame), black_box(&frames[frame as usize % 97]), &mut spectrum)
-            });
-        });
-        let mut random = RandomPhase::<f32>::new(f, Level::Plain, 1).unwrap();
-        c.bench_function(&format!("random_phase/{n}"), |b| {
-            b.iter(|| {
-                frame += 1;
-                random.process(frame, black_box(&frames[frame as usize % 97]), &mut spectrum)
-            });
-        });
         let mut out = vec![0.0; f.start(1) as usize];
+        let mut vocoder = PhaseVocoder::<f32>::new(f, StartPhase::Quadratic, Level::Keep, 1).unwrap();
+        bench(c, "phase_vocoder", f, |frame, mags| vocoder.process(f.start(frame), mags, &mut spectrum));
+        let mut random = RandomPhase::<f32>::new(f, Level::Plain, 1).unwrap();
+        bench(c, "random_phase", f, |frame, mags| random.process(frame, mags, &mut spectrum));
         for (name, partials) in [("tracked", Partials::Tracked), ("noise", Partials::Noise)] {
             let mut bank = OscillatorBank::<f32>::new(f, partials, 1).unwrap();
-            c.bench_function(&format!("oscillator_bank {name}/{n}"), |b| {
-                b.iter(|| {
-                    frame += 1;
-                    // Every fourth frame is another, as peaks of noise live for about ten.
-                    let mags = &frames[frame as usize / 4 % 97];
-                    bank.add_frame(frame, f.start(frame), black_box(mags));
-                    bank.emit(f.start(frame), &mut out);
-                    out[0]
-                });
+            let mut held = Vec::new();
+            bench(c, &format!("oscillator_bank {name}"), f, |frame, mags| {
+                // Every fourth frame is another, as peaks of noise live for about ten.
+                if frame % 4 == 1 {
+                    held = mags.to_vec();
+                }
+                bank.add_frame(frame, f.start(frame), &held);
+                bank.emit(f.start(frame), &mut out);
             });
         }
     }
@@ -105,21 +88,15 @@ fn plain_phase_retrieval(c: &mut Criterion) {
 
 fn sample_commit(c: &mut Criterion) {
     for f in [framing(500, 26), framing(2500, 101), framing(48_000, 101)] {
-        let all = frames(f.bins, 97);
-        let mut out = vec![0.0; f.start(1) as usize];
+        let mut out = vec![0.0f32; f.start(1) as usize];
         for (frames, passes, emission) in
             [(5, 2, 0), (5, 3, -20), (5, 5, -20), (5, 5, 0), (10, 5, 0), (5, 6, -25)]
         {
             let settings = Settings { frames, passes, emission, ..Settings::default() };
             let mut kernel = SampleCommit::<f32>::new(f, settings, 1).unwrap();
-            let mut frame = 0;
-            c.bench_function(&format!("sample_commit {frames}x{passes} at {emission}/{}", f.fft_len), |b| {
-                b.iter(|| {
-                    let _ = kernel.push(frame, black_box(&all[frame as usize % 97]));
-                    kernel.emit(f.start(frame), &mut out);
-                    frame += 1;
-                    out[0]
-                });
+            bench(c, &format!("sample_commit {frames}x{passes} at {emission}"), f, |frame, mags| {
+                let _ = kernel.push(frame, mags);
+                kernel.emit(f.start(frame), &mut out);
             });
         }
     }
@@ -128,56 +105,40 @@ fn sample_commit(c: &mut Criterion) {
 /// A tick of noise through a filter: every frame is another.
 fn shaped_noise(c: &mut Criterion) {
     for f in [framing(2500, 101), framing(48_000, 101)] {
-        let frames = frames(f.bins, 97);
         let mut noise = ShapedNoise::<f32>::new(f, 0.002, 1).unwrap();
         let mut out = vec![0.0f32; f.rate_hz as usize / 500 + 1];
-        let mut frame = 0;
-        c.bench_function(&format!("shaped_noise/{}", f.fft_len), |b| {
-            b.iter(|| {
-                let (start, end) = (f.start(frame), f.start(frame + 1));
-                noise.push(frame, black_box(&frames[frame as usize % frames.len()]), 1.0);
-                noise.emit(start, None, &mut out[..(end - start) as usize]);
-                frame += 1;
-                out[0]
-            });
+        bench(c, "shaped_noise", f, |frame, mags| {
+            let (start, out) = hop(f, frame, &mut out);
+            noise.push(frame, mags, 1.0);
+            noise.emit(start, None, out);
         });
     }
 }
 
 fn resample(c: &mut Criterion) {
-    for (in_hz, out_hz) in [(2500, 48_000), (2500, 44_100), (500, 48_000), (48_000, 2500)] {
-        let conversion = Conversion {
-            in_hz,
-            out_hz,
-            tick_num: 500,
-            tick_den: 1,
-            passband: Conversion::PASSBAND,
-            phase: FilterPhase::Linear,
-        };
-        let mut r = Resampler::<f32>::new(&conversion).unwrap();
-        let input = vec![0.5f32; in_hz as usize / 500];
-        let mut out = vec![0.0f32; out_hz as usize / 500 + 1];
-        let mut k = 0u64;
-        c.bench_function(&format!("resample/{in_hz}-{out_hz}/tick"), |b| {
-            b.iter(|| {
-                let (a, e) = (k * u64::from(out_hz) / 500, (k + 1) * u64::from(out_hz) / 500);
-                r.process(k * u64::from(in_hz) / 500, black_box(&input), a, &mut out[..(e - a) as usize]);
-                k += 1;
-                out[0]
-            });
-        });
-    }
-    let widest = Conversion {
-        in_hz: 2500,
-        out_hz: 44_099,
+    let conversion = |in_hz, out_hz, phase| Conversion {
+        in_hz,
+        out_hz,
         tick_num: 500,
         tick_den: 1,
         passband: Conversion::PASSBAND,
-        phase: FilterPhase::Minimum,
+        phase,
     };
-    c.bench_function("resample/2500-44099/new", |b| {
-        b.iter_batched(|| widest, |w| Resampler::<f32>::new(&w).unwrap(), BatchSize::PerIteration);
-    });
+    for (in_hz, out_hz) in [(2500, 48_000), (2500, 44_100), (500, 48_000), (48_000, 2500)] {
+        let mut r = Resampler::<f32>::new(&conversion(in_hz, out_hz, FilterPhase::Linear)).unwrap();
+        let input = vec![0.5f32; in_hz as usize / 500];
+        let mut out = vec![0.0f32; out_hz as usize / 500 + 1];
+        let mut tick = 0;
+        c.bench_function(&format!("resample/{in_hz}-{out_hz}/tick"), |b| {
+            b.iter(|| {
+                let (start, out) = hop(framing(out_hz, 1), tick, &mut out);
+                r.process(tick * u64::from(in_hz) / 500, black_box(&input), start, out);
+                tick += 1;
+            });
+        });
+    }
+    let widest = conversion(2500, 44_099, FilterPhase::Minimum);
+    c.bench_function("resample/2500-44099/new", |b| b.iter(|| Resampler::<f32>::new(&widest).unwrap()));
 }
 
 criterion_group! {

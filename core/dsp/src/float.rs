@@ -2,13 +2,13 @@
 
 use crate::Complex;
 use crate::lanes::Lanes;
-use crate::plans::Plans;
+use crate::plans::FftNum;
 use asperity_numbers::Elementary as _;
 use asperity_state::{Keep, State};
 use std::ops::{AddAssign, MulAssign, SubAssign};
 
 /// Sample type of all kernels: `f32` or `f64`.
-pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep + Lanes + Plans {
+pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep + Lanes + FftNum {
     /// Largest finite value.
     const MAX: Self;
     /// The nearest value to `x`.

@@ -32,6 +32,7 @@ pub mod scatter;
 pub mod shaped_noise;
 pub mod spsi;
 pub mod stft;
+mod tape;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

@@ -6,9 +6,9 @@
 //! 32(2), 1984, eq. 6). Frames at fractional hops start at whole samples, so that sum is not constant.
 //! It is periodic, and one period is kept.
 
-use crate::float::keep_wide;
 use crate::magnitude::largest_of;
 use crate::plans::Transform;
+use crate::tape::Tape;
 use crate::window::hann;
 use crate::{Complex, Float, Framing, Refused, refuse};
 use asperity_state::State;
@@ -27,9 +27,8 @@ pub struct OverlapAdd<T> {
     gain: Vec<T>,
     /// Bins are limited to the largest number over this, so that sums over bins and frames stay finite.
     summed: f64,
-    /// Sums of frames; the sample `next` is at `head`.
-    ring: Vec<T>,
-    head: usize,
+    /// Sums of frames from the sample `next` on.
+    sums: Tape<T>,
     /// First sample that is not emitted yet.
     next: u64,
 }
@@ -42,15 +41,13 @@ impl<T: Float> OverlapAdd<T> {
         let scale = framing.bin_scale() / n as f64;
         let (period, frames) = framing.period();
         let hop = period / frames + 1;
-        let ring = n + 2 * usize::try_from(hop).unwrap_or(n);
         let overlapping = (n as u64 * frames).div_ceil(period).max(1);
         Ok(Self {
             transform: Transform::new(n),
             window: hann::<f64>(n).into_iter().map(|w| T::of(w * scale)).collect(),
             gain: gain(&framing).into_iter().map(T::of).collect(),
             summed: (8 * framing.bins as u64 * overlapping) as f64,
-            ring: vec![T::zero(); ring],
-            head: 0,
+            sums: Tape::new(n + 2 * usize::try_from(hop).unwrap_or(n)),
             next: 0,
             framing,
         })
@@ -68,18 +65,16 @@ impl<T: Float> OverlapAdd<T> {
 
     /// Forgets all frames; the next sample to be emitted is `start`.
     pub fn reset(&mut self, start: u64) {
-        self.ring.fill(T::zero());
-        self.head = 0;
+        self.sums.clear();
         self.next = start;
     }
 
     /// Saves or restores the pending sums of frames and their position, for one length and hop.
     pub fn state(&mut self, state: &mut State<'_>) {
-        keep_wide(&mut self.ring, state);
-        state.keep(&mut self.head).keep(&mut self.next);
-        if self.head >= self.ring.len() || (state.restores() && !self.ring.iter().all(|y| y.finite())) {
+        self.sums.state(state);
+        state.keep(&mut self.next);
+        if state.restores() && state.failed() {
             self.reset(self.next);
-            state.refuse();
         }
     }
 
@@ -100,7 +95,7 @@ impl<T: Float> OverlapAdd<T> {
             return refuse(TOO_LATE);
         }
         let ahead = usize::try_from(start.saturating_sub(self.next)).unwrap_or(usize::MAX);
-        if ahead > self.ring.len() - n {
+        if ahead > self.sums.len() - n {
             return refuse(TOO_EARLY);
         }
         if !spectrum.iter().take(self.framing.bins).all(|x| x.re.finite() && x.im.finite()) {
@@ -108,13 +103,9 @@ impl<T: Float> OverlapAdd<T> {
         }
         self.transform(spectrum);
         let (frame, window) = (&self.transform.time[skip..], &self.window[skip..]);
-        let mut at = self.head + ahead;
-        if at >= self.ring.len() {
-            at -= self.ring.len();
+        for ((to, &x), &w) in self.sums[ahead..].iter_mut().zip(frame).zip(window) {
+            *to += x * w;
         }
-        let first = frame.len().min(self.ring.len() - at);
-        add(&mut self.ring[at..at + first], &frame[..first], &window[..first]);
-        add(&mut self.ring[..frame.len() - first], &frame[first..], &window[first..]);
         Ok(())
     }
 
@@ -134,52 +125,30 @@ impl<T: Float> OverlapAdd<T> {
         if start < self.next {
             self.reset(start);
         }
-        let gap = start - self.next;
-        match usize::try_from(gap) {
-            Ok(gap) if gap < self.ring.len() => self.drop_samples(gap),
-            _ => self.reset(start),
-        }
+        self.advance(start - self.next);
         let period = self.gain.len() as u64;
         // A period is at most MAX_PERIOD, so this fits.
         let mut phase = (start % period) as usize;
-        for block in out.chunks_mut(self.ring.len()) {
-            let first = block.len().min(self.ring.len() - self.head);
-            let (a, b) = block.split_at_mut(first);
-            for (part, at) in [(a, self.head), (b, 0)] {
-                let ring = &mut self.ring[at..at + part.len()];
-                for (to, from) in part.iter_mut().zip(ring) {
-                    *to = (*from * self.gain[phase]).to();
-                    *from = T::zero();
-                    phase += 1;
-                    if phase == self.gain.len() {
-                        phase = 0;
-                    }
+        for block in out.chunks_mut(self.sums.len()) {
+            for (to, &from) in block.iter_mut().zip(self.sums.iter()) {
+                *to = (from * self.gain[phase]).to();
+                phase += 1;
+                if phase == self.gain.len() {
+                    phase = 0;
                 }
             }
-            self.advance(block.len());
+            self.advance(block.len() as u64);
         }
     }
 
-    fn drop_samples(&mut self, count: usize) {
-        let first = count.min(self.ring.len() - self.head);
-        self.ring[self.head..self.head + first].fill(T::zero());
-        self.ring[..count - first].fill(T::zero());
-        self.advance(count);
-    }
-
-    fn advance(&mut self, count: usize) {
-        self.head = (self.head + count) % self.ring.len();
-        self.next = self.next.saturating_add(count as u64);
+    fn advance(&mut self, count: u64) {
+        self.sums.advance(usize::try_from(count).unwrap_or(usize::MAX));
+        self.next = self.next.saturating_add(count);
     }
 }
 
 pub(crate) const TOO_EARLY: &str = "the frame starts more than two hops ahead";
 pub(crate) const TOO_LATE: &str = "the frame's samples have been emitted already";
-fn add<T: Float>(to: &mut [T], frame: &[T], window: &[T]) {
-    for ((to, &x), &w) in to.iter_mut().zip(frame).zip(window) {
-        *to += x * w;
-    }
-}
 
 /// One over the sum of squared windows at each sample of a period, and 0 where that sum all but vanishes.
 fn gain(framing: &Framing) -> Vec<f64> {

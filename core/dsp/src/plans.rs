@@ -5,8 +5,10 @@
 
 use crate::Complex;
 use crate::float::unit_circle;
+pub use rustfft::FftNum;
 use rustfft::num_traits::Zero;
-use rustfft::{Fft, FftNum, FftPlannerScalar};
+use rustfft::{Fft, FftPlannerScalar};
+use std::any::{Any, TypeId};
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -24,45 +26,25 @@ pub struct Plan<T> {
     turns: Vec<Complex<T>>,
 }
 
-/// Cache of complex plans and of the real plans made from them.
-pub struct Planner<T: FftNum> {
-    complex: FftPlannerScalar<T>,
-    real: HashMap<usize, Arc<Plan<T>>>,
-}
+/// Plans of the process by type and length.
+type Shared = HashMap<(TypeId, usize), Arc<dyn Any + Send + Sync>>;
+static SHARED: LazyLock<Mutex<Shared>> = LazyLock::new(Mutex::default);
 
-/// Float type with a shared planner.
-pub trait Plans: FftNum {
-    /// Plans of the process, under a lock: not for the tick thread.
-    fn planner() -> &'static Mutex<Planner<Self>>;
-}
-
-macro_rules! plans {
-    ($($t:ty),*) => {$(
-        impl Plans for $t {
-            fn planner() -> &'static Mutex<Planner<Self>> {
-                static SHARED: LazyLock<Mutex<Planner<$t>>> = LazyLock::new(|| {
-                    Mutex::new(Planner { complex: FftPlannerScalar::new(), real: HashMap::new() })
-                });
-                &SHARED
-            }
-        }
-    )*};
-}
-
-plans!(f32, f64);
-
-fn plan<T: Plans>(len: usize) -> Arc<Plan<T>> {
+/// A plan of the process, under a lock: not for the tick thread.
+fn plan<T: FftNum>(len: usize) -> Arc<Plan<T>> {
+    let new = || Arc::new(Plan::new(len));
     if len > KEPT {
-        return Arc::new(Plan::new(len, &mut FftPlannerScalar::new()));
+        return new();
     }
-    // A thread that panicked leaves a planner that lacks a plan at most.
-    let mut shared = T::planner().lock().unwrap_or_else(PoisonError::into_inner);
-    let Planner { complex, real } = &mut *shared;
-    Arc::clone(real.entry(len).or_insert_with(|| Arc::new(Plan::new(len, complex))))
+    // A thread that panicked leaves a table that lacks a plan at most.
+    let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+    let plan = shared.entry((TypeId::of::<T>(), len)).or_insert_with(|| new());
+    // The key tells the type.
+    Arc::clone(plan).downcast().unwrap_or_else(|_| new())
 }
 
 /// The `len / 2 + 1` bins of `len` samples, unscaled.
-pub fn spectrum<T: Plans>(samples: Vec<T>) -> Vec<Complex<T>> {
+pub fn spectrum<T: FftNum>(samples: Vec<T>) -> Vec<Complex<T>> {
     let mut transform = Transform::new(samples.len());
     transform.time = samples;
     transform.forward();
@@ -70,7 +52,7 @@ pub fn spectrum<T: Plans>(samples: Vec<T>) -> Vec<Complex<T>> {
 }
 
 /// The `len` samples of the first bins of a spectrum, unscaled. Missing bins are 0.
-pub fn signal<T: Plans>(bins: impl IntoIterator<Item = Complex<T>>, len: usize) -> Vec<T> {
+pub fn signal<T: FftNum>(bins: impl IntoIterator<Item = Complex<T>>, len: usize) -> Vec<T> {
     let mut transform = Transform::new(len);
     transform.bins.iter_mut().zip(bins).for_each(|(to, bin)| *to = bin);
     transform.inverse();
@@ -84,7 +66,8 @@ pub fn complex<T: FftNum>(len: usize, forward: bool) -> Arc<dyn Fft<T>> {
 }
 
 impl<T: FftNum> Plan<T> {
-    fn new(len: usize, planner: &mut FftPlannerScalar<T>) -> Self {
+    fn new(len: usize) -> Self {
+        let mut planner = FftPlannerScalar::new();
         let even = len.is_multiple_of(2);
         let inner = if even { len / 2 } else { len };
         let turn = |k: usize| {
@@ -184,7 +167,7 @@ impl<T> std::fmt::Debug for Transform<T> {
     }
 }
 
-impl<T: Plans> Transform<T> {
+impl<T: FftNum> Transform<T> {
     /// Plans both directions and allocates the buffers.
     pub fn new(len: usize) -> Self {
         let plan = plan(len);

@@ -18,6 +18,7 @@
 use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
+use crate::tape::Tape;
 use crate::window::hann;
 use crate::{Float, Framing, Refused, Stft};
 use asperity_numbers::Elementary as _;
@@ -212,37 +213,30 @@ fn mean_level(q: f64, real: bool) -> f64 {
 #[derive(Debug)]
 struct Line<T> {
     seed: u64,
-    /// Twice a window's samples; the held ones end before `end`.
-    samples: Vec<T>,
-    end: usize,
-    /// Number of the sample at `end`; none before anything is held.
+    samples: Tape<T>,
+    /// Number of the sample behind the held ones; none before anything is held.
     next: Option<u64>,
-    len: usize,
 }
 
 impl<T: Float> Line<T> {
     fn new(seed: u64, len: usize) -> Self {
-        Self { seed, samples: vec![T::zero(); 2 * len], end: 0, next: None, len }
+        Self { seed, samples: Tape::new(len), next: None }
     }
 
     /// The window's samples from `start` on.
     fn at(&mut self, start: u64) -> &[T] {
-        let (len, last) = (self.len, start.saturating_add(self.len as u64));
+        let len = self.samples.len();
+        let last = start.saturating_add(len as u64);
         let fresh = match self.next {
-            Some(next) if next <= last => (last - next).min(len as u64) as usize,
-            _ => len,
+            Some(next) if next <= last => (last - next).min(len as u64),
+            _ => len as u64,
         };
-        if self.end + fresh > self.samples.len() {
-            self.samples.copy_within(self.end - (len - fresh)..self.end, 0);
-            self.end = len - fresh;
+        self.samples.advance(fresh as usize);
+        for (x, sample) in self.samples[len - fresh as usize..].iter_mut().zip(last - fresh..) {
+            *x = T::of(normal(self.seed, sample));
         }
-        let from = last - fresh as u64;
-        for (i, x) in self.samples[self.end..self.end + fresh].iter_mut().enumerate() {
-            *x = T::of(normal(self.seed, from + i as u64));
-        }
-        self.end += fresh;
         self.next = Some(last);
-        &self.samples[self.end - len..self.end]
+        &self.samples
     }
 }
 

@@ -19,6 +19,20 @@ macro_rules! stateful {
     };
 }
 
+/// The numbers of a spectrum.
+fn spectrum_by(bins: usize, process: impl FnOnce(&mut [Complex<f32>]) -> usize) -> Vec<f32> {
+    let mut out = vec![Complex::default(); bins];
+    process(&mut out);
+    out.into_iter().flat_map(|c| [c.re, c.im]).collect()
+}
+
+/// The samples of a tick.
+fn samples_by(len: usize, emit: impl FnOnce(&mut [f32])) -> Vec<f32> {
+    let mut out = vec![0.0; len];
+    emit(&mut out);
+    out
+}
+
 /// A kernel from magnitudes to numbers, one hop at a time, in single precision.
 trait Kernel {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32>;
@@ -34,69 +48,51 @@ fn spectrum(n: u64, mags: &[f32]) -> Vec<Complex<f32>> {
 
 impl<T: Float> Kernel for Spsi<T> {
     fn hop(&mut self, _: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![Complex::default(); mags.len()];
-        self.process(mags, 5, &mut out);
-        parts(out)
+        spectrum_by(mags.len(), |out| self.process(mags, 5, out))
     }
     stateful!();
 }
 
 impl<T: Float> Kernel for OverlapAdd<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; 5];
         self.add_frame(5 * n, &spectrum(n, mags)).unwrap();
-        self.emit(5 * n, &mut out);
-        out
+        samples_by(5, |out| self.emit(5 * n, out))
     }
     stateful!(0);
 }
 
 impl<T: Float> Kernel for Resampler<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; 96];
-        self.process(5 * n, &mags[..5], 96 * n, &mut out);
-        out
+        samples_by(96, |out| self.process(5 * n, &mags[..5], 96 * n, out))
     }
     stateful!();
 }
 
 impl<T: Float> Kernel for OscillatorBank<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; 5];
         self.add_frame(n, 5 * n, mags);
-        self.emit(5 * n, &mut out);
-        out
+        samples_by(5, |out| _ = self.emit(5 * n, out))
     }
     stateful!(0);
 }
 
 impl<T: Float> Kernel for SampleCommit<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; 5];
         self.push(n, mags).unwrap();
-        self.emit(5 * n, &mut out);
-        out
+        samples_by(5, |out| self.emit(5 * n, out))
     }
     stateful!(0);
 }
 
-fn parts(spectrum: Vec<Complex<f32>>) -> Vec<f32> {
-    spectrum.into_iter().flat_map(|c| [c.re, c.im]).collect()
-}
-
 impl<T: Float> Kernel for RandomPhase<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![Complex::default(); mags.len()];
-        self.process(n, mags, &mut out);
-        parts(out)
+        spectrum_by(mags.len(), |out| self.process(n, mags, out))
     }
 }
 
 impl<T: Float> Kernel for PhaseVocoder<T> {
     fn hop(&mut self, n: u64, mags: &[f32]) -> Vec<f32> {
-        let mut out = vec![Complex::default(); mags.len()];
-        self.process(5 * n, mags, &mut out);
-        parts(out)
+        spectrum_by(mags.len(), |out| self.process(5 * n, mags, out))
     }
 }
 

@@ -22,19 +22,23 @@ impl Probe {
     }
 }
 
+fn even(force: f32, speed: f32) -> Probe {
+    Probe { force: [force; FORCE_LEN], speed: [speed; SPEED_LEN] }
+}
+
+/// A random history within these forces, and speeds up to this one.
+fn drawn(random: &mut Random, [low, high]: [f32; 2], speed: f32) -> Probe {
+    Probe {
+        force: std::array::from_fn(|_| (high - low) * unit(random) + low),
+        speed: std::array::from_fn(|_| 2.0 * speed * unit(random) - speed),
+    }
+}
+
 /// Probes within a stylus' range: rest, a steady stroke, and random histories (N, mm/s).
 pub(crate) fn ordinary() -> Vec<Probe> {
     let mut random = Random::new(0x9e37_79b9_7f4a_7c15);
-    let mut probes = vec![
-        Probe { force: [0.0; FORCE_LEN], speed: [0.0; SPEED_LEN] },
-        Probe { force: [1.0; FORCE_LEN], speed: [100.0; SPEED_LEN] },
-        Probe { force: [0.0; FORCE_LEN], speed: [-300.0; SPEED_LEN] },
-        Probe { force: [3.3; FORCE_LEN], speed: [0.0; SPEED_LEN] },
-    ];
-    probes.extend((0..8).map(|_| Probe {
-        force: std::array::from_fn(|_| 3.3 * unit(&mut random)),
-        speed: std::array::from_fn(|_| 400.0 * unit(&mut random) - 200.0),
-    }));
+    let mut probes = vec![even(0.0, 0.0), even(1.0, 100.0), even(0.0, -300.0), even(3.3, 0.0)];
+    probes.extend((0..8).map(|_| drawn(&mut random, [0.0, 3.3], 200.0)));
     probes
 }
 
@@ -43,10 +47,7 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
     let mut random = Random::new(0xbf58_476d_1ce4_e5b9);
     let motion = |i: usize| -> Probe {
         if i.is_multiple_of(2) {
-            return Probe {
-                force: std::array::from_fn(|_| 3.3 * unit(&mut random)),
-                speed: std::array::from_fn(|_| 400.0 * unit(&mut random) - 200.0),
-            };
+            return drawn(&mut random, [0.0, 3.3], 200.0);
         }
         let mut line = |low: f32, high: f32| {
             let mut end = || low + (high - low) * unit(&mut random);
@@ -67,14 +68,8 @@ pub(crate) fn motions(count: usize) -> Vec<Probe> {
 /// their own full scale, so as not to hide errors of the others.
 pub(crate) fn large() -> Vec<Probe> {
     let mut random = Random::new(0xd1b5_4a32_d192_ed03);
-    let mut probes = vec![
-        Probe { force: [300.0; FORCE_LEN], speed: [30_000.0; SPEED_LEN] },
-        Probe { force: [-300.0; FORCE_LEN], speed: [-30_000.0; SPEED_LEN] },
-    ];
-    probes.extend((0..2).map(|_| Probe {
-        force: std::array::from_fn(|_| 600.0 * unit(&mut random) - 300.0),
-        speed: std::array::from_fn(|_| 60_000.0 * unit(&mut random) - 30_000.0),
-    }));
+    let mut probes = vec![even(300.0, 30_000.0), even(-300.0, -30_000.0)];
+    probes.extend((0..2).map(|_| drawn(&mut random, [-300.0, 300.0], 30_000.0)));
     probes
 }
 

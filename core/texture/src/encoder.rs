@@ -78,12 +78,11 @@ impl Encoder {
 
     /// One run over the right number of pixels, row by row, red, green and blue in turn.
     fn run(&self, pixels: &[u8]) -> Option<Vec<f32>> {
-        let [rows, columns] = IMAGE;
         let planes: Vec<f32> = (0..3)
             .flat_map(|channel| pixels.iter().skip(channel).step_by(3))
             .map(|x| f32::from(*x) / 255.0)
             .collect();
-        self.plan.run(&[(&[1, 3, rows, columns], &planes)])?.into_iter().next()
+        self.plan.run(&[&planes])?.into_iter().next()
     }
 }
 

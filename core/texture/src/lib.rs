@@ -17,7 +17,6 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod check;
-mod double;
 mod encoder;
 mod kernel;
 mod library;
@@ -34,7 +33,6 @@ mod reference;
 mod round;
 mod runner;
 mod signature;
-mod stored;
 #[cfg(test)]
 mod tests;
 mod trained;

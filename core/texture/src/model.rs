@@ -5,7 +5,7 @@ use crate::proto::{self, MAX_MODEL_BYTES};
 use crate::reference::Reference;
 use crate::runner::{Runner, Wanted};
 use crate::signature::match_signature;
-use crate::trained::{Target, Trained};
+use crate::trained::{self, Target, Trained};
 use asperity_diagnostics::{Diagnostic, Recent, file, fingerprint};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -68,12 +68,13 @@ impl Model {
             Err(e) if cfg!(feature = "tract") || lowered.is_err() => return Err(e),
             reference => reference,
         };
+        let (trained, target) = trained::read(&model.metadata_props, path)?;
         Ok(Self {
             path: path.to_owned(),
             reference,
             lowered,
-            trained: Trained::read(&model.metadata_props, path)?,
-            target: Target::read(&model.metadata_props, path)?,
+            trained,
+            target,
             outputs: signature.outputs.len(),
             made: Recent::new(RUNNERS),
         })

@@ -25,11 +25,7 @@ impl Plan {
             .help(INSTALL))
     }
 
-    pub(crate) fn answers(&self, _: usize, _shape: &[usize]) -> Result<(), String> {
-        match *self {}
-    }
-
-    pub(crate) fn run(&self, _: &[(&[usize], &[f32])]) -> Option<Vec<Vec<f32>>> {
+    pub(crate) fn run(&self, _: &[&[f32]]) -> Option<Vec<Vec<f32>>> {
         match *self {}
     }
 }

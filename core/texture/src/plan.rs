@@ -11,9 +11,9 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::internal::*;
 use tract_onnx::tract_hir::tract_core::model::order::eval_order_for_nodes;
 
-/// A compiled graph. Cheap to clone.
+/// A compiled graph with the shapes of its inputs. Cheap to clone.
 #[derive(Clone)]
-pub(crate) struct Plan(Arc<TypedRunnableModel>);
+pub(crate) struct Plan(Arc<TypedRunnableModel>, Vec<Vec<usize>>);
 
 impl Plan {
     /// Compiles the graph of the file `path` for f32 `inputs` of these shapes.
@@ -36,21 +36,10 @@ impl Plan {
             .unwrap_or_else(|_| Err(wanted.refuse("tract panicked over this model".into())))
     }
 
-    /// Whether output `i` is of f32 and has this shape.
-    ///
-    /// # Errors
-    /// The shape and type that it has.
-    pub(crate) fn answers(&self, i: usize, shape: &[usize]) -> Result<(), String> {
-        let fact = self.0.model().output_fact(i).map_err(|e| e.to_string())?;
-        let fits = fact.datum_type == f32::datum_type()
-            && fact.shape.as_concrete().is_some_and(|dims| dims == shape);
-        if fits { Ok(()) } else { Err(format!("{:?} {:?}", fact.shape, fact.datum_type)) }
-    }
-
-    /// The outputs for inputs, each with its shape; `None` where tract fails. Allocates.
-    pub(crate) fn run(&self, inputs: &[(&[usize], &[f32])]) -> Option<Vec<Vec<f32>>> {
-        let tensor = |(shape, data): &(&[usize], &[f32])| Tensor::from_shape(shape, data).ok();
-        let inputs: Option<TVec<TValue>> = inputs.iter().map(|i| Some(tensor(i)?.into_tvalue())).collect();
+    /// The outputs for these inputs; `None` where tract fails or an output is not of f32. Allocates.
+    pub(crate) fn run(&self, inputs: &[&[f32]]) -> Option<Vec<Vec<f32>>> {
+        let inputs = inputs.iter().zip(&self.1).map(|(data, shape)| Tensor::from_shape(shape, data));
+        let inputs: Option<TVec<TValue>> = inputs.map(|tensor| Some(tensor.ok()?.into_tvalue())).collect();
         let inputs = inputs?;
         let results = catch_unwind(AssertUnwindSafe(|| self.0.run(inputs))).ok()?.ok()?;
         results.iter().map(|r| Some(r.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?.to_vec())).collect()
@@ -73,7 +62,11 @@ impl Wanted<'_> {
         };
         let mut model = self.parse(model).map_err(told)?;
         self.count(&mut model).map_err(told)??;
-        model.into_optimized().and_then(|model| model.into_runnable()).map(Plan).map_err(told)
+        model
+            .into_optimized()
+            .and_then(|model| model.into_runnable())
+            .map(|plan| Plan(plan, self.inputs.to_vec()))
+            .map_err(told)
     }
 
     fn refuse(&self, what: String) -> Diagnostic {

@@ -29,21 +29,27 @@ impl Reference {
         let inputs: Vec<Vec<usize>> = signature.inputs.iter().map(|(_, role)| vec![1, role.len()]).collect();
         let model = ModelProto { graph: Some(graph), ..model.clone() };
         let plan = Plan::compile(&model, path, &inputs, MAX_MODEL_BYTES, WANTED)?;
-        for (i, (name, len)) in signature.outputs.iter().enumerate() {
-            plan.answers(i, &[1, *len]).map_err(|found| {
-                refuse(format!("output {name} has shape and type {found}, not [1,{len}] float"))
-            })?;
-        }
         let roles: Vec<Role> = signature.inputs.iter().map(|(_, role)| *role).collect();
         let order = roles.try_into().map_err(|_| refuse("this model has not 3 inputs".into()))?;
         let reference = Self { plan, order };
-        // A graph may compile and still fail on every run.
-        let mut out: Vec<Vec<f32>> = signature.outputs.iter().map(|(_, len)| vec![0.0; *len]).collect();
-        let mut out: Vec<&mut [f32]> = out.iter_mut().map(Vec::as_mut_slice).collect();
-        match reference.run(&[0.0; TEXTURE_LEN], &[0.0; FORCE_LEN], &[0.0; SPEED_LEN], &mut out) {
-            Some(()) => Ok(reference),
-            None => Err(refuse("tract fails to run this model on zeros".into())),
+        // A graph may compile and still fail, or answer something unexpected.
+        let results = reference.results(&[0.0; TEXTURE_LEN], &[0.0; FORCE_LEN], &[0.0; SPEED_LEN]);
+        let results = results.ok_or_else(|| refuse("tract fails to run this model on zeros".into()))?;
+        for (result, (name, len)) in results.iter().zip(&signature.outputs) {
+            if result.len() != *len {
+                let found = result.len();
+                return Err(refuse(format!("output {name} has shape [1,{found}], not [1,{len}] float")));
+            }
         }
+        Ok(reference)
+    }
+
+    fn results(&self, texture: &[f32], force: &[f32], speed: &[f32]) -> Option<Vec<Vec<f32>>> {
+        self.plan.run(&self.order.map(|role| match role {
+            Role::Force => force,
+            Role::Speed => speed,
+            Role::Texture => texture,
+        }))
     }
 
     /// One run, into as many of the outputs as there are in `out`; `None` where tract fails. Allocates.
@@ -54,14 +60,7 @@ impl Reference {
         speed: &[f32],
         out: &mut [&mut [f32]],
     ) -> Option<()> {
-        let row = |values: &[f32]| [1, values.len()];
-        let shapes = [row(force), row(speed), row(texture)];
-        let input = |role: &Role| match role {
-            Role::Force => (shapes[0].as_slice(), force),
-            Role::Speed => (shapes[1].as_slice(), speed),
-            Role::Texture => (shapes[2].as_slice(), texture),
-        };
-        let results = self.plan.run(&self.order.each_ref().map(input))?;
+        let results = self.results(texture, force, speed)?;
         for (i, out) in out.iter_mut().enumerate() {
             let result = results.get(i)?;
             (result.len() == out.len()).then(|| out.copy_from_slice(result))?;

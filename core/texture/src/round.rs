@@ -10,12 +10,70 @@
 //! On the shipped model the largest error of full scale falls from 5.0e-2 to 1.9e-3 with 8 bits, and
 //! from 8.3e-4 to 5.6e-5 with f16.
 
+use crate::check::{self, Probe};
+use crate::lower::Lowered;
+
 /// Part of the mean variance that is added to every input's, for inputs outside the samples. Of 0.1,
 /// 0.01, 0.001 and 0.0001 the third was best; none was twice as bad.
 const DAMPING: f64 = 0.001;
 
+/// Samples of a layer's inputs: a quarter of a second's work. Four times as many change the error no
+/// more than another seed.
+const MOST_SAMPLES: usize = 256;
+const MOST_MATERIALS: usize = 8;
+/// Most numbers in all samples: 32 MiB.
+const MOST_NUMBERS: usize = 1 << 22;
+/// Most multiply-adds for the samples.
+const MOST_WORK: usize = 1 << 28;
+/// Layers with more inputs are rounded weight by weight: the work grows with the third power.
+const MOST_INPUTS: usize = 1024;
+
+/// All elements for ordinary motions and some materials, sample by sample. Without samples, weights are
+/// rounded one by one.
+#[derive(Default)]
+pub(crate) struct Samples(Vec<Vec<f64>>);
+
+impl Samples {
+    /// As many motions over up to 8 materials as make `MOST_SAMPLES`; fewer for a large network.
+    pub(crate) fn new(net: &Lowered, materials: &[Vec<f32>]) -> Self {
+        let every = materials.len().div_ceil(MOST_MATERIALS).max(1);
+        let some: Vec<&Vec<f32>> = materials.iter().step_by(every).collect();
+        let count =
+            MOST_SAMPLES.min(MOST_NUMBERS / net.constant.len()).min(MOST_WORK / net.multiply_adds().max(1));
+        let motions = check::motions((count / some.len().max(1)).max(1));
+        let pairs = some.iter().flat_map(|texture| motions.iter().map(move |probe| (texture, probe)));
+        let sample = |(texture, Probe { force, speed }): (&&Vec<f32>, &Probe)| {
+            let inputs = force.iter().chain(speed).chain(texture.iter());
+            let mut elements: Vec<f64> = inputs.map(|x| f64::from(*x)).collect();
+            elements.resize(net.constant.len(), 0.0);
+            net.steps.iter().for_each(|step| step.compute(&mut elements));
+            elements
+        };
+        Self(pairs.map(sample).collect())
+    }
+
+    /// Mean of one element.
+    pub(crate) fn mean(&self, of: usize) -> f64 {
+        let sum: f64 = self.0.iter().map(|elements| elements[of]).sum();
+        sum / self.0.len().max(1) as f64
+    }
+
+    /// Rounds the weights of `inputs` by `nearest`, row by row, `n` a row: all together if the samples tell
+    /// their correlation.
+    pub(crate) fn round(&self, weights: &mut [f64], n: usize, inputs: &[usize], nearest: fn(f64) -> f64) {
+        let of_inputs = || -> Vec<f64> {
+            self.0.iter().flat_map(|elements| inputs.iter().map(|k| elements[*k])).collect()
+        };
+        let few = inputs.len() <= MOST_INPUTS;
+        match few.then(|| Rounder::new(&of_inputs(), inputs.len())).flatten() {
+            Some(rounder) => rounder.round(weights, n, nearest),
+            None => weights.iter_mut().for_each(|w| *w = nearest(*w)),
+        }
+    }
+}
+
 /// Correlation of a layer's inputs.
-pub(crate) struct Rounder {
+struct Rounder {
     /// Inputs in the order of the columns of `factor`.
     order: Vec<usize>,
     /// R, row by row, upper triangular, each row divided by its diagonal element.
@@ -24,7 +82,7 @@ pub(crate) struct Rounder {
 
 impl Rounder {
     /// From samples of the inputs, `len` each, one after the other. `None` if nothing varies.
-    pub(crate) fn new(samples: &[f64], len: usize) -> Option<Self> {
+    fn new(samples: &[f64], len: usize) -> Option<Self> {
         let count = samples.len().checked_div(len)? as f64;
         let mut mean = vec![0.0; len];
         for x in samples.chunks_exact(len) {
@@ -73,7 +131,7 @@ impl Rounder {
     }
 
     /// Rounds the weights of a layer by `nearest`, row by row. A row has `n` weights of one input.
-    pub(crate) fn round(&self, weights: &mut [f64], n: usize, nearest: impl Fn(f64) -> f64) {
+    fn round(&self, weights: &mut [f64], n: usize, nearest: impl Fn(f64) -> f64) {
         let len = self.order.len();
         // Losses, with rows in the order of `factor`; and the loss that a row takes over.
         let mut lost = vec![0.0; len * n];

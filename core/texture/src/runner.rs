@@ -1,7 +1,6 @@
 //! A model with its materials, ready to run once a tick.
 
 use crate::check::{self, Probe, error_of_full_scale};
-use crate::double::Double;
 use crate::kernel::has_whole_numbers;
 use crate::lower::Lowered;
 use crate::model::Model;
@@ -9,10 +8,10 @@ use crate::packed::Packed;
 use crate::range::Range;
 use crate::reference::Reference;
 use crate::signature::{FORCE_LEN, MAGNITUDES_LEN, SPEED_LEN, TEXTURE_LEN};
-use crate::stored::Stored;
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::Isa;
 use std::fmt;
+use std::sync::Arc;
 
 /// Most materials of a runner.
 pub const MAX_MATERIALS: usize = 4096;
@@ -203,23 +202,39 @@ pub enum RunError {
 
 #[derive(Clone)]
 enum Engine {
-    F32(Box<Packed<f32>>),
-    F16(Box<Packed<u16>>),
-    Int8(Box<Packed<i8>>),
-    F64(Box<Double>),
-    Tract(Reference, Vec<Vec<f32>>),
+    Packed(Box<Packed>),
+    /// The lowered network in double precision, with room for all elements. Only inputs and outputs are f32.
+    Double(Arc<Lowered>, Vec<f64>),
+    Tract(Reference),
 }
 
 impl Engine {
-    /// One run into the first outputs; `None` where tract fails or there is no such material.
+    fn double(net: &Lowered) -> Self {
+        Engine::Double(Arc::new(net.clone()), vec![0.0; net.constant.len()])
+    }
+
+    /// One run over a material and its texture into the first outputs; `None` where tract fails, or a length
+    /// does not fit.
     #[inline]
-    fn run(&mut self, material: usize, force: &[f32], speed: &[f32], out: &mut [&mut [f32]]) -> Option<()> {
+    fn run(
+        &mut self,
+        (material, texture): (usize, &[f32]),
+        force: &[f32],
+        speed: &[f32],
+        out: &mut [&mut [f32]],
+    ) -> Option<()> {
         match self {
-            Engine::F32(packed) => packed.run(material, force, speed, out),
-            Engine::F16(packed) => packed.run(material, force, speed, out),
-            Engine::Int8(packed) => packed.run(material, force, speed, out),
-            Engine::F64(double) => double.run(material, force, speed, out),
-            Engine::Tract(reference, textures) => reference.run(textures.get(material)?, force, speed, out),
+            Engine::Packed(packed) => packed.run(material, force, speed, out),
+            Engine::Double(net, elements) => {
+                let inputs = force.iter().chain(speed).chain(texture);
+                elements.iter_mut().zip(inputs).for_each(|(to, x)| *to = f64::from(*x));
+                net.steps.iter().for_each(|step| step.compute(elements));
+                for (out, at) in out.iter_mut().zip(&net.outputs) {
+                    out.iter_mut().zip(elements.get(at.clone())?).for_each(|(y, x)| *y = *x as f32);
+                }
+                Some(())
+            }
+            Engine::Tract(reference) => reference.run(texture, force, speed, out),
         }
     }
 }
@@ -228,11 +243,14 @@ impl Engine {
 #[derive(Clone)]
 pub struct Runner {
     engine: Engine,
-    materials: usize,
+    textures: Arc<[Vec<f32>]>,
     /// Number of the model's outputs.
     outputs: usize,
     info: Info,
 }
+
+/// Key of a runner among a model's: texture vectors, precision and choice.
+pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
 
 impl Model {
     /// Prepares the network for `materials`, each of [`TEXTURE_LEN`] finite numbers: folds their part
@@ -248,22 +266,20 @@ impl Model {
         precision: Precision,
         choice: Choice,
     ) -> Result<Runner, Diagnostic> {
-        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
-        if materials.is_empty() || materials.len() > MAX_MATERIALS {
-            return Err(refuse(format!(
-                "{} materials for this network; 1 to {MAX_MATERIALS} fit",
-                materials.len()
-            )));
+        let refuse = |what: String| Err(Diagnostic::new(what).in_file(&self.path));
+        let count = materials.len();
+        if !(1..=MAX_MATERIALS).contains(&count) {
+            return refuse(format!("{count} materials for this network; 1 to {MAX_MATERIALS} fit"));
         }
-        for (i, m) in materials.iter().enumerate() {
-            let m = m.as_ref();
+        for (i, m) in materials.iter().map(AsRef::as_ref).enumerate() {
             if m.len() != TEXTURE_LEN {
-                let what =
-                    format!("material {i} has a texture vector of {} numbers, not {TEXTURE_LEN}", m.len());
-                return Err(refuse(what));
+                let len = m.len();
+                return refuse(format!(
+                    "material {i} has a texture vector of {len} numbers, not {TEXTURE_LEN}"
+                ));
             }
             if let Some(at) = m.iter().position(|x| !x.is_finite()) {
-                return Err(refuse(format!("number {at} of material {i}'s texture vector is not finite")));
+                return refuse(format!("number {at} of material {i}'s texture vector is not finite"));
             }
         }
         let all: Vec<Vec<f32>> = materials.iter().map(|m| m.as_ref().to_vec()).collect();
@@ -271,55 +287,36 @@ impl Model {
     }
 
     /// Makes a runner for valid materials.
-    fn make(&self, &(ref materials, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
-        let refuse = |what: String| Diagnostic::new(what).in_file(&self.path);
-        let job = Job {
-            model: self,
-            range: Range::new(self.trained()),
-            textures: materials,
-            materials: materials.iter().map(|m| m.iter().map(|&x| f64::from(x)).collect()).collect(),
-        };
+    fn make(&self, &(ref textures, precision, choice): &Wanted) -> Result<Runner, Diagnostic> {
+        let refuse = |what: String| Err(Diagnostic::new(what).in_file(&self.path));
         let tract = |report: String| {
-            Ok(Runner {
-                engine: Engine::Tract(self.reference.clone()?, materials.clone()),
-                materials: materials.len(),
-                outputs: self.outputs,
-                info: Info {
-                    executor: Executor::Tract,
-                    weights_bytes: 0,
-                    multiply_adds: 0,
-                    max_error_vs_tract: None,
-                    report,
-                },
-            })
+            let info = Info {
+                executor: Executor::Tract,
+                weights_bytes: 0,
+                multiply_adds: 0,
+                max_error_vs_tract: None,
+                report,
+            };
+            Ok(self.with(Engine::Tract(self.reference.clone()?), textures, info))
         };
         let forced = match choice {
             Choice::Tract => return tract("tract, as asked for".into()),
             Choice::Auto => None,
+            Choice::Packed(_) if precision == Precision::F64 && self.lowered.is_ok() => {
+                return refuse("f64 has no packed kernels".into());
+            }
             Choice::Packed(isa) => Some(isa),
         };
         let net = match &self.lowered {
             Ok(net) => net,
-            Err(why) if forced.is_some() => {
-                return Err(refuse(format!("this network cannot be packed: {why}")));
-            }
+            Err(why) if forced.is_some() => return refuse(format!("this network cannot be packed: {why}")),
             Err(why) => return tract(format!("tract: not packed, for {why}")),
         };
-        if forced.is_some() && precision == Precision::F64 {
-            return Err(refuse("f64 has no packed kernels".into()));
-        }
         let mut refused = String::new();
         let attempts = if forced.is_some() { &[precision] } else { precision.attempts() };
         for &precision in attempts {
-            let best = precision.isas().first().copied().unwrap_or(Isa::Portable);
-            let isa = forced.unwrap_or(best);
-            let attempt = match precision {
-                Precision::F32 => job.packed::<f32>(net, isa, precision, |p| Engine::F32(Box::new(p))),
-                Precision::F16 => job.packed::<u16>(net, isa, precision, |p| Engine::F16(Box::new(p))),
-                Precision::Int8 => job.packed::<i8>(net, isa, precision, |p| Engine::Int8(Box::new(p))),
-                Precision::F64 => job.double(net),
-            };
-            match attempt {
+            let isa = forced.or(precision.isas().first().copied()).unwrap_or(Isa::Portable);
+            match self.checked(net, textures, precision, isa) {
                 Ok(mut runner) => {
                     runner.info.report.push_str(&refused);
                     return Ok(runner);
@@ -327,63 +324,38 @@ impl Model {
                 Err(why) => refused.push_str(&format!("; {} weights refused: {why}", precision.name())),
             }
         }
-        if forced.is_some() {
-            return Err(refuse(format!("this network cannot be packed{refused}")));
+        match forced {
+            Some(_) => refuse(format!("this network cannot be packed{refused}")),
+            None => tract(format!("tract{refused}")),
         }
-        tract(format!("tract{refused}"))
-    }
-}
-
-/// Key of a runner among a model's: texture vectors, precision and choice.
-pub(crate) type Wanted = (Vec<Vec<f32>>, Precision, Choice);
-
-/// Inputs of packing beside the network.
-struct Job<'a> {
-    model: &'a Model,
-    /// Range to which inputs are clamped.
-    range: Range,
-    textures: &'a [Vec<f32>],
-    materials: Vec<Vec<f64>>,
-}
-
-impl Job<'_> {
-    /// Packs and checks, or says why not.
-    fn packed<W: Stored>(
-        &self,
-        net: &Lowered,
-        isa: Isa,
-        precision: Precision,
-        engine: impl FnOnce(Packed<W>) -> Engine,
-    ) -> Result<Runner, String> {
-        let packed = Packed::<W>::new(net, &self.materials, isa)?;
-        let (bytes, multiply_adds) = (packed.weights_bytes(), packed.multiply_adds());
-        let executor = Executor::Packed { isa, precision };
-        self.checked(net, engine(packed), executor, precision.tolerance(), bytes, multiply_adds)
     }
 
-    /// The network in f64, checked, or says why not.
-    fn double(&self, net: &Lowered) -> Result<Runner, String> {
-        let double = Double::new(net, &self.materials);
-        let multiply_adds = double.multiply_adds();
-        let (bytes, tolerance) = (multiply_adds * size_of::<f64>(), Precision::F64.tolerance());
-        self.checked(net, Engine::F64(Box::new(double)), Executor::Double, tolerance, bytes, multiply_adds)
+    fn with(&self, engine: Engine, textures: &[Vec<f32>], info: Info) -> Runner {
+        Runner { engine, textures: textures.into(), outputs: self.outputs, info }
     }
 
-    /// A runner, if it is near enough to tract; without tract, to the network in f64.
+    /// A runner in this precision, if it is near enough to tract; without tract, to the network in f64.
+    /// Else the reason.
     fn checked(
         &self,
         net: &Lowered,
-        mut engine: Engine,
-        executor: Executor,
-        tolerance: f64,
-        weights_bytes: usize,
-        multiply_adds: usize,
+        textures: &[Vec<f32>],
+        precision: Precision,
+        isa: Isa,
     ) -> Result<Runner, String> {
-        let (mut exact, name) = match &self.model.reference {
-            Ok(reference) => (Engine::Tract(reference.clone(), self.textures.to_vec()), "tract"),
-            Err(_) => (Engine::F64(Box::new(Double::new(net, &self.materials))), "f64"),
+        let (mut engine, executor, weights_bytes, multiply_adds) = if precision == Precision::F64 {
+            let multiply_adds = net.multiply_adds();
+            (Engine::double(net), Executor::Double, multiply_adds * size_of::<f64>(), multiply_adds)
+        } else {
+            let packed = Packed::new(net, textures, isa, precision)?;
+            let (bytes, multiply_adds) = (packed.weights().map(<[u8]>::len).sum(), packed.multiply_adds());
+            (Engine::Packed(Box::new(packed)), Executor::Packed { isa, precision }, bytes, multiply_adds)
         };
-        let error = self.error(&mut exact, &mut engine)?;
+        let (mut exact, name) = match &self.reference {
+            Ok(reference) => (Engine::Tract(reference.clone()), "tract"),
+            Err(_) => (Engine::double(net), "f64"),
+        };
+        let (error, tolerance) = (self.error(textures, &mut exact, &mut engine)?, precision.tolerance());
         if error.is_nan() || error > tolerance {
             return Err(format!(
                 "differs from {name} by {error:.1e} of full scale, more than {tolerance:.0e}"
@@ -393,26 +365,28 @@ impl Job<'_> {
             executor,
             weights_bytes,
             multiply_adds,
-            max_error_vs_tract: self.model.reference.is_ok().then_some(error),
+            max_error_vs_tract: self.reference.is_ok().then_some(error),
             report: format!("{executor}, within {error:.1e} of full scale of {name}"),
         };
-        Ok(Runner { engine, materials: self.textures.len(), outputs: self.model.outputs, info })
+        Ok(self.with(engine, textures, info))
     }
 
     /// Largest difference between two. Each output has its own full scale in each group of probes.
-    fn error(&self, exact: &mut Engine, other: &mut Engine) -> Result<f64, String> {
+    fn error(&self, textures: &[Vec<f32>], exact: &mut Engine, other: &mut Engine) -> Result<f64, String> {
+        let range = Range::new(self.trained());
         let mut worst = 0f64;
         for probes in [check::ordinary(), check::large()] {
-            let probes: Vec<Probe> = probes.iter().map(|probe| probe.held(&self.range)).collect();
+            let probes: Vec<Probe> = probes.iter().map(|probe| probe.held(&range)).collect();
             let mut reference: [Vec<f32>; 3] = Default::default();
             let mut found = reference.clone();
-            for material in 0..self.textures.len().min(CHECKED_MATERIALS) {
+            for (material, texture) in textures.iter().enumerate().take(CHECKED_MATERIALS) {
                 for Probe { force, speed } in &probes {
                     let mut answer = Answer::default();
                     let mut out = outputs(&mut answer);
-                    let out = &mut out[..self.model.outputs];
+                    let out = &mut out[..self.outputs];
                     for (engine, all) in [(&mut *exact, &mut reference), (&mut *other, &mut found)] {
-                        engine.run(material, force, speed, out).ok_or("it fails on the check's inputs")?;
+                        let ran = engine.run((material, texture), force, speed, out);
+                        ran.ok_or("it fails on the check's inputs")?;
                         all.iter_mut().zip(&*out).for_each(|(all, out)| all.extend_from_slice(out));
                     }
                 }
@@ -484,13 +458,12 @@ impl Runner {
         speed: &[f32],
         out: &mut [&mut [f32]],
     ) -> Result<(), RunError> {
-        if material >= self.materials {
-            return Err(RunError::Material { index: material, count: self.materials });
-        }
+        let count = self.textures.len();
+        let texture = self.textures.get(material).ok_or(RunError::Material { index: material, count })?;
         if force.len() != FORCE_LEN || speed.len() != SPEED_LEN {
             return Err(RunError::Length);
         }
-        self.engine.run(material, force, speed, out).ok_or(RunError::Executor)
+        self.engine.run((material, texture), force, speed, out).ok_or(RunError::Executor)
     }
 
     /// The executor, and why it was chosen.
@@ -500,7 +473,7 @@ impl Runner {
 
     /// Number of materials.
     pub fn materials(&self) -> usize {
-        self.materials
+        self.textures.len()
     }
 
     /// Whether a run allocates no memory.
@@ -511,19 +484,16 @@ impl Runner {
     /// Reads the packed weights once, in order, and returns a checksum: the lower bound of a run's
     /// time, for benches. `None` for f64 and tract.
     pub fn read_weights(&self) -> Option<u32> {
-        match &self.engine {
-            Engine::F32(packed) => Some(packed.read()),
-            Engine::F16(packed) => Some(packed.read()),
-            Engine::Int8(packed) => Some(packed.read()),
-            Engine::F64(..) | Engine::Tract(..) => None,
-        }
+        let Engine::Packed(packed) = &self.engine else { return None };
+        let words = packed.weights().flat_map(|layer| layer.as_chunks::<4>().0);
+        Some(words.fold(0, |sum, word| sum.wrapping_add(u32::from_ne_bytes(*word))))
     }
 }
 
 impl fmt::Debug for Runner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Runner")
-            .field("materials", &self.materials)
+            .field("materials", &self.textures.len())
             .field("info", &self.info)
             .finish_non_exhaustive()
     }
@@ -532,14 +502,11 @@ impl fmt::Debug for Runner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
 
     fn share(a: &Runner, b: &Runner) -> bool {
         match (&a.engine, &b.engine) {
-            (Engine::F32(a), Engine::F32(b)) => Arc::ptr_eq(&a.made, &b.made),
-            (Engine::F16(a), Engine::F16(b)) => Arc::ptr_eq(&a.made, &b.made),
-            (Engine::Int8(a), Engine::Int8(b)) => Arc::ptr_eq(&a.made, &b.made),
-            (Engine::F64(a), Engine::F64(b)) => Arc::ptr_eq(&a.net, &b.net),
+            (Engine::Packed(a), Engine::Packed(b)) => Arc::ptr_eq(&a.made, &b.made),
+            (Engine::Double(a, _), Engine::Double(b, _)) => Arc::ptr_eq(a, b),
             _ => false,
         }
     }

@@ -40,12 +40,17 @@ impl Role {
         }
     }
 
-    pub(crate) fn len(self) -> usize {
+    /// Its place among all inputs, one after the other.
+    pub(crate) fn place(self) -> std::ops::Range<usize> {
         match self {
-            Role::Force => FORCE_LEN,
-            Role::Speed => SPEED_LEN,
-            Role::Texture => TEXTURE_LEN,
+            Role::Force => 0..FORCE_LEN,
+            Role::Speed => FORCE_LEN..FORCE_LEN + SPEED_LEN,
+            Role::Texture => FORCE_LEN + SPEED_LEN..FORCE_LEN + SPEED_LEN + TEXTURE_LEN,
         }
+    }
+
+    pub(crate) fn len(self) -> usize {
+        self.place().len()
     }
 }
 
@@ -89,33 +94,24 @@ fn signature(graph: &GraphProto) -> Result<Signature, String> {
     if inputs.len() != Role::ALL.len() {
         return Err(format!("this model has {} inputs, not 3", inputs.len()));
     }
-    let mut roles: Vec<Option<Role>> = vec![None; inputs.len()];
-    for role in Role::ALL {
-        let (name, len) = (role.name(), role.len());
-        // The three widths differ, so at most one input fits unless shapes repeat.
-        let taken_by_name = |v: &ValueInfoProto| Role::ALL.iter().any(|r| is(v, r.name()));
-        let fits =
-            |i: &usize| roles[*i].is_none() && !taken_by_name(inputs[*i]) && row_len(inputs[*i]) == Some(len);
-        let named = inputs.iter().position(|v| is(v, name));
-        let mut found = named.into_iter().chain((0..inputs.len()).filter(|i| named.is_none() && fits(i)));
-        let index = found.next().ok_or_else(|| format!("no input is named {name} or has shape [1,{len}]"))?;
-        if found.next().is_some() {
-            return Err(format!("two inputs could be {name}"));
+    let matched = |input: &ValueInfoProto| {
+        let named = Role::ALL.into_iter().find(|role| is(input, role.name()));
+        let fitting = || Role::ALL.into_iter().find(|role| row_len(input) == Some(role.len()));
+        let found = describe(input);
+        match named.or_else(fitting) {
+            None => Err(format!("input {found} is none of force, speed, texture")),
+            Some(role) if row_len(input) != Some(role.len()) => {
+                Err(format!("input {found} does not fit [1,{}]", role.len()))
+            }
+            Some(_) if !is_float(input) => Err(format!("input {found} is not 32-bit float")),
+            Some(role) => Ok((input.name.clone(), role)),
         }
-        let input = inputs[index];
-        if row_len(input) != Some(len) {
-            return Err(format!("input {} does not fit [1,{len}]", describe(input)));
-        }
-        if !is_float(input) {
-            return Err(format!("input {} is not 32-bit float", describe(input)));
-        }
-        roles[index] = Some(role);
-    }
-    let role = |(input, role): (&&ValueInfoProto, Option<Role>)| {
-        let none = || format!("input {} is none of force, speed, texture", describe(input));
-        Ok((input.name.clone(), role.ok_or_else(none)?))
     };
-    let matched = inputs.iter().zip(roles).map(role).collect::<Result<_, String>>()?;
+    let matched = inputs.into_iter().map(matched).collect::<Result<Vec<_>, String>>()?;
+    let twice = |role: &Role| matched.iter().filter(|(_, r)| r == role).count() > 1;
+    if let Some(role) = Role::ALL.into_iter().find(twice) {
+        return Err(format!("two inputs could be {}", role.name()));
+    }
 
     let of = |name: &str| graph.output.iter().find(|v| is(v, name));
     let magnitudes = of("magnitudes");

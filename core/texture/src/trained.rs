@@ -14,24 +14,6 @@ pub enum Target {
     Mean,
 }
 
-impl Target {
-    pub(crate) fn read(entries: &[StringStringEntryProto], path: &Path) -> Result<Self, Diagnostic> {
-        let Some(entry) = entries.iter().find(|e| e.key == "target") else { return Ok(Self::default()) };
-        match entry.value.as_str() {
-            "rms" => Ok(Self::RootMeanSquare),
-            "mean" => Ok(Self::Mean),
-            _ => Err(Diagnostic::new(format!("this model's `target` is \"{}\"", beginning(&entry.value)))
-                .in_file(path)
-                .help("rms or mean")),
-        }
-    }
-}
-
-/// The beginning of a value, for errors.
-fn beginning(value: &str) -> String {
-    value.chars().take(40).flat_map(char::escape_default).collect()
-}
-
 /// The range that a texture network was trained on; what its file does not say is `None`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trained {
@@ -41,21 +23,31 @@ pub struct Trained {
     pub speed_max_mm_s: Option<f64>,
 }
 
-impl Trained {
-    pub(crate) fn read(entries: &[StringStringEntryProto], path: &Path) -> Result<Self, Diagnostic> {
-        let most = |key: &str| -> Result<Option<f64>, Diagnostic> {
-            let Some(entry) = entries.iter().find(|e| e.key == key) else { return Ok(None) };
-            let number = entry.value.trim().parse::<f64>().ok();
-            match number.filter(|x| *x > 0.0 && *x <= f64::from(f32::MAX)) {
-                Some(x) => Ok(Some(x)),
-                None => {
-                    let found = beginning(&entry.value);
-                    Err(Diagnostic::new(format!("this model's `{key}` is \"{found}\""))
-                        .in_file(path)
-                        .help("a number above 0, such as 3.5"))
-                }
-            }
-        };
-        Ok(Self { force_max_n: most("force_max_n")?, speed_max_mm_s: most("speed_max_mm_s")? })
-    }
+/// Reads the range and the target.
+pub(crate) fn read(entries: &[StringStringEntryProto], path: &Path) -> Result<(Trained, Target), Diagnostic> {
+    let most = |text: &str| text.trim().parse().ok().filter(|x| *x > 0.0 && *x <= f64::from(f32::MAX));
+    let number = |key| fact(entries, path, key, "a number above 0, such as 3.5", most);
+    let trained = Trained { force_max_n: number("force_max_n")?, speed_max_mm_s: number("speed_max_mm_s")? };
+    let target = |text: &str| match text {
+        "rms" => Some(Target::RootMeanSquare),
+        "mean" => Some(Target::Mean),
+        _ => None,
+    };
+    Ok((trained, fact(entries, path, "target", "rms or mean", target)?.unwrap_or_default()))
+}
+
+/// The value of a key, if there is one.
+fn fact<T>(
+    entries: &[StringStringEntryProto],
+    path: &Path,
+    key: &str,
+    wanted: &str,
+    parse: impl Fn(&str) -> Option<T>,
+) -> Result<Option<T>, Diagnostic> {
+    let Some(entry) = entries.iter().find(|e| e.key == key) else { return Ok(None) };
+    let found = parse(&entry.value).ok_or_else(|| {
+        let beginning: String = entry.value.chars().take(40).flat_map(char::escape_default).collect();
+        Diagnostic::new(format!("this model's `{key}` is \"{beginning}\"")).in_file(path).help(wanted)
+    })?;
+    Ok(Some(found))
 }

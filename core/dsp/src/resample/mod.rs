@@ -12,8 +12,8 @@
 
 mod prototype;
 
-use crate::float::keep_wide;
 use crate::framing::gcd;
+use crate::tape::Tape;
 use crate::{Float, Refused, refuse};
 use asperity_state::State;
 use prototype::Prototype;
@@ -65,10 +65,8 @@ pub struct Resampler<T> {
     /// Delay of outputs in input samples, so that a tick needs no input of the next one.
     wait: usize,
     latency: (u64, u64),
-    /// The newest inputs, sample `n` at `n mod size` and at that plus `size`, so that any `stride` of them
-    /// are contiguous.
-    ring: Vec<T>,
-    size: usize,
+    /// The newest inputs.
+    inputs: Tape<T>,
     /// Index of the next input; none before the first.
     next: Option<u64>,
 }
@@ -121,8 +119,7 @@ impl<T: Float> Resampler<T> {
             };
             (rows(&prototype, up, taps, stride, slow, centre), latency)
         };
-        let ring = vec![T::zero(); 2 * size];
-        Ok(Self { rows, stride, up, down, wait, latency, ring, size, next: None })
+        Ok(Self { rows, stride, up, down, wait, latency, inputs: Tape::new(size), next: None })
     }
 
     /// Delay of the output in seconds as `(numerator, denominator)`: exact for linear phase; for minimum
@@ -133,18 +130,14 @@ impl<T: Float> Resampler<T> {
 
     /// Forgets all inputs.
     pub fn reset(&mut self) {
-        self.ring.fill(T::zero());
+        self.inputs.clear();
         self.next = None;
     }
 
     /// Saves or restores the newest inputs, for one number of them.
     pub fn state(&mut self, state: &mut State<'_>) {
-        keep_wide(&mut self.ring[..self.size], state);
+        self.inputs.state(state);
         state.keep(&mut self.next);
-        if state.restores() {
-            state.require(self.ring[..self.size].iter().all(|x| x.finite()));
-            self.ring.copy_within(..self.size, self.size);
-        }
     }
 
     /// Takes the inputs from `first_in` on and computes the outputs from `first_out` on; both may be empty.
@@ -160,39 +153,36 @@ impl<T: Float> Resampler<T> {
         let mut newest = u64::try_from(place / up).unwrap_or(u64::MAX >> 1);
         let mut phase = (place % up) as usize;
         let come = self.next.unwrap_or(0).saturating_add(input.len() as u64);
-        if newest > come.saturating_add(self.size as u64) {
+        if newest > come.saturating_add(self.inputs.len() as u64) {
             // Far from any input.
             out.fill(P::zero());
             input.for_each(|x| self.push(x.to()));
             return;
         }
         let (step, step_phase) = (self.down / self.up, self.down % self.up);
-        // Position in the ring of the window's first sample, newest - wait - stride + 1.
-        let mut at =
-            ((newest % self.size as u64) as usize + 2 * self.size - self.wait + 1 - self.stride) % self.size;
+        // Where a row of the newest inputs begins.
+        let newest_row = self.inputs.len() - self.stride;
         for y in out {
-            let last = (newest + 1).saturating_sub(self.wait as u64);
+            let last = newest + 1 - self.wait as u64;
             while self.next.is_none_or(|next| next < last) {
                 self.push(input.next().map_or(T::zero(), |x| x.to()));
             }
-            let row = &self.rows[phase * self.stride..][..self.stride];
-            *y = dot(&self.ring[at..at + self.stride], row).to();
+            let later = usize::try_from(self.next.unwrap_or(last) - last).unwrap_or(usize::MAX);
+            let at = newest_row.saturating_sub(later);
+            *y =
+                dot(&self.inputs[at..][..self.stride], &self.rows[phase * self.stride..][..self.stride]).to();
             phase += step_phase;
             let carry = usize::from(phase >= self.up);
             phase -= carry * self.up;
             newest += (step + carry) as u64;
-            at += step + carry;
-            if at >= self.size {
-                at -= self.size;
-            }
         }
         input.for_each(|x| self.push(x.to()));
     }
 
     fn seek(&mut self, first: u64) {
         let next = *self.next.get_or_insert(first);
-        if first < next || first - next >= self.size as u64 {
-            self.ring.fill(T::zero());
+        if first < next || first - next >= self.inputs.len() as u64 {
+            self.inputs.clear();
             self.next = Some(first);
         } else {
             (next..first).for_each(|_| self.push(T::zero()));
@@ -200,11 +190,11 @@ impl<T: Float> Resampler<T> {
     }
 
     fn push(&mut self, x: T) {
-        let next = self.next.unwrap_or(0);
-        let at = (next % self.size as u64) as usize;
-        self.ring[at] = x;
-        self.ring[at + self.size] = x;
-        self.next = Some(next.wrapping_add(1));
+        self.inputs.advance(1);
+        if let Some(last) = self.inputs.last_mut() {
+            *last = x;
+        }
+        self.next = Some(self.next.unwrap_or(0).wrapping_add(1));
     }
 }
 

@@ -31,8 +31,8 @@ impl<T: Float> History<T> {
         let slots = slots.max(1);
         Self {
             framing,
-            slots: vec![Slot { start: 0, peak: T::zero() }; slots.max(1)],
-            mags: vec![T::zero(); slots.max(1) * framing.bins],
+            slots: vec![Slot { start: 0, peak: T::zero() }; slots],
+            mags: vec![T::zero(); slots * framing.bins],
             first: 0,
             next: 0,
         }

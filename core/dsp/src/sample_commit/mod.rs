@@ -39,19 +39,16 @@
 //! A stream fades in over a tenth of a window (longer where its first frame's window begins). A missing frame
 //! is silence, so the signal fades out as the windows do.
 
-mod batch;
 mod drift;
 mod history;
 mod project;
-mod settings;
 
-pub use settings::{MAX_WORK, Settings};
-
-use crate::float::{keep_wide, phasor};
+use crate::float::phasor;
 use crate::lanes::LANES;
 use crate::magnitude::largest_of;
 use crate::overlap_add::{TOO_EARLY, TOO_LATE};
 use crate::random::uniform;
+use crate::tape::Tape;
 use crate::{Complex, Float, Framing, Refused, refuse};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
@@ -76,6 +73,54 @@ const LOUD: f64 = (1u64 << 40) as f64;
 /// Limit of sample positions: millions of years at any rate.
 const FAR: i64 = 1 << 61;
 
+/// Amount of work and time of emission.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Frames of a pass, 1 or more: the newest, and others spread over those that reach past the last sample.
+    pub frames: usize,
+    /// Passes for each new frame, 1 or more.
+    pub passes: usize,
+    /// Extrapolation of a pass in the direction of the one before, in [0, 1).
+    pub momentum: f64,
+    /// Time of emission in frames. 0: at the start of the newest frame. Negative: inside it (-25 is its
+    /// centre at 50 frames a window). Positive: before its start.
+    pub emission: i32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { frames: 5, passes: 5, momentum: 0.9, emission: -20 }
+    }
+}
+
+/// Most frames in a pass, and most passes for a frame.
+pub const MAX_WORK: usize = 100;
+
+impl Settings {
+    /// Checks the settings that do not depend on the framing.
+    fn check(&self) -> Result<(), Refused> {
+        if [self.frames, self.passes].iter().any(|&n| n == 0 || n > MAX_WORK) {
+            return refuse(format!("frames and passes are 1 to {MAX_WORK}"));
+        }
+        if !(0.0..1.0).contains(&self.momentum) {
+            return refuse("the momentum is not in [0, 1)");
+        }
+        Ok(())
+    }
+    /// `floor(emission * hop)` in samples, rounded towards 0. Emission is refused after the end of the newest
+    /// frame, and more than ten windows before its start.
+    pub fn delay(&self, framing: &Framing) -> Result<i64, Refused> {
+        let samples = framing.start(u64::from(self.emission.unsigned_abs()));
+        let samples = i64::try_from(samples).unwrap_or(i64::MAX);
+        let n = framing.fft_len as i64;
+        let delay = if self.emission < 0 { -samples } else { samples };
+        if delay <= -n || delay > 10 * n {
+            return refuse("samples can be emitted from the end of a window to ten windows before it");
+        }
+        Ok(delay)
+    }
+}
+
 /// Turns a stream of magnitude frames into samples.
 #[derive(Debug)]
 pub struct SampleCommit<T> {
@@ -91,10 +136,9 @@ pub struct SampleCommit<T> {
     hop: usize,
     /// Ages of the frames of a pass.
     chosen: Vec<u64>,
-    /// The signal over `[next - fft_len, ..)`, from `head` on: itself, and extrapolated by momentum.
-    x: Vec<T>,
-    z: Vec<T>,
-    head: usize,
+    /// The signal over `[next - fft_len, ..)`: itself, and extrapolated by momentum.
+    x: Tape<T>,
+    z: Tape<T>,
     /// Sums over the same samples, for one pass.
     sum: Vec<T>,
     weight: Vec<T>,
@@ -148,15 +192,13 @@ impl<T: Float> SampleCommit<T> {
             cover,
             hop,
             chosen: Vec::with_capacity(slots),
-            // One window longer, so that the signal is moved to the front only once a window.
-            x: vec![T::zero(); len + n],
-            z: vec![T::zero(); len + n],
+            x: Tape::new(len),
+            z: Tape::new(len),
             sum: vec![T::zero(); len],
             weight: vec![T::zero(); len],
             expected: vec![T::zero(); len],
             fade: fade(n.div_ceil(10)),
             rise: fade(n.div_ceil(4)),
-            head: 0,
             next: 0,
             scale: 1.0,
             sounds_until: i64::MIN,
@@ -208,9 +250,8 @@ impl<T: Float> SampleCommit<T> {
     pub fn reset(&mut self, start: u64) {
         self.history.clear();
         self.drift.clear();
-        self.x.fill(T::zero());
-        self.z.fill(T::zero());
-        self.head = 0;
+        self.x.clear();
+        self.z.clear();
         self.next = self.content(start);
         self.scale = 1.0;
         (self.sounds_until, self.unheard_from, self.fade_from) = (i64::MIN, i64::MIN, i64::MIN);
@@ -311,7 +352,7 @@ impl<T: Float> SampleCommit<T> {
             && due
             && slot.start >= origin.max(self.unheard_from.saturating_add(2 * n))
         {
-            let at = self.head + (slot.start - origin) as usize;
+            let at = (slot.start - origin) as usize;
             self.drift.hear(&self.x[at..at + self.framing.fft_len], mags, self.scale);
         }
         phasor(self.drift.turns())
@@ -364,7 +405,7 @@ impl<T: Float> SampleCommit<T> {
         let (sum, weight) = (&mut self.sum[..end], &mut self.weight[..end]);
         sum[from..].fill(T::zero());
         weight[from..].fill(T::zero());
-        let z = &mut self.z[self.head..self.head + end];
+        let z = &mut self.z[..end];
         for some in self.chosen.chunks(LANES) {
             let mut sounding: [(usize, &[T]); LANES] = [(0, &[]); LANES];
             let mut count = 0;
@@ -382,7 +423,7 @@ impl<T: Float> SampleCommit<T> {
             }
             self.projector.project(Call { z, frames: &sounding[..count], from, sum, turn });
         }
-        let x = &mut self.x[self.head..self.head + end];
+        let x = &mut self.x[..end];
         let momentum = T::of(momentum);
         let inertia = T::of(if self.unheard_from > origin { FIRST_INERTIA } else { INERTIA });
         for range in [unheard.unwrap_or(0..0), n..end] {
@@ -422,7 +463,7 @@ impl<T: Float> SampleCommit<T> {
             self.miss(end);
             let scale = T::of(self.scale);
             let most = T::of(largest_of::<P, T>());
-            for (i, (to, &x)) in block.iter_mut().zip(&self.x[self.head + view..]).enumerate() {
+            for (i, (to, &x)) in block.iter_mut().zip(&self.x[view..]).enumerate() {
                 *to = ((x * scale).limited(most) * self.fade_at(self.next + i as i64)).to();
             }
             self.advance(block.len());
@@ -459,20 +500,11 @@ impl<T: Float> SampleCommit<T> {
 
     /// Freezes samples, at most a window of them.
     fn advance(&mut self, count: usize) {
-        let n = self.framing.fft_len;
-        let len = self.sum.len();
-        let emitted = self.head + n..self.head + n + count;
+        let emitted = self.framing.fft_len..self.framing.fft_len + count;
         self.z[emitted.clone()].copy_from_slice(&self.x[emitted]);
         self.next += count as i64;
-        self.head += count;
-        if self.head + len > self.x.len() {
-            for v in [&mut self.x, &mut self.z] {
-                v.copy_within(self.head.., 0);
-                let kept = v.len() - self.head;
-                v[kept..].fill(T::zero());
-            }
-            self.head = 0;
-        }
+        self.x.advance(count);
+        self.z.advance(count);
     }
 
     /// Saves or restores the frames in use, their samples and positions, for one layout and emission.
@@ -480,22 +512,20 @@ impl<T: Float> SampleCommit<T> {
         let mut delay = self.delay;
         self.history.state(state);
         self.drift.state(state);
-        keep_wide(&mut self.x, state);
-        keep_wide(&mut self.z, state);
-        state.keep(&mut self.head).keep(&mut self.next);
+        self.x.state(state);
+        self.z.state(state);
+        state.keep(&mut self.next);
         state.keep(&mut self.scale).keep(&mut self.sounds_until).keep(&mut self.unheard_from);
         state.keep(&mut self.fade_from).keep(&mut delay);
         let len = self.sum.len();
         let ahead = (len - 2 * self.framing.fft_len) as i64;
-        let places = self.head.checked_add(len).is_some_and(|end| end <= self.x.len())
-            && (-delay.max(0)..FAR).contains(&self.next)
+        let places = (-delay.max(0)..FAR).contains(&self.next)
             && self.history.get(0).is_none_or(|(newest, _)| newest.start <= self.next + ahead);
         // Positions to which additions do not overflow.
         let far = |t: i64| t != i64::MIN && !(-FAR..FAR).contains(&t);
         let places = places && ![self.sounds_until, self.unheard_from, self.fade_from].into_iter().any(far);
-        let finite = self.x.iter().chain(&self.z).all(|x| x.finite())
-            && (2f64.powi(-100)..=2f64.powi(100)).contains(&self.scale);
-        if state.restores() && !(delay == self.delay && places && finite && !state.failed()) {
+        let scale = (2f64.powi(-100)..=2f64.powi(100)).contains(&self.scale);
+        if state.restores() && !(delay == self.delay && places && scale && !state.failed()) {
             self.reset(0);
             state.refuse();
         }

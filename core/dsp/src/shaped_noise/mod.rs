@@ -34,11 +34,11 @@ pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 use crate::float::{keep_wide, unit_circle};
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
+use crate::tape::Tape;
 use crate::{Complex, Float, Framing, Refused};
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 use events::{Bumps, at_ridges};
-use pattern::keep_waves;
 use place::Place;
 use response::Designer;
 use unblurred::Unblurred;
@@ -86,10 +86,9 @@ pub struct ShapedNoise<T> {
     bumps: Bumps,
     /// Taps before and after the tick, newest sample last.
     taps: [Vec<T>; 2],
-    /// One window of past excitation, then new samples. It is moved to the front once a window.
-    excitation: Vec<T>,
-    end: usize,
-    /// Number of the sample after `end`, if there is any.
+    /// The newest excitation.
+    excitation: Tape<T>,
+    /// Number of the sample behind it, if there is any.
     next: Option<u64>,
     waves: [Lines; WAVES],
     unblurred: Unblurred,
@@ -148,8 +147,7 @@ impl<T: Float> ShapedNoise<T> {
             place: Place::new(tick_s),
             bumps: Bumps::new(seed),
             taps: [0, 1].map(|_| vec![T::zero(); n]),
-            excitation: vec![T::zero(); 2 * n + longest],
-            end: 0,
+            excitation: Tape::new(2 * n + longest),
             next: None,
             waves: std::array::from_fn(|_| lines.clone()),
             unblurred: Unblurred::new(framing.bins),
@@ -182,7 +180,7 @@ impl<T: Float> ShapedNoise<T> {
     /// Forgets everything but the pattern.
     pub fn reset(&mut self) {
         self.magnitudes.fill(T::zero());
-        (self.newest, self.next, self.end, self.followed) = (None, None, 0, false);
+        (self.newest, self.next, self.followed) = (None, None, false);
         self.found_in = None;
         self.taps.iter_mut().for_each(|taps| taps.fill(T::zero()));
         for wave in &mut self.waves {
@@ -540,18 +538,15 @@ impl<T: Float> ShapedNoise<T> {
         let turned = turned.max_by(|a, b| crossed(a).total_cmp(&crossed(b)));
         if self.next != Some(start) {
             // Before that there was noise, and no bump.
-            for (i, x) in self.excitation[..n].iter_mut().enumerate() {
+            let past = self.excitation.len() - n;
+            for (i, x) in self.excitation[past..].iter_mut().enumerate() {
                 let sample = (start + i as u64).checked_sub(n as u64).filter(|_| events.is_none());
                 *x = sample.map_or(T::zero(), |sample| T::of(normal(self.seed, sample)));
             }
-            self.end = n;
         }
-        if self.end + count > self.excitation.len() {
-            self.excitation.copy_within(self.end - n..self.end, 0);
-            self.end = n;
-        }
-        let from = self.end;
-        let new = &mut self.excitation[from..from + count];
+        self.excitation.advance(count);
+        let from = self.excitation.len() - count;
+        let new = &mut self.excitation[from..];
         let rate_hz = f64::from(self.framing.rate_hz);
         if let Some((events, way)) = spacings {
             self.bumps.fill(start, rate_hz, way, &events, new);
@@ -563,7 +558,7 @@ impl<T: Float> ShapedNoise<T> {
                 at_ridges(self.seed, rate_hz, turned, &events, new);
             }
         }
-        (self.end, self.next) = (from + count, Some(start + count as u64));
+        self.next = Some(start + count as u64);
         from
     }
 
@@ -605,25 +600,18 @@ impl<T: Float> ShapedNoise<T> {
     pub fn state(&mut self, state: &mut State<'_>) {
         keep_wide(&mut self.magnitudes, state);
         self.taps.iter_mut().for_each(|taps| keep_wide(taps, state));
-        keep_wide(&mut self.excitation, state);
+        self.excitation.state(state);
         state.keep(&mut self.newest).keep(&mut self.followed).keep(&mut self.found_in);
-        state.keep(&mut self.end).keep(&mut self.next);
-        state.keep(&mut self.way_mm).keep(&mut self.from_mm).keep(&mut self.silent);
+        state.keep(&mut self.next).keep(&mut self.way_mm).keep(&mut self.from_mm).keep(&mut self.silent);
         for lines in &mut self.waves {
             state.keep(&mut lines.count).keep(&mut lines.units_hz);
             for line in lines.units.iter_mut().chain(lines.at.iter_mut().flatten()) {
-                state.keep(&mut line.re).keep(&mut line.im);
+                state.keep(line);
             }
         }
-        self.pattern.state(state);
-        let mut coming = self.coming.is_some();
-        let mut waves = self.coming.unwrap_or_default();
-        state.keep(&mut coming);
-        keep_waves(&mut waves, state);
-        self.coming = coming.then_some(waves);
+        state.keep(&mut self.pattern).keep(&mut self.coming);
         self.place.state(state);
         self.bumps.state(state);
-        let n = self.framing.fft_len;
         let finite = |values: &[T]| values.iter().all(|x| x.finite());
         let lines = self.waves.iter().all(|lines| {
             let mut all = lines.units.iter().chain(lines.at.iter().flatten());
@@ -631,13 +619,10 @@ impl<T: Float> ShapedNoise<T> {
                 && lines.units_hz.is_finite()
                 && lines.count.iter().all(|n| *n <= MOST_LINES)
         });
-        let fine = (self.next.is_none() || (n..=self.excitation.len()).contains(&self.end))
-            && self.way_mm.is_finite()
+        let fine = self.way_mm.is_finite()
             && self.from_mm.iter().all(|x| x.abs() < 1e12)
             && [self.newest, self.next].into_iter().flatten().all(|number| number < LAST)
-            && [&self.magnitudes, &self.taps[0], &self.taps[1], &self.excitation]
-                .into_iter()
-                .all(|v| finite(v))
+            && [&self.magnitudes, &self.taps[0], &self.taps[1]].into_iter().all(|v| finite(v))
             && lines;
         if state.restores() && (!fine || state.failed()) {
             self.reset();

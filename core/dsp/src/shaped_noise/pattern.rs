@@ -3,7 +3,7 @@
 use crate::Complex;
 use crate::float::phasor;
 use asperity_numbers::Elementary as _;
-use asperity_state::State;
+use asperity_state::{Keep, State};
 
 /// Most waves of a pattern.
 pub const WAVES: usize = 2;
@@ -25,7 +25,7 @@ const SPEED_MM_S: f64 = 100.0;
 const SPEEDS_MM_S: (f64, f64) = (10.0, 1000.0);
 
 /// Bumps along a stroke.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Events {
     /// Mean distance between bumps in mm, for a hand at 100 mm/s. None: one bump at each ridge of the
     /// wave that the hand crosses faster.
@@ -64,7 +64,7 @@ impl Events {
 }
 
 /// Ridges that repeat with position.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wave {
     /// Wave vector in 1/mm.
     pub per_mm: [f64; 2],
@@ -122,46 +122,33 @@ impl Pattern {
         let waves = std::array::from_fn(wave);
         Self { waves, events: events.filter(|e| e.spacing_mm.is_some() || waves[0].is_some()) }
     }
+}
 
-    /// Saves or restores the pattern.
-    pub(super) fn state(&mut self, state: &mut State<'_>) {
-        keep_waves(&mut self.waves, state);
-        let events = &mut self.events;
-        let mut numbers =
-            events.map_or([0.0; 3], |e| [e.spacing_mm.unwrap_or(-1.0), e.interval_cv, e.height_cv]);
-        let mut spacing_exponent = events.map_or(0.0, |e| e.spacing_exponent);
-        let mut anisotropy = events.map_or([0.0; 2], |e| e.anisotropy);
-        state.keep(&mut numbers).keep(&mut spacing_exponent).keep(&mut anisotropy);
-        state.require(numbers.iter().all(|x| (-1.0..=1e3).contains(x)));
-        state.require(spacing_exponent.abs() <= MOST_EXPONENT);
-        state.require(anisotropy[0].hypotenuse(anisotropy[1]) < 1.0);
-        let [spacing_mm, interval_cv, height_cv] = numbers;
-        let of = Some(spacing_mm).filter(|mm| *mm > 0.0);
-        let of = Events { spacing_mm: of, spacing_exponent, anisotropy, interval_cv, height_cv };
-        *events = (spacing_mm != 0.0).then_some(of);
+impl Keep for Pattern {
+    fn keep(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.waves).keep(&mut self.events);
     }
 }
 
-/// Saves or restores waves.
-pub(super) fn keep_waves(waves: &mut [Option<Wave>; WAVES], state: &mut State<'_>) {
-    for wave in waves {
-        let mut kept = wave.unwrap_or(Wave {
-            per_mm: [0.0; 2],
-            weights: [0.0; HARMONICS],
-            shares: [0.0; HARMONICS],
-            turns: [Complex::new(1.0, 0.0); HARMONICS],
-        });
-        state.keep(&mut kept.per_mm).keep(&mut kept.weights).keep(&mut kept.shares);
-        for turn in &mut kept.turns {
-            state.keep(&mut turn.re).keep(&mut turn.im);
-        }
-        let small = |x: &f64| x.abs() <= 1e3;
-        state.require(
-            kept.turns.iter().all(|t| small(&t.re) && small(&t.im)) && kept.per_mm.iter().all(small),
-        );
-        state.require(kept.weights.iter().all(|x| (0.0..=10.0).contains(x)));
-        state.require(kept.shares.iter().all(|x| (0.0..=1.0).contains(x)));
-        *wave = (kept.per_mm != [0.0; 2]).then_some(kept);
+impl Keep for Events {
+    fn keep(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.spacing_mm).keep(&mut self.spacing_exponent).keep(&mut self.anisotropy);
+        state.keep(&mut self.interval_cv).keep(&mut self.height_cv);
+        let distances = [self.spacing_mm.unwrap_or_default(), self.interval_cv, self.height_cv];
+        state.require(distances.iter().all(|x| (0.0..=1e3).contains(x)));
+        state.require(self.spacing_exponent.abs() <= MOST_EXPONENT);
+        state.require(self.anisotropy[0].hypotenuse(self.anisotropy[1]) < 1.0);
+    }
+}
+
+impl Keep for Wave {
+    fn keep(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.per_mm).keep(&mut self.weights);
+        state.keep(&mut self.shares).keep(&mut self.turns);
+        let turns = self.turns.iter().flat_map(|turn| [turn.re, turn.im]);
+        state.require(turns.chain(self.per_mm).all(|x| x.abs() <= 1e3));
+        state.require(self.weights.iter().all(|x| (0.0..=10.0).contains(x)));
+        state.require(self.shares.iter().all(|x| (0.0..=1.0).contains(x)));
     }
 }
 

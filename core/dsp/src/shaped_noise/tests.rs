@@ -331,7 +331,7 @@ fn ridge_at_the_end_of_a_tick_is_met_once() {
     let mut met = Vec::new();
     for n in 0..5000 {
         tick(&mut kernel, n, &smooth(), Some([0.32 * n as f64, 0.0]));
-        let new = &kernel.excitation[kernel.end - 5..kernel.end];
+        let new = &kernel.excitation[kernel.excitation.len() - 5..];
         if n > 100 {
             met.extend(new.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(i, _)| 5 * n + i as u64));
         }

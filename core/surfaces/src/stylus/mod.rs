@@ -57,5 +57,5 @@ mod simulate;
 mod testing;
 mod tool;
 
-pub use simulate::{Acceleration, Energy, Moment, SAMPLE_HZ, STEPS, Stylus};
+pub use simulate::{Acceleration, Moment, SAMPLE_HZ, STEPS, Stylus};
 pub use tool::{AVERAGED_N, Tool};

@@ -36,17 +36,6 @@ impl Acceleration {
     }
 }
 
-/// Energy of a run in joules. Stored and lost energy add up to the input, except for the step's error.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Energy {
-    /// Work of the hand: the drag of the stroke.
-    pub drag: f64,
-    /// Lost in shaft, hand, contact and friction.
-    pub lost: f64,
-    /// Stored in motion, springs and contact, and against the hand's force.
-    pub stored: f64,
-}
-
 /// A tool on a surface.
 #[derive(Clone, Debug)]
 pub struct Stylus<'s> {
@@ -56,10 +45,7 @@ pub struct Stylus<'s> {
     hertz: f64,
     /// One over the masses of tip, body and both.
     per_kg: [f64; 3],
-    step_s: f64,
-    steps: u32,
-    /// Whether the hand's rest follows.
-    follows: bool,
+    pub(super) steps: u32,
     /// Place of the hand in millimetres.
     place_mm: [f64; 2],
     /// Heights of tip and body over the patch's zero in metres, and their speeds.
@@ -69,7 +55,6 @@ pub struct Stylus<'s> {
     away: [f64; 2],
     drift: [f64; 2],
     rest: f64,
-    energy: Energy,
 }
 
 impl<'s> Stylus<'s> {
@@ -92,30 +77,19 @@ impl<'s> Stylus<'s> {
             contact,
             hertz,
             per_kg: [tool.tip_kg, tool.body_kg, tool.mass_kg()].map(|kg| 1.0 / kg),
-            step_s: 1.0 / f64::from(SAMPLE_HZ * STEPS),
             steps: STEPS,
-            follows: true,
             place_mm,
             heights: [height, body],
             rise: [0.0; 2],
             away: [0.0; 2],
             drift: [0.0; 2],
             rest: body,
-            energy: Energy::default(),
         }
     }
 
-    /// Changes the number of steps a sample.
-    pub fn with_steps(mut self, steps: u32) -> Self {
-        self.steps = steps.max(1);
-        self.step_s = 1.0 / f64::from(SAMPLE_HZ * self.steps);
-        self
-    }
-
-    /// Holds the hand's rest in place. Then energy can be followed at constant force.
-    pub fn with_still_hand(mut self) -> Self {
-        self.follows = false;
-        self
+    /// Duration of a step in seconds.
+    fn step_s(&self) -> f64 {
+        1.0 / f64::from(SAMPLE_HZ * self.steps)
     }
 
     /// Advances by one sample.
@@ -125,26 +99,11 @@ impl<'s> Stylus<'s> {
         for _ in 0..self.steps {
             self.step(velocity, moment.force_n.max(0.0));
         }
-        let per_s = 1.0 / (self.step_s * f64::from(self.steps));
+        let per_s = 1.0 / (self.step_s() * f64::from(self.steps));
         Acceleration {
             normal: per_s * (self.rise[1] - rise),
             lateral: std::array::from_fn(|i| per_s * (self.drift[i] - drift[i])),
         }
-    }
-
-    /// Energy since the start at the constant force `force_n`.
-    pub fn energy(&self, force_n: f64) -> Energy {
-        let t = &self.tool;
-        let [tip, body] = self.heights;
-        let motion = t.tip_kg * self.rise[0].powi(2)
-            + t.body_kg * self.rise[1].powi(2)
-            + t.mass_kg() * dot(self.drift, self.drift);
-        let springs = t.shaft_n_m * (tip - body).powi(2)
-            + t.hand_n_m[0] * (body - self.rest).powi(2)
-            + t.hand_n_m[1] * dot(self.away, self.away);
-        let depth = self.depth().0.max(0.0);
-        let contact = 0.4 * self.hertz * depth.power(2.5);
-        Energy { stored: 0.5 * (motion + springs) + contact + force_n * body, ..self.energy }
     }
 
     /// Depth of the tip in the surface in metres, and the slopes there.
@@ -156,7 +115,7 @@ impl<'s> Stylus<'s> {
 
     /// One step with the hand at this velocity in m/s.
     fn step(&mut self, velocity: [f64; 2], force: f64) {
-        let (t, dt) = (self.tool, self.step_s);
+        let (t, dt) = (self.tool, self.step_s());
         let (depth, slope) = self.depth();
         let slip: [f64; 2] = std::array::from_fn(|i| velocity[i] + self.drift[i]);
         let approach = dot(slope, slip) - self.rise[0];
@@ -179,17 +138,7 @@ impl<'s> Stylus<'s> {
             self.away[i] += dt * self.drift[i];
             self.place_mm[i] += 1e3 * dt * velocity[i];
         }
-        if self.follows {
-            self.rest += dt / FOLLOWS_S * (self.heights[1] - self.rest);
-        }
-        // The hand's work is its velocity times the tool's pull.
-        self.energy.drag += dt * dot(velocity, drag);
-        self.energy.lost += dt
-            * (t.shaft_ns_m * apart * apart
-                + t.hand_ns_m[0] * self.rise[1].powi(2)
-                + t.hand_ns_m[1] * dot(self.drift, self.drift)
-                + rub * dot(slip, slip)
-                + (normal - hertz) * approach);
+        self.rest += dt / FOLLOWS_S * (self.heights[1] - self.rest);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Patches by their spectrum, and filters over patches.
 
-use asperity_dsp::plans::{self, Plans, Transform};
+use asperity_dsp::plans::{self, Transform};
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
 
@@ -72,10 +72,10 @@ pub fn blur(field: &HeightField, sigma_mm: f64) -> HeightField {
 }
 
 /// The two-dimensional transform, transposed: `side / 2 + 1` lines of `side` bins.
-fn forward<T: Plans>(rows: &[T], side: usize) -> Vec<Complex<T>> {
+fn forward(rows: &[f32], side: usize) -> Vec<Complex<f32>> {
     let bins = side / 2 + 1;
-    let mut real = Transform::<T>::new(side);
-    let mut out = vec![Complex::new(T::zero(), T::zero()); bins * side];
+    let mut real = Transform::<f32>::new(side);
+    let mut out = vec![Complex::default(); bins * side];
     for (row, values) in rows.chunks_exact(side).enumerate() {
         real.time.copy_from_slice(values);
         real.forward();
@@ -87,9 +87,9 @@ fn forward<T: Plans>(rows: &[T], side: usize) -> Vec<Complex<T>> {
     out
 }
 
-fn backward<T: Plans>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize) {
+fn backward(spectrum: &mut [Complex<f32>], rows: &mut [f32], side: usize) {
     columns(spectrum, side, false);
-    let mut real = Transform::<T>::new(side);
+    let mut real = Transform::<f32>::new(side);
     for (row, values) in rows.chunks_exact_mut(side).enumerate() {
         for (bin, value) in real.bins.iter_mut().enumerate() {
             *value = spectrum[bin * side + row];
@@ -99,9 +99,9 @@ fn backward<T: Plans>(spectrum: &mut [Complex<T>], rows: &mut [T], side: usize) 
     }
 }
 
-fn columns<T: Plans>(lines: &mut [Complex<T>], side: usize, forward: bool) {
-    let plan = plans::complex::<T>(side, forward);
-    let mut scratch = vec![Complex::new(T::zero(), T::zero()); plan.get_inplace_scratch_len()];
+fn columns(lines: &mut [Complex<f32>], side: usize, forward: bool) {
+    let plan = plans::complex::<f32>(side, forward);
+    let mut scratch = vec![Complex::default(); plan.get_inplace_scratch_len()];
     lines.chunks_exact_mut(side).for_each(|line| plan.process_with_scratch(line, &mut scratch));
 }
 

@@ -1,6 +1,6 @@
 //! AVX2 with FMA and F16C: 8 lanes, 16 registers.
 
-use super::{Codes, Simd, Whole};
+use super::{Codes, Simd};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx2;
@@ -8,7 +8,17 @@ pub(super) struct Avx2;
 impl Simd for Avx2 {
     const LANES: usize = 8;
     const MOST: usize = 12;
+    const TOGETHER: usize = 2;
+    const SPLIT: bool = false;
     type Vector = __m256;
+    type Group = i32;
+    type Sums = __m256i;
+
+    #[inline(always)]
+    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
+        let (pairs, _) = codes.codes.as_chunks::<2>();
+        pairs.iter().map(|[a, b]| i32::from(a.cast_unsigned()) | i32::from(*b) << 16)
+    }
 
     operations! {
         splat(x: f32) -> __m256 { _mm256_set1_ps(x) }
@@ -19,22 +29,6 @@ impl Simd for Avx2 {
         mul(a: __m256, b: __m256) -> __m256 { _mm256_mul_ps(a, b) }
         // Of a NaN and a number these give the second operand, so NaN is passed on.
         clamp(x: __m256, low: __m256, high: __m256) -> __m256 { _mm256_min_ps(high, _mm256_max_ps(low, x)) }
-    }
-}
-
-impl Whole for Avx2 {
-    const TOGETHER: usize = 2;
-    const SPLIT: bool = false;
-    type Group = i32;
-    type Sums = __m256i;
-
-    #[inline(always)]
-    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
-        let (pairs, _) = codes.codes().as_chunks::<2>();
-        pairs.iter().map(|[a, b]| i32::from(a.cast_unsigned()) | i32::from(*b) << 16)
-    }
-
-    operations! {
         nothing() -> __m256i { _mm256_setzero_si256() }
         gather(sums: __m256i, pair: i32, weights: *const i8) -> __m256i {
             let weights = _mm256_cvtepi8_epi16(_mm_loadu_si128(weights.cast()));

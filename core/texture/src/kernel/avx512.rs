@@ -1,6 +1,6 @@
-//! AVX-512F: 16 lanes, 32 registers.
+//! AVX-512F: 16 lanes, 32 registers; VNNI multiplies unsigned by signed bytes, four in each lane at once.
 
-use super::{Codes, Simd, Whole};
+use super::{Codes, Simd};
 use std::arch::x86_64::*;
 
 pub(super) struct Avx512;
@@ -8,7 +8,19 @@ pub(super) struct Avx512;
 impl Simd for Avx512 {
     const LANES: usize = 16;
     const MOST: usize = 8;
+    const TOGETHER: usize = 4;
+    const SPLIT: bool = true;
     type Vector = __m512;
+    /// High and low bytes of four inputs.
+    type Group = (i32, i32);
+    /// Sums of products with high bytes, and with low ones.
+    type Sums = (__m512i, __m512i);
+
+    #[inline(always)]
+    fn groups(codes: &Codes) -> impl Iterator<Item = (i32, i32)> {
+        let groups = codes.high.as_chunks::<4>().0.iter().zip(codes.low.as_chunks::<4>().0);
+        groups.map(|(high, low)| (i32::from_le_bytes(*high), i32::from_le_bytes(*low)))
+    }
 
     operations! {
         splat(x: f32) -> __m512 { _mm512_set1_ps(x) }
@@ -19,26 +31,6 @@ impl Simd for Avx512 {
         mul(a: __m512, b: __m512) -> __m512 { _mm512_mul_ps(a, b) }
         // As with AVX2, NaN is passed on.
         clamp(x: __m512, low: __m512, high: __m512) -> __m512 { _mm512_min_ps(high, _mm512_max_ps(low, x)) }
-    }
-}
-
-/// With VNNI, which multiplies unsigned by signed bytes, four in each lane at once.
-impl Whole for Avx512 {
-    const TOGETHER: usize = 4;
-    const SPLIT: bool = true;
-    /// High and low bytes of four inputs.
-    type Group = (i32, i32);
-    /// Sums of products with high bytes, and with low ones.
-    type Sums = (__m512i, __m512i);
-
-    #[inline(always)]
-    fn groups(codes: &Codes) -> impl Iterator<Item = (i32, i32)> {
-        let (high, low) = codes.bytes();
-        let groups = high.as_chunks::<4>().0.iter().zip(low.as_chunks::<4>().0);
-        groups.map(|(high, low)| (i32::from_le_bytes(*high), i32::from_le_bytes(*low)))
-    }
-
-    operations! {
         nothing() -> (__m512i, __m512i) { (_mm512_setzero_si512(), _mm512_setzero_si512()) }
         gather(sums: (__m512i, __m512i), group: (i32, i32), weights: *const i8) -> (__m512i, __m512i) {
             let weights = _mm512_loadu_si512(weights.cast());

@@ -1,10 +1,9 @@
 //! The packed network's inner loop, once per instruction set.
 //!
-//! [`execute`] and [`checksum`] are written once over [`Simd`] and inlined into one function per
-//! instruction set that is compiled for it, so that dispatch happens once per run. Lengths are checked once
-//! per block of columns; what is unsafe is calling a function compiled for an instruction set, and loads
-//! and stores within slices of checked length. Layers whose weights are whole numbers have a loop of their
-//! own, in [`whole`].
+//! [`execute`] is written once over [`Simd`] and inlined into one function per instruction set that is
+//! compiled for it, so that dispatch happens once per run. Lengths are checked once per block of columns;
+//! what is unsafe is calling a function compiled for an instruction set, and loads and stores within slices
+//! of checked length. Layers whose weights are whole numbers have a loop of their own.
 //!
 //! A result has the same bits on every instruction set. Each column is summed up in the order of the inputs,
 //! and a product is rounded before it is added: not every CPU has an instruction that rounds once.
@@ -22,35 +21,17 @@ macro_rules! operations {
     )*};
 }
 
-/// Calls a function with a constant number of vectors, 1 to 12.
-macro_rules! by_vectors {
-    ($vectors:expr, $most:expr, $v:ident => $call:expr) => {
-        by_vectors!($vectors, $most, $v => $call; 1 2 3 4 5 6 7 8 9 10 11 12)
-    };
-    ($vectors:expr, $most:expr, $v:ident => $call:expr; $($n:literal)*) => {
-        match $vectors {
-            $($n if $n <= $most => {
-                const $v: usize = $n;
-                $call
-            })*
-            _ => None,
-        }
-    };
-}
-
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod codes;
 mod portable;
-mod weight;
-mod whole;
 
+use crate::runner::Precision;
 use asperity_dsp::{Float as _, Isa};
+pub(crate) use codes::{Codes, largest_code};
 use std::ops::Range;
-pub(crate) use weight::{Float, Weight};
-use whole::Whole;
-pub(crate) use whole::{Codes, largest_code};
 
 /// Whether this machine also has the instructions for sums of whole numbers: with AVX-512 these are BW
 /// and VNNI.
@@ -62,66 +43,72 @@ pub(crate) fn has_whole_numbers(isa: Isa) -> bool {
     }
 }
 
-impl Shape {
-    /// Shape for an instruction set.
-    pub(crate) fn new(isa: Isa) -> Shape {
-        fn of<S: Whole>() -> Shape {
-            Shape { lanes: S::LANES, most: S::MOST, together: S::TOGETHER, split: S::SPLIT }
-        }
-        match isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => of::<avx512::Avx512>(),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => of::<avx2::Avx2>(),
-            _ => of::<portable::Portable>(),
-        }
+/// Cells with a 64-byte boundary in front. The heap block does not move with its owner.
+pub(crate) struct Aligned<T> {
+    cells: Vec<T>,
+    start: usize,
+}
+
+impl<T: Copy + Default> Clone for Aligned<T> {
+    /// Aligned anew.
+    fn clone(&self) -> Self {
+        Self::new(self.get())
     }
 }
 
-/// Layout of a block in registers and memory.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Shape {
-    /// f32 lanes of a vector.
-    pub(crate) lanes: usize,
-    /// Most vectors of sums that a block keeps in registers.
-    pub(crate) most: usize,
-    /// In whole-number layers: number of inputs whose weights lie side by side in a column.
-    pub(crate) together: usize,
-    /// In whole-number layers: whether 32768 is added to the codes, which the sums must compensate.
-    pub(crate) split: bool,
+impl<T: Copy + Default> Aligned<T> {
+    pub(crate) fn new(data: &[T]) -> Self {
+        let pad = 64 / size_of::<T>();
+        let mut cells = vec![T::default(); data.len() + pad];
+        let start = cells.as_ptr().align_offset(64).min(pad);
+        cells.truncate(start + data.len());
+        cells[start..].copy_from_slice(data);
+        Self { cells, start }
+    }
+
+    #[inline]
+    pub(crate) fn get(&self) -> &[T] {
+        &self.cells[self.start..]
+    }
+
+    #[inline]
+    pub(crate) fn get_mut(&mut self) -> &mut [T] {
+        &mut self.cells[self.start..]
+    }
 }
 
-/// Start of a block's biases: among the fixed ones, or among the material's.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Bias {
-    Fixed(usize),
-    Material(usize),
-}
-
-/// A block of columns of one affine step. It reads `runs` of the arena and writes `vectors * lanes`
-/// floats at `to`.
-#[derive(Clone, Debug)]
-pub(crate) struct Block {
+/// An affine step. It reads `runs` of the arena and writes whole vectors of columns at `to`.
+pub(crate) struct Layer {
     pub(crate) to: usize,
-    pub(crate) vectors: usize,
-    pub(crate) runs: Range<usize>,
+    pub(crate) runs: Vec<Range<usize>>,
     /// Number of those inputs.
     pub(crate) inputs: usize,
-    pub(crate) bias: Bias,
-    /// First weight. Weights lie row by row; a row has one input's weights for the block's columns.
-    pub(crate) weights: usize,
-    /// Whether its weights lie in [`Data::wide`].
-    pub(crate) wide: bool,
-    /// For scaled weights: start of the factors of each column's sum, among the fixed numbers.
-    pub(crate) unscale: usize,
-    /// For whole-number weights: start of the initial sums of the columns.
-    pub(crate) starts: usize,
+    /// Storage of the weights.
+    pub(crate) precision: Precision,
+    pub(crate) blocks: Vec<Block>,
+    /// By blocks. In one they lie row by row; a row has one input's weights for the block's columns.
+    /// Whole numbers lie by groups of inputs, within them column by column.
+    pub(crate) weights: Aligned<u8>,
+    /// For each material, or one for all.
+    pub(crate) biases: Vec<Vec<f32>>,
+    /// Factors of the columns' sums, with f16 and whole numbers.
+    pub(crate) unscale: Vec<f32>,
+    /// For whole numbers: initial sums of the columns.
+    pub(crate) starts: Vec<i32>,
     pub(crate) low: f32,
     pub(crate) high: f32,
 }
 
+/// Columns of a layer whose sums fit the registers.
+pub(crate) struct Block {
+    pub(crate) vectors: usize,
+    /// The first of them.
+    pub(crate) column: usize,
+    /// The first of their weights, in bytes.
+    pub(crate) weights: usize,
+}
+
 /// `scale * arena[from] + offset`.
-#[derive(Clone, Copy, Debug)]
 pub(crate) struct Pick {
     pub(crate) from: usize,
     pub(crate) scale: f32,
@@ -129,18 +116,12 @@ pub(crate) struct Pick {
 }
 
 /// One instruction of a run.
-#[derive(Clone, Debug)]
 pub(crate) enum Instruction {
-    Block(Block),
-    /// Turns `runs` into codes up to `most`, for the whole-number blocks that follow.
-    Codes {
-        runs: Range<usize>,
-        most: f32,
-    },
+    Affine(Layer),
     /// Writes `picks` at `to`, clamped.
     Pick {
         to: usize,
-        picks: Range<usize>,
+        picks: Vec<Pick>,
         low: f32,
         high: f32,
     },
@@ -148,36 +129,24 @@ pub(crate) enum Instruction {
     Exponential(Range<usize>),
 }
 
-/// Instructions of a run, with the arena ranges and picks they refer to.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Program {
-    pub(crate) instructions: Vec<Instruction>,
-    pub(crate) runs: Vec<Range<usize>>,
-    pub(crate) picks: Vec<Pick>,
-}
-
-/// Data that a program reads beside the arena.
-#[derive(Clone, Copy)]
-pub(crate) struct Data<'a, W> {
-    pub(crate) weights: &'a [W],
-    /// f32 weights of layers not worth rounding; empty if all are f32.
-    pub(crate) wide: &'a [f32],
-    pub(crate) starts: &'a [i32],
-    pub(crate) fixed: &'a [f32],
-    /// Biases of the material.
-    pub(crate) material: &'a [f32],
-}
-
-/// A vector of f32.
+/// Vectors of f32, and of sums of whole numbers.
 ///
 /// # Safety
 /// Every function needs a CPU with the instruction set, and [`Simd::LANES`] elements at its pointers,
-/// aligned like one element.
+/// aligned like one element. Those for whole numbers need [`has_whole_numbers`].
 pub(crate) trait Simd {
     const LANES: usize;
     /// Most vectors of sums in registers, beside an input and a weight.
     const MOST: usize;
+    /// Number of inputs whose whole-number weights lie side by side in each column.
+    const TOGETHER: usize;
+    /// Whether codes are read as bytes with 32768 added, which the initial sums compensate.
+    const SPLIT: bool;
     type Vector: Copy;
+    /// The codes of a group of inputs.
+    type Group: Copy;
+    /// [`Simd::LANES`] sums of whole numbers.
+    type Sums: Copy;
     unsafe fn splat(x: f32) -> Self::Vector;
     unsafe fn load(from: *const f32) -> Self::Vector;
     unsafe fn load_f16(from: *const u16) -> Self::Vector;
@@ -186,46 +155,50 @@ pub(crate) trait Simd {
     unsafe fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Clamps to `low..=high` and passes NaN on.
     unsafe fn clamp(x: Self::Vector, low: Self::Vector, high: Self::Vector) -> Self::Vector;
+    unsafe fn nothing() -> Self::Sums;
+    /// The groups of the inputs.
+    fn groups(codes: &Codes) -> impl Iterator<Item = Self::Group>;
+    /// Adds the products with a group's weights, `TOGETHER` for each lane.
+    unsafe fn gather(sums: Self::Sums, group: Self::Group, weights: *const i8) -> Self::Sums;
+    /// The sums plus their initial values, one for each lane, as floats.
+    unsafe fn total(sums: Self::Sums, start: *const i32) -> Self::Vector;
 }
 
-/// Runs a program. `None` if it does not fit its data, which packing rules out.
+/// Runs a program for a material. `None` if it does not fit the arena, which packing rules out.
 ///
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn execute<S: Whole, W: Weight>(
-    program: &Program,
-    data: Data<'_, W>,
+unsafe fn execute<S: Simd>(
+    program: &[Instruction],
+    material: usize,
     codes: &mut Codes,
     arena: &mut [f32],
 ) -> Option<()> {
-    for instruction in &program.instructions {
+    for instruction in program {
         match instruction {
-            Instruction::Block(b) => {
-                let runs = program.runs.get(b.runs.clone())?;
-                let bias = match b.bias {
-                    Bias::Fixed(at) => data.fixed.get(at..)?,
-                    Bias::Material(at) => data.material.get(at..)?,
-                };
-                // SAFETY: passed on to the caller.
-                unsafe {
-                    if W::SCALED && b.wide {
-                        any_block::<S, f32>(b, runs, bias, &[], data.wide.get(b.weights..)?, arena)?;
-                    } else {
-                        W::block::<S>(b, runs, bias, data, codes, arena)?;
-                    }
+            Instruction::Affine(layer) => {
+                let bias = layer.biases.get(material).or(layer.biases.first())?;
+                if layer.precision == Precision::Int8 {
+                    codes.take(&layer.runs, largest_code(layer.inputs), S::SPLIT, arena)?;
                 }
-            }
-            Instruction::Codes { runs, most } => {
-                let runs = program.runs.get(runs.clone())?;
-                if S::SPLIT {
-                    codes.take::<true>(runs, *most, arena)?;
-                } else {
-                    codes.take::<false>(runs, *most, arena)?;
+                for b in &layer.blocks {
+                    macro_rules! block {
+                        ($($vectors:literal)*) => {
+                            match b.vectors {
+                                // SAFETY: passed on to the caller.
+                                $($vectors if $vectors <= S::MOST => unsafe {
+                                    block::<S, $vectors>(layer, b, bias, codes, arena)?
+                                },)*
+                                _ => return None,
+                            }
+                        };
+                    }
+                    block!(1 2 3 4 5 6 7 8 9 10 11 12);
                 }
             }
             Instruction::Pick { to, picks, low, high } => {
-                for (i, p) in program.picks.get(picks.clone())?.iter().enumerate() {
+                for (i, p) in picks.iter().enumerate() {
                     let x = p.scale * *arena.get(p.from)? + p.offset;
                     // f32::clamp panics on bad bounds.
                     let x = if x < *low { *low } else { x };
@@ -245,39 +218,75 @@ unsafe fn execute<S: Whole, W: Weight>(
 /// # Safety
 /// The CPU has the instruction set of `S`.
 #[inline(always)]
-unsafe fn any_block<S: Simd, W: Float>(
+unsafe fn block<S: Simd, const V: usize>(
+    layer: &Layer,
     b: &Block,
-    runs: &[Range<usize>],
     bias: &[f32],
-    unscale: &[f32],
-    weights: &[W],
+    codes: &Codes,
     arena: &mut [f32],
 ) -> Option<()> {
-    // SAFETY: passed on to the caller.
-    unsafe { by_vectors!(b.vectors, S::MOST, V => block::<S, W, V>(b, runs, bias, unscale, weights, arena)) }
+    let columns = b.column..b.column + V * S::LANES;
+    let weights = layer.weights.get().get(b.weights..)?;
+    let bias = bias.get(columns.clone())?;
+    let unscale = layer.unscale.get(columns.clone())?;
+    // SAFETY: the instruction set is the caller's promise. All slices are of V * LANES columns, also below.
+    unsafe {
+        match layer.precision {
+            Precision::Int8 => {
+                let starts = layer.starts.get(columns.clone())?;
+                let sums = whole::<S, V>(layer.inputs, weights, starts, unscale, bias, codes)?;
+                store::<S, V>(layer, arena.get_mut(layer.to..)?.get_mut(columns)?, |v| sums[v]);
+            }
+            Precision::F16 => {
+                let sums = floats::<S, V, true>(&layer.runs, weights, bias, arena)?;
+                let scaled = |v| S::mul(sums[v], S::load(unscale.as_ptr().add(v * S::LANES)));
+                store::<S, V>(layer, arena.get_mut(layer.to..)?.get_mut(columns)?, scaled);
+            }
+            Precision::F32 | Precision::F64 => {
+                let sums = floats::<S, V, false>(&layer.runs, weights, bias, arena)?;
+                store::<S, V>(layer, arena.get_mut(layer.to..)?.get_mut(columns)?, |v| sums[v]);
+            }
+        }
+    }
+    Some(())
 }
 
+/// Writes clamped results.
+///
 /// # Safety
-/// The CPU has the instruction set of `S`.
+/// The CPU has the instruction set of `S`; `to` has room for V vectors.
 #[inline(always)]
-unsafe fn block<S: Simd, W: Float, const V: usize>(
-    b: &Block,
+unsafe fn store<S: Simd, const V: usize>(layer: &Layer, to: &mut [f32], result: impl Fn(usize) -> S::Vector) {
+    for v in 0..V {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let y = S::clamp(result(v), S::splat(layer.low), S::splat(layer.high));
+            S::store(y, to.as_mut_ptr().add(v * S::LANES));
+        }
+    }
+}
+
+/// Sums over f32 weights, or over f16 weights with `HALF`.
+///
+/// # Safety
+/// The CPU has the instruction set of `S`. `bias` has V * LANES floats.
+#[inline(always)]
+unsafe fn floats<S: Simd, const V: usize, const HALF: bool>(
     runs: &[Range<usize>],
+    mut weights: &[u8],
     bias: &[f32],
-    unscale: &[f32],
-    mut weights: &[W],
-    arena: &mut [f32],
-) -> Option<()> {
-    let bias = bias.get(..V * S::LANES)?.as_ptr();
-    // SAFETY: the instruction set is the caller's promise; bias has V * LANES floats.
+    arena: &[f32],
+) -> Option<[S::Vector; V]> {
+    let bytes = if HALF { 2 } else { 4 };
+    // SAFETY: the caller's promise.
     let mut sums = unsafe { [S::splat(0.0); V] };
     for (v, sum) in sums.iter_mut().enumerate() {
         // SAFETY: as above.
-        *sum = unsafe { S::load(bias.add(v * S::LANES)) };
+        *sum = unsafe { S::load(bias.as_ptr().add(v * S::LANES)) };
     }
     for run in runs {
         let inputs = arena.get(run.clone())?;
-        let (rows, rest) = weights.split_at_checked(inputs.len() * (V * S::LANES))?;
+        let (rows, rest) = weights.split_at_checked(inputs.len() * (V * S::LANES) * bytes)?;
         weights = rest;
         let mut row = rows.as_ptr();
         for &x in inputs {
@@ -286,102 +295,112 @@ unsafe fn block<S: Simd, W: Float, const V: usize>(
             unsafe {
                 let x = S::splat(x);
                 for (v, sum) in sums.iter_mut().enumerate() {
-                    *sum = S::add(*sum, S::mul(W::load::<S>(row.add(v * S::LANES)), x));
+                    let from = row.add(v * S::LANES * bytes);
+                    let weights = if HALF { S::load_f16(from.cast()) } else { S::load(from.cast()) };
+                    *sum = S::add(*sum, S::mul(weights, x));
                 }
-                row = row.add(V * S::LANES);
+                row = row.add(V * S::LANES * bytes);
             }
         }
     }
-    let to = arena.get_mut(b.to..)?.get_mut(..V * S::LANES)?.as_mut_ptr();
-    let unscale = if W::SCALED { unscale.get(..V * S::LANES)?.as_ptr() } else { unscale.as_ptr() };
-    for (v, sum) in sums.into_iter().enumerate() {
-        // SAFETY: the instruction set is the caller's promise; `to` has room for V * LANES floats and
-        // `unscale` has them where it is read.
+    Some(sums)
+}
+
+/// Sums over whole-number weights and codes of the inputs.
+///
+/// # Safety
+/// The CPU has the instruction set of `S`. `starts`, `unscale` and `bias` have V * LANES numbers.
+#[inline(always)]
+unsafe fn whole<S: Simd, const V: usize>(
+    inputs: usize,
+    weights: &[u8],
+    starts: &[i32],
+    unscale: &[f32],
+    bias: &[f32],
+    codes: &Codes,
+) -> Option<[S::Vector; V]> {
+    let row = S::TOGETHER * V * S::LANES;
+    let weights = weights.get(..inputs.div_ceil(S::TOGETHER) * row)?;
+    // SAFETY: the caller's promise, also below.
+    let mut sums = unsafe { [S::nothing(); V] };
+    for (group, weights) in S::groups(codes).zip(weights.chunks_exact(row)) {
+        for (v, sum) in sums.iter_mut().enumerate() {
+            // SAFETY: `weights` has `TOGETHER` for each of V * LANES columns.
+            *sum = unsafe { S::gather(*sum, group, weights.as_ptr().add(v * S::TOGETHER * S::LANES).cast()) };
+        }
+    }
+    let mut floats = unsafe { [S::splat(codes.scale); V] };
+    for (v, (y, sums)) in floats.iter_mut().zip(sums).enumerate() {
+        let at = v * S::LANES;
+        // SAFETY: the caller's promise.
         unsafe {
-            let y = if W::SCALED { S::mul(sum, S::load(unscale.add(v * S::LANES))) } else { sum };
-            S::store(S::clamp(y, S::splat(b.low), S::splat(b.high)), to.add(v * S::LANES));
+            let scale = S::mul(S::load(unscale.as_ptr().add(at)), *y);
+            *y = S::add(
+                S::mul(S::total(sums, starts.as_ptr().add(at)), scale),
+                S::load(bias.as_ptr().add(at)),
+            );
         }
     }
-    Some(())
+    Some(floats)
 }
 
-/// Reads all weights once, in order, as cheaply as possible: the lower bound of a run's time.
-#[inline(always)]
-fn checksum<W: Weight>(data: Data<'_, W>) -> u32 {
-    sum(data.wide).wrapping_add(sum(data.weights))
-}
-
-#[inline(always)]
-fn sum<W: Weight>(weights: &[W]) -> u32 {
-    let mut sums = [W::Sum::default(); 512];
-    let (chunks, rest) = weights.as_chunks::<512>();
-    for chunk in chunks {
-        for (sum, w) in sums.iter_mut().zip(chunk) {
-            *sum = w.add_to(*sum);
-        }
-    }
-    let rest = rest.iter().map(|w| w.add_to(W::Sum::default()));
-    rest.chain(sums).fold(0, |all, sum| all.wrapping_add(sum.into()))
-}
-
-type Run<W> = unsafe fn(&Program, Data<'_, W>, &mut Codes, &mut [f32]) -> Option<()>;
-
-/// The functions compiled for one instruction set.
+/// A function compiled for one instruction set, and its layout of weights and results.
 #[derive(Clone, Copy)]
-pub(crate) struct Entry<W> {
-    run: Run<W>,
-    read: unsafe fn(Data<'_, W>) -> u32,
+pub(crate) struct Entry {
+    run: unsafe fn(&[Instruction], usize, &mut Codes, &mut [f32]) -> Option<()>,
+    /// f32 lanes of a vector.
+    pub(crate) lanes: usize,
+    /// Most vectors of sums that a block keeps in registers.
+    pub(crate) most: usize,
+    /// See [`Simd::TOGETHER`].
+    pub(crate) together: usize,
+    /// See [`Simd::SPLIT`].
+    pub(crate) split: bool,
 }
 
 /// The entry of an instruction set, compiled with CPU features.
 macro_rules! entry {
-    ($simd:ty, $weight:ident $(, $features:literal)?) => {{
+    ($simd:ty $(, $features:literal)?) => {{
         $(#[target_feature(enable = $features)])?
-        unsafe fn run<W: Weight>(p: &Program, d: Data<'_, W>, c: &mut Codes, a: &mut [f32]) -> Option<()> {
+        unsafe fn run(p: &[Instruction], material: usize, c: &mut Codes, a: &mut [f32]) -> Option<()> {
             // SAFETY: passed on to the caller.
-            unsafe { execute::<$simd, W>(p, d, c, a) }
+            unsafe { execute::<$simd>(p, material, c, a) }
         }
-        $(#[target_feature(enable = $features)])?
-        unsafe fn read<W: Weight>(data: Data<'_, W>) -> u32 {
-            checksum(data)
+        fn of<S: Simd>() -> Entry {
+            Entry { run, lanes: S::LANES, most: S::MOST, together: S::TOGETHER, split: S::SPLIT }
         }
-        Self { run: run::<$weight>, read: read::<$weight> }
+        of::<$simd>()
     }};
 }
 
-impl<W: Weight> Entry<W> {
+impl Entry {
     /// `None` if this machine cannot run it.
-    pub(crate) fn new(isa: Isa) -> Option<Self> {
-        if !isa.is_available() || (W::WHOLE && !has_whole_numbers(isa)) {
+    pub(crate) fn new(isa: Isa, precision: Precision) -> Option<Self> {
+        let whole = has_whole_numbers(isa);
+        if !isa.is_available() || (precision == Precision::Int8 && !whole) {
             return None;
         }
         Some(match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 if W::WHOLE => entry!(avx512::Avx512, W, "avx512f,avx512bw,avx512vnni"),
+            Isa::Avx512 if whole => entry!(avx512::Avx512, "avx512f,avx512bw,avx512vnni"),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => entry!(avx512::Avx512, W, "avx512f"),
+            Isa::Avx512 => entry!(avx512::Avx512, "avx512f"),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => entry!(avx2::Avx2, W, "avx2,fma,f16c"),
-            _ => entry!(portable::Portable, W),
+            Isa::Avx2 => entry!(avx2::Avx2, "avx2,fma,f16c"),
+            _ => entry!(portable::Portable),
         })
     }
 
-    /// Runs a program over the arena. `None` if it does not fit its data, which packing rules out.
+    /// Runs a program over the arena. `None` if it does not fit, which packing rules out.
     #[inline]
     pub(crate) fn run(
         &self,
-        program: &Program,
-        data: Data<'_, W>,
+        program: &[Instruction],
+        material: usize,
         codes: &mut Codes,
         arena: &mut [f32],
     ) -> Option<()> {
         // SAFETY: `new` found the instruction set on this machine.
-        unsafe { (self.run)(program, data, codes, arena) }
-    }
-
-    /// See [`checksum`].
-    pub(crate) fn read(&self, data: Data<'_, W>) -> u32 {
-        // SAFETY: `new` found the instruction set on this machine.
-        unsafe { (self.read)(data) }
+        unsafe { (self.run)(program, material, codes, arena) }
     }
 }

@@ -1,6 +1,6 @@
 //! Plain code over four lanes, which compilers turn into SSE2 or NEON. Only its pointers are unsafe.
 
-use super::{Codes, Simd, Whole};
+use super::{Codes, Simd};
 
 pub(super) struct Portable;
 
@@ -24,7 +24,16 @@ fn finite_f16(bits: u16) -> f32 {
 impl Simd for Portable {
     const LANES: usize = 4;
     const MOST: usize = 8;
+    const TOGETHER: usize = 1;
+    const SPLIT: bool = false;
     type Vector = [f32; 4];
+    type Group = i32;
+    type Sums = [i32; 4];
+
+    #[inline(always)]
+    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
+        codes.codes.iter().map(|code| i32::from(*code))
+    }
 
     operations! {
         splat(x: f32) -> [f32; 4] { [x; 4] }
@@ -38,21 +47,6 @@ impl Simd for Portable {
             let x = each(|i| if x[i] < low[i] { low[i] } else { x[i] });
             each(|i| if x[i] > high[i] { high[i] } else { x[i] })
         }
-    }
-}
-
-impl Whole for Portable {
-    const TOGETHER: usize = 1;
-    const SPLIT: bool = false;
-    type Group = i32;
-    type Sums = [i32; 4];
-
-    #[inline(always)]
-    fn groups(codes: &Codes) -> impl Iterator<Item = i32> {
-        codes.codes().iter().map(|code| i32::from(*code))
-    }
-
-    operations! {
         nothing() -> [i32; 4] { [0; 4] }
         gather(sums: [i32; 4], code: i32, weights: *const i8) -> [i32; 4] {
             let weights = weights.cast::<[i8; 4]>().read();

@@ -30,15 +30,12 @@ pub const BLENDED: usize = 3;
 impl Library {
     /// The `n` materials nearest to a vector, nearest first. Ties keep the file's order.
     pub fn nearest(&self, vector: &[f32; VECTOR_LEN], n: usize) -> Vec<Neighbour<'_>> {
-        let neighbour = |material: &'_ LibraryMaterial| {
+        let distance = |material: &LibraryMaterial| {
             let off = material.vector.iter().zip(vector).map(|(a, b)| f64::from(*a) - f64::from(*b));
             off.map(|x| x.powi(2)).sum::<f64>().sqrt()
         };
-        let mut all: Vec<_> = self
-            .materials
-            .iter()
-            .map(|material| Neighbour { material, distance: neighbour(material) })
-            .collect();
+        let of = |material| Neighbour { material, distance: distance(material) };
+        let mut all: Vec<_> = self.materials.iter().map(of).collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         all.truncate(n);
         all
@@ -105,26 +102,24 @@ mod tests {
 
     #[test]
     fn new_material_gets_nearest_own_or_blended_vector() {
-        let library = line(&[0.0, 10.0, 30.0]);
-        let first = |how| library.assign(&at(4.0), how)[0];
-        assert_eq!(first(Assignment::Nearest), 0.0);
-        assert_eq!(first(Assignment::Raw), 4.0);
-        assert_eq!(first(Assignment::Blend(0)), 0.0);
-        assert_eq!(first(Assignment::Blend(1)), 0.0);
-        // Distances 4, 6 and 26.
+        // Distances 4, 6 and 26. A repeated vector counts once.
         let two = (10.0 / 6.0) / (1.0 / 4.0 + 1.0 / 6.0);
         let three = (10.0 / 6.0 + 30.0 / 26.0) / (1.0 / 4.0 + 1.0 / 6.0 + 1.0 / 26.0);
-        assert!((f64::from(first(Assignment::Blend(2))) - two).abs() < 1e-6);
-        assert!((f64::from(first(Assignment::Blend(3))) - three).abs() < 1e-6);
-        assert_eq!(first(Assignment::Blend(3)), first(Assignment::Blend(99)));
-        assert_eq!(library.assign(&at(4.0), Assignment::Blend(3))[7], 0.5);
-    }
-
-    #[test]
-    fn blend_counts_a_repeated_vector_once() {
-        let library = line(&[0.0, 0.0, 10.0, 0.0, 10.0, 30.0]);
-        let two = (10.0 / 6.0) / (1.0 / 4.0 + 1.0 / 6.0);
-        assert!((f64::from(library.assign(&at(4.0), Assignment::Blend(2))[0]) - two).abs() < 1e-6);
+        for library in [line(&[0.0, 10.0, 30.0]), line(&[0.0, 0.0, 10.0, 0.0, 10.0, 30.0])] {
+            for (how, want) in [
+                (Assignment::Nearest, 0.0),
+                (Assignment::Raw, 4.0),
+                (Assignment::Blend(0), 0.0),
+                (Assignment::Blend(1), 0.0),
+                (Assignment::Blend(2), two),
+                (Assignment::Blend(3), three),
+                (Assignment::Blend(99), three),
+            ] {
+                let found = library.assign(&at(4.0), how);
+                assert!((f64::from(found[0]) - want).abs() < 1e-6, "{how:?}: {}", found[0]);
+                assert_eq!(found[7], 0.5);
+            }
+        }
     }
 
     #[test]

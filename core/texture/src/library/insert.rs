@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use asperity_diagnostics::ron::{self, Value};
+use asperity_diagnostics::ron;
 use asperity_diagnostics::{Diagnostic, Source, Span};
 
 use super::{LARGEST, Library, LibraryMaterial};
@@ -35,85 +35,53 @@ impl Library {
                 .label("this one")
                 .help("choose another name"));
         }
-        let mut changes = vec![entry(source, list, material)];
-        if let Some((_, last)) = entries.last() {
-            changes.extend(comma(source, last, list));
-        }
+        let (at, entry) = entry(source.text(), list.span().end - 1, material);
+        let mut changes = vec![(Span::at(at), entry)];
         if version.i64()? < material.needs_version() {
             changes.push((version.span(), material.needs_version().to_string()));
         }
-        let text = changed(source.text(), changes);
-        // The result must be as intended, whatever the file looks like.
         wanted.materials.push(material.clone());
-        match Self::parse(&Source::new(source.path(), text.as_str())) {
-            Ok(found) if found == wanted => Ok(text),
+        // The result must be as intended, whatever the file looks like. A comma may be missing so far.
+        let with_comma = entries.last().map(|(_, last)| (Span::at(last.span().end), ",".to_owned()));
+        let mut found = Self::parse(&Source::new(source.path(), changed(source.text(), &changes)));
+        if found.is_err() {
+            changes.extend(with_comma);
+            found = Self::parse(&Source::new(source.path(), changed(source.text(), &changes)));
+        }
+        match found {
+            Ok(found) if found == wanted => Ok(changed(source.text(), &changes)),
             Ok(_) => Err(refuse("cannot add to this file without changing what is in it".into())),
             Err(e) => Err(refuse(format!("cannot add to this file: {}", e.message))),
         }
     }
 }
 
-/// A place in a text and its new content.
-type Change = (Span, String);
-
-fn changed(text: &str, mut changes: Vec<Change>) -> String {
+/// A text with new content in some places.
+fn changed(text: &str, changes: &[(Span, String)]) -> String {
+    let mut changes: Vec<_> = changes.iter().collect();
     changes.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
     let mut text = text.to_owned();
     for (span, new) in changes {
-        text.replace_range(span.start..span.end, &new);
+        text.replace_range(span.start..span.end, new);
     }
     text
 }
 
-/// The entry, on lines of its own before the closing brace of the list.
-fn entry(source: &Source, list: &Value, material: &LibraryMaterial) -> Change {
-    let text = source.text();
-    let brace = list.span().end.saturating_sub(1);
+/// The entry, on lines of its own before the closing brace of the list, and its place.
+fn entry(text: &str, brace: usize, material: &LibraryMaterial) -> (usize, String) {
     let line = text[..brace].rfind('\n').map_or(0, |at| at + 1);
     let before = &text[line..brace];
-    let own_line = before.chars().all(char::is_whitespace);
     let indent: String = before.chars().take_while(|c| *c == ' ' || *c == '\t').collect();
     let mut new = String::new();
-    if !own_line {
-        new.push('\n');
-    }
     material.write(&mut new, &format!("{indent}    "));
+    let own_line = before.trim().is_empty();
     if !own_line {
-        new.push_str(&indent);
+        new = format!("\n{new}{indent}");
     }
     if text.contains("\r\n") {
         new = new.replace('\n', "\r\n");
     }
-    (Span::at(if own_line { line } else { brace }), new)
-}
-
-/// The missing comma between the last material and the end of the list.
-fn comma(source: &Source, last: &Value, list: &Value) -> Option<Change> {
-    let (from, to) = (last.span().end, list.span().end.saturating_sub(1));
-    let between = &source.text()[from..to];
-    (!without_comments(between).contains(',')).then(|| (Span::at(from), ",".into()))
-}
-
-/// A text between values without its comments `// ...` and `/* ... */`, which may be nested.
-fn without_comments(text: &str) -> String {
-    let (mut rest, mut depth, mut out) = (text, 0_usize, String::new());
-    while let Some(c) = rest.chars().next() {
-        if rest.starts_with("/*") {
-            depth += 1;
-            rest = &rest[2..];
-        } else if depth > 0 && rest.starts_with("*/") {
-            depth -= 1;
-            rest = &rest[2..];
-        } else if depth == 0 && rest.starts_with("//") {
-            rest = rest.find('\n').map_or("", |at| &rest[at..]);
-        } else {
-            if depth == 0 {
-                out.push(c);
-            }
-            rest = &rest[c.len_utf8()..];
-        }
-    }
-    out
+    (if own_line { line } else { brace }, new)
 }
 
 #[cfg(test)]
@@ -154,17 +122,18 @@ mod tests {
     #[test]
     fn insert_at_any_list_end_adds_only_the_new_entry() {
         let felt = new("felt");
-        for end in [
-            "}",
-            ",}",
-            " , }",
-            "\n}",
-            ",\n    }",
-            " // , no comma\n  }",
-            "/* , /* , */ , */ }",
-            ", // comma\n // last line }\n\t}",
-            ",\r\n    }",
-            "/* é */ ,}",
+        // Whether a comma is missing.
+        for (end, comma) in [
+            ("}", true),
+            (",}", false),
+            (" , }", false),
+            ("\n}", true),
+            (",\n    }", false),
+            (" // , no comma\n  }", true),
+            ("/* , /* , */ , */ }", true),
+            (", // comma\n // last line }\n\t}", false),
+            (",\r\n    }", false),
+            ("/* é */ ,}", false),
         ] {
             let before = old(end);
             let after = inserted(&before, &felt);
@@ -174,16 +143,11 @@ mod tests {
             felt.write(&mut entry, "");
             let squeezed = |t: &str| t.chars().filter(|c| !c.is_whitespace()).collect::<String>();
             let added = squeezed(&after).replacen(&squeezed(&entry), "", 1);
-            let comma = squeezed(&without_comments(end)).starts_with('}');
             let want = if comma { squeezed(&before).replacen("])", "]),", 1) } else { squeezed(&before) };
             assert_eq!(added, want, "{end:?}");
             let again = inserted(&after, &new("silk"));
-            let names: Vec<String> = Library::parse(&Source::new("l.ron", again))
-                .unwrap()
-                .materials()
-                .iter()
-                .map(|m| m.name.clone())
-                .collect();
+            let library = Library::parse(&Source::new("l.ron", again)).unwrap();
+            let names: Vec<&str> = library.materials.iter().map(|m| m.name.as_str()).collect();
             assert_eq!(names, ["a, b", "felt", "silk"]);
         }
     }

@@ -4,30 +4,68 @@
 //! inf)) or an exponential. Constant additions and multiplications between steps are folded into
 //! weights and biases in f64. Concatenation and reshaping only select the elements that a step reads.
 //! Anything else is named as the reason for not lowering.
+//!
+//! Elements are counted through: first the inputs, each at its [`Role::place`], then the results of steps.
 
 mod ops;
-mod value;
 
-pub(crate) use value::{Affine, Element, Ref, diagonal};
-
-use crate::onnx::{DataType, GraphProto, TensorProto};
+use crate::onnx::GraphProto;
 use crate::proto;
 use crate::signature::{Role, Signature};
 use asperity_numbers::Elementary as _;
 use std::collections::HashMap;
-use value::{Content, Value, elements_of};
+use std::ops::Range;
 
-/// Most numbers held while lowering: a dozen texture networks, 64 MiB.
+/// Most numbers held while lowering: a dozen texture networks, 128 MiB.
 const BUDGET: usize = 1 << 23;
 /// Most nodes of a graph: a texture network has about fifty.
 const MAX_NODES: usize = 2000;
 
+/// The sum of some elements times weights, plus `offset`. Without terms it is a constant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Sum {
+    pub(crate) terms: Vec<(usize, f64)>,
+    pub(crate) offset: f64,
+}
+
+/// The elements in a range.
+fn elements(range: Range<usize>) -> Vec<Sum> {
+    range.map(|element| Sum { terms: vec![(element, 1.0)], offset: 0.0 }).collect()
+}
+
+/// `sum_k inputs[k] * weights[k * n + j] + bias[j]`, n = `bias.len()`.
+#[derive(Clone, Debug)]
+pub(crate) struct Affine {
+    pub(crate) inputs: Vec<usize>,
+    pub(crate) weights: Vec<f64>,
+    pub(crate) bias: Vec<f64>,
+}
+
+impl Affine {
+    /// From a sum for each column. Inputs keep their order.
+    pub(crate) fn new(sums: &[Sum]) -> Self {
+        let (mut rows, mut inputs) = (HashMap::new(), Vec::new());
+        for (element, _) in sums.iter().flat_map(|sum| &sum.terms) {
+            rows.entry(*element).or_insert_with(|| {
+                inputs.push(*element);
+                inputs.len() - 1
+            });
+        }
+        let n = sums.len();
+        let mut weights = vec![0.0; inputs.len() * n];
+        for (j, sum) in sums.iter().enumerate() {
+            sum.terms.iter().for_each(|(element, weight)| weights[rows[element] * n + j] += weight);
+        }
+        Self { inputs, weights, bias: sums.iter().map(|sum| sum.offset).collect() }
+    }
+}
+
 /// Calculation of a step, before its end.
 #[derive(Clone, Debug)]
 pub(crate) enum StepKind {
-    Input(Role),
     Affine(Affine),
-    Elements(Vec<Element>),
+    /// Sums of at most one term.
+    Elements(Vec<Sum>),
 }
 
 /// Last thing done with each result of a step.
@@ -39,10 +77,10 @@ pub(crate) enum End {
 }
 
 impl End {
-    pub(crate) const NONE: Self = Self::Clamp(f64::NEG_INFINITY, f64::INFINITY);
+    const NONE: Self = Self::Clamp(f64::NEG_INFINITY, f64::INFINITY);
 
     /// The result at the end; NaN stays NaN.
-    pub(crate) fn of(self, x: f64) -> f64 {
+    fn of(self, x: f64) -> f64 {
         match self {
             Self::Clamp(low, _) if x < low => low,
             Self::Clamp(_, high) if x > high => high,
@@ -52,9 +90,10 @@ impl End {
     }
 }
 
-/// A step: `kind`, then `end`.
+/// A step: `kind`, then `end`, into the elements from `first` on.
 #[derive(Clone, Debug)]
 pub(crate) struct Step {
+    pub(crate) first: usize,
     pub(crate) kind: StepKind,
     pub(crate) end: End,
 }
@@ -62,43 +101,30 @@ pub(crate) struct Step {
 impl Step {
     pub(crate) fn len(&self) -> usize {
         match &self.kind {
-            StepKind::Input(role) => role.len(),
             StepKind::Affine(a) => a.bias.len(),
-            StepKind::Elements(e) => e.len(),
+            StepKind::Elements(sums) => sums.len(),
         }
     }
 
-    /// Computes its result in f64 from earlier ones. An input's result is given already.
-    pub(crate) fn compute(&self, read: impl Fn(Ref) -> Option<f64>, result: &mut [f64]) -> Option<()> {
+    /// Computes its elements in f64 from earlier ones.
+    pub(crate) fn compute(&self, elements: &mut [f64]) {
+        let (before, rest) = elements.split_at_mut(self.first);
+        let result = &mut rest[..self.len()];
         match &self.kind {
-            StepKind::Input(_) => {}
-            StepKind::Elements(elements) => {
-                for (y, e) in result.iter_mut().zip(elements) {
-                    *y = match e.of {
-                        Some(of) => e.scale * read(of)? + e.offset,
-                        None => e.offset,
-                    };
+            StepKind::Elements(sums) => {
+                for (y, sum) in result.iter_mut().zip(sums) {
+                    *y = sum.terms.iter().map(|(k, weight)| weight * before[*k]).sum::<f64>() + sum.offset;
                 }
             }
             StepKind::Affine(a) => {
-                result.copy_from_slice(a.bias.get(..result.len())?);
-                for (row, &of) in a.weights.chunks_exact(a.bias.len().max(1)).zip(&a.inputs) {
-                    let x = read(of)?;
+                result.copy_from_slice(&a.bias);
+                for (row, k) in a.weights.chunks_exact(a.bias.len().max(1)).zip(&a.inputs) {
+                    let x = before[*k];
                     result.iter_mut().zip(row).for_each(|(sum, w)| *sum += w * x);
                 }
             }
         }
         result.iter_mut().for_each(|x| *x = self.end.of(*x));
-        Some(())
-    }
-
-    /// The results it reads.
-    pub(crate) fn reads(&self) -> Box<dyn Iterator<Item = Ref> + '_> {
-        match &self.kind {
-            StepKind::Input(_) => Box::new(std::iter::empty()),
-            StepKind::Affine(a) => Box::new(a.inputs.iter().copied()),
-            StepKind::Elements(e) => Box::new(e.iter().filter_map(|e| e.of)),
-        }
     }
 }
 
@@ -106,8 +132,10 @@ impl Step {
 #[derive(Clone, Debug)]
 pub(crate) struct Lowered {
     pub(crate) steps: Vec<Step>,
-    /// Steps whose results are the outputs, in the signature's order.
-    pub(crate) outputs: Vec<usize>,
+    /// Elements of the outputs, in the signature's order.
+    pub(crate) outputs: Vec<Range<usize>>,
+    /// Whether each element depends on the texture alone, or on nothing, and so is constant for a material.
+    pub(crate) constant: Vec<bool>,
 }
 
 impl Lowered {
@@ -116,160 +144,116 @@ impl Lowered {
         if graph.node.len() > MAX_NODES {
             return Err(format!("it has {} nodes", graph.node.len()));
         }
-        let mut b = Builder { steps: Vec::new(), values: HashMap::new(), budget: BUDGET, opset };
+        let mut b = Builder {
+            tensors: graph.initializer.iter().map(|tensor| (tensor.name.as_str(), tensor)).collect(),
+            steps: Vec::new(),
+            constant: Role::ALL.iter().flat_map(|r| vec![*r == Role::Texture; r.place().len()]).collect(),
+            values: HashMap::new(),
+            budget: BUDGET,
+            opset,
+        };
         for (name, role) in &signature.inputs {
-            let step = b.push(StepKind::Input(*role), End::NONE)?;
-            let content = Content::Elements(elements_of(step, role.len()));
-            b.values.insert(name.clone(), Value { shape: vec![1, role.len()], content });
-        }
-        for tensor in &graph.initializer {
-            let value = b.constant(tensor)?;
-            b.values.insert(tensor.name.clone(), value);
+            let shape = vec![1, role.place().len()];
+            b.values.insert(name, Value { shape, float: true, sums: elements(role.place()) });
         }
         for node in &graph.node {
-            let value = ops::lower(&mut b, node).map_err(|why| format!("{}: {why}", proto::title(node)))?;
-            b.charge(value.content.size())?;
+            let refuse = |why| format!("{}: {why}", proto::title(node));
+            let value = ops::lower(&mut b, node).map_err(refuse)?;
+            b.charge(value.size())?;
             let outputs: Vec<&String> = node.output.iter().filter(|name| !name.is_empty()).collect();
             let [output] = outputs.as_slice() else {
-                return Err(format!("{}: {} outputs", proto::title(node), outputs.len()));
+                return Err(refuse(format!("{} outputs", outputs.len())));
             };
-            b.values.insert((*output).clone(), value);
+            b.values.insert(output, value);
         }
         let mut outputs = Vec::new();
         for (name, len) in &signature.outputs {
-            let value = b.values.get(name).cloned().ok_or("its output is missing")?;
+            let value = b.values.remove(name.as_str()).ok_or("its output is missing")?;
             if value.shape != [1, *len] {
                 return Err(format!("its output {name} has the shape {:?}", value.shape));
             }
-            outputs.push(match b.whole_step(&value.content) {
-                Some(step) => step,
-                None => b.materialise(value.content, End::NONE)?,
-            });
+            // An output may be the results of a step as they are.
+            let first = value.sums[0].terms.first().map_or(0, |(element, _)| *element);
+            let whole = b.steps.iter().any(|s| (s.first, s.len()) == (first, *len))
+                && value.sums == elements(first..first + len);
+            outputs.push(if whole { first..first + len } else { b.push(&value.sums, End::NONE)? });
         }
-        Ok(Self { steps: b.steps, outputs })
+        Ok(Self { steps: b.steps, outputs, constant: b.constant })
     }
 
     /// Multiply-adds of all steps.
     pub(crate) fn multiply_adds(&self) -> usize {
         let weights = |step: &Step| match &step.kind {
             StepKind::Affine(a) => a.weights.len(),
-            _ => 0,
+            StepKind::Elements(_) => 0,
         };
         self.steps.iter().map(weights).sum()
     }
+}
 
-    /// Whether each step is needed for the outputs.
-    pub(crate) fn needed(&self) -> Vec<bool> {
-        let mut needed = vec![false; self.steps.len()];
-        self.outputs.iter().for_each(|&output| needed[output] = true);
-        for (i, step) in self.steps.iter().enumerate().rev() {
-            if needed[i] {
-                step.reads().for_each(|r| needed[r.step] = true);
-            }
-        }
-        needed
+/// A tensor: known, or a function of earlier results, in row-major order.
+#[derive(Clone, Debug)]
+struct Value {
+    shape: Vec<usize>,
+    /// Whether of 32-bit floats, not of whole numbers.
+    float: bool,
+    sums: Vec<Sum>,
+}
+
+impl Value {
+    fn constant(&self) -> bool {
+        self.sums.iter().all(|sum| sum.terms.is_empty())
     }
 
-    /// Whether each step depends on the texture alone (or on nothing), and so is constant for a material.
-    pub(crate) fn depends_on_texture_alone(&self) -> Vec<bool> {
-        let mut fixed = vec![false; self.steps.len()];
-        for (i, step) in self.steps.iter().enumerate() {
-            fixed[i] = match step.kind {
-                StepKind::Input(role) => role == Role::Texture,
-                _ => step.reads().all(|r| fixed[r.step]),
-            };
-        }
-        fixed
-    }
-
-    /// Results of the `wanted` steps in f64; others stay empty.
-    pub(crate) fn evaluate(&self, wanted: &[bool], input: impl Fn(Role) -> Vec<f64>) -> Vec<Vec<f64>> {
-        let mut results: Vec<Vec<f64>> = Vec::with_capacity(self.steps.len());
-        for (step, wanted) in self.steps.iter().zip(wanted) {
-            if !wanted {
-                results.push(Vec::new());
-                continue;
-            }
-            let mut result = match step.kind {
-                StepKind::Input(role) => input(role),
-                _ => vec![0.0; step.len()],
-            };
-            // Steps read only earlier results.
-            let _ = step.compute(|r| results.get(r.step)?.get(r.index).copied(), &mut result);
-            results.push(result);
-        }
-        results
+    /// Numbers held, to count memory.
+    fn size(&self) -> usize {
+        self.sums.iter().map(|sum| 1 + sum.terms.len()).sum()
     }
 }
 
 /// A half-lowered graph.
-struct Builder {
+struct Builder<'g> {
+    tensors: HashMap<&'g str, &'g crate::onnx::TensorProto>,
     steps: Vec<Step>,
-    values: HashMap<String, Value>,
+    constant: Vec<bool>,
+    values: HashMap<&'g str, Value>,
     budget: usize,
     opset: i64,
 }
 
-impl Builder {
+impl Builder<'_> {
+    /// Counts numbers that are held from now on.
     fn charge(&mut self, numbers: usize) -> Result<(), String> {
         self.budget = self.budget.checked_sub(numbers).ok_or("it is too large to lower")?;
         Ok(())
     }
 
-    fn push(&mut self, kind: StepKind, end: End) -> Result<usize, String> {
-        let weights = match &kind {
-            StepKind::Affine(a) => a.weights.as_slice(),
-            _ => &[],
-        };
-        if !weights.iter().all(|w| w.is_finite()) {
+    /// Adds a step; returns its elements.
+    fn push(&mut self, sums: &[Sum], end: End) -> Result<Range<usize>, String> {
+        let terms = || sums.iter().flat_map(|sum| &sum.terms);
+        if terms().next().is_none() {
+            return Err("it is constant".into());
+        }
+        if terms().any(|(_, weight)| !weight.is_finite()) {
             return Err("weights are not finite".into());
         }
-        self.steps.push(Step { kind, end });
-        Ok(self.steps.len() - 1)
+        let single = sums.iter().all(|sum| sum.terms.len() <= 1);
+        let kind =
+            if single { StepKind::Elements(sums.to_vec()) } else { StepKind::Affine(Affine::new(sums)) };
+        let first = self.constant.len();
+        let constant = terms().all(|(element, _)| self.constant[*element]);
+        self.constant.extend(std::iter::repeat_n(constant, sums.len()));
+        self.steps.push(Step { first, kind, end });
+        Ok(first..first + sums.len())
     }
 
-    fn constant(&mut self, tensor: &TensorProto) -> Result<Value, String> {
-        let data = proto::numbers(tensor)?;
-        self.charge(data.len())?;
-        let shape = tensor.dims.iter().map(|&d| usize::try_from(d).unwrap_or(0)).collect();
-        let float = tensor.data_type == DataType::Float as i32;
-        Ok(Value { shape, content: Content::Constant { data, float } })
-    }
-
-    /// The step whose whole, unchanged result this is.
-    fn whole_step(&self, content: &Content) -> Option<usize> {
-        let Content::Elements(elements) = content else { return None };
-        let step = elements.first()?.of?.step;
-        let same = |(i, e): (usize, &Element)| {
-            e.of == Some(Ref { step, index: i }) && e.scale == 1.0 && e.offset == 0.0
-        };
-        let whole = elements.len() == self.steps[step].len() && elements.iter().enumerate().all(same);
-        (whole && !matches!(self.steps[step].kind, StepKind::Input(_))).then_some(step)
-    }
-
-    /// Makes a step of a value.
-    fn materialise(&mut self, content: Content, end: End) -> Result<usize, String> {
-        let kind = match content {
-            Content::Affine(a) => StepKind::Affine(a),
-            Content::Elements(e) => StepKind::Elements(e),
-            Content::Constant { .. } => return Err("it is constant".into()),
-        };
-        self.push(kind, end)
-    }
-
-    /// The value as elements. An affine map becomes a step.
-    fn elements(&mut self, content: Content) -> Result<Vec<Element>, String> {
-        match content {
-            Content::Elements(e) => Ok(e),
-            Content::Constant { data, float: true } => {
-                Ok(data.into_iter().map(|offset| Element { of: None, scale: 0.0, offset }).collect())
-            }
-            Content::Constant { float: false, .. } => Err("not of 32-bit floats".into()),
-            affine @ Content::Affine(_) => {
-                let len = affine.len();
-                let step = self.materialise(affine, End::NONE)?;
-                Ok(elements_of(step, len))
-            }
+    /// The value as sums of at most one term each. Longer ones become a step.
+    fn single(&mut self, value: Value) -> Result<Value, String> {
+        if value.sums.iter().all(|sum| sum.terms.len() <= 1) {
+            return Ok(value);
         }
+        let sums = elements(self.push(&value.sums, End::NONE)?);
+        self.charge(sums.len())?;
+        Ok(Value { sums, ..value })
     }
 }

@@ -1,16 +1,15 @@
 //! Lowers single ONNX operators, as the ONNX operator reference defines them, operator sets 7 and later.
 
-use super::value::{self, Affine, Content, Element, Value};
-use super::{Builder, End, elements_of};
-use crate::onnx::{DataType, NodeProto};
-use crate::proto::attribute;
+use super::{Builder, End, Sum, Value, elements};
+use crate::onnx::{DataType, NodeProto, TensorProto};
+use crate::proto::{self, attribute};
 
-pub(super) fn lower(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
+pub(super) fn lower(b: &mut Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     if !matches!(node.domain.as_str(), "" | "ai.onnx") {
         return Err("its domain is not ONNX's own".into());
     }
     match node.op_type.as_str() {
-        "Constant" => constant(b, node),
+        "Constant" => constant(node),
         "Identity" | "Dropout" => input(b, node, 0),
         "Cast" => cast(b, node),
         "Reshape" => reshape(b, node),
@@ -19,32 +18,39 @@ pub(super) fn lower(b: &mut Builder, node: &NodeProto) -> Result<Value, String> 
         "Unsqueeze" => unsqueeze(b, node),
         "Transpose" => transpose(b, node),
         "Concat" => concat(b, node),
-        "Add" | "Sub" | "Mul" | "Div" => elementwise(b, node),
-        "Relu" => {
-            let v = input(b, node, 0)?;
-            clamp(b, v, 0.0, f64::INFINITY)
+        "Add" | "Sub" | "Mul" | "Div" => {
+            elementwise(b, floats(b, node, 0)?, floats(b, node, 1)?, &node.op_type)
         }
-        "Exp" => {
-            let v = input(b, node, 0)?;
-            end(b, v, End::Exponential)
+        "Relu" => clamp(b, node, 0.0, f64::INFINITY),
+        "Exp" => end(b, floats(b, node, 0)?, End::Exponential),
+        "Clip" if b.opset < 11 => clamp(b, node, float(node, "min", f32::MIN), float(node, "max", f32::MAX)),
+        "Clip" => {
+            let limit = |index, open| if has(node, index) { scalar(b, node, index) } else { Ok(open) };
+            let (low, high) = (limit(1, f64::NEG_INFINITY)?, limit(2, f64::INFINITY)?);
+            clamp(b, node, low, high)
         }
-        "Clip" => clip(b, node),
-        "Max" | "Min" => max_min(b, node),
-        "MatMul" => {
-            let (x, y) = (input(b, node, 0)?, input(b, node, 1)?);
-            matmul(b, x, y)
-        }
+        "Max" | "Min" if node.input.len() == 2 => max_min(b, node),
+        "MatMul" => matmul(b, floats(b, node, 0)?, floats(b, node, 1)?),
         "Gemm" => gemm(b, node),
         _ => Err("not one of a multilayer perceptron's operators".into()),
     }
 }
 
-fn optional(b: &Builder, node: &NodeProto, index: usize) -> Option<Value> {
-    node.input.get(index).filter(|name| !name.is_empty()).and_then(|name| b.values.get(name)).cloned()
+fn has(node: &NodeProto, index: usize) -> bool {
+    node.input.get(index).is_some_and(|name| !name.is_empty())
 }
 
-fn input(b: &Builder, node: &NodeProto, index: usize) -> Result<Value, String> {
-    optional(b, node, index).ok_or_else(|| format!("input {index} is missing"))
+fn input(b: &Builder<'_>, node: &NodeProto, index: usize) -> Result<Value, String> {
+    let name = node.input.get(index).map_or("", String::as_str);
+    match (b.values.get(name), b.tensors.get(name)) {
+        (Some(value), _) => Ok(value.clone()),
+        (None, Some(tensor)) => of_tensor(tensor),
+        (None, None) => Err(format!("input {index} is missing")),
+    }
+}
+
+fn floats(b: &Builder<'_>, node: &NodeProto, index: usize) -> Result<Value, String> {
+    input(b, node, index)?.of_floats()
 }
 
 fn int(node: &NodeProto, name: &str, default: i64) -> i64 {
@@ -61,67 +67,106 @@ fn axis(index: i64, rank: usize) -> Result<usize, String> {
     usize::try_from(from_front).ok().filter(|&i| i < rank).ok_or_else(|| format!("axis {index} of {rank}"))
 }
 
+fn axes(list: &[i64], rank: usize) -> Result<Vec<usize>, String> {
+    list.iter().map(|&i| axis(i, rank)).collect()
+}
+
 /// A list from an attribute (older operator sets) or a constant input.
-fn list(b: &Builder, node: &NodeProto, name: &str, index: usize) -> Result<Option<Vec<i64>>, String> {
+fn list(b: &Builder<'_>, node: &NodeProto, name: &str) -> Result<Option<Vec<i64>>, String> {
     if let Some(a) = attribute(node, name) {
         return Ok(Some(a.ints.clone()));
     }
-    match optional(b, node, index).map(|v| v.content) {
-        None => Ok(None),
-        Some(Content::Constant { data, float: false }) => Ok(Some(data.iter().map(|&x| x as i64).collect())),
-        Some(_) => Err(format!("{name} is not a constant list of integers")),
+    if !has(node, 1) {
+        return Ok(None);
+    }
+    match input(b, node, 1)? {
+        v if !v.float && v.constant() => Ok(Some(v.sums.iter().map(|x| x.offset as i64).collect())),
+        _ => Err(format!("{name} is not a constant list of integers")),
     }
 }
 
-/// A single constant, or the default.
-fn scalar(b: &Builder, node: &NodeProto, index: usize, default: f64) -> Result<f64, String> {
-    match optional(b, node, index).map(|v| v.content) {
-        None => Ok(default),
-        Some(Content::Constant { data, float: true }) if data.len() == 1 => Ok(data[0]),
-        Some(_) => Err(format!("input {index} is not a single constant")),
+/// A single constant.
+fn scalar(b: &Builder<'_>, node: &NodeProto, index: usize) -> Result<f64, String> {
+    match floats(b, node, index)?.sums.as_slice() {
+        [Sum { terms, offset }] if terms.is_empty() => Ok(*offset),
+        _ => Err(format!("input {index} is not a single constant")),
     }
 }
 
-fn constant(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
-    let Some(a) = node.attribute.first() else { return Err("without a value".into()) };
-    let (shape, data, float) = match a.name.as_str() {
-        "value" => {
-            let t = a.t.as_ref().ok_or("without a value")?;
-            return b.constant(t);
+impl Value {
+    fn known(shape: Vec<usize>, data: impl IntoIterator<Item = f64>, float: bool) -> Self {
+        let sums = data.into_iter().map(|offset| Sum { terms: Vec::new(), offset }).collect();
+        Self { shape, float, sums }
+    }
+
+    fn of_floats(self) -> Result<Self, String> {
+        if self.float { Ok(self) } else { Err("not of 32-bit floats".into()) }
+    }
+
+    fn with_shape(self, shape: Vec<usize>) -> Result<Self, String> {
+        if shape.iter().try_fold(1usize, |p, &d| p.checked_mul(d)) != Some(self.sums.len()) {
+            return Err(format!("{:?} cannot become {shape:?}", self.shape));
         }
-        "value_float" => (vec![], vec![f64::from(a.f)], true),
-        "value_floats" => (vec![a.floats.len()], a.floats.iter().map(|&x| f64::from(x)).collect(), true),
-        "value_int" => (vec![], vec![a.i as f64], false),
-        "value_ints" => (vec![a.ints.len()], a.ints.iter().map(|&x| x as f64).collect(), false),
-        _ => return Err("of an unusual kind".into()),
-    };
-    Ok(Value { shape, content: Content::Constant { data, float } })
+        Ok(Self { shape, ..self })
+    }
+
+    /// The axes in another order.
+    fn permuted(self, order: &[usize]) -> Self {
+        let shape: Vec<usize> = order.iter().map(|&i| self.shape[i]).collect();
+        let strides: Vec<usize> = order.iter().map(|&i| count(&self.shape[i + 1..])).collect();
+        let sums = indices(&shape, &strides).map(|i| self.sums[i].clone()).collect();
+        Self { shape, sums, ..self }
+    }
 }
 
-fn cast(b: &Builder, node: &NodeProto) -> Result<Value, String> {
-    let v = input(b, node, 0)?;
+/// Number of elements; a number too large only appears beside a length of 0.
+fn count(shape: &[usize]) -> usize {
+    shape.iter().fold(1, |p, &d| p.wrapping_mul(d))
+}
+
+/// For each element of a shape, row by row, its index where the axes have these strides.
+fn indices(shape: &[usize], strides: &[usize]) -> impl Iterator<Item = usize> {
+    (0..count(shape)).map(move |mut rest| {
+        let mut index = 0;
+        for (len, stride) in shape.iter().zip(strides).rev() {
+            index += rest % len * stride;
+            rest /= len;
+        }
+        index
+    })
+}
+
+fn of_tensor(tensor: &TensorProto) -> Result<Value, String> {
+    let shape = tensor.dims.iter().map(|&d| usize::try_from(d).unwrap_or(0)).collect();
+    Ok(Value::known(shape, proto::numbers(tensor)?, tensor.data_type == DataType::Float as i32))
+}
+
+fn constant(node: &NodeProto) -> Result<Value, String> {
+    let a = node.attribute.first().ok_or("without a value")?;
+    match a.name.as_str() {
+        "value" => of_tensor(a.t.as_ref().ok_or("without a value")?),
+        "value_float" => Ok(Value::known(vec![], [f64::from(a.f)], true)),
+        "value_floats" => Ok(Value::known(vec![a.floats.len()], a.floats.iter().map(|&x| x.into()), true)),
+        "value_int" => Ok(Value::known(vec![], [a.i as f64], false)),
+        "value_ints" => Ok(Value::known(vec![a.ints.len()], a.ints.iter().map(|&x| x as f64), false)),
+        _ => Err("of an unusual kind".into()),
+    }
+}
+
+fn cast(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     if int(node, "to", 0) != DataType::Float as i64 {
         return Err("to something else than 32-bit float".into());
     }
-    let content = match v.content {
-        Content::Constant { data, .. } => {
-            Content::Constant { data: data.iter().map(|&x| f64::from(x as f32)).collect(), float: true }
-        }
-        other => other,
-    };
-    Ok(Value { shape: v.shape, content })
-}
-
-fn with_shape(v: Value, shape: Vec<usize>) -> Result<Value, String> {
-    if shape.iter().try_fold(1usize, |p, &d| p.checked_mul(d)) != Some(v.content.len()) {
-        return Err(format!("{:?} cannot become {shape:?}", v.shape));
+    let mut v = input(b, node, 0)?;
+    if v.constant() {
+        v.sums.iter_mut().for_each(|x| x.offset = f64::from(x.offset as f32));
     }
-    Ok(Value { shape, content: v.content })
+    Ok(Value { float: true, ..v })
 }
 
-fn reshape(b: &Builder, node: &NodeProto) -> Result<Value, String> {
+fn reshape(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let v = input(b, node, 0)?;
-    let wanted = list(b, node, "shape", 1)?.ok_or("without a shape")?;
+    let wanted = list(b, node, "shape")?.ok_or("without a shape")?;
     let keep_zero = int(node, "allowzero", 0) != 0;
     let mut shape = Vec::new();
     for (i, &d) in wanted.iter().enumerate() {
@@ -135,291 +180,243 @@ fn reshape(b: &Builder, node: &NodeProto) -> Result<Value, String> {
     if shape.iter().filter(|d| d.is_none()).count() > 1 || known == 0 {
         return Err(format!("to {wanted:?}"));
     }
-    let rest = v.content.len() / known;
-    with_shape(v, shape.into_iter().map(|d| d.unwrap_or(rest)).collect())
+    let rest = v.sums.len() / known;
+    v.with_shape(shape.into_iter().map(|d| d.unwrap_or(rest)).collect())
 }
 
-fn flatten(b: &Builder, node: &NodeProto) -> Result<Value, String> {
+fn flatten(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let v = input(b, node, 0)?;
     let rank = v.shape.len();
     let at = match int(node, "axis", 1) {
         i if i == rank as i64 => rank,
         i => axis(i, rank)?,
     };
-    let shape = vec![v.shape[..at].iter().product(), v.shape[at..].iter().product()];
-    with_shape(v, shape)
+    let shape = vec![count(&v.shape[..at]), count(&v.shape[at..])];
+    v.with_shape(shape)
 }
 
-fn squeeze(b: &Builder, node: &NodeProto) -> Result<Value, String> {
+fn squeeze(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let v = input(b, node, 0)?;
     let rank = v.shape.len();
-    let drop: Vec<usize> = match list(b, node, "axes", 1)? {
-        Some(axes) => axes.iter().map(|&i| axis(i, rank)).collect::<Result<_, _>>()?,
+    let drop = match list(b, node, "axes")? {
+        Some(list) => axes(&list, rank)?,
         None => (0..rank).filter(|&i| v.shape[i] == 1).collect(),
     };
     let shape = (0..rank).filter(|i| !drop.contains(i)).map(|i| v.shape[i]).collect();
-    with_shape(v, shape)
+    v.with_shape(shape)
 }
 
-fn unsqueeze(b: &Builder, node: &NodeProto) -> Result<Value, String> {
+fn unsqueeze(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let v = input(b, node, 0)?;
-    let axes = list(b, node, "axes", 1)?.ok_or("without axes")?;
-    let rank = v.shape.len() + axes.len();
-    let added: Vec<usize> = axes.iter().map(|&i| axis(i, rank)).collect::<Result<_, _>>()?;
+    let list = list(b, node, "axes")?.ok_or("without axes")?;
+    let rank = v.shape.len() + list.len();
+    let added = axes(&list, rank)?;
     let mut old = v.shape.iter();
     let shape =
         (0..rank).filter_map(|i| if added.contains(&i) { Some(1) } else { old.next().copied() }).collect();
-    with_shape(v, shape)
+    v.with_shape(shape)
 }
 
-fn transpose(b: &Builder, node: &NodeProto) -> Result<Value, String> {
+fn transpose(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let v = input(b, node, 0)?;
     let rank = v.shape.len();
-    let order: Vec<usize> = match attribute(node, "perm") {
-        Some(a) => a.ints.iter().map(|&i| axis(i, rank)).collect::<Result<_, _>>()?,
+    let order = match attribute(node, "perm") {
+        Some(a) => axes(&a.ints, rank)?,
         None => (0..rank).rev().collect(),
     };
     if order.len() != rank || (0..rank).any(|i| !order.contains(&i)) {
         return Err("its perm is no permutation".into());
     }
-    let shape: Vec<usize> = order.iter().map(|&i| v.shape[i]).collect();
-    // Moving axes of length 1 leaves the elements in place.
-    let long: Vec<usize> = order.iter().copied().filter(|&i| v.shape[i] != 1).collect();
-    if long.is_sorted() {
-        return with_shape(v, shape);
-    }
-    match (v.content, order.as_slice(), v.shape.as_slice()) {
-        (Content::Constant { data, float }, [1, 0], &[rows, columns]) => {
-            let data =
-                (0..columns).flat_map(|c| (0..rows).map(move |r| (r, c))).map(|(r, c)| data[r * columns + c]);
-            Ok(Value { shape, content: Content::Constant { data: data.collect(), float } })
-        }
-        _ => Err("of more than a constant matrix".into()),
-    }
+    Ok(v.permuted(&order))
 }
 
-fn concat(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
+fn concat(b: &mut Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let first = input(b, node, 0)?.shape;
     let at = axis(int(node, "axis", 1), first.len())?;
     if first[..at].iter().any(|&d| d != 1) {
         return Err("along an axis that is not the outermost long one".into());
     }
-    let mut shape = first.clone();
+    let (mut shape, mut sums) = (first.clone(), Vec::new());
     shape[at] = 0;
-    let mut elements = Vec::new();
     for i in 0..node.input.len() {
-        let v = input(b, node, i)?;
+        let v = floats(b, node, i)?;
         let fits =
             v.shape.len() == first.len() && (0..first.len()).all(|i| i == at || v.shape[i] == first[i]);
         if !fits {
             return Err(format!("of {first:?} and {:?}", v.shape));
         }
         shape[at] += v.shape[at];
-        elements.extend(b.elements(v.content)?);
-        b.charge(elements.len())?;
+        sums.extend(b.single(v)?.sums);
+        b.charge(sums.len())?;
     }
-    Ok(Value { shape, content: Content::Elements(elements) })
+    Ok(Value { shape, float: true, sums })
 }
 
-fn clamp(b: &mut Builder, v: Value, low: f64, high: f64) -> Result<Value, String> {
+/// Makes a step of a value.
+fn end(b: &mut Builder<'_>, v: Value, end: End) -> Result<Value, String> {
+    Ok(Value { sums: elements(b.push(&v.sums, end)?), ..v })
+}
+
+fn clamped(b: &mut Builder<'_>, v: Value, low: f64, high: f64) -> Result<Value, String> {
     if low.is_nan() || high.is_nan() || low > high {
         return Err(format!("clamps to {low}..{high}"));
     }
     end(b, v, End::Clamp(low, high))
 }
 
-/// Makes a step of a value.
-fn end(b: &mut Builder, v: Value, end: End) -> Result<Value, String> {
-    let len = v.content.len();
-    let step = b.materialise(v.content, end)?;
-    Ok(Value { shape: v.shape, content: Content::Elements(elements_of(step, len)) })
+fn clamp(b: &mut Builder<'_>, node: &NodeProto, low: f64, high: f64) -> Result<Value, String> {
+    clamped(b, floats(b, node, 0)?, low, high)
 }
 
-fn clip(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
-    let v = input(b, node, 0)?;
-    let (low, high) = if b.opset < 11 {
-        (float(node, "min", f32::MIN), float(node, "max", f32::MAX))
-    } else {
-        (scalar(b, node, 1, f64::NEG_INFINITY)?, scalar(b, node, 2, f64::INFINITY)?)
-    };
-    clamp(b, v, low, high)
+fn max_min(b: &mut Builder<'_>, node: &NodeProto) -> Result<Value, String> {
+    let constant = if floats(b, node, 0)?.constant() { 0 } else { 1 };
+    let (v, limit) = (floats(b, node, 1 - constant)?, scalar(b, node, constant)?);
+    let open = f64::INFINITY;
+    if node.op_type == "Max" { clamped(b, v, limit, open) } else { clamped(b, v, -open, limit) }
 }
 
-fn max_min(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
-    let (x, y) = (input(b, node, 0)?, input(b, node, 1)?);
-    let (v, c) = match (x, y) {
-        (Value { content: Content::Constant { data, float: true }, .. }, v)
-        | (v, Value { content: Content::Constant { data, float: true }, .. })
-            if node.input.len() == 2 && data.len() == 1 =>
-        {
-            (v, data[0])
-        }
-        _ => return Err("of other than a value and a single constant".into()),
-    };
-    if node.op_type == "Max" { clamp(b, v, c, f64::INFINITY) } else { clamp(b, v, f64::NEG_INFINITY, c) }
-}
-
-fn elementwise(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
-    let (x, y) = (input(b, node, 0)?, input(b, node, 1)?);
-    let shape =
-        value::broadcast(&x.shape, &y.shape).ok_or_else(|| format!("of {:?} and {:?}", x.shape, y.shape))?;
-    let len = shape.iter().try_fold(1usize, |p, &d| p.checked_mul(d)).ok_or("too large")?;
-    b.charge(len)?;
-    let op = node.op_type.as_str();
-    let spread = |data: &[f64], from: &[usize]| -> Vec<f64> {
-        value::broadcast_indices(from, &shape).into_iter().map(|i| data[i]).collect()
-    };
-    let content = match (x.content, y.content) {
-        (Content::Constant { data: p, float: true }, Content::Constant { data: q, float: true }) => {
-            let data = spread(&p, &x.shape)
-                .iter()
-                .zip(spread(&q, &y.shape))
-                .map(|(&p, q)| apply(op, p, q))
-                .collect();
-            Content::Constant { data, float: true }
-        }
-        (v, Content::Constant { data, float: true }) if v.len() == len => {
-            let c = spread(&data, &y.shape);
-            match op {
-                "Add" => rescale(v, |_| 1.0, |j| c[j]),
-                "Sub" => rescale(v, |_| 1.0, |j| -c[j]),
-                "Mul" => rescale(v, |j| c[j], |_| 0.0),
-                _ => rescale(v, |j| 1.0 / c[j], |_| 0.0),
-            }
-        }
-        (Content::Constant { data, float: true }, v) if v.len() == len => {
-            let c = spread(&data, &x.shape);
-            match op {
-                "Add" => rescale(v, |_| 1.0, |j| c[j]),
-                "Sub" => rescale(v, |_| -1.0, |j| c[j]),
-                "Mul" => rescale(v, |j| c[j], |_| 0.0),
-                _ => return Err("divides a constant by a value".into()),
-            }
-        }
-        (Content::Constant { .. }, _) | (_, Content::Constant { .. }) => {
-            return Err("spreads a value, or uses integers".into());
-        }
-        (v, w) if v.len() == len && w.len() == len && matches!(op, "Add" | "Sub") => {
-            let (v, w) = (affine(b, v)?, affine(b, w)?);
-            b.charge(v.weights.len() + w.weights.len())?;
-            Content::Affine(value::add(v, &w, if op == "Add" { 1.0 } else { -1.0 }))
-        }
-        _ => return Err("combines two values".into()),
-    };
-    Ok(Value { shape, content })
-}
-
-fn apply(op: &str, p: f64, q: f64) -> f64 {
-    match op {
-        "Add" => p + q,
-        "Sub" => p - q,
-        "Mul" => p * q,
-        _ => p / q,
-    }
-}
-
-/// Multiplies each element by its scale, then adds its offset. Not for constants.
-fn rescale(content: Content, scale: impl Fn(usize) -> f64, offset: impl Fn(usize) -> f64) -> Content {
-    match content {
-        Content::Affine(mut a) => {
-            value::scale_columns(&mut a, scale, offset);
-            Content::Affine(a)
-        }
-        Content::Elements(mut elements) => {
-            for (j, e) in elements.iter_mut().enumerate() {
-                *e = Element { of: e.of, scale: e.scale * scale(j), offset: e.offset * scale(j) + offset(j) };
-            }
-            Content::Elements(elements)
-        }
-        constant => constant,
-    }
-}
-
-fn affine(b: &mut Builder, content: Content) -> Result<Affine, String> {
-    match content {
-        Content::Affine(a) => Ok(a),
-        other => {
-            let elements = b.elements(other)?;
-            b.charge(elements.len().saturating_mul(elements.len()))?;
-            Ok(value::diagonal(&elements))
-        }
-    }
-}
-
-/// A row times a constant matrix, or a constant matrix times a column.
-fn matmul(b: &mut Builder, x: Value, y: Value) -> Result<Value, String> {
+/// Applies an operator element by element, with NumPy's broadcasting.
+fn elementwise(b: &Builder<'_>, x: Value, y: Value, op: &str) -> Result<Value, String> {
     let misfit = || format!("of {:?} and {:?}", x.shape, y.shape);
-    let row = x.shape.split_last().filter(|(_, batch)| batch.iter().all(|&d| d == 1)).map(|(&k, _)| k);
-    match (x.content, y.content) {
-        (Content::Constant { data, float: true }, v) if !matches!(v, Content::Constant { .. }) => {
-            let (&[n, k], [k_too, 1]) = (x.shape.as_slice(), y.shape.as_slice()) else {
-                return Err(misfit());
-            };
-            if k != *k_too {
-                return Err(misfit());
-            }
-            let a = product(b, v, n, |k_at, j| data[j * k + k_at])?;
-            Ok(Value { shape: vec![n, 1], content: Content::Affine(a) })
+    let rank = x.shape.len().max(y.shape.len());
+    // With axes of length 1 in front, and strides of 0 where a length of 1 is spread.
+    let padded = |v: &Value| [vec![1; rank - v.shape.len()], v.shape.clone()].concat();
+    let strides = |of: &[usize]| -> Vec<usize> {
+        (0..rank).map(|i| if of[i] == 1 { 0 } else { count(&of[i + 1..]) }).collect()
+    };
+    let (from_x, from_y) = (padded(&x), padded(&y));
+    let common = |(x, y): (&usize, &usize)| match (*x, *y) {
+        (x, y) if x == y || y == 1 => Some(x),
+        (1, y) => Some(y),
+        _ => None,
+    };
+    let shape: Option<Vec<usize>> = from_x.iter().zip(&from_y).map(common).collect();
+    let shape = shape.ok_or_else(misfit)?;
+    let terms = |v: &Value| v.sums.iter().map(|sum| sum.terms.len()).max().unwrap_or(0);
+    let most = shape.iter().try_fold(1 + terms(&x) + terms(&y), |p: usize, &d| p.checked_mul(d));
+    if most.is_none_or(|most| most > b.budget) {
+        return Err("too large".into());
+    }
+    let (strides_x, strides_y) = (strides(&from_x), strides(&from_y));
+    let pairs = indices(&shape, &strides_x).zip(indices(&shape, &strides_y));
+    let sums = pairs.map(|(i, j)| match (op, &x.sums[i], &y.sums[j]) {
+        ("Add", x, y) => Ok(x.plus(1.0, y)),
+        ("Sub", x, y) => Ok(x.plus(-1.0, y)),
+        ("Mul", x, y) => x.times(y),
+        (_, x, y) if !y.terms.is_empty() => Err(format!("divides {} by a value", x.offset)),
+        (_, x, y) if x.terms.is_empty() => Ok(Sum { terms: Vec::new(), offset: x.offset / y.offset }),
+        (_, x, y) => Ok(x.scaled(1.0 / y.offset)),
+    });
+    let sums = sums.collect::<Result<_, String>>()?;
+    Ok(Value { shape, float: true, sums })
+}
+
+impl Sum {
+    fn plus(&self, factor: f64, other: &Sum) -> Sum {
+        let more = other.terms.iter().map(|(element, weight)| (*element, factor * weight));
+        let terms = self.terms.iter().copied().chain(more).collect();
+        Sum { terms, offset: self.offset + factor * other.offset }
+    }
+
+    fn scaled(&self, factor: f64) -> Sum {
+        let terms = self.terms.iter().map(|(element, weight)| (*element, weight * factor)).collect();
+        Sum { terms, offset: self.offset * factor }
+    }
+
+    fn times(&self, other: &Sum) -> Result<Sum, String> {
+        match (self.terms.as_slice(), other.terms.as_slice()) {
+            (_, []) => Ok(self.scaled(other.offset)),
+            ([], _) => Ok(other.scaled(self.offset)),
+            _ => Err("multiplies two values".into()),
         }
-        (v, Content::Constant { data, float: true }) if !matches!(v, Content::Constant { .. }) => {
-            let (Some(k), &[k_too, n]) = (row, y.shape.as_slice()) else { return Err(misfit()) };
-            if k != k_too || x.shape.len() < 2 {
-                return Err(misfit());
-            }
-            let a = product(b, v, n, |k_at, j| data[k_at * n + j])?;
-            let mut shape = x.shape.clone();
-            shape.pop();
-            shape.push(n);
-            Ok(Value { shape, content: Content::Affine(a) })
-        }
-        _ => Err("of other than one value and one constant matrix".into()),
     }
 }
 
-fn product(
-    b: &mut Builder,
-    v: Content,
-    n: usize,
-    at: impl Fn(usize, usize) -> f64,
-) -> Result<Affine, String> {
-    let elements = b.elements(v)?;
-    b.charge(elements.len().saturating_mul(n))?;
-    Ok(value::multiply(&elements, n, at))
+/// The product of two matrices, one of them constant. Further axes in front have the length 1.
+fn matmul(b: &mut Builder<'_>, x: Value, y: Value) -> Result<Value, String> {
+    let misfit = || format!("of {:?} and {:?}", x.shape, y.shape);
+    let ([batch @ .., m, k], &[k_too, n]) = (x.shape.as_slice(), y.shape.as_slice()) else {
+        return Err(misfit());
+    };
+    let (m, k) = (*m, *k);
+    if k != k_too || batch.iter().any(|&d| d != 1) {
+        return Err(misfit());
+    }
+    if m.saturating_mul(n).saturating_mul(k + 1) > b.budget {
+        return Err("too large".into());
+    }
+    let shape = [batch, &[m, n]].concat();
+    let (x, y) = (b.single(x)?.sums, b.single(y)?.sums);
+    let mut sums = Vec::with_capacity(m * n);
+    for (row, column) in (0..m).flat_map(|row| (0..n).map(move |column| (row, column))) {
+        let mut sum = Sum { terms: Vec::with_capacity(k), offset: 0.0 };
+        for (x, y) in x[row * k..][..k].iter().zip(y.iter().skip(column).step_by(n)) {
+            let product = x.times(y)?;
+            sum.offset += product.offset;
+            sum.terms.extend(product.terms);
+        }
+        sums.push(sum);
+    }
+    Ok(Value { shape, float: true, sums })
 }
 
-fn gemm(b: &mut Builder, node: &NodeProto) -> Result<Value, String> {
-    let (x, y, c) = (input(b, node, 0)?, input(b, node, 1)?, optional(b, node, 2));
+fn gemm(b: &mut Builder<'_>, node: &NodeProto) -> Result<Value, String> {
+    let matrix = |index, turn| match floats(b, node, index)? {
+        v if v.shape.len() != 2 => Err(format!("of {:?}", v.shape)),
+        v if int(node, turn, 0) != 0 => Ok(v.permuted(&[1, 0])),
+        v => Ok(v),
+    };
+    let (x, y) = (matrix(0, "transA")?, matrix(1, "transB")?);
     let (alpha, beta) = (float(node, "alpha", 1.0), float(node, "beta", 1.0));
-    let [rows, columns] = x.shape[..] else { return Err(format!("of {:?}", x.shape)) };
-    let k = if int(node, "transA", 0) == 0 {
-        (rows == 1).then_some(columns)
-    } else {
-        (columns == 1).then_some(rows)
-    };
-    let (Some(k), &[y0, y1]) = (k, y.shape.as_slice()) else {
-        return Err(format!("of {:?} and {:?}", x.shape, y.shape));
-    };
-    let turned = int(node, "transB", 0) != 0;
-    let (k_too, n) = if turned { (y1, y0) } else { (y0, y1) };
-    let Content::Constant { data, float: true } = &y.content else {
-        return Err("its B is not constant".into());
-    };
-    if matches!(x.content, Content::Constant { .. }) || k != k_too {
-        return Err(format!("of {:?} and {:?}", x.shape, y.shape));
+    let mut product = matmul(b, x, y)?;
+    product.sums.iter_mut().for_each(|sum| *sum = sum.scaled(alpha));
+    if !has(node, 2) {
+        return Ok(product);
     }
-    let mut a = product(b, x.content, n, |k_at, j| {
-        alpha * if turned { data[j * k + k_at] } else { data[k_at * n + j] }
-    })?;
-    if let Some(c) = c {
-        let Content::Constant { data, float: true } = &c.content else {
-            return Err("its C is not constant".into());
+    let mut c = floats(b, node, 2)?;
+    c.sums.iter_mut().for_each(|sum| *sum = sum.scaled(beta));
+    let shape = product.shape.clone();
+    let sum = elementwise(b, product, c, "Add")?;
+    if sum.shape == shape { Ok(sum) } else { Err(format!("its C makes the shape {:?}", sum.shape)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn broadcasting_follows_numpy() {
+        let b = Builder {
+            tensors: Default::default(),
+            steps: Vec::new(),
+            constant: Vec::new(),
+            values: Default::default(),
+            budget: 100,
+            opset: 17,
         };
-        if value::broadcast(&c.shape, &[1, n]).as_deref() != Some(&[1, n]) {
-            return Err(format!("its C has the shape {:?}", c.shape));
+        let known = |shape: &[usize]| {
+            let len = shape.iter().product::<usize>();
+            Value::known(shape.to_vec(), (0..len).map(|x| x as f64), true)
+        };
+        for (x, y, shape, sums) in [
+            (&[1, 3][..], &[3][..], &[1, 3][..], &[0.0, 2.0, 4.0][..]),
+            (&[2, 1], &[1, 3], &[2, 3], &[0.0, 1.0, 2.0, 1.0, 2.0, 3.0]),
+            (&[2, 3], &[3], &[2, 3], &[0.0, 2.0, 4.0, 3.0, 5.0, 7.0]),
+            (&[], &[1, 2], &[1, 2], &[0.0, 1.0]),
+        ] {
+            let found = elementwise(&b, known(x), known(y), "Add").unwrap();
+            let offsets: Vec<f64> = found.sums.iter().map(|sum| sum.offset).collect();
+            assert_eq!((found.shape.as_slice(), offsets.as_slice()), (shape, sums), "{x:?} {y:?}");
         }
-        for (bias, i) in a.bias.iter_mut().zip(value::broadcast_indices(&c.shape, &[1, n])) {
-            *bias += beta * data[i];
-        }
+        assert!(elementwise(&b, known(&[2]), known(&[3]), "Add").is_err());
+        assert!(elementwise(&b, known(&[20, 1]), known(&[20]), "Add").is_err());
     }
-    Ok(Value { shape: vec![1, n], content: Content::Affine(a) })
+
+    #[test]
+    fn adding_shares_common_inputs() {
+        let sum = |terms: &[(usize, f64)], offset| Sum { terms: terms.to_vec(), offset };
+        let (a, b) = (sum(&[(0, 1.0), (1, 2.0)], 3.0), sum(&[(1, 10.0), (2, 20.0)], 30.0));
+        let c = super::super::Affine::new(&[a.plus(-1.0, &b)]);
+        assert_eq!((c.inputs, c.weights, c.bias), (vec![0, 1, 2], vec![1.0, -8.0, -20.0], vec![-27.0]));
+    }
 }

@@ -39,11 +39,8 @@ pub struct Picture {
 /// A file that is missing, a folder, empty, too large, not PNG, JPEG or BMP, damaged or cut off; a
 /// picture with a side below [`MIN_SIDE`] or more than [`MAX_PIXELS`].
 pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
-    let bytes = whole(path)?;
     let mut notes = Vec::new();
-    let whole = decoded(&bytes, path, &mut notes)?;
-    drop(bytes);
-    let part = middle(whole, &mut notes);
+    let part = middle(decoded(&file::read(path, MAX_BYTES)?, path, &mut notes)?, &mut notes);
     let sixteen = part.color().bytes_per_pixel() == 2 * part.color().channel_count();
     let plain = if sixteen {
         notes.push("16 bits a channel, brought to 8".into());
@@ -71,16 +68,11 @@ pub fn read(path: &Path) -> Result<Picture, Diagnostic> {
     Ok(Picture { image: Image { size: IMAGE, pixels }, notes })
 }
 
-fn whole(path: &Path) -> Result<Vec<u8>, Diagnostic> {
-    let bytes = file::read(path, MAX_BYTES)?;
-    if bytes.is_empty() {
-        return Err(Diagnostic::new("this file is empty, not a picture").in_file(path));
-    }
-    Ok(bytes)
-}
-
 fn decoded(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<DynamicImage, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
+    if bytes.is_empty() {
+        return Err(fail("this file is empty, not a picture".into()));
+    }
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp)) => format,
         _ => return Err(fail("no PNG, JPEG or BMP picture".into()).help("those three are read")),
@@ -103,13 +95,12 @@ fn decoded(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<Dynamic
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
+    let size = format!("a picture of {width} x {height} pixels");
     if width.min(height) < MIN_SIDE {
-        return Err(fail(format!("a picture of {width} x {height} pixels"))
-            .help(format!("a tactile image has at least {MIN_SIDE} x {MIN_SIDE}")));
+        return Err(fail(size).help(format!("a tactile image has at least {MIN_SIDE} x {MIN_SIDE}")));
     }
     if u64::from(width) * u64::from(height) > MAX_PIXELS || decoder.total_bytes() > MAX_UNPACKED {
-        return Err(fail(format!("a picture of {width} x {height} pixels"))
-            .help(format!("at most {MAX_PIXELS} pixels are read")));
+        return Err(fail(size).help(format!("at most {MAX_PIXELS} pixels are read")));
     }
     let turn = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
@@ -141,40 +132,21 @@ fn middle(whole: DynamicImage, notes: &mut Vec<String>) -> DynamicImage {
     whole.crop_imm(((width - w) / 2) as u32, ((height - h) / 2) as u32, w as u32, h as u32)
 }
 
-/// Whether a JPEG has its end marker after its last scan (ITU T.81, B.1.1). A decoder may fill missing
-/// parts with grey.
+/// Whether a JPEG has an end marker behind the start of its first scan (ITU T.81, B.1.1); coded data never
+/// looks like one. A decoder may fill missing parts with grey.
 fn ends(bytes: &[u8]) -> bool {
-    const START_OF_SCAN: u8 = 0xda;
-    const END: u8 = 0xd9;
-    // After the start marker.
     let mut rest = bytes.get(2..).unwrap_or_default();
-    loop {
-        // Any number of 0xff may precede a marker.
-        let Some(at) = rest.iter().position(|b| *b != 0xff) else { return false };
-        let Some((marker, after)) = rest[at..].split_first() else { return false };
-        if at == 0 {
-            // Bytes between segments, which decoders skip.
-            let Some(next) = rest.iter().position(|b| *b == 0xff) else { return false };
-            rest = &rest[next..];
-            continue;
-        }
-        match *marker {
-            END => return true,
-            // Markers without data.
-            0x00 | 0x01 | 0xd0..=0xd8 => {
-                rest = after;
-                continue;
-            }
-            _ => {}
-        }
-        let Some([high, low]) = after.first_chunk() else { return false };
-        let Some(behind) = after.get(usize::from(u16::from_be_bytes([*high, *low]))..) else { return false };
-        rest = behind;
-        if *marker == START_OF_SCAN {
-            // In coded data 0xff precedes 0, a restart or the next marker.
-            let coded = |pair: &[u8]| pair[0] != 0xff || matches!(pair[1], 0x00 | 0xd0..=0xd7 | 0xff);
-            let Some(next) = rest.windows(2).position(|pair| !coded(pair)) else { return false };
-            rest = &rest[next..];
-        }
+    // Segments until then have a length. They may hold a smaller picture with an end of its own.
+    while let Some(at) = rest.iter().position(|b| *b == 0xff) {
+        let Some((marker, after)) = rest[at + 1..].split_first() else { return false };
+        rest = match (marker, after.first_chunk()) {
+            (0xda, _) => return after.windows(2).any(|pair| pair == [0xff, 0xd9]),
+            // Fill bytes, and markers without data.
+            (0xff, _) => &rest[at + 1..],
+            (0x00 | 0x01 | 0xd0..=0xd8, _) => after,
+            (_, Some(len)) => after.get(usize::from(u16::from_be_bytes(*len))..).unwrap_or_default(),
+            (_, None) => return false,
+        };
     }
+    false
 }

@@ -1,9 +1,11 @@
 //! Encoders from ONNX files: what they answer, and files that are none.
 
-use super::networks::{Net, Random, Spelling, bytes, encoder, model, value_info};
-use crate::onnx::{ModelProto, NodeProto, StringStringEntryProto};
+use super::networks::{Random, bytes, encoder, node, value_info};
+use super::{SHIPPED, load, made};
+use crate::onnx::{GraphProto, ModelProto, StringStringEntryProto};
 use crate::picture::{IMAGE, Image};
 use crate::{Encoder, Model, Target};
+use asperity_diagnostics::Diagnostic;
 
 fn image(seed: u64) -> Image {
     let mut r = Random(seed);
@@ -14,10 +16,14 @@ fn image(seed: u64) -> Image {
     Image { size: IMAGE, pixels }
 }
 
-fn error(change: impl FnOnce(&mut ModelProto)) -> String {
+fn loaded(model: &ModelProto) -> Result<Encoder, Diagnostic> {
+    Encoder::from_bytes(&bytes(model), "some/where.onnx")
+}
+
+fn error(change: impl FnOnce(&mut GraphProto)) -> String {
     let mut m = encoder(&[0.1; 3 * 12 * 16], 0.0);
-    change(&mut m);
-    Encoder::from_bytes(&bytes(&m), "some/where.onnx").unwrap_err().to_string()
+    change(m.graph.as_mut().unwrap());
+    loaded(&m).unwrap_err().to_string()
 }
 
 #[test]
@@ -50,16 +56,16 @@ fn encoder_input_is_red_green_blue_from_0_to_1_by_rows() {
 
 #[test]
 fn non_finite_answer_is_an_error() {
-    let big = Encoder::from_bytes(&bytes(&encoder(&[1e38; 576], 0.0)), "big.onnx").unwrap();
+    let big = loaded(&encoder(&[1e38; 576], 0.0)).unwrap();
     let black = Image { size: IMAGE, pixels: vec![0; 147_456] };
     assert!(big.encode(&black).unwrap().iter().all(|x| *x == 0.0));
     let e = big.encode(&image(1)).unwrap_err().to_string();
-    assert!(e.starts_with("big.onnx: number 0 of what the encoder answers is not finite"), "{e}");
+    assert!(e.starts_with("some/where.onnx: number 0 of what the encoder answers is not finite"), "{e}");
 }
 
 #[test]
 fn an_image_of_another_size_is_refused() {
-    let encoder = Encoder::from_bytes(&bytes(&encoder(&[1.0; 576], 0.0)), "e.onnx").unwrap();
+    let encoder = loaded(&encoder(&[1.0; 576], 0.0)).unwrap();
     for (size, n) in [([192, 256], 147_455), ([256, 192], 147_456), ([0, 0], 0)] {
         let e = encoder.encode(&Image { size, pixels: vec![0; n] }).unwrap_err().to_string();
         assert!(e.contains("192 rows of 256"), "{e}");
@@ -68,38 +74,35 @@ fn an_image_of_another_size_is_refused() {
 
 #[test]
 fn non_encoder_files_are_refused_with_their_contents() {
-    let network = error(|m| *m = model(&Net::random(1), Spelling::default()));
-    assert!(network.contains("3 inputs, not 1; found inputs: force [1,10]"), "{network}");
-    let e = Model::from_bytes(&bytes(&encoder(&[1.0; 576], 0.0)), "e.onnx").unwrap_err().to_string();
+    type Change = fn(&mut GraphProto);
+    let cases: [(Change, &str); 6] = [
+        (|g| *g = made(1).graph.unwrap(), "3 inputs, not 1; found inputs: force [1,10]"),
+        (
+            |g| g.input[0] = value_info("image", &[Some(1), Some(3), Some(256), Some(192)]),
+            "the input does not fit; found inputs: image [1,3,256,192]",
+        ),
+        (
+            |g| g.input[0].r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 2,
+            "the input does not fit",
+        ),
+        (|g| g.output[0] = value_info("texture", &[None, Some(255)]), "the output does not fit"),
+        (|g| g.initializer[0].raw_data[..4].copy_from_slice(&f32::NAN.to_le_bytes()), "not finite"),
+        // An open shape is checked by its result.
+        (
+            |g| {
+                g.output[0] = value_info("tiles", &[None, None]);
+                let input = g.node[1].output[0].clone();
+                g.node.push(node("Identity", &[&input], "tiles", vec![]));
+            },
+            "answers 576 numbers, not 256",
+        ),
+    ];
+    for (change, text) in cases {
+        let e = error(change);
+        assert!(e.contains(text), "{e}");
+    }
+    let e = load(&encoder(&[1.0; 576], 0.0)).unwrap_err().to_string();
     assert!(e.contains("1 inputs, not 3"), "{e}");
-    let turned = error(|m| {
-        m.graph.as_mut().unwrap().input[0] = value_info("image", &[Some(1), Some(3), Some(256), Some(192)])
-    });
-    assert!(turned.contains("the input does not fit; found inputs: image [1,3,256,192]"), "{turned}");
-    let ints = error(|m| {
-        let input = &mut m.graph.as_mut().unwrap().input[0];
-        input.r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().elem_type = 2;
-    });
-    assert!(ints.contains("the input does not fit"), "{ints}");
-    let short = error(|m| m.graph.as_mut().unwrap().output[0] = value_info("texture", &[None, Some(255)]));
-    assert!(short.contains("the output does not fit"), "{short}");
-    let nan = error(|m| {
-        m.graph.as_mut().unwrap().initializer[0].raw_data[..4].copy_from_slice(&f32::NAN.to_le_bytes())
-    });
-    assert!(nan.contains("not finite"), "{nan}");
-    // An open shape is checked by its result.
-    let open = error(|m| {
-        let graph = m.graph.as_mut().unwrap();
-        graph.output[0] = value_info("tiles", &[None, None]);
-        let input = graph.node[1].output.clone();
-        graph.node.push(NodeProto {
-            op_type: "Identity".into(),
-            input,
-            output: vec!["tiles".into()],
-            ..Default::default()
-        });
-    });
-    assert!(open.contains("answers 576 numbers, not 256"), "{open}");
     let whole = bytes(&encoder(&[1.0; 576], 0.0));
     for part in 0..20 {
         assert!(Encoder::from_bytes(&whole[..whole.len() * part / 20], "cut.onnx").is_err(), "{part}");
@@ -116,17 +119,17 @@ fn a_free_batch_size_and_other_names_and_outputs_are_taken() {
     graph.output.insert(0, value_info("unused", &[None, Some(576)]));
     graph.node[1].output[0] = "unused".into();
     graph.node[2].input[0] = "unused".into();
-    let encoder = Encoder::from_bytes(&bytes(&m), "e.onnx").unwrap();
+    let encoder = loaded(&m).unwrap();
     let white = Image { size: IMAGE, pixels: vec![255; 147_456] };
     assert!((encoder.encode(&white).unwrap()[0] - 576.0).abs() < 1e-2);
 }
 
 /// A network whose file states these facts.
-fn stating(pairs: &[(&str, &str)]) -> Result<Model, asperity_diagnostics::Diagnostic> {
-    let mut m = model(&Net::random(1), Spelling::default());
+fn stating(pairs: &[(&str, &str)]) -> Result<Model, Diagnostic> {
+    let mut m = made(1);
     let entry = |(k, v): &(&str, &str)| StringStringEntryProto { key: (*k).into(), value: (*v).into() };
     m.metadata_props = pairs.iter().map(entry).collect();
-    Model::from_bytes(&bytes(&m), "m.onnx")
+    load(&m)
 }
 
 #[test]
@@ -136,14 +139,16 @@ fn target_is_read_from_the_file_and_another_is_refused() {
     assert_eq!(with(&[("target", "rms")]).unwrap(), Target::RootMeanSquare);
     assert_eq!(with(&[("target", "mean")]).unwrap(), Target::Mean);
     let e = with(&[("target", "median")]).unwrap_err().to_string();
-    assert!(e.contains("m.onnx: this model's `target` is \"median\"") && e.contains("rms or mean"), "{e}");
+    assert!(
+        e.contains("where.onnx: this model's `target` is \"median\"") && e.contains("rms or mean"),
+        "{e}"
+    );
 }
 
 #[test]
 fn shipped_networks_say_what_their_magnitudes_are() {
     for (file, target) in [("texture.onnx", Target::RootMeanSquare), ("texture_mean.onnx", Target::Mean)] {
-        let path = format!("{}/../../graphs/models/surfaces/{file}", env!("CARGO_MANIFEST_DIR"));
-        assert_eq!(Model::load(path).unwrap().target(), target, "{file}");
+        assert_eq!(Model::load(format!("{SHIPPED}{file}")).unwrap().target(), target, "{file}");
     }
 }
 
@@ -160,6 +165,6 @@ fn trained_range_is_read_from_the_file_or_refused() {
     );
     for bad in ["", "0", "-1", "NaN", "inf", "3,5", "1e300"] {
         let e = with(&[("force_max_n", bad)]).unwrap_err().to_string();
-        assert!(e.contains(&format!("m.onnx: this model's `force_max_n` is \"{bad}\"")), "{e}");
+        assert!(e.contains(&format!("where.onnx: this model's `force_max_n` is \"{bad}\"")), "{e}");
     }
 }

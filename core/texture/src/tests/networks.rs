@@ -24,6 +24,10 @@ impl Random {
     pub fn vector(&mut self, n: usize, limit: f64) -> Vec<f32> {
         (0..n).map(|_| self.within(limit) as f32).collect()
     }
+
+    pub fn layer(&mut self, inputs: usize, outputs: usize, weight: f64, bias: f64) -> Layer {
+        Layer { weights: self.vector(inputs * outputs, weight), bias: self.vector(outputs, bias) }
+    }
 }
 
 /// `weights[k * outputs + j]`, ReLU after.
@@ -51,22 +55,13 @@ impl Net {
     pub fn random(seed: u64) -> Net {
         let mut r = Random(seed);
         let mut layers = |sizes: &[usize]| -> Vec<Layer> {
-            sizes
-                .windows(2)
-                .map(|s| Layer {
-                    weights: r.vector(s[0] * s[1], (6.0 / s[0] as f64).sqrt()),
-                    bias: r.vector(s[1], 0.2),
-                })
-                .collect()
+            sizes.windows(2).map(|s| r.layer(s[0], s[1], (6.0 / s[0] as f64).sqrt(), 0.2)).collect()
         };
-        let (force, speed) = (layers(&[10, 10, 10, 10]), layers(&[20, 20, 20, 20, 10]));
-        let (action, predictor) =
-            (layers(&[20, 400, 300, 200, 100]), layers(&[356, 300, 300, 200, 100, 100]));
         Net {
-            force,
-            speed,
-            action,
-            predictor,
+            force: layers(&[10, 10, 10, 10]),
+            speed: layers(&[20, 20, 20, 20, 10]),
+            action: layers(&[20, 400, 300, 200, 100]),
+            predictor: layers(&[356, 300, 300, 200, 100, 100]),
             force_mean: vec![1.2; 10],
             force_deviation: (0..10).map(|i| 0.5 + 0.1 * i as f32).collect(),
             speed_mean: (0..20).map(|i| i as f32 - 10.0).collect(),
@@ -102,9 +97,10 @@ impl Net {
 }
 
 /// Spelling of a network file.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Spelling {
     pub product: Product,
+    /// Axis of concatenations: 1 or -1, and 0 for 1.
     pub concat_axis: i64,
     /// Weights in `float_data` instead of `raw_data`.
     pub typed_data: bool,
@@ -120,31 +116,16 @@ pub struct Spelling {
     pub clip: bool,
     /// Inputs and outputs by other names, in another order.
     pub other_names: bool,
+    /// Operator set; 0 for 17.
     pub opset: i64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Product {
+    #[default]
     GemmTransB,
     Gemm,
     MatMulAdd,
-}
-
-impl Default for Spelling {
-    fn default() -> Self {
-        Spelling {
-            product: Product::GemmTransB,
-            concat_axis: 1,
-            typed_data: false,
-            constant_nodes: false,
-            no_ops: false,
-            free_batch: false,
-            multiply: false,
-            clip: false,
-            other_names: false,
-            opset: 17,
-        }
-    }
 }
 
 /// Writes a graph node by node.
@@ -171,8 +152,34 @@ pub fn tensor(name: &str, dims: &[usize], data: &[f32]) -> TensorProto {
     }
 }
 
+pub fn int_tensor(name: &str, data: &[i64]) -> TensorProto {
+    TensorProto {
+        name: name.into(),
+        dims: vec![data.len() as i64],
+        data_type: DataType::Int64 as i32,
+        int64_data: data.to_vec(),
+        ..Default::default()
+    }
+}
+
+/// A node with one output.
+pub fn node(op: &str, inputs: &[&str], output: &str, attribute: Vec<AttributeProto>) -> NodeProto {
+    NodeProto {
+        name: format!("{op}_{output}"),
+        op_type: op.into(),
+        input: inputs.iter().map(|s| s.to_string()).collect(),
+        output: vec![output.into()],
+        attribute,
+        ..Default::default()
+    }
+}
+
 pub fn int(name: &str, i: i64) -> AttributeProto {
     AttributeProto { name: name.into(), i, r#type: 2, ..Default::default() }
+}
+
+pub fn ints(name: &str, ints: &[i64]) -> AttributeProto {
+    AttributeProto { name: name.into(), ints: ints.to_vec(), r#type: 7, ..Default::default() }
 }
 
 pub fn float(name: &str, f: f32) -> AttributeProto {
@@ -208,36 +215,24 @@ impl Writer {
     }
 
     pub fn constant(&mut self, dims: &[usize], data: &[f32]) -> String {
-        let name = self.fresh();
-        let mut t = tensor(&name, dims, data);
+        let mut t = tensor(&self.fresh(), dims, data);
         if self.spelling.typed_data {
             t.raw_data.clear();
             t.float_data = data.to_vec();
         }
-        self.add_constant(name, t)
+        self.add_constant(t)
     }
 
     pub fn ints(&mut self, data: &[i64]) -> String {
-        let name = self.fresh();
-        let t = TensorProto {
-            name: name.clone(),
-            dims: vec![data.len() as i64],
-            data_type: DataType::Int64 as i32,
-            int64_data: data.to_vec(),
-            ..Default::default()
-        };
-        self.add_constant(name, t)
+        let t = int_tensor(&self.fresh(), data);
+        self.add_constant(t)
     }
 
-    fn add_constant(&mut self, name: String, t: TensorProto) -> String {
+    fn add_constant(&mut self, t: TensorProto) -> String {
+        let name = t.name.clone();
         if self.spelling.constant_nodes {
-            let a = AttributeProto { name: "value".into(), t: Some(t), r#type: 4, ..Default::default() };
-            self.graph.node.push(NodeProto {
-                op_type: "Constant".into(),
-                output: vec![name.clone()],
-                attribute: vec![a],
-                ..Default::default()
-            });
+            let value = AttributeProto { name: "value".into(), t: Some(t), r#type: 4, ..Default::default() };
+            self.graph.node.push(node("Constant", &[], &name, vec![value]));
         } else {
             self.graph.initializer.push(t);
         }
@@ -246,27 +241,20 @@ impl Writer {
 
     pub fn node(&mut self, op: &str, inputs: &[&str], attribute: Vec<AttributeProto>) -> String {
         let name = self.fresh();
-        self.graph.node.push(NodeProto {
-            name: format!("{op}_{name}"),
-            op_type: op.into(),
-            input: inputs.iter().map(|s| s.to_string()).collect(),
-            output: vec![name.clone()],
-            attribute,
-            ..Default::default()
-        });
+        self.graph.node.push(node(op, inputs, &name, attribute));
         name
     }
 
     pub fn normalise(&mut self, x: &str, mean: &[f32], deviation: &[f32]) -> String {
         let n = mean.len();
+        let each = |x: &[f32], f: fn(f32) -> f32| x.iter().map(|x| f(*x)).collect::<Vec<f32>>();
         if self.spelling.multiply {
-            let m = self.constant(&[1, n], &mean.iter().map(|m| -m).collect::<Vec<_>>());
-            let d = self.constant(&[n], &deviation.iter().map(|d| 1.0 / d).collect::<Vec<_>>());
+            let m = self.constant(&[1, n], &each(mean, |m| -m));
+            let d = self.constant(&[n], &each(deviation, |d| 1.0 / d));
             let centred = self.node("Add", &[&m, x], vec![]);
             self.node("Mul", &[&centred, &d], vec![])
         } else {
-            let m = self.constant(&[n], mean);
-            let d = self.constant(&[1, n], deviation);
+            let (m, d) = (self.constant(&[n], mean), self.constant(&[1, n], deviation));
             let centred = self.node("Sub", &[x, &m], vec![]);
             self.node("Div", &[&centred, &d], vec![])
         }
@@ -301,7 +289,7 @@ impl Writer {
         for (i, layer) in layers.iter().enumerate() {
             x = self.product(&x, layer);
             if last_clip && i + 1 == layers.len() {
-                x = if self.spelling.opset < 11 {
+                x = if (1..11).contains(&self.spelling.opset) {
                     self.node("Clip", &[&x], vec![float("min", 0.0), float("max", 1e30)])
                 } else {
                     let zero = self.constant(&[], &[0.0]);
@@ -326,21 +314,21 @@ impl Writer {
     }
 
     pub fn concat(&mut self, parts: &[&str]) -> String {
-        let axis = self.spelling.concat_axis;
+        let axis = if self.spelling.concat_axis == 0 { 1 } else { self.spelling.concat_axis };
         self.node("Concat", parts, vec![int("axis", axis)])
     }
 
     pub fn finish(mut self, last: &str) -> ModelProto {
-        let output = self.names()[3].to_string();
-        self.graph.node.push(NodeProto {
-            op_type: "Identity".into(),
-            input: vec![last.into()],
-            output: vec![output],
-            ..Default::default()
-        });
+        let output = self.names()[3];
+        self.graph.node.push(node("Identity", &[last], output, vec![]));
+        self.model()
+    }
+
+    fn model(self) -> ModelProto {
+        let version = if self.spelling.opset == 0 { 17 } else { self.spelling.opset };
         ModelProto {
             ir_version: 8,
-            opset_import: vec![OperatorSetIdProto { domain: String::new(), version: self.spelling.opset }],
+            opset_import: vec![OperatorSetIdProto { domain: String::new(), version }],
             graph: Some(self.graph),
             ..Default::default()
         }
@@ -377,12 +365,7 @@ pub fn scattering(net: &Net, spelling: Spelling, heads: &[(&str, Layer)]) -> Mod
     let hidden = w.layers(all, hidden, false);
     for (name, head) in heads {
         let out = w.layers(hidden.clone(), std::slice::from_ref(head), false);
-        w.graph.node.push(NodeProto {
-            op_type: "Identity".into(),
-            input: vec![out],
-            output: vec![name.to_string()],
-            ..Default::default()
-        });
+        w.graph.node.push(node("Identity", &[&out], name, vec![]));
         let batch = if spelling.free_batch { None } else { Some(1) };
         w.graph.output.push(value_info(name, &[batch, Some(head.bias.len() as i64)]));
     }
@@ -415,17 +398,8 @@ pub fn encoder(weights: &[f32], step: f32) -> ModelProto {
     let mut w = Writer::new(Spelling::default());
     w.graph.input = vec![value_info("image", &[Some(1), Some(3), Some(192), Some(256)])];
     w.graph.output = vec![value_info("texture", &[Some(1), Some(256)])];
-    let ints = |name: &str, ints: Vec<i64>| AttributeProto {
-        name: name.into(),
-        ints,
-        r#type: 7,
-        ..Default::default()
-    };
-    let tiles = w.node(
-        "AveragePool",
-        &["image"],
-        vec![ints("kernel_shape", vec![16; 2]), ints("strides", vec![16; 2])],
-    );
+    let pool = vec![ints("kernel_shape", &[16; 2]), ints("strides", &[16; 2])];
+    let tiles = w.node("AveragePool", &["image"], pool);
     let flat = w.node("Flatten", &[&tiles], vec![int("axis", 1)]);
     let layer = Layer {
         weights: weights.iter().flat_map(|x| (0..256).map(move |n| x * (1.0 + n as f32 / 256.0))).collect(),
@@ -433,10 +407,5 @@ pub fn encoder(weights: &[f32], step: f32) -> ModelProto {
     };
     w.product(&flat, &layer);
     w.graph.node.last_mut().expect("the product").output[0] = "texture".into();
-    ModelProto {
-        ir_version: 8,
-        opset_import: vec![OperatorSetIdProto { domain: String::new(), version: 17 }],
-        graph: Some(w.graph),
-        ..Default::default()
-    }
+    w.model()
 }

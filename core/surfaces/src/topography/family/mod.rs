@@ -29,6 +29,8 @@ pub use tufts::{Carpet, Pile, carpet};
 pub use weave::{Binding, Weave, weave};
 pub use wood::{Wood, wood};
 
+use super::HeightField;
+
 /// Grid of a patch: points along an edge, and their distance in millimetres.
 pub type Grid = (usize, f64);
 
@@ -36,6 +38,15 @@ pub type Grid = (usize, f64);
 fn fits((side, step_mm): Grid, pitch_mm: f64, of: usize) -> usize {
     let length = side as f64 * step_mm / pitch_mm;
     ((length / of as f64).round() as usize).max(1) * of
+}
+
+/// A patch of the heights at places that are moved by two others, along x and y.
+fn moved([dx, dy]: &[HeightField; 2], mut height_mm: impl FnMut(f64, f64) -> f64) -> HeightField {
+    let mut by = dx.heights().iter().zip(dy.heights());
+    HeightField::from_fn(dx.side(), dx.step_mm(), |x, y| {
+        let (dx, dy) = by.next().map_or((0.0, 0.0), |(dx, dy)| (f64::from(*dx), f64::from(*dy)));
+        height_mm(x + dx, y + dy)
+    })
 }
 
 /// Nearest length to `pitch_mm` with whole repetitions.

@@ -1,7 +1,7 @@
 use super::super::HeightField;
 use super::super::spectrum::{gaussian, self_affine};
-use super::Grid;
 use super::cells::Cells;
+use super::{Grid, moved};
 use asperity_numbers::Elementary as _;
 use asperity_numbers::Random;
 
@@ -59,23 +59,17 @@ fn waves(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
 
 /// Round pebbles of different heights around scattered points, with wandering creases between them.
 fn hide(grid: Grid, of: &Pebbled, random: &mut Random) -> HeightField {
-    let (side, step) = grid;
     let cells = Cells::new(grid, of.pitch_mm, 0.9, random);
     let heights: Vec<f64> = (0..cells.count * cells.count).map(|_| random.range(0.75, 1.0)).collect();
     let middle = 1.0 / of.pitch_mm;
     let slow = |fx: f64, fy: f64| if fx.hypotenuse(fy) < 2.0 * middle { 1.0 } else { 0.0 };
     let shift = [0, 1].map(|_| gaussian(grid, 0.07 * of.pitch_mm, random, slow));
-    let (dx, dy) = (shift[0].heights(), shift[1].heights());
-    let mut field = HeightField::flat(side, step);
-    for (at, height) in field.heights_mut().iter_mut().enumerate() {
-        let x = (at % side) as f64 * step + f64::from(dx[at]);
-        let y = (at / side) as f64 * step + f64::from(dy[at]);
+    moved(&shift, |x, y| {
         let [near, next] = cells.two_nearest(x, y);
         // 0 in a crease, 1 where the top begins.
         let into = (of.flatness * (next.1 - near.1) / cells.pitch_mm).min(1.0);
-        *height = (of.height_mm * heights[near.0] * (1.0 - (1.0 - into).powi(2))) as f32;
-    }
-    field
+        of.height_mm * heights[near.0] * (1.0 - (1.0 - into).powi(2))
+    })
 }
 
 /// A sheet without a visible texture.

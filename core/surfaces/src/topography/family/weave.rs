@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use super::super::HeightField;
 use super::super::spectrum::{gaussian, self_affine};
 use super::tufts::fuzz;
-use super::{Grid, fits, fitting};
+use super::{Grid, fits, fitting, moved};
 use asperity_numbers::Random;
 
 /// Order of crossing threads.
@@ -99,26 +99,22 @@ impl Threads {
 /// the binding's order. Thickness differs from thread to thread, threads wander, and stray fibres lie
 /// on top.
 pub fn weave(grid: Grid, of: &Weave, random: &mut Random) -> HeightField {
-    let (side, step) = grid;
     let (count, pitch) = (fits(grid, of.pitch_mm, of.binding.repeat()), of.pitch_on(grid));
     let slow = self_affine(0.15 / pitch, 1.5);
     let shift =
         [gaussian(grid, of.wander * pitch, random, &slow), gaussian(grid, of.wander * pitch, random, &slow)];
     let (warps, wefts) = (Threads::new(count, random), Threads::new(count, random));
     let thick = of.thickness * pitch;
-    let mut field = HeightField::flat(side, step);
-    let (dx, dy) = (shift[0].heights(), shift[1].heights());
-    for (at, height) in field.heights_mut().iter_mut().enumerate() {
-        let x = ((at % side) as f64 * step + f64::from(dx[at])) / pitch;
-        let y = ((at / side) as f64 * step + f64::from(dy[at])) / pitch;
-        let number = |n: i64| n.rem_euclid(count as i64) as usize;
+    let number = |n: i64| n.rem_euclid(count as i64) as usize;
+    let mut field = moved(&shift, |x, y| {
+        let (x, y) = (x / pitch, y / pitch);
         let (i, j) = (x.floor(), y.floor());
         let on_top = |i: i64, j: i64| of.binding.warp_on_top(number(i), number(j));
         let warp = warps.height(number(i as i64), x - i - 0.5, y, of.cover, |j| on_top(i as i64, j));
         let weft = wefts.height(number(j as i64), y - j - 0.5, x, of.cover, |i| !on_top(i, j as i64));
         // A hole between threads is a little below both.
-        *height = (thick * warp.unwrap_or(-0.6).max(weft.unwrap_or(-0.6))) as f32;
-    }
+        thick * warp.unwrap_or(-0.6).max(weft.unwrap_or(-0.6))
+    });
     fuzz(&mut field, of.fuzz, random);
     field.add(&gaussian(grid, of.fibre * pitch, random, self_affine(2.0 / pitch, 0.6)));
     field

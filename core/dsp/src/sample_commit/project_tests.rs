@@ -1,7 +1,5 @@
-use super::super::project::Projector;
 use super::*;
 use crate::random::uniform;
-use crate::{Framing, window::hann};
 
 fn framing(fft_len: usize, bins: usize) -> Framing {
     Framing { rate_hz: 10 * fft_len as u32, fft_len, bins, frame_num: 500, frame_den: 1 }
