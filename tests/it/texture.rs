@@ -6,7 +6,7 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile};
 use asperity_node::{Buffer, FactValue};
 use asperity_texture::Library;
-use harness::{graphs, retrieving, run};
+use harness::{Room, graphs, retrieving, run};
 
 use crate::drive::node;
 
@@ -35,9 +35,9 @@ fn circling(graph: &str, sets: &[String]) -> Engine {
 
 /// The same along a trajectory of x in mm, 1.5 mm deep, without the gate that lets the network sleep under
 /// a still hand.
-fn ungated(x: impl Fn(f64) -> f64, seconds: f64, sets: &[String]) -> (tempfile::TempDir, Compiled) {
-    let dir = tempfile::tempdir().expect("a folder");
-    let file = dir.path().join("t.csv");
+fn ungated(x: impl Fn(f64) -> f64, seconds: f64, sets: &[String]) -> (Room, Compiled) {
+    let dir = Room::new();
+    let file = dir.join("t.csv");
     std::fs::write(&file, harness::csv(seconds, |t| [x(t), 0.0, -1.5])).expect("a file");
     let ungate = |graph: &mut GraphFile| {
         graph.set(&format!("stylus.file={}", file.display()), "test").unwrap_or_else(|e| panic!("{e}"));
@@ -138,11 +138,11 @@ fn spsi_loses_less_level_when_frames_are_rarer() {
 
 #[test]
 fn emission_follows_the_frames_and_a_misfit_is_warned_of() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     let graph = retrieving().display().to_string();
     let check = |sets: &[&str]| {
         let sets = sets.iter().flat_map(|set| ["--set", set]);
-        run(dir.path(), &["check", &graph].into_iter().chain(sets).collect::<Vec<_>>())
+        run(&dir, &["check", &graph].into_iter().chain(sets).collect::<Vec<_>>())
     };
     // 80 % into a window of 25 frames: nine times as loud as it should be.
     let said = check(&["texture.every=2", "phase.emission=-20"]).ok().err;

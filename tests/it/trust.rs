@@ -7,34 +7,34 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
 use harness::live::Live;
-use harness::{asperity, graphs, plugins};
+use harness::{Room, asperity, graphs, plugins};
 
 /// A graph of a stranger, with a plugin that touches a file as soon as it is loaded.
 struct Stranger {
-    dir: tempfile::TempDir,
+    dir: Room,
 }
 
 impl Stranger {
     fn new() -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        fs::create_dir(dir.path().join("plugins")).unwrap();
-        let plugin = dir.path().join("plugins/libtold.so");
+        let dir = Room::new();
+        fs::create_dir(dir.join("plugins")).unwrap();
+        let plugin = dir.join("plugins/libtold.so");
         plugins::compile(&plugins::sources().join("told.c"), &plugin, &["-DTOUCH"]);
         let graph = r#"Graph(version: 1, plugins: ["plugins/libtold.so"],
             nodes: {"wave": (kind: "told", params: (from: 900000)), "guard": (kind: "limiter"),
             "out": (kind: "audio_out")},
             wires: [("wave", "guard"), ("guard", "out")])"#;
-        fs::write(dir.path().join("g.ron"), graph).unwrap();
+        dir.write("g.ron", graph);
         Self { dir }
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
+        self.dir.join(name)
     }
 
     /// The program, which trusts nothing but what this folder's configuration says.
     fn program(&self) -> Command {
-        let mut program = asperity(self.dir.path());
+        let mut program = asperity(&self.dir);
         program.env_remove("ASPERITY_TRUST").env("XDG_CONFIG_HOME", self.path("config"));
         program
     }
@@ -89,7 +89,7 @@ fn plugin_that_is_named_or_trusted_is_loaded() {
     let it = Stranger::new();
     it.renders(&mut it.program(), &["--plugin", "plugins/libtold.so"]);
     it.renders(it.program().env("ASPERITY_PLUGIN_PATH", "plugins"), &[]);
-    it.renders(it.program().env("ASPERITY_TRUST", it.dir.path()), &[]);
+    it.renders(it.program().env("ASPERITY_TRUST", &*it.dir), &[]);
     it.refuses(&["check", "g.ron"]);
     let (code, said) = it.run(&["trust", "plugins"]);
     assert!(code == 0 && said.contains("graphs may load plugins from"), "{said}");
@@ -131,7 +131,7 @@ fn folder_that_everybody_may_write_into_is_not_trusted() {
 fn at_a_terminal(it: &Stranger, types: &str) -> String {
     let mut program = Command::new("script");
     let line = format!("{} check g.ron", env!("CARGO_BIN_EXE_asperity"));
-    program.args(["-qec", &line, "/dev/null"]).current_dir(it.dir.path());
+    program.args(["-qec", &line, "/dev/null"]).current_dir(&it.dir);
     program.env_remove("ASPERITY_TRUST").env("XDG_CONFIG_HOME", it.path("config")).env("ASPERITY_STATE", "");
     let mut child = program.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("script");
     child.stdin.take().unwrap().write_all(types.as_bytes()).unwrap();

@@ -14,11 +14,13 @@ pub mod networks;
 pub mod nodes;
 pub mod plugins;
 pub mod retrieval;
+mod room;
 pub mod servers;
 pub mod stage;
 pub mod survival;
 
 pub use asperity_texture::onnx;
+pub use room::Room;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -79,7 +81,7 @@ pub struct Ran {
 }
 
 impl Ran {
-    fn of(output: &Output) -> Self {
+    pub fn of(output: &Output) -> Self {
         let [out, err] =
             [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
         Self { code: output.status.code().unwrap_or(-1), out, err }
@@ -97,6 +99,20 @@ impl Ran {
         let missing = texts.iter().find(|text| !said.contains(**text));
         assert!(missing.is_none(), "no {missing:?} in: {said}");
         self
+    }
+
+    /// Checks its exit code, and that output and messages contain these texts.
+    #[track_caller]
+    pub fn ends(self, code: i32, texts: &[&str]) -> Self {
+        assert_eq!(self.code, code, "stdout: {}\nstderr: {}", self.out, self.err);
+        self.says(texts)
+    }
+
+    /// The JSON that it printed.
+    #[track_caller]
+    pub fn json(self) -> serde_json::Value {
+        let ran = self.ok();
+        serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{e}: {}", ran.out))
     }
 
     /// Checks that the program refused its input for this reason.
@@ -128,11 +144,16 @@ pub fn run_under(dir: &Path, limits: &str, args: &[&str]) -> Ran {
     Ran::of(&command.output().expect("bash"))
 }
 
-/// A trajectory at 500 Hz from functions of time.
+/// A trajectory at 500 Hz from a function of time to x, y, z.
 pub fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
+    csv_at(500, seconds, at)
+}
+
+/// The same at another rate.
+pub fn csv_at(rate_hz: u32, seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
     let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 500.0) as usize {
-        let t = k as f64 / 500.0;
+    for k in 0..=(seconds * f64::from(rate_hz)) as usize {
+        let t = k as f64 / f64::from(rate_hz);
         let [x, y, z] = at(t);
         text.push_str(&format!("{t},{x},{y},{z}\n"));
     }
@@ -219,4 +240,10 @@ pub fn wav(path: &Path) -> (Vec<f32>, u32) {
 /// A JSON file.
 pub fn json(path: &Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(path).expect("a file")).expect("JSON")
+}
+
+/// A node of a report, by its id or kind.
+pub fn node<'a>(report: &'a serde_json::Value, name: &str) -> &'a serde_json::Value {
+    let nodes = report["nodes"].as_array().expect("nodes");
+    nodes.iter().find(|n| n["id"] == name || n["kind"] == name).unwrap_or_else(|| panic!("no {name}"))
 }
