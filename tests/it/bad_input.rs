@@ -71,7 +71,8 @@ const WIRES: &[Case] = &[
     ),
     (
         r#""phase": (kind: "spsi"), => "phase": (kind: "spsi"), "a": (kind: "mix"), "b": (kind: "gain"),
-        ("synthesis", "audio rate") => ("synthesis", "a.in1"), ("b", "a.in2"), ("a", "b"), ("a", "audio rate")"#,
+        ("phase", "synthesis") => ("phase", "synthesis"), ("b", "a.in2"), ("a", "b"), ("a", "audio rate")
+        ("synthesis", "audio rate") => ("synthesis", "a.in1")"#,
         "wait for each other|a -> b -> a|put a `delay` into the cycle",
     ),
     (

@@ -232,20 +232,3 @@ fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
         assert!(wanted > 0.0 && error < 1e-2 * wanted, "{name}: {:.5} of the power is error", error / wanted);
     }
 }
-
-#[test]
-fn a_sparse_recording_is_joined_smoothly_unless_told_otherwise() {
-    let at = |t: f64| 20.0 * (TAU * t).sin();
-    let mut sparse = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=50 {
-        let t = f64::from(k) / 25.0;
-        sparse.push_str(&format!("{t},{},0,-1\n", at(t)));
-    }
-    let worst = |set: &str| {
-        let out = probed(&sparse, set, &["stylus.position"]);
-        let x = out[0].0.chunks_exact(3).map(|p| f64::from(p[0]));
-        x.enumerate().map(|(k, x)| (x - at(k as f64 / 500.0)).abs()).fold(0.0, f64::max)
-    };
-    let (linear, cubic) = (worst("stylus.interpolation=linear"), worst("stylus.interpolation=cubic"));
-    assert!(cubic < 0.6 * linear, "cubic {cubic} mm, linear {linear} mm");
-}

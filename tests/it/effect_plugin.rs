@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use asperity_accuracy::npy;
-use harness::{Room, csv, plugins, run};
+use harness::{Room, csv, node, plugins, run};
 
 /// The template's effect in every language.
 fn libraries(dir: &Room) -> Vec<PathBuf> {
@@ -36,8 +36,8 @@ fn plugin_effect_in_every_language_follows_its_law() {
     let dir = Room::new();
     for library in libraries(&dir) {
         scene(&dir, &library, "(force_n: 0.2, spacing_mm: 4)");
-        let args = ["render", "s.ron", "--probe", "my_effect.force=f.npy", "--probe", "contact.place=p.npy"];
-        run(&dir, &[&args[..], &["--report", "r.json"]].concat()).ok();
+        let probes = "--probe my_effect.force=f.npy --probe contact.place=p.npy";
+        dir.run(&format!("render s.ron {probes} --report r.json")).ok();
         let read = |name: &str| npy::read(dir.join(name)).unwrap().values.into_f64();
         let (force, place) = (read("f.npy"), read("p.npy"));
         let mut on = 0;
@@ -50,10 +50,8 @@ fn plugin_effect_in_every_language_follows_its_law() {
         // On the smooth wall it lets go, and is called no more.
         assert!(force[3 * 1000..].iter().all(|x| *x == 0.0));
         let report = dir.json("r.json");
-        let nodes = report["nodes"].as_array().unwrap();
-        let node = nodes.iter().find(|node| node["kind"] == "my_effect").unwrap();
-        let (calls, slept) = (node["calls"].as_u64().unwrap(), node["slept"].as_u64().unwrap());
-        assert!((690..720).contains(&calls) && calls + slept == 1500, "{node}");
+        let [calls, slept] = ["calls", "slept"].map(|n| node(&report, "my_effect")[n].as_u64().unwrap());
+        assert!((690..720).contains(&calls) && calls + slept == 1500, "{calls} {slept}");
     }
 }
 
@@ -79,7 +77,7 @@ fn plugin_effect_beyond_passivity_is_a_warning() {
         // K = 2 pi 5 / 0.5 N/mm needs b > K T / 2 = 31 N s/m at 1 kHz.
         scene(&dir, &library, "(force_n: 5, spacing_mm: 0.5)");
         dir.run("check s.ron").ok().says(&["my_effect", "62.832 N/mm"]);
-        let ran = dir.run("check s.ron --strict").refused("");
+        dir.run("check s.ron --strict").refused("");
         scene(&dir, &library, "(force_n: 0.2, spacing_mm: 4)");
         let ran = dir.run("check s.ron --strict").ok();
         assert!(!ran.err.contains("my_effect"), "{}", ran.err);

@@ -3,7 +3,6 @@
 mod stroke;
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use asperity_autoregressive::{Filter, Model, TextureFile};
 use harness::{Ran, Room, graphs, run};
@@ -17,8 +16,8 @@ fn folder() -> Room {
     dir
 }
 
-fn fit(dir: &Room, args: &[&str]) -> Ran {
-    run(dir, &[&["fit-ar"], args].concat())
+fn fit(dir: &Room, line: &str) -> Ran {
+    dir.run(&format!("fit-ar {line}"))
 }
 
 fn read(dir: &Room, name: &str) -> TextureFile {
@@ -26,9 +25,8 @@ fn read(dir: &Room, name: &str) -> TextureFile {
 }
 
 /// JSON that a command prints.
-fn told(dir: &Room, args: &[&str]) -> Value {
-    let out = fit(dir, &[args, &["--json"]].concat()).ok().out;
-    serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {out}"))
+fn told(dir: &Room, line: &str) -> Value {
+    fit(dir, &format!("{line} --json")).json()
 }
 
 /// `var gain^2 |B / A|^2` at a frequency, as it is written down.
@@ -83,8 +81,8 @@ const WITHIN_DB: f64 = 1.5;
 #[test]
 fn the_models_that_were_rendered_are_found_again() {
     let dir = folder();
-    let about = ["s.csv", "--out", "m.ron", "--description", "Ribs \"of\" cloth."];
-    let ran = fit(&dir, &[&about[..], &["--plot", "m.svg"]].concat()).ok();
+    let about = "s.csv --out m.ron --description 'Ribs \"of\" cloth.'";
+    let ran = fit(&dir, &format!("{about} --plot m.svg")).ok();
     assert_eq!(dir.files(), ["m.ron", "m.svg", "s.csv"]);
     let file = read(&dir, "m.ron");
     assert_eq!(file.description, "Ribs \"of\" cloth.");
@@ -113,7 +111,7 @@ fn the_models_that_were_rendered_are_found_again() {
     // The same recording gives the same bytes, in the place of what was there.
     let before = dir.bytes("m.ron");
     dir.write("m.ron", "old");
-    fit(&dir, &about).ok();
+    fit(&dir, about).ok();
     assert_eq!(dir.bytes("m.ron"), before);
 }
 
@@ -123,13 +121,13 @@ fn the_picture_of_the_documentation() {
     let dir = Room::new();
     dir.write("rough.csv", table(COLUMNS, row));
     let picture = harness::root().join("docs/autoregressive.svg").display().to_string();
-    fit(&dir, &["rough.csv", "--out", "m.ron", "--plot", &picture]).ok();
+    fit(&dir, &format!("rough.csv --out m.ron --plot {picture}")).ok();
 }
 
 #[test]
 fn what_is_printed_as_json_is_what_was_found() {
     let dir = folder();
-    let told = told(&dir, &["s.csv", "--out", "m.ron", "--by", "bic", "--max-order", "12"]);
+    let told = told(&dir, "s.csv --out m.ron --by bic --max-order 12");
     let file = read(&dir, "m.ron");
     assert_eq!(told["models"].as_array().map(Vec::len), Some(9));
     assert!(told["criterion"] == "BIC" && told["model_hz"] == 1000.0 && told["axes"] == 1, "{told}");
@@ -174,33 +172,32 @@ fn what_is_printed_as_json_is_what_was_found() {
 #[test]
 fn options_are_taken_to_the_fit() {
     let dir = folder();
-    let of = |more: &[&str]| told(&dir, &[&["s.csv", "--out", "m.ron"], more].concat());
-    let given = of(&["--order", "5", "--most-models", "3", "--high-pass-hz", "20"]);
+    let of = |more: &str| told(&dir, &format!("s.csv --out m.ron {more}"));
+    let given = of("--order 5 --most-models 3 --high-pass-hz 20");
     assert!(given["order"] == 5 && given["criterion"].is_null() && given["high_pass_hz"] == 20.0, "{given}");
     assert!(read(&dir, "m.ron").texture.models().len() <= 3);
-    fit(&dir, &["s.csv", "--out", "m.ron", "--order", "5"]).ok().says(&["order         5, as asked for"]);
+    fit(&dir, "s.csv --out m.ron --order 5").ok().says(&["order         5, as asked for"]);
     // Faster than 150 mm/s, and pressed harder than 2 N: one model of the nine.
-    let some = of(&["--least-speed-mm-s", "150", "--least-force-n", "2"]);
+    let some = of("--least-speed-mm-s 150 --least-force-n 2");
     assert_eq!(some["models"].as_array().map(Vec::len), Some(1), "{some:#}");
     assert!(some["dropped"].as_array().expect("a list").iter().any(|d| d["why"] == "slow"));
     assert_eq!(some["triangles"], serde_json::json!([]));
     // Wide tolerances join all that there is.
-    let wide = of(&["--speed-tolerance-mm-s", "500", "--force-tolerance-n", "9"]);
+    let wide = of("--speed-tolerance-mm-s 500 --force-tolerance-n 9");
     assert_eq!(wide["models"].as_array().map(Vec::len), Some(1));
-    let slow = of(&["--model-hz", "500", "--shortest-s", "1", "--tolerance-percent", "10"]);
+    let slow = of("--model-hz 500 --shortest-s 1 --tolerance-percent 10");
     assert_eq!(read(&dir, "m.ron").texture.rate_hz(), 500.0);
     assert_eq!(slow["all"]["bands"].as_array().map(Vec::len), Some(10));
     assert!(slow["segments"].as_array().expect("a list").iter().all(|s| s["length_s"].as_f64() >= Some(1.0)));
 }
 
-const NPY: [&str; 4] = ["--columns", "speed_mm_s,none,force_n,acceleration_m_s2", "--rate-hz", "1000"];
-
 #[test]
 fn arrays_and_wav_files_are_fitted_as_tables_are() {
     let dir = folder();
-    fit(&dir, &["s.csv", "--out", "a.ron"]).ok();
+    fit(&dir, "s.csv --out a.ron").ok();
     write_npy(&dir.join("s.npy"));
-    fit(&dir, &[&["s.npy", "--out", "b.ron"], &NPY[..]].concat()).ok();
+    let columns = "--columns speed_mm_s,none,force_n,acceleration_m_s2";
+    fit(&dir, &format!("s.npy --out b.ron {columns} --rate-hz 1000")).ok();
     let (table, array) = (read(&dir, "a.ron"), read(&dir, "b.ron"));
     assert_eq!(table.texture, array.texture);
     let spec = hound::WavSpec {
@@ -219,10 +216,10 @@ fn arrays_and_wav_files_are_fitted_as_tables_are() {
     let channel = |(name, full): (&str, f64)| format!("(quantity: \"{name}\", full_scale: {full:?}),");
     let names = [("force_n", 10.0), ("speed_mm_s", 500.0), ("acceleration_m_s2", 50.0)].map(channel).concat();
     dir.write("recording.ron", format!("Recording(channels: [{names}])"));
-    fit(&dir, &["s.wav", "--out", "c.ron"]).ok();
+    fit(&dir, "s.wav --out c.ron").ok();
     same_models(&read(&dir, "c.ron"));
     // The file that names the channels is not to be lost.
-    fit(&dir, &["s.wav", "--out", "recording.ron"]).refused("this file is read");
+    fit(&dir, "s.wav --out recording.ron").refused("this file is read");
 }
 
 #[test]
@@ -239,7 +236,7 @@ fn a_tool_that_shakes_askew_is_as_loud() {
         vec![stroke().force[n], 0.6 * places[n], -0.8 * places[n], 2.0 * a, -3.0 * a, 6.0 * a + 9.81]
     });
     dir.write("axes.csv", text);
-    fit(&dir, &["axes.csv", "--out", "m.ron"]).ok().says(&["3 axes of acceleration"]);
+    fit(&dir, "axes.csv --out m.ron").ok().says(&["3 axes of acceleration"]);
     same_models(&read(&dir, "m.ron"));
 }
 
@@ -260,7 +257,7 @@ fn rendered(dir: &Room, settings: &str) -> Vec<f32> {
 #[test]
 fn a_scene_renders_what_was_fitted() {
     let dir = folder();
-    fit(&dir, &["s.csv", "--out", "m.ron"]).ok();
+    fit(&dir, "s.csv --out m.ron").ok();
     let [twice, once] = ["0.2", "0.1"].map(|gain| {
         let samples = rendered(&dir, &format!(", gain: {gain}"));
         samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64
@@ -271,7 +268,7 @@ fn a_scene_renders_what_was_fitted() {
 #[test]
 fn a_band_that_is_far_off_is_warned_of() {
     let dir = folder();
-    let ran = fit(&dir, &["s.csv", "--out", "m.ron", "--order", "1"]).ok();
+    let ran = fit(&dir, "s.csv --out m.ron --order 1").ok();
     let said = ran.err.strip_prefix("warning: the band at ").unwrap_or_else(|| panic!("{}", ran.err));
     let (hz, rest) = said.split_once(" Hz is rendered ").unwrap_or_else(|| panic!("{said}"));
     let (db, rest) = rest.split_once(" dB off").unwrap_or_else(|| panic!("{rest}"));
@@ -396,7 +393,7 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("s.csv --plot no/p.svg", "--plot names this file"),
         ("", "RECORDING"),
     ] {
-        let ran = dir.run(&format!("fit-ar {args} --out mine.ron")).refused(said);
+        let ran = fit(&dir, &format!("{args} --out mine.ron")).refused(said);
         assert!(ran.out.is_empty(), "{args}: {}", ran.out);
         for (name, bytes) in &before {
             assert_eq!(&std::fs::read(at(name)).ok(), bytes, "{args} changed {name}");
@@ -410,9 +407,9 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("no/m.ron", "--out names this file"),
         ("folder", "--out"),
     ] {
-        fit(&dir, &["s.csv", "--out", out]).refused(said);
+        fit(&dir, &format!("s.csv --out {out}")).refused(said);
         assert_eq!(dir.files().len(), before.len());
     }
-    fit(&dir, &["s.csv", "--out", "mine.ron"]).ok();
+    fit(&dir, "s.csv --out mine.ron").ok();
     assert_eq!(read(&dir, "mine.ron").texture.models().len(), 1);
 }

@@ -1,5 +1,5 @@
-//! Odd magnitudes, which every phase-retrieval node must survive, built in or from a plugin. What else is hard
-//! stands in `asperity_checks`.
+//! Odd magnitudes, which every phase-retrieval node must survive, built in or from a plugin. What else is
+//! hard stands in `asperity_checks`.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -265,8 +265,8 @@ fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
     // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest
     // call.
     let render = |to: u32| {
-        let node = format!("kind: \"told\", params: (from: 20, to: {to}, what: overrun)");
-        let (samples, report, _) = contained(&plugins::c("told"), &node, "--seconds 0.5 --limit-us 15000");
+        let told = format!("kind: \"told\", params: (from: 20, to: {to}, what: overrun)");
+        let (samples, report, _) = contained(&plugins::c("told"), &told, "--seconds 0.5 --limit-us 15000");
         (samples, node(&report, "bad").clone())
     };
     let (samples, bad) = render(22);

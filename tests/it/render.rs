@@ -3,15 +3,12 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
+use harness::live::{largest_step, rms};
 use harness::{Ran, Room, asperity, graphs, node};
 
 /// Renders the shipped graph with these words.
 fn render(dir: &Room, args: &str) -> Ran {
     dir.run(&format!("render graphs/heravi2024.ron {args}"))
-}
-
-fn rms(x: &[f32]) -> f64 {
-    (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
 
 /// A trajectory at 500 Hz: straight along x at a speed, pressed to a depth from `from` to `to` seconds;
@@ -157,10 +154,8 @@ fn the_gate_opens_and_closes_without_a_click() {
     dir.write("t.csv", straight(120.0, 2.0, 0.5, 7.5, 8.0));
     render(&dir, "--input t.csv --out o.wav").ok();
     let (x, rate) = dir.wav("o.wav");
-    let step = |from: f64, to: f64| {
-        let part = &x[(from * f64::from(rate)) as usize..(to * f64::from(rate)) as usize];
-        part.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
-    };
+    let at = |seconds: f64| (seconds * f64::from(rate)) as usize;
+    let step = |from: f64, to: f64| largest_step(&x[at(from)..at(to)]);
     // The touch itself may be a little more than the stroke that follows; a click would be many times that.
     let (steady, start, end) = (step(1.0, 7.4), step(0.0, 0.8), step(7.45, 8.0));
     assert!(steady > 0.0 && start.max(end) <= 1.25 * steady, "{start} and {end}, steady {steady}");

@@ -322,8 +322,7 @@ fn sleeping_waking_and_crossing_make_no_step() {
         let probe = ["--probe", "acceleration.out=a.npy", "--seconds", "3"];
         let largest = |stroke: &str| -> f64 {
             rendered(&dir, &text, stroke, &probe);
-            let all = harness::live::npy(&dir.join("a.npy"));
-            all.windows(2).map(|w| f64::from((w[1] - w[0]).abs())).fold(0.0, f64::max)
+            f64::from(harness::live::largest_step(&dir.npy("a.npy")))
         };
         // To and fro without a jump of speed; at rest where it turns anyway, off it and down again.
         let phase = |t: f64, rests: bool| {

@@ -21,8 +21,8 @@ fn write(dir: &Path, parts: &str, shape: &str, effects: &str) {
 
 const TILE: &str = "rectangle(size_mm: (100, 60))";
 
-fn check(dir: &Room, more: &[&str]) -> Ran {
-    run(dir, &[&["check", "s.ron"], more].concat())
+fn check(dir: &Room, more: &str) -> Ran {
+    dir.run(&format!("check s.ron {more}"))
 }
 
 #[test]
@@ -40,13 +40,13 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
         ("output: gain".to_owned(), "`gain` plays nothing"),
     ] {
         write(&dir, &format!("{FRAME},\n{part}"), TILE, WALL);
-        let ran = check(&dir, &[]).refused(message);
+        let ran = check(&dir, "").refused(message);
         assert!(ran.err.starts_with("s.ron:3:"), "{part}: {}", ran.err);
     }
     write(&dir, &format!("{FRAME},\nnetwork: (library: {library:?})"), TILE, WALL);
     let text = dir.text("s.ron");
     dir.write("s.ron", text.replace("effects:", "material: \"canvass\", effects:"));
-    check(&dir, &[]).refused("`canvas`").says(&["s.ron:4:"]);
+    check(&dir, "").refused("`canvas`").says(&["s.ron:4:"]);
 }
 
 /// Without force the scene is refused; without output there is a warning.
@@ -54,22 +54,22 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
 fn scene_without_force_or_sound_is_told() {
     let dir = Room::new();
     write(&dir, FRAME, TILE, "");
-    check(&dir, &[]).refused("can be felt").says(&["s.ron:3:"]);
+    check(&dir, "").refused("can be felt").says(&["s.ron:3:"]);
     write(&dir, FRAME, TILE, "vibration: (frequency_hz: 120, amplitude_m_s2: 2)");
-    check(&dir, &[]).refused("output: audio_out");
+    check(&dir, "").refused("output: audio_out");
     let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)])";
     write(&dir, FRAME, TILE, &format!("{WALL}, {tap}"));
-    check(&dir, &[]).ok().says(&["warning: s.ron:3:", "output: audio_out"]);
-    assert_eq!(check(&dir, &["--strict"]).code, 2);
+    check(&dir, "").ok().says(&["warning: s.ron:3:", "output: audio_out"]);
+    assert_eq!(check(&dir, "--strict").code, 2);
     // An effect that is written as a call is that effect, and no list of none.
     write(&dir, FRAME, TILE, &format!("{WALL}, texture: dahl()"));
-    assert!(check(&dir, &[]).err.contains("`dahl`"));
+    assert!(check(&dir, "").err.contains("`dahl`"));
     write(&dir, FRAME, TILE, &format!("{WALL}, texture: []"));
-    assert!(check(&dir, &[]).err.contains("no textures"));
+    assert!(check(&dir, "").err.contains("no textures"));
     // A file that is not there is told of once, whoever reads it.
     let gone = format!("{WALL}, texture: autoregressive(model: \"gone.ron\")");
     write(&dir, &format!("{FRAME}, {SOUND}"), "box(size_mm: (50, 50, 5))", &gone);
-    let ran = check(&dir, &[]);
+    let ran = check(&dir, "");
     assert_eq!((ran.code, ran.err.matches("error:").count()), (2, 1), "{}", ran.err);
 }
 
@@ -77,12 +77,11 @@ fn scene_without_force_or_sound_is_told() {
 fn passivity_counts_the_rate_that_the_command_line_sets() {
     let dir = Room::new();
     write(&dir, &FRAME.replace(": 2)", ": 0.6)"), TILE, WALL);
-    check(&dir, &["--strict"]).ok();
-    check(&dir, &["--strict", "--set", "tick_hz=100"]).refused("2.500 N s/m").says(&["100 Hz"]);
+    check(&dir, "--strict").ok();
+    check(&dir, "--strict --set tick_hz=100").refused("2.500 N s/m").says(&["100 Hz"]);
     // Whoever wants to hear of errors alone does.
-    for (more, warnings) in [(&[][..], 1), (&["--quiet"], 0)] {
-        let args = ["render", "s.ron", "--set", "tick_hz=100", "--report", "r.json"];
-        let ran = run(&dir, &[&args[..], more].concat()).ok();
+    for (more, warnings) in [("", 1), ("--quiet", 0)] {
+        let ran = dir.run(&format!("render s.ron --set tick_hz=100 --report r.json {more}")).ok();
         assert_eq!(ran.err.matches("warning").count(), warnings, "{}", ran.err);
     }
 }
@@ -156,7 +155,7 @@ fn network_without_phase_is_as_loud_at_every_rate() {
     dir.write("s.ron", text.replace("surfaces:", phase));
     for (tick_hz, emission, warnings) in [(250, -20, 1), (250, -12, 0), (500, -25, 0), (2000, -40, 1)] {
         let set = format!("phase.emission={emission}");
-        let ran = check(&dir, &["--set", &format!("tick_hz={tick_hz}"), "--set", &set]).ok();
+        let ran = check(&dir, &format!("--set tick_hz={tick_hz} --set {set}")).ok();
         assert_eq!(ran.err.matches("too loud").count(), warnings, "{tick_hz} Hz, {emission}: {}", ran.err);
     }
 }
@@ -198,8 +197,7 @@ fn loops_of_round_lengths_are_as_late_as_others() {
         fs::rename(dir.join("s.ron"), dir.join(&name)).unwrap();
         name
     });
-    let args = [&["latency", "--json"][..], &names.each_ref().map(String::as_str)].concat();
-    let told: serde_json::Value = serde_json::from_str(&run(&dir, &args).ok().out).unwrap();
+    let told = dir.run(&format!("latency --json {}", names.join(" "))).json();
     for graph in told["graphs"].as_array().unwrap() {
         // A tick and a quarter: half of the step has shown before the half of the way, a tick and a half
         // less a sample, that the node declares.

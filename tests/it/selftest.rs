@@ -6,8 +6,8 @@ fn selftest(line: &str) -> Ran {
     run(&harness::root(), &["selftest --quiet", line].join(" ").split(' ').collect::<Vec<_>>())
 }
 
-/// The shipped graph with a plugin's low-pass before the limiter, broken in one way or not at all, as words of
-/// a command.
+/// The shipped graph with a plugin's low-pass before the limiter, broken in one way or not at all, as words
+/// of a command.
 fn with_low_pass(dir: &Room, broken: &str) -> String {
     let library = plugins::broken(dir, broken);
     let text = shipped_graph()

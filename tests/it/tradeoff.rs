@@ -1,7 +1,5 @@
 //! `asperity tradeoff` and `asperity choose`.
 
-use std::path::Path;
-
 use harness::{Room, asperity, graphs, retrieving, run};
 use serde_json::Value;
 
@@ -66,8 +64,8 @@ fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
 fn tradeoff_measures_each_setting_and_resumes() {
     let dir = Room::new();
     tradeoff(&dir, TWO);
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--jobs", "2", "--no-cases"];
-    run(&dir, &args).ok().says(&["`no_such_kind` is left out", "D the default", "REPORT.md"]);
+    let line = "tradeoff tradeoff.ron --out out --jobs 2 --no-cases";
+    dir.run(line).ok().says(&["`no_such_kind` is left out", "D the default", "REPORT.md"]);
     let results = stored(&dir, "out");
     let found = names(&results);
     // Two frames and `kept` are the default, and no settings of their own.
@@ -103,7 +101,7 @@ fn tradeoff_measures_each_setting_and_resumes() {
     assert_eq!(csv.lines().count(), 1 + found.len());
 
     // Once more: everything is known, and equal to the last digit, times too.
-    run(&dir, &args).ok().says(&["6 settings"]);
+    dir.run(line).ok().says(&["6 settings"]);
     assert_eq!(stored(&dir, "out"), results);
 }
 
@@ -111,11 +109,9 @@ fn tradeoff_measures_each_setting_and_resumes() {
 fn baseline_is_compared_with_its_share_of_the_physics() {
     let dir = Room::new();
     tradeoff(&dir, "");
-    let path = dir.join("tradeoff.ron");
-    let text = std::fs::read_to_string(&path).expect("a file");
     let graph = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
     let baselines = format!("baselines: [(name: \"half\", graph: {graph:?}, strength: 0.5), ");
-    std::fs::write(&path, text.replace("baselines: [", &baselines)).expect("a file");
+    dir.write("tradeoff.ron", dir.text("tradeoff.ron").replace("baselines: [", &baselines));
     let results = traded(&dir);
     // The error of the level is 6 dB smaller against half of the physics.
     let less = figure(&results, "paper", "level") - figure(&results, "half", "level");
@@ -174,9 +170,8 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
     );
     for part in ["1", "2"] {
-        let shard = format!("{part}/2");
-        let part = ["tradeoff", "tradeoff.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"];
-        run(&dir, &[&part[..], &["--set", "strength.gain=0.34"]].concat()).ok();
+        let shard = format!("--out {part} --shard {part}/2");
+        dir.run(&format!("tradeoff tradeoff.ron {shard} --no-cases -q --set strength.gain=0.34")).ok();
     }
     let parts = ["1", "2"].map(|p| stored(&dir, p));
     assert!(parts.iter().all(|part| names(part)[0] == "default"));
@@ -233,26 +228,38 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         ("--max-lag-ms 0", 1, "the shortest response lag:"),
         ("--by spectrm", 2, "spectrum"),
     ] {
-        let ran = dir.run(&format!("choose all {line}"));
-        assert!(ran.code == code && ran.err.contains(says), "{line}: {}", ran.err);
+        dir.run(&format!("choose all {line}")).ends(code, &[says]);
     }
 }
 
 #[test]
 fn errors_have_a_place_and_nothing_is_written() {
     let dir = Room::new();
-    for (grids, want) in [
-        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has the knob `phase.frame`"),
-        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "did you mean `phase.frames`?"),
-        (r#"(name: "g", knobs: {"nothing": [kept]})"#, "no graph has the knob `nothing`"),
-        (r#"(name: "g", knobs: {"phase": [gone]})"#, "a node cannot be set to `gone`"),
-        (r#"(name: "g", knobs: {"phase.frames": []})"#, "this knob has no values"),
-        (r#"(name: "g", knobs: {".": [1]})"#, "is not a knob"),
-        (r#"(name: "g")"#, "knobs"),
+    let knobs = |text: &str| format!("grids: [(name: \"g\", knobs: {{{text}}})]");
+    for (from, to, want) in [
+        ("grids: []", &*knobs(r#""phase.frame": [1]"#), "no graph has the knob `phase.frame`"),
+        ("grids: []", &knobs(r#""phase.frame": [1]"#), "did you mean `phase.frames`?"),
+        ("grids: []", &knobs(r#""nothing": [kept]"#), "no graph has the knob `nothing`"),
+        ("grids: []", &knobs(r#""phase": [gone]"#), "a node cannot be set to `gone`"),
+        ("grids: []", &knobs(r#""phase.frames": []"#), "this knob has no values"),
+        ("grids: []", &knobs(r#"".": [1]"#), "is not a knob"),
+        ("grids: []", "grids: [(name: \"g\")]", "knobs"),
+        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
+        ("name: \"paper\"", "name: \"default\"", "a baseline cannot be named"),
+        ("baselines: [", "baselines: [(name: \"paper\", graph: \"g.ron\"), ", "is used twice"),
+        ("Tradeoff(", "Study(", "write `Tradeoff(...)`"),
+        ("sample_commit.ron", "no_such_graph.ron", "named here"),
+        ("heravi2024.ron", "no_such_graph.ron", "named here"),
+        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
+        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
+        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
     ] {
-        tradeoff(&dir, grids);
+        tradeoff(&dir, "");
+        let text = dir.text("tradeoff.ron");
+        assert!(text.contains(from), "{from}");
+        dir.write("tradeoff.ron", text.replace(from, to));
         dir.run("tradeoff tradeoff.ron --out out").refused(want).says(&["tradeoff.ron"]);
-        assert!(!dir.join("out").exists(), "{grids}");
+        assert!(!dir.join("out").exists(), "{to}");
     }
     // A value that a node refuses is a row with an error; the others run.
     tradeoff(&dir, r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
@@ -269,34 +276,6 @@ fn errors_have_a_place_and_nothing_is_written() {
         ("choose tradeoff.ron", "these are no results"),
     ] {
         dir.run(line).refused(want);
-    }
-}
-
-#[test]
-fn names_are_checked_before_anything_runs() {
-    let dir = Room::new();
-    let text = |from: &str, to: &str| {
-        tradeoff(&dir, TWO);
-        let path = dir.join("tradeoff.ron");
-        let text = std::fs::read_to_string(&path).expect("a file");
-        assert!(text.contains(from), "{from}");
-        std::fs::write(path, text.replace(from, to)).expect("a file");
-    };
-    let gone = "named here";
-    for (from, to, want) in [
-        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
-        ("name: \"paper\"", "name: \"default\"", "a baseline cannot be named"),
-        ("baselines: [", "baselines: [(name: \"paper\", graph: \"g.ron\"), ", "is used twice"),
-        ("Tradeoff(", "Study(", "write `Tradeoff(...)`"),
-        ("sample_commit.ron", "no_such_graph.ron", gone),
-        ("heravi2024.ron", "no_such_graph.ron", gone),
-        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
-        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
-        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
-    ] {
-        text(from, to);
-        dir.run("tradeoff tradeoff.ron --out out").refused(want).says(&["tradeoff.ron"]);
-        assert!(!dir.join("out").exists(), "{to}");
     }
 }
 

@@ -173,43 +173,29 @@ pub fn files(dir: &Path) -> Vec<String> {
 /// Parameters with which the nodes of effects have something to do, as a graph file says them; none of
 /// other kinds.
 pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
-    let model = |name: &str, gain: &str| {
+    let ar = |name: &str, gain: &str| {
         let file = graphs("models/made_ar").join(name).display().to_string();
         format!("autoregressive(model: {file:?}, gain: {gain})")
     };
-    let hessian = "made(surface: \"hessian\", side: 32, step_mm: 0.1)";
-    let (name, texts): (&str, Vec<String>) = match kind {
-        "friction" => (
-            "laws",
-            ["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"].map(str::to_owned).to_vec(),
-        ),
-        "viscosity" => ("drags", vec!["(viscosity_ns_per_m: 2)".into(), "(viscosity_ns_per_m: 900)".into()]),
-        "magnet" => ("magnets", vec!["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)".into()]),
-        "tap" => {
-            let tap = |hz: f64| {
-                format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)")
-            };
-            ("taps", vec![tap(200.0), tap(340.0), tap(90.0)])
-        }
-        "vibration" => {
-            let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
-            ("sources", vec![sine(120.0), sine(80.5)])
-        }
-        "autoregressive" => {
-            let two = format!("[{}, {}]", model("smooth.ron", "1"), model("ringing.ron", "0.5"));
-            ("models", vec![model("rough.ron", "1"), two])
-        }
-        "waveform" => {
-            let one = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])";
-            (
-                "loops",
-                vec![one.into(), format!("[{one}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]")],
-            )
-        }
-        "relief" => (
-            "reliefs",
-            vec![format!("relief(heights: {hessian})"), format!("relief(heights: {hessian}, gain: 2)")],
-        ),
+    let relief = |gain: f64| {
+        format!("relief(heights: made(surface: \"hessian\", side: 32, step_mm: 0.1), gain: {gain:?})")
+    };
+    let tap =
+        |hz: f64| format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)");
+    let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
+    let lap = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])".to_owned();
+    let laps = format!("[{lap}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]");
+    let two = format!("[{}, {}]", ar("smooth.ron", "1"), ar("ringing.ron", "0.5"));
+    let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+    let (name, texts): (_, Vec<String>) = match kind {
+        "friction" => ("laws", owned(&["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"])),
+        "viscosity" => ("drags", owned(&["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 900)"])),
+        "magnet" => ("magnets", owned(&["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)"])),
+        "tap" => ("taps", [200.0, 340.0, 90.0].map(tap).into()),
+        "vibration" => ("sources", [120.0, 80.5].map(sine).into()),
+        "autoregressive" => ("models", vec![ar("rough.ron", "1"), two]),
+        "waveform" => ("loops", vec![lap, laps]),
+        "relief" => ("reliefs", [1.0, 2.0].map(relief).into()),
         "force_limiter" => return vec![("slew_n_per_s", "10".into())],
         _ => return Vec::new(),
     };

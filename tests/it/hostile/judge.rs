@@ -131,17 +131,20 @@ impl Tally {
     /// Runs a case in its folder, in which nothing but `outputs` may change.
     pub fn case(&self, case: &str, dir: Room, mut command: Command, outputs: &[&str]) {
         command.args(["--memory", BUDGET]);
-        let before = files(&dir);
-        let ended = ends(command_in(&mut command, &dir), LONGEST);
-        let verdict = ended.and_then(|ended| {
-            let after = files(&dir);
-            judged(&ended, &dir, &before, &after, outputs).map(|code| (code, ended))
-        });
-        self.count(case, dir, &command, verdict);
+        let (line, before) = (format!("{command:?}"), files(&dir));
+        let verdict = ends(command, LONGEST)
+            .and_then(|ended| judged(&ended, &dir, &before, &files(&dir), outputs).map(|code| (code, ended)));
+        self.count(case, dir, &line, verdict);
     }
 
     /// Counts what another judge found.
-    pub fn count(&self, case: &str, dir: Room, command: &Command, verdict: Result<(usize, Ended), String>) {
+    pub fn count(
+        &self,
+        case: &str,
+        dir: Room,
+        command: &impl std::fmt::Debug,
+        verdict: Result<(usize, Ended), String>,
+    ) {
         let mut counts = self.counts.lock().expect("nobody panicked");
         match verdict {
             Ok((code, ended)) => {
@@ -177,18 +180,6 @@ impl Tally {
         );
         assert!(all > 0, "no case was run");
     }
-}
-
-fn command_in(command: &mut Command, dir: &Path) -> Command {
-    let mut own = Command::new(command.get_program());
-    own.args(command.get_args()).current_dir(command.get_current_dir().unwrap_or(dir));
-    for (name, value) in command.get_envs() {
-        match value {
-            Some(value) => own.env(name, value),
-            None => own.env_remove(name),
-        };
-    }
-    own
 }
 
 /// The exit code of a run that went as it must.

@@ -1,7 +1,6 @@
 //! Runs that are killed, and disks and tables that are full.
 
 use std::fs;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 

@@ -127,20 +127,8 @@ fn picture() -> String {
 }
 
 /// Texts that replace a number.
-const NUMBERS: [&str; 12] = [
-    "0",
-    "-1",
-    "NaN",
-    "inf",
-    "-inf",
-    "1e308",
-    "-1e308",
-    "1e-320",
-    "18446744073709551616",
-    "99999999999999999999999",
-    "0x10",
-    "--1",
-];
+const NUMBERS: &str =
+    "0 -1 NaN inf -inf 1e308 -1e308 1e-320 18446744073709551616 99999999999999999999999 0x10 --1";
 /// Text inserted between two characters.
 const WORDS: [&str; 10] = ["(", ")", "[", "{", "\"", "\u{202e}", "\0", "\u{feff}", "//", ","];
 
@@ -168,7 +156,10 @@ pub fn mutated(right: &[u8], seed: &mut Seed) -> Vec<u8> {
                 bytes.splice(at..at, nesting.into_bytes());
             }
             6 => drop(bytes.splice(at..at, seed.of(&WORDS).bytes())),
-            7 | 8 => number(&mut bytes, at, seed.of(&NUMBERS)),
+            7 | 8 => {
+                let all: Vec<&str> = NUMBERS.split(' ').collect();
+                number(&mut bytes, at, all[seed.below(all.len())]);
+            }
             _ => {
                 let end = bytes.len();
                 bytes[..end].rotate_left(some);
